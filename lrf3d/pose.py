@@ -1,0 +1,69 @@
+"""Pose: place and heading in the plane, the group SE(2) (Eq. 1 of Teslić et al.).
+
+Wherever a pose enters, a plain ``(x, y, theta)`` serves as well.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, wrap_angle
+
+
+class Pose(NamedTuple):
+    """Place x, y [m] and heading theta [rad], counter-clockwise from the x axis."""
+
+    x: float
+    y: float
+    theta: float
+
+    def __matmul__(self, other: "Pose") -> "Pose":
+        """Compose: ``world_from_robot @ robot_from_laser`` is ``world_from_laser``."""
+        x, y = self.apply(np.array([[other.x, other.y]]))[0]
+        return Pose(float(x), float(y), float(wrap_angle(self.theta + other.theta)))
+
+    def inverse(self) -> "Pose":
+        """The pose that undoes this one: ``pose @ pose.inverse()`` is the identity."""
+        cos, sin = np.cos(self.theta), np.sin(self.theta)
+        return Pose(
+            float(-cos * self.x - sin * self.y),
+            float(sin * self.x - cos * self.y),
+            float(wrap_angle(-self.theta)),
+        )
+
+    def apply(self, points: Float) -> Float:
+        """Take points (n, 2) from this pose's own frame to the frame that it stands in."""
+        cos, sin = np.cos(self.theta), np.sin(self.theta)
+        return points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x, self.y])
+
+
+def as_pose(pose: Sequence[float] | Float) -> Pose:
+    """Check and convert a pose that comes from outside.
+
+    Raises:
+        InputError: The pose is not three finite numbers.
+    """
+    try:
+        x, y, theta = (float(value) for value in pose)
+    except (TypeError, ValueError):
+        raise InputError(f"pose {pose!r}: expected three numbers x, y, theta") from None
+    if not np.isfinite([x, y, theta]).all():
+        raise InputError(f"pose {(x, y, theta)}: expected finite numbers")
+    return Pose(x, y, theta)
+
+
+def as_poses(poses: object) -> Float:
+    """Check and convert poses (k, 3) that come from outside.
+
+    Raises:
+        InputError: The poses are not rows of three finite numbers.
+    """
+    array = np.asarray(poses, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InputError(f"poses of shape {array.shape}: expected rows x, y, theta, shape (k, 3)")
+    if not np.isfinite(array).all():
+        row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
+        raise InputError(f"pose {row} is {array[row].tolist()}: expected finite numbers")
+    return array

@@ -1,0 +1,1 @@
+"""Drawing a run: films with pyrender, figures with matplotlib."""

@@ -1,0 +1,55 @@
+"""Trajectory: the poses of a drive over time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.pose import as_poses
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses of a drive at rising times.
+
+    Args:
+        times: (k,) times [s], rising.
+        poses: (k, 3) poses x, y [m], theta [rad]; theta is continuous over full turns.
+    """
+
+    times: Float
+    poses: Float
+
+    def __post_init__(self) -> None:
+        times = np.asarray(self.times, dtype=np.float64)
+        poses = as_poses(self.poses)
+        if times.shape != (len(poses),) or len(poses) == 0:
+            raise InputError(f"trajectory of {len(poses)} poses and times {times.shape}: expected")
+        if not (np.diff(times) > 0.0).all():
+            raise InputError("trajectory: expected times that rise from pose to pose")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "poses", poses)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first pose to the last [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def length(self) -> float:
+        """Length of the path through all poses [m]."""
+        steps = np.diff(self.poses[:, :2], axis=0)
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+    def at(self, times: Float) -> Float:
+        """Poses (m, 3) at times (m,) [s], between two poses along the straight line and the
+        shorter turn; before the first and after the last pose the robot stands."""
+        headings = np.unwrap(self.poses[:, 2])
+        x = np.interp(times, self.times, self.poses[:, 0])
+        y = np.interp(times, self.times, self.poses[:, 1])
+        theta = wrap_angle(np.interp(times, self.times, headings))
+        return np.column_stack([x, y, theta])

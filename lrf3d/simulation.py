@@ -1,0 +1,91 @@
+"""The simulation: a robot drives, scans and maps, as in Fig. 2 of Teslić et al."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.mapping import LineMap
+from lrf3d.robot import Trajectory
+from lrf3d.world import World
+
+MAP_SNAPSHOTS = 400
+"""How many stages of the growing map a run keeps at most: enough for a film."""
+
+
+class Caster(Protocol):
+    """Anything that casts the beams of a laser range finder into a world."""
+
+    def cast(self, lrf: LaserRangeFinder, pose: Float) -> LaserScan:
+        """Return the true scan from a pose."""
+        ...
+
+
+class Mapper(Protocol):
+    """Anything that builds a map from scans."""
+
+    def update(self, scan: LaserScan) -> LineMap:
+        """Take in a scan and return the map."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a simulation was made of and what came out; all that pictures and films need.
+
+    Args:
+        world: The walls that were driven through.
+        lrf: The laser range finder.
+        trajectory: Times (k,) and poses (k, 3) of the scans.
+        ranges: (k, beams) measured ranges [m], with noise.
+        truth: (k, beams) true ranges [m].
+        walls: (k, beams) index of the segment that each beam hit, or −1.
+        stages: Scans after which the map was kept, rising; the last is the last scan.
+        maps: The map at each of the stages.
+    """
+
+    world: World
+    lrf: LaserRangeFinder
+    trajectory: Trajectory
+    ranges: Float
+    truth: Float
+    walls: Int
+    stages: tuple[int, ...]
+    maps: tuple[LineMap, ...]
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
+    @property
+    def map(self) -> LineMap:
+        """The map after the last scan."""
+        return self.maps[-1]
+
+    def map_after(self, scan: int) -> LineMap:
+        """The newest kept map that holds no scan after the given one."""
+        stage = int(np.searchsorted(self.stages, scan, side="right")) - 1
+        return self.maps[stage] if stage >= 0 else LineMap.empty()
+
+    def scan(self, index: int) -> LaserScan:
+        """The measured scan of an index from 0."""
+        return LaserScan(
+            self.trajectory.poses[index],  # type: ignore[arg-type]
+            self.lrf.angles,
+            self.ranges[index],
+            self.walls[index],
+            range_min=self.lrf.range_min,
+            range_max=self.lrf.range_max,
+            time=float(self.trajectory.times[index]),
+        )
+
+    def true_scan(self, index: int) -> LaserScan:
+        """The scan of an index from 0 without noise."""
+        return replace(self.scan(index), ranges=self.truth[index])
+
+    @property
+    def scans(self) -> Iterator[LaserScan]:
+        """The measured scans, one after the other."""
+        return (self.scan(index) for index in range(len(self)))

@@ -1,0 +1,131 @@
+"""World: the walls of a scene as line segments, grouped into objects."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import Float, Int, lengths, normal_lines
+
+DEFAULT_HEIGHT = 2.5
+"""Height of a wall [m] where none is given: a room's storey."""
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Walls of a scene: line segments with a height, each a part of an object.
+
+    Args:
+        segments: (n, 4) rows x1 y1 x2 y2 [m], in the coordinates of the source, also far from
+            the origin.
+        objects: (n,) the object each wall belongs to, numbered from 0; all of one object where
+            not given.
+        heights: (n,) heights of the walls above the ground [m]; 2.5 where not given.
+        name: What the world is called in pictures and files.
+        object_names: A name for each object, or nothing.
+        colours: (objects, 3) red, green, blue in 0…1 for each object; NaN where none is given.
+
+    Raises:
+        WorldError: A segment is not finite or has no length, or the shapes do not fit.
+    """
+
+    segments: Float
+    objects: Int = None  # type: ignore[assignment]
+    heights: Float = None  # type: ignore[assignment]
+    name: str = ""
+    object_names: tuple[str, ...] = field(default=(), kw_only=True)
+    colours: Float = field(default=None, kw_only=True)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        segments = _rows(self.segments, 4, "segments")
+        count = len(segments)
+        _check_segments(segments)
+        objects = np.zeros(count) if self.objects is None else np.asarray(self.objects)
+        heights = np.full(count, DEFAULT_HEIGHT) if self.heights is None else self.heights
+        object_count = int(objects.max(initial=-1)) + 1
+        colours = np.full((object_count, 3), np.nan) if self.colours is None else self.colours
+        _set(self, "segments", segments)
+        _set(self, "objects", _column(objects, count, "objects").astype(np.int64))
+        _set(self, "heights", _column(heights, count, "heights"))
+        _set(self, "colours", _rows(colours, 3, "colours"))
+        object.__setattr__(self, "object_names", tuple(self.object_names))
+        if count and int(self.objects.min()) < 0:
+            raise WorldError("objects: expected numbers from 0 on, found a negative one")
+        if not (self.heights > 0.0).all():
+            wall = int(np.flatnonzero(~(self.heights > 0.0))[0])
+            raise WorldError(f"wall {wall}: height {self.heights[wall]:g} m, expected more than 0")
+
+    @cached_property
+    def lines(self) -> Float:
+        """Lines (n, 2) of the walls: alpha [rad] in (−π, π], p [m] (Eq. 3)."""
+        return normal_lines(self.segments)
+
+    @cached_property
+    def bounds(self) -> Float:
+        """Corners (2, 2) of the box around all walls: smallest x, y and largest x, y [m]."""
+        ends = self.segments.reshape(-1, 2)
+        if not len(ends):
+            return np.zeros((2, 2))
+        return np.array([ends.min(axis=0), ends.max(axis=0)])
+
+    @cached_property
+    def origin(self) -> Float:
+        """Whole metres (2,) near the middle: the origin of the local frame to compute in."""
+        return np.round(self.bounds.mean(axis=0))
+
+    @cached_property
+    def object_count(self) -> int:
+        """How many objects there are."""
+        return int(self.objects.max(initial=-1)) + 1
+
+    def save(self, path: str | Path) -> None:
+        """Write the world to a file; the ending names the format: ``.toml`` or ``.geojson``.
+
+        Raises:
+            OutputError: The file cannot be written, or its ending names no known format.
+        """
+        from lrf3d.world.files import save_world
+
+        save_world(self, Path(path))
+
+
+def _set(world: World, name: str, array: Float | Int) -> None:
+    array.flags.writeable = False
+    object.__setattr__(world, name, array)
+
+
+def _rows(values: ArrayLike, columns: int, name: str) -> Float:
+    array = np.array(values, dtype=np.float64)
+    if array.size == 0:
+        return np.empty((0, columns))
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise WorldError(f"{name} of shape {array.shape}: expected (n, {columns})")
+    return array
+
+
+def _column(values: ArrayLike | Sequence[float], count: int, name: str) -> Float:
+    array = np.array(values, dtype=np.float64)
+    if array.shape != (count,):
+        raise WorldError(f"{name} of shape {array.shape}: expected ({count},), one for each wall")
+    if not np.isfinite(array).all():
+        wall = int(np.flatnonzero(~np.isfinite(array))[0])
+        raise WorldError(f"wall {wall}: {name} is {array[wall]}, expected a finite number")
+    return array
+
+
+def _check_segments(segments: Float) -> None:
+    bad = ~np.isfinite(segments).all(axis=1)
+    if bad.any():
+        wall = int(np.flatnonzero(bad)[0])
+        raise WorldError(f"wall {wall}: ends {segments[wall].tolist()}, expected finite numbers")
+    empty = lengths(segments) == 0.0
+    if empty.any():
+        wall = int(np.flatnonzero(empty)[0])
+        x, y = segments[wall, :2]
+        raise WorldError(
+            f"wall {wall}: both ends at ({x:g}, {y:g}), a segment of no length; remove one"
+        )
