@@ -1,14 +1,15 @@
 """The simulation: a robot drives, scans and maps, as in Fig. 2 of Teslić et al."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
+from lrf3d.casting import EmbreeCaster
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.mapping import LineMap
+from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
+from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
 
@@ -89,3 +90,53 @@ class Run:
     def scans(self) -> Iterator[LaserScan]:
         """The measured scans, one after the other."""
         return (self.scan(index) for index in range(len(self)))
+
+
+def simulate(
+    world: World,
+    trajectory: Trajectory | Float,
+    lrf: LaserRangeFinder | None = None,
+    *,
+    caster: Caster | None = None,
+    noise: Noise | None = None,
+    mapper: Mapper | None = None,
+    rng: np.random.Generator | int | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Run:
+    """Drive through a world, scan at every pose, and map.
+
+    Args:
+        world: The walls.
+        trajectory: Times and poses of the drive, or only poses (k, 3), then a second apart.
+        lrf: The laser range finder; 181 beams over 180° up to 80 m where not given.
+        caster: What casts the beams; Embree where not given.
+        noise: What makes measured ranges of true ones; none where not given.
+        mapper: What builds the map, anything with ``update(scan)``; a LineMapper where not given.
+        rng: The source of the noise, or a seed of it.
+        progress: Called with the scans that are done and all.
+
+    Raises:
+        InputError: The trajectory is none.
+    """
+    if not isinstance(trajectory, Trajectory):
+        trajectory = Trajectory(np.arange(len(trajectory)), trajectory)
+    lrf = LaserRangeFinder() if lrf is None else lrf
+    caster = EmbreeCaster(world) if caster is None else caster
+    noise = ProportionalNoise(0.0) if noise is None else noise
+    mapper = LineMapper() if mapper is None else mapper
+    rng = np.random.default_rng(rng)
+    count = len(trajectory)
+    ranges, truth = np.empty((count, lrf.beams)), np.empty((count, lrf.beams))
+    walls = np.empty((count, lrf.beams), dtype=np.int64)
+    stages, maps = [], []
+    for index, (time, pose) in enumerate(zip(trajectory.times, trajectory.poses, strict=True)):
+        true_scan = replace(caster.cast(lrf, pose), time=float(time))
+        scan = noise(true_scan, rng)
+        line_map = mapper.update(scan)
+        truth[index], walls[index], ranges[index] = true_scan.ranges, true_scan.walls, scan.ranges
+        # The last scan is always a stage, and so is every scan of a short run.
+        if (index + 1) * MAP_SNAPSHOTS // count > index * MAP_SNAPSHOTS // count:
+            stages.append(index)
+            maps.append(line_map)
+        progress(index + 1, count)
+    return Run(world, lrf, trajectory, ranges, truth, walls, tuple(stages), tuple(maps))

@@ -1,5 +1,9 @@
 """The robot: how it moves and where it drives (section 2.1 of Teslić et al.)."""
 
+from lrf3d.robot.collision import check_drive, find_collision
+from lrf3d.robot.driving import drive
+from lrf3d.robot.following import follow_route
 from lrf3d.robot.trajectory import Trajectory
+from lrf3d.robot.unicycle import Unicycle
 
-__all__ = ["Trajectory"]
+__all__ = ["Trajectory", "Unicycle", "check_drive", "drive", "find_collision", "follow_route"]

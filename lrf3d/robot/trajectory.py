@@ -25,7 +25,7 @@ class Trajectory:
         times = np.asarray(self.times, dtype=np.float64)
         poses = as_poses(self.poses)
         if times.shape != (len(poses),) or len(poses) == 0:
-            raise InputError(f"trajectory of {len(poses)} poses and times {times.shape}: expected")
+            raise InputError(f"trajectory of {len(poses)} poses and times {times.shape}: expected one a pose")
         if not (np.diff(times) > 0.0).all():
             raise InputError("trajectory: expected times that rise from pose to pose")
         object.__setattr__(self, "times", times)

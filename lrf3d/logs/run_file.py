@@ -1,0 +1,127 @@
+"""run.npz: a run on disk, as plain NumPy arrays; reading it never unpickles anything.
+
+The arrays, for k scans of n beams and s kept stages of the map:
+
+====================  =================================================================
+version               the version of this format, 1
+world_name            name of the world
+segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
+                      object_names (o,) and colours (o, 3) beside them
+lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
+times (k,)            time of each scan [s]
+poses (k, 3)          x, y [m], theta [rad] of each scan
+ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
+truth (k, n)          true ranges [m]
+walls (k, n)          the wall that each beam hit, or −1
+stages (s,)           scans after which the map was kept
+map_sizes (s,)        segments of the map at each stage
+map_segments (…, 4)   the segments of all stages, one after the other; map_objects and
+                      map_points likewise
+====================  =================================================================
+"""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.mapping import LineMap
+from lrf3d.output import replacing
+from lrf3d.robot import Trajectory
+from lrf3d.simulation import Run
+from lrf3d.world import World
+
+VERSION = 1
+
+
+def save_run(run: Run, path: str | Path) -> None:
+    """Write a run to a file whole or not at all.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    world, lrf = run.world, run.lrf
+    arrays = {
+        "version": np.array(VERSION),
+        "world_name": np.array(world.name),
+        "segments": world.segments,
+        "objects": world.objects,
+        "heights": world.heights,
+        "object_names": np.array(world.object_names, dtype=np.str_),
+        "colours": world.colours,
+        "lrf": np.array(
+            [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
+        ),
+        "times": run.trajectory.times,
+        "poses": run.trajectory.poses,
+        "ranges": run.ranges,
+        "truth": run.truth,
+        "walls": run.walls,
+        "stages": np.array(run.stages, dtype=np.int64),
+        "map_sizes": np.array([len(line_map) for line_map in run.maps], dtype=np.int64),
+        "map_segments": np.concatenate([line_map.segments for line_map in run.maps]),
+        "map_objects": np.concatenate([line_map.objects for line_map in run.maps]),
+        "map_points": np.concatenate([line_map.points for line_map in run.maps]),
+    }
+    with replacing(path) as unfinished, unfinished.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def load_run(path: str | Path) -> Run:
+    """Read a run from a file or from the folder that ``lrf3d run`` wrote it to.
+
+    Raises:
+        InputError: The file is missing, damaged or none of lrf3d's.
+    """
+    path = Path(path)
+    path = path / "run.npz" if path.is_dir() else path
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        if int(arrays["version"]) != VERSION:
+            raise InputError(
+                f"{path}: version {int(arrays['version'])} of the run format, this lrf3d reads"
+                f" version {VERSION}; run the simulation again"
+            )
+        return _run(arrays)
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; `lrf3d run WORLD` writes one") from None
+    except KeyError as error:
+        raise InputError(f"{path}: not a run of lrf3d, it holds no {error}") from None
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not a run of lrf3d or damaged ({error})") from None
+
+
+def _run(arrays: dict[str, np.ndarray]) -> Run:  # type: ignore[type-arg]
+    world = World(
+        arrays["segments"],
+        arrays["objects"],
+        arrays["heights"],
+        str(arrays["world_name"]),
+        object_names=tuple(str(name) for name in arrays["object_names"]),
+        colours=arrays["colours"],
+    )
+    angle_min, angle_max, beams, range_min, range_max, height = arrays["lrf"].tolist()
+    bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
+    maps = tuple(
+        LineMap(
+            arrays["map_segments"][first:last],
+            arrays["map_objects"][first:last],
+            arrays["map_points"][first:last],
+        )
+        for first, last in zip(bounds[:-1], bounds[1:], strict=True)
+    )
+    return Run(
+        world,
+        LaserRangeFinder(angle_min, angle_max, int(beams), range_min, range_max, height),
+        Trajectory(arrays["times"], arrays["poses"]),
+        arrays["ranges"],
+        arrays["truth"],
+        arrays["walls"],
+        tuple(arrays["stages"].tolist()),
+        maps,
+    )

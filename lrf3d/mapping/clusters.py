@@ -1,0 +1,79 @@
+"""Clusters: runs of consecutive returns that may lie on one object (section 3)."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.laser import LaserScan
+
+GRAZING = np.radians(8.0)
+"""Walls met at a smaller angle than this [rad] are not told from a gap any more."""
+
+
+def ordered_returns(scan: LaserScan) -> tuple[Int, bool]:
+    """Beams (n,) of a scan by rising angle, each direction once, and whether they close a circle.
+
+    A scan of 360° whose last beam looks where its first does gives that beam once.
+    """
+    order = np.argsort(scan.angles, kind="stable")
+    if len(order) < 3:
+        return order, False
+    angles = scan.angles[order]
+    step = float(np.median(np.diff(angles)))
+    left = 2.0 * np.pi - float(angles[-1] - angles[0])
+    if left < 0.5 * step:
+        return order[:-1], True
+    return order, left < 1.5 * step
+
+
+def clusters(scan: LaserScan, joined: Bool, order: Int, *, circle: bool) -> Iterator[Int]:
+    """Runs (n,) of beams that returned and hang together; lone points are dropped.
+
+    Args:
+        scan: The scan.
+        joined: (m,) whether beam i of the order hangs together with the next, the last one with
+            the first.
+        order: (m,) beams by rising angle.
+        circle: Whether the last beam and the first are neighbours.
+    """
+    hit = scan.hits[order]
+    linked = joined & hit & np.roll(hit, -1)
+    if not circle:
+        linked[-1:] = False
+    breaks = np.flatnonzero(~linked)
+    if not len(breaks):
+        # One wall all round: there is no place to begin but any.
+        yield order
+        return
+    # Begin behind a break, so that no cluster runs over the end of the list.
+    order, linked = np.roll(order, -breaks[0] - 1), np.roll(linked, -breaks[0] - 1)
+    first = 0
+    for last in np.flatnonzero(~linked):
+        if last > first:
+            yield order[first : last + 1]
+        first = last + 1
+
+
+def near_each_other(points: Float, gap: float) -> Bool:
+    """Whether each of points (n, 2) lies within a gap [m] of the next, as the paper has it."""
+    steps = np.roll(points, -1, axis=0) - points
+    return np.asarray(np.hypot(steps[:, 0], steps[:, 1]) <= gap)
+
+
+def on_one_surface(angles: Float, ranges: Float, deviations: Float, gap: float) -> Bool:
+    """Whether each return (n,) may lie on one surface with the next.
+
+    On a wall that is met at no less than the grazing angle, two beams Δφ apart return points no
+    farther apart than r·sin Δφ / sin(grazing − Δφ); noise adds to that. A wider gap than the
+    given one [m] always parts, however far the wall.
+    """
+    turn = np.abs(np.roll(angles, -1) - angles)
+    turn = np.minimum(turn, 2.0 * np.pi - turn)
+    near = np.minimum(ranges, np.roll(ranges, -1))
+    far = np.maximum(ranges, np.roll(ranges, -1))
+    steps = np.sqrt(near**2 + far**2 - 2.0 * near * far * np.cos(turn))
+    noise = 4.0 * np.hypot(deviations, np.roll(deviations, -1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(turn < GRAZING, near * np.sin(turn) / np.sin(GRAZING - turn), gap)
+    return np.asarray(steps <= np.minimum(reach, gap) + noise)

@@ -1,0 +1,60 @@
+"""Collisions: does a drive keep clear of all walls?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.errors import CollisionError
+from lrf3d.robot.trajectory import Trajectory
+from lrf3d.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """The first place where a drive runs into a wall: time [s], place [m], wall index."""
+
+    time: float
+    x: float
+    y: float
+    wall: int
+    name: str
+
+    def __str__(self) -> str:
+        return (
+            f"the robot runs into wall {self.wall}{self.name} at t = {self.time:.2f} s near"
+            f" ({self.x:.2f}, {self.y:.2f})"
+        )
+
+
+def find_collision(trajectory: Trajectory, world: World, radius: float) -> Collision | None:
+    """The first collision of a round robot of a radius [m] on its way, or None."""
+    import shapely
+
+    if not len(world.segments):
+        return None
+    places = trajectory.poses[:, :2] - world.origin
+    ends = np.concatenate([places[1:], places[-1:]])
+    steps = shapely.linestrings(np.stack([places, ends], axis=1))
+    walls = shapely.linestrings(world.segments.reshape(-1, 2, 2) - world.origin)
+    step, wall = shapely.STRtree(walls).query(steps, predicate="dwithin", distance=radius)
+    if not len(step):
+        return None
+    first = step.min()
+    near = wall[step == first]
+    gaps = shapely.distance(walls[near], steps[first])
+    hit = int(near[np.argmin(gaps)])
+    owner = int(world.objects[hit])
+    name = f" of {world.object_names[owner]}" if owner < len(world.object_names) else ""
+    x, y = trajectory.poses[first, :2]
+    return Collision(float(trajectory.times[first]), float(x), float(y), hit, name)
+
+
+def check_drive(trajectory: Trajectory, world: World, radius: float) -> None:
+    """See that a drive keeps clear of all walls.
+
+    Raises:
+        CollisionError: It does not; the message names the time, the place and the wall.
+    """
+    collision = find_collision(trajectory, world, radius)
+    if collision is not None:
+        raise CollisionError(f"{collision}; move the route or pass --ignore-collisions")

@@ -1,0 +1,133 @@
+"""Driving: from the inputs v and ω over time to a trajectory (Eq. 2 of Teslić et al.)."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.pose import as_pose
+from lrf3d.robot.trajectory import Trajectory
+from lrf3d.robot.unicycle import Unicycle, arcs
+
+Input = float | ArrayLike | Callable[[float], float]
+"""A speed over time: a number, one number for each piece of time, or a function of time [s]."""
+
+
+def drive(
+    start: Sequence[float] | Float,
+    v: Input,
+    omega: Input,
+    *,
+    duration: float | ArrayLike,
+    dt: float = 0.1,
+    tolerance: float = 1e-9,
+) -> Trajectory:
+    """Drive a unicycle from a start pose with the inputs v and ω.
+
+    Inputs that are functions of time are integrated by SciPy's RK45, the paper's ode45; numbers
+    and pieces of constant input give exact arcs.
+
+    Args:
+        start: Pose x, y [m], theta [rad] at time 0.
+        v: Speed [m/s]: a number, a sequence with one number a piece, or a function of time.
+        omega: Turn rate [rad/s], given likewise.
+        duration: How long to drive [s]; for pieces, the duration of each, or one for all.
+        dt: Time between the poses of the trajectory [s].
+        tolerance: Relative and absolute tolerance of RK45.
+
+    Raises:
+        InputError: A duration or dt is not positive, or the pieces do not fit together.
+    """
+    if not (np.isfinite(dt) and dt > 0.0):
+        raise InputError(f"dt {dt}: expected a positive number of seconds")
+    pose = np.array(as_pose(start))
+    if callable(v) or callable(omega):
+        return _integrate(pose, _function(v), _function(omega), _positive(duration), dt, tolerance)
+    return _chain_arcs(pose, np.asarray(v, float), np.asarray(omega, float), duration, dt)
+
+
+def _positive(duration: float | ArrayLike) -> float:
+    array = np.asarray(duration, dtype=np.float64)
+    if array.ndim or not (np.isfinite(array) and array > 0.0):
+        raise InputError(f"duration {duration}: expected one positive number of seconds")
+    return float(array)
+
+
+def _function(value: Input) -> Callable[[float], float]:
+    if callable(value):
+        return value
+    constant = np.asarray(value, dtype=np.float64)
+    if constant.ndim:
+        raise InputError("v and omega: pieces and a function of time do not mix; give two of one")
+    return lambda _: float(constant)
+
+
+def _sample_times(duration: float, dt: float) -> Float:
+    """Times 0, dt, 2·dt, … and the duration itself [s]."""
+    times = np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1) * dt
+    if duration - times[-1] > 1e-9 * dt:
+        return np.append(times, duration)
+    times[-1] = duration
+    return times
+
+
+def _integrate(
+    start: Float,
+    v: Callable[[float], float],
+    omega: Callable[[float], float],
+    duration: float,
+    dt: float,
+    tolerance: float,
+) -> Trajectory:
+    from scipy.integrate import solve_ivp
+
+    robot = Unicycle()
+    times = _sample_times(duration, dt)
+    # Steps no longer than the sampling keep RK45 from leaping over short pulses of the input.
+    solution = solve_ivp(
+        lambda t, state: robot.derivative(state, v(t), omega(t)),
+        (0.0, duration),
+        start,
+        method="RK45",
+        t_eval=times,
+        rtol=max(tolerance, 1e-13),
+        atol=tolerance,
+        max_step=dt,
+    )
+    if not solution.success or not np.isfinite(solution.y).all():
+        raise InputError(f"drive: the inputs cannot be integrated ({solution.message})")
+    return Trajectory(times, solution.y.T)
+
+
+def _chain_arcs(
+    start: Float, v: Float, omega: Float, duration: float | ArrayLike, dt: float
+) -> Trajectory:
+    try:
+        v, omega, durations = np.broadcast_arrays(
+            np.atleast_1d(v), np.atleast_1d(omega), np.atleast_1d(np.asarray(duration, float))
+        )
+    except ValueError:
+        raise InputError(
+            "drive: v, omega and duration have different numbers of pieces; give one of each"
+        ) from None
+    if not (np.isfinite(durations).all() and (durations > 0.0).all() and len(durations)):
+        raise InputError(f"duration {duration}: expected positive numbers of seconds")
+    if not (np.isfinite(v).all() and np.isfinite(omega).all()):
+        raise InputError("drive: v and omega must be finite numbers")
+    begins = np.concatenate([[0.0], np.cumsum(durations)])
+    knots = _knots(start, v, omega, durations)
+    times = _sample_times(float(begins[-1]), dt)
+    piece = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(v) - 1)
+    poses = arcs(knots[piece], v[piece], omega[piece], times - begins[piece])
+    return Trajectory(times, poses)
+
+
+def _knots(start: Float, v: Float, omega: Float, durations: Float) -> Float:
+    """Poses (k + 1, 3) between the pieces: headings first, then the chords, added up."""
+    headings = start[2] + np.concatenate([[0.0], np.cumsum(omega * durations)])
+    turned = np.column_stack([np.zeros((len(v), 2)), headings[:-1]])
+    steps = arcs(turned, v, omega, durations)[:, :2]
+    places = start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    return np.column_stack([places, headings])

@@ -1,0 +1,122 @@
+"""Following a route: pure pursuit of way-points with a unicycle."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.pose import Pose, as_pose
+from lrf3d.robot.trajectory import Trajectory
+from lrf3d.robot.unicycle import Unicycle
+
+CONTROL_STEP = 0.05
+"""How long each command of the follower is held [s]: 20 Hz, as on a real robot."""
+
+MAX_TURN_RATE = 1.5
+"""Fastest turn that the follower asks for [rad/s]."""
+
+TURN_IN_PLACE = np.radians(75.0)
+"""A goal farther round than this [rad] is turned to on the spot, so that no loop is driven."""
+
+ARRIVED = 1e-3
+"""How near to the last way-point the drive ends [m]."""
+
+
+def follow_route(
+    route: ArrayLike,
+    *,
+    start: Sequence[float] | Float | None = None,
+    speed: float = 1.0,
+    lookahead: float = 1.5,
+    dt: float = 0.1,
+) -> Trajectory:
+    """Drive along way-points by pure pursuit, each command held as an exact arc.
+
+    Args:
+        route: (m, 2) way-points [m], two or more.
+        start: Pose at time 0; on the first way-point with the second ahead where not given.
+        speed: Speed on straight parts [m/s]; turns are driven slower where they must be.
+        lookahead: Distance along the route to the point that is steered at [m].
+        dt: Time between the poses of the trajectory [s].
+
+    Raises:
+        InputError: The route has fewer than two different points, or a number makes no sense.
+    """
+    path = _Path(route)
+    if not (np.isfinite([speed, lookahead, dt]).all() and min(speed, lookahead, dt) > 0.0):
+        raise InputError(f"speed {speed}, lookahead {lookahead}, dt {dt}: expected positive numbers")
+    pose = as_pose(path.start if start is None else start)
+    robot = Unicycle()
+    per_sample = max(1, round(dt / CONTROL_STEP))
+    step = dt / per_sample
+    reach, poses, times = 0.0, [pose], [0.0]
+    # Ten times the time that the route takes at full speed, and a minute to turn: then no
+    # follower arrives any more.
+    limit = int((10.0 * path.length / speed + 60.0) / step)
+    for count in range(1, limit + 1):
+        reach = path.progress(pose, reach, lookahead)
+        v, omega = _command(pose, path, reach, speed, lookahead, step)
+        pose = robot.move(pose, v, omega, step)
+        arrived = np.hypot(*(path.points[-1] - pose[:2])) < ARRIVED
+        if count % per_sample == 0 or arrived:
+            poses.append(pose)
+            times.append(count * step)
+        if arrived:
+            return Trajectory(np.array(times), np.array(poses))
+    x, y = path.points[-1]
+    raise InputError(f"route: the robot does not arrive at ({x:g}, {y:g}); lower the speed")
+
+
+class _Path:
+    """The way-points as a curve by its length."""
+
+    def __init__(self, route: ArrayLike) -> None:
+        points = np.asarray(route, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+            raise InputError(f"route of shape {points.shape}: expected finite points (m, 2)")
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        self.points = points[np.concatenate([[True], steps > 0.0])] if len(points) else points
+        if len(self.points) < 2:
+            raise InputError("route: expected at least two different way-points")
+        steps = np.hypot(*np.diff(self.points, axis=0).T)
+        self.stations = np.concatenate([[0.0], np.cumsum(steps)])
+        self.length = float(self.stations[-1])
+
+    @property
+    def start(self) -> Pose:
+        (x, y), (x2, y2) = self.points[:2]
+        return Pose(float(x), float(y), float(np.arctan2(y2 - y, x2 - x)))
+
+    def at(self, station: float) -> Float:
+        return np.array(
+            [np.interp(station, self.stations, self.points[:, axis]) for axis in (0, 1)]
+        )
+
+    def progress(self, pose: Pose, reach: float, window: float) -> float:
+        """The station nearest to the pose, never back and at most a window ahead."""
+        stations = np.linspace(reach, min(reach + window, self.length), 33)
+        near = np.column_stack(
+            [np.interp(stations, self.stations, self.points[:, axis]) for axis in (0, 1)]
+        )
+        return float(stations[np.argmin(np.hypot(near[:, 0] - pose.x, near[:, 1] - pose.y))])
+
+
+def _command(
+    pose: Pose, path: _Path, reach: float, speed: float, lookahead: float, step: float
+) -> tuple[float, float]:
+    """Speed and turn rate towards the point that lies a look-ahead farther on the route."""
+    goal = path.at(min(reach + lookahead, path.length))
+    dx, dy = goal - pose[:2]
+    distance = float(np.hypot(dx, dy))
+    bearing = float(wrap_angle(np.arctan2(dy, dx) - pose.theta))
+    if abs(bearing) > TURN_IN_PLACE:
+        return 0.0, float(np.clip(bearing / step, -MAX_TURN_RATE, MAX_TURN_RATE))
+    curvature = 2.0 * np.sin(bearing) / distance
+    # The arc to the goal has this length; near the end it is driven in one last step.
+    arc = distance / np.sinc(bearing / np.pi)
+    v = min(speed, arc / step)
+    if abs(curvature) * v > MAX_TURN_RATE:
+        v = MAX_TURN_RATE / abs(curvature)
+    return float(v), float(v * curvature)

@@ -1,0 +1,48 @@
+"""Unicycle: the kinematic model of the robot (Eq. 2 of Teslić et al.) and its exact arcs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.pose import Pose, as_pose
+
+
+@dataclass(frozen=True, slots=True)
+class Unicycle:
+    """A robot that drives where it looks, with speed v [m/s], and turns with ω [rad/s].
+
+    Args:
+        radius: Radius of the robot's round body [m].
+    """
+
+    radius: float = 0.35
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.radius) and self.radius >= 0.0):
+            raise InputError(f"robot of radius {self.radius} m: expected a finite one, at least 0")
+
+    def derivative(self, state: Float, v: float, omega: float) -> Float:
+        """Time derivative (3,) of the state x, y, theta (Eq. 2)."""
+        return np.array([v * np.cos(state[2]), v * np.sin(state[2]), omega])
+
+    def move(self, pose: Sequence[float], v: float, omega: float, duration: float) -> Pose:
+        """Where the robot is after it held v and ω for a time [s]: the exact arc of Eq. 2."""
+        start = np.array([as_pose(pose)])
+        end = arcs(start, np.array([v]), np.array([omega]), np.array([duration]))[0]
+        return Pose(float(end[0]), float(end[1]), float(end[2]))
+
+
+def arcs(poses: Float, v: Float, omega: Float, durations: Float) -> Float:
+    """Poses (k, 3) after arcs with v (k,), ω (k,) held for durations (k,) [s] from poses (k, 3).
+
+    The chord of an arc has the length v·t·sin(ωt/2)/(ωt/2) and the heading of the arc's middle;
+    written so, a straight line is no special case and small ω loses no digits.
+    """
+    half_turn = 0.5 * omega * durations
+    chord = v * durations * np.sinc(half_turn / np.pi)
+    middle = poses[:, 2] + half_turn
+    step = np.column_stack([chord * np.cos(middle), chord * np.sin(middle), 2.0 * half_turn])
+    return poses + step
