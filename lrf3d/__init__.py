@@ -1,1 +1,103 @@
-"""lrf3d."""
+"""lrf3d: a robot with a laser range finder in a world of walls, simulated, mapped and filmed.
+
+The public names are loaded when they are first used, so that ``import lrf3d`` costs next to
+nothing and loads no more than a program needs.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
+    from lrf3d.errors import (
+        CollisionError,
+        InputError,
+        Lrf3dError,
+        MissingLibraryError,
+        OutputError,
+        WorldError,
+    )
+    from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
+    from lrf3d.logs import load_run, save_run
+    from lrf3d.mapping import LineMap, LineMapper
+    from lrf3d.pose import Pose
+    from lrf3d.render.video import render_video
+    from lrf3d.robot import Trajectory, Unicycle, check_drive, drive, follow_route
+    from lrf3d.robot.planner import plan_route
+    from lrf3d.scenario import Scenario, load_scenario
+    from lrf3d.scoring import score_map, score_run
+    from lrf3d.simulation import Run, simulate
+    from lrf3d.world import World, load_world, world_names
+
+_HOMES = {
+    "casting": ["EmbreeCaster", "PlanarCaster", "crosscheck"],
+    "errors": [
+        "CollisionError",
+        "InputError",
+        "Lrf3dError",
+        "MissingLibraryError",
+        "OutputError",
+        "WorldError",
+    ],
+    "laser": ["LaserRangeFinder", "LaserScan", "ProportionalNoise"],
+    "logs": ["load_run", "save_run"],
+    "mapping": ["LineMap", "LineMapper"],
+    "pose": ["Pose"],
+    "render.video": ["render_video"],
+    "robot": ["Trajectory", "Unicycle", "check_drive", "drive", "follow_route"],
+    "robot.planner": ["plan_route"],
+    "scenario": ["Scenario", "load_scenario"],
+    "scoring": ["score_map", "score_run"],
+    "simulation": ["Run", "simulate"],
+    "world": ["World", "load_world", "world_names"],
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "CollisionError",
+    "EmbreeCaster",
+    "InputError",
+    "LaserRangeFinder",
+    "LaserScan",
+    "LineMap",
+    "LineMapper",
+    "Lrf3dError",
+    "MissingLibraryError",
+    "OutputError",
+    "PlanarCaster",
+    "Pose",
+    "ProportionalNoise",
+    "Run",
+    "Scenario",
+    "Trajectory",
+    "Unicycle",
+    "World",
+    "WorldError",
+    "check_drive",
+    "crosscheck",
+    "drive",
+    "follow_route",
+    "load_run",
+    "load_scenario",
+    "load_world",
+    "plan_route",
+    "render_video",
+    "save_run",
+    "score_map",
+    "score_run",
+    "simulate",
+    "world_names",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name from its module at its first use."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'lrf3d' has no attribute {name!r}")
+    value = getattr(import_module(f"lrf3d.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

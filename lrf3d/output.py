@@ -28,7 +28,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
             if isinstance(error, OutputError) or error.errno is None:
                 raise
             reason = error.strerror or str(error)
-            raise OutputError(f"{path}: cannot be written: {reason}; choose another place") from error
+            raise OutputError(
+                f"{path}: cannot be written: {reason}; choose another place"
+            ) from error
     finally:
         unfinished.unlink(missing_ok=True) if unfinished.parent.is_dir() else None
 

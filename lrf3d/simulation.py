@@ -10,6 +10,7 @@ from lrf3d.casting import EmbreeCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
 from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
 
@@ -73,7 +74,7 @@ class Run:
     def scan(self, index: int) -> LaserScan:
         """The measured scan of an index from 0."""
         return LaserScan(
-            self.trajectory.poses[index],  # type: ignore[arg-type]
+            Pose(*self.trajectory.poses[index].tolist()),
             self.lrf.angles,
             self.ranges[index],
             self.walls[index],

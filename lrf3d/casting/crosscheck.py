@@ -111,7 +111,9 @@ def crosscheck(
         same = np.where(both, gap <= AGREEMENT, flat.ranges == solid.ranges)
         largest = max(largest, float(gap[same].max(initial=0.0)))
         hits += int(flat.hits.sum())
-        differences += [_difference(world, index, int(b), flat, solid) for b in np.nonzero(~same)[0]]
+        differences += [
+            _difference(world, index, int(b), flat, solid) for b in np.nonzero(~same)[0]
+        ]
         progress(index + 1, len(poses))
     return CrossCheck(len(poses) * lrf.beams, hits, largest, tuple(differences))
 

@@ -22,6 +22,7 @@ map_segments (…, 4)   the segments of all stages, one after the other; map_obj
 
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -78,7 +79,7 @@ def load_run(path: str | Path) -> Run:
     path = Path(path)
     path = path / "run.npz" if path.is_dir() else path
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         if int(arrays["version"]) != VERSION:
             raise InputError(
@@ -96,7 +97,7 @@ def load_run(path: str | Path) -> Run:
         raise InputError(f"{path}: not a run of lrf3d or damaged ({error})") from None
 
 
-def _run(arrays: dict[str, np.ndarray]) -> Run:  # type: ignore[type-arg]
+def _run(arrays: dict[str, Any]) -> Run:
     world = World(
         arrays["segments"],
         arrays["objects"],

@@ -41,15 +41,16 @@ def clusters(scan: LaserScan, joined: Bool, order: Int, *, circle: bool) -> Iter
     linked = joined & hit & np.roll(hit, -1)
     if not circle:
         linked[-1:] = False
-    breaks = np.flatnonzero(~linked)
-    if not len(breaks):
-        # One wall all round: there is no place to begin but any.
+    elif linked.all():
+        # One wall all round: any place is as good to begin at.
         yield order
         return
-    # Begin behind a break, so that no cluster runs over the end of the list.
-    order, linked = np.roll(order, -breaks[0] - 1), np.roll(linked, -breaks[0] - 1)
+    else:
+        # Begin behind a break, so that no cluster runs over the end of the list.
+        begin = int(np.argmin(linked)) + 1
+        order, linked = np.roll(order, -begin), np.roll(linked, -begin)
     first = 0
-    for last in np.flatnonzero(~linked):
+    for last in np.flatnonzero(~linked).tolist():
         if last > first:
             yield order[first : last + 1]
         first = last + 1

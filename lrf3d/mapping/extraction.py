@@ -133,4 +133,4 @@ def _corner(one: Float, other: Float) -> Float | None:
     determinant = one[0] * other[1] - one[1] * other[0]
     if abs(determinant) < 0.2 * np.hypot(*one) * np.hypot(*other):
         return None
-    return np.array([other[1] - one[1], one[0] - other[0]]) / determinant
+    return np.asarray(np.array([other[1] - one[1], one[0] - other[0]]) / determinant)

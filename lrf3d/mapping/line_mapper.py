@@ -8,12 +8,17 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan
+from lrf3d.mapping.corners import connect, corner_pairs
 from lrf3d.mapping.extraction import LikelihoodExtractor, SplitMergeExtractor
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.merging import EndPointMerging, Merging, MomentMerging
 from lrf3d.mapping.table import SegmentTable
 
 MODES = ("paper", "robust")
+
+CORNER_REACH = 0.5
+"""Robust mode: two walls belong to one object where their lines cross no farther than this [m]
+from an end of each: less than half a door."""
 
 
 class LineMapper:
@@ -22,10 +27,13 @@ class LineMapper:
     Args:
         mode: ``robust``, or ``paper`` for section 3 of the paper to the letter.
         gap: Two following points farther apart than this [m] are of two clusters.
-        split: Paper mode: a polyline is split where a point is farther off than this [m].
-        merge_length: T of Eq. 9 [m]; in robust mode the largest gap within a wall.
-        merge_distance: R of Eq. 9 [m]; in robust mode how far a wall may bend from a line.
-        sigma: Robust mode: standard deviation of the range noise at range_max [m] (Eq. 7).
+        split: Paper mode: a polyline is split where a point is farther off than this [m];
+            0.1 m and three deviations of the noise at half of range_max where not given.
+        merge_length: T of Eq. 9 [m], 0.1 where not given; in robust mode the largest gap within
+            a wall, 0.5.
+        merge_distance: R of Eq. 9 [m]; 0.1 m and one deviation of the noise at half of
+            range_max where not given. In robust mode how far a wall may bend from a line, 0.1.
+        sigma: Standard deviation of the range noise at range_max [m] (Eq. 7).
         floor: Robust mode: standard deviation of a range at no distance [m].
         min_points: Segments of the map with fewer points than this are kept back until more
             points of them are seen.
@@ -38,10 +46,10 @@ class LineMapper:
         self,
         mode: str = "robust",
         *,
-        gap: float = 1.5,
-        split: float = 0.1,
+        gap: float = 2.5,
+        split: float | None = None,
         merge_length: float | None = None,
-        merge_distance: float = 0.1,
+        merge_distance: float | None = None,
         sigma: float = 0.04,
         floor: float = 0.01,
         min_points: int | None = None,
@@ -49,27 +57,29 @@ class LineMapper:
         if mode not in MODES:
             raise InputError(f"mapper mode {mode!r}: expected one of {', '.join(MODES)}")
         paper = mode == "paper"
+        if not (np.isfinite(sigma) and sigma >= 0.0):
+            raise InputError(f"mapper: sigma is {sigma}, expected metres, at least 0")
+        split = 0.1 + 1.5 * sigma if split is None else split
         length = (0.1 if paper else 0.5) if merge_length is None else merge_length
+        usual = 0.1 + (0.5 * sigma if paper else 0.0)
+        distance = usual if merge_distance is None else merge_distance
         for name, value in (
             ("gap", gap),
             ("split", split),
             ("merge_length", length),
-            ("merge_distance", merge_distance),
+            ("merge_distance", distance),
             ("floor", floor),
         ):
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"mapper: {name} is {value}, expected a positive number of metres")
-        if not (np.isfinite(sigma) and sigma >= 0.0):
-            raise InputError(f"mapper: sigma is {sigma}, expected metres, at least 0")
         self.mode = mode
         self._extract = (
             SplitMergeExtractor(gap, split) if paper else LikelihoodExtractor(gap, sigma, floor)
         )
         self._merging: Merging = (
-            EndPointMerging(length, merge_distance)
-            if paper
-            else MomentMerging(length, merge_distance)
+            EndPointMerging(length, distance) if paper else MomentMerging(length, distance)
         )
+        self._corner_reach = None if paper else CORNER_REACH
         self._least = min_points if min_points is not None else (2 if paper else 6)
         self._table = SegmentTable.empty()
         self._origin: Float | None = None
@@ -85,7 +95,9 @@ class LineMapper:
         local = replace(local, unions=local.unions + self._unions)
         self._unions = int(local.unions.max(initial=self._unions - 1)) + 1
         known = len(self._table)
-        self._table = unite(self._table.join(local), range(known, known + len(local)), self._merging)
+        self._table = unite(
+            self._table.join(local), range(known, known + len(local)), self._merging
+        )
         return self.map
 
     def local_map(self, scan: LaserScan) -> LineMap:
@@ -96,9 +108,12 @@ class LineMapper:
     @property
     def map(self) -> LineMap:
         """The global map."""
-        rows = np.flatnonzero(self._table.points >= self._least)
+        table = self._table.take(np.flatnonzero(self._table.points >= self._least))
         origin = np.zeros(2) if self._origin is None else self._origin
-        return _as_map(self._table.take(rows), origin)
+        if self._corner_reach is not None:
+            pairs = corner_pairs(table.ends, self._corner_reach)
+            table = replace(table, unions=connect(table.unions, pairs))
+        return _as_map(table, origin)
 
 
 def _as_map(table: SegmentTable, origin: Float) -> LineMap:

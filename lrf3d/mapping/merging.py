@@ -75,7 +75,7 @@ def _distance(points: Float, point: Float) -> Float:
 
 
 def _aside(offsets: Float, units: Float) -> Float:
-    return np.abs(units[..., 0] * offsets[:, 1] - units[..., 1] * offsets[:, 0])
+    return np.asarray(np.abs(units[..., 0] * offsets[:, 1] - units[..., 1] * offsets[:, 0]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,9 +63,7 @@ def measure_moments(points: Float, weights: Float) -> Float:
     total = weights.sum()
     mean = weights @ points / total
     centred = points - mean
-    xx, xy, yy = (
-        weights @ (centred[:, i] * centred[:, j]) for i, j in ((0, 0), (0, 1), (1, 1))
-    )
+    xx, xy, yy = (weights @ (centred[:, i] * centred[:, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
     return np.array([total, mean[0], mean[1], xx, xy, yy])
 
 

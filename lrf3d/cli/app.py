@@ -1,0 +1,42 @@
+"""The program ``lrf3d``: its commands, and how its errors reach the user."""
+
+import sys
+
+import typer
+
+from lrf3d.cli.crosscheck import crosscheck
+from lrf3d.cli.render import render
+from lrf3d.cli.run import run
+from lrf3d.cli.world import world
+from lrf3d.errors import Lrf3dError
+
+# Rich help would cost a third of the time that a help page may take.
+app = typer.Typer(
+    name="lrf3d",
+    help="Simulate a robot with a laser range finder, map its world, and film it.",
+    epilog="Example: lrf3d run city",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    no_args_is_help=True,
+)
+app.command(epilog="Example: lrf3d run city --sigma 0.04 --out out/city")(run)
+app.command(epilog="Example: lrf3d render out/city --view top")(render)
+app.command(epilog="Example: lrf3d crosscheck city --json")(crosscheck)
+app.add_typer(world, name="world")
+
+
+def main() -> None:
+    """Run the program; a known error ends it with one line and the status 1."""
+    try:
+        app()
+    except Lrf3dError as error:
+        print(f"lrf3d: {error}", file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        print("lrf3d: stopped", file=sys.stderr)
+        sys.exit(130)
+    except BrokenPipeError:
+        # Whoever read our output has had enough; that is no error.
+        sys.stderr.close()
+        sys.exit(0)

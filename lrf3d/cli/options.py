@@ -1,0 +1,68 @@
+"""Arguments and options that several commands share."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class Mode(StrEnum):
+    """Modes of the mapper."""
+
+    ROBUST = "robust"
+    PAPER = "paper"
+
+
+class CasterName(StrEnum):
+    """Casters."""
+
+    EMBREE = "embree"
+    PLANAR = "planar"
+
+
+class View(StrEnum):
+    """Where a film is seen from."""
+
+    CHASE = "chase"
+    TOP = "top"
+    ORBIT = "orbit"
+
+
+WorldArgument = Annotated[
+    str, typer.Argument(metavar="WORLD", help="A built-in world, or a file: .toml, .geojson.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the noise: the same seed, the same run.")]
+ModeOption = Annotated[Mode | None, typer.Option(help="Mode of the mapper.")]
+IgnoreCollisions = Annotated[
+    bool, typer.Option("--ignore-collisions", help="Only warn of a drive into a wall.")
+]
+Out = Annotated[Path | None, typer.Option(help="Folder for what comes out; out/NAME if not given.")]
+ViewOption = Annotated[View | None, typer.Option(help="Where the film is seen from.")]
+Size = Annotated[str, typer.Option(metavar="WxH", help="Size of the film [pixels].")]
+Fps = Annotated[int, typer.Option(min=1, max=240, help="Frames a second of the film.")]
+Playback = Annotated[
+    float | None, typer.Option(min=0.01, help="Simulated seconds in a second of film.")
+]
+Samples = Annotated[int, typer.Option(help="Samples a pixel against jagged edges: 0 or 4.")]
+Workers = Annotated[
+    int | None, typer.Option(min=1, help="Processes that draw the film; one a core if not given.")
+]
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Width and height of a size written as 1280x720; both even, as H.264 has them.
+
+    Raises:
+        InputError: The text is no such size.
+    """
+    from lrf3d.errors import InputError
+
+    width, _, height = text.lower().partition("x")
+    if not (width.isdigit() and height.isdigit()):
+        raise InputError(f"--size {text}: expected WIDTHxHEIGHT, such as 1280x720")
+    size = int(width), int(height)
+    if min(size) < 64 or max(size) > 7680 or size[0] % 2 or size[1] % 2:
+        raise InputError(f"--size {text}: expected even numbers from 64 to 7680")
+    return size

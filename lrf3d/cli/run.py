@@ -1,0 +1,77 @@
+"""``lrf3d run``: simulate, map and draw a world."""
+
+from typing import Annotated
+
+import typer
+
+from lrf3d.cli import options
+from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
+
+
+def run(
+    world: options.WorldArgument,
+    out: options.Out = None,
+    mode: options.ModeOption = None,
+    sigma: Annotated[
+        list[float] | None,
+        typer.Option(help="Noise [m] at range_max; given again, maps stand side by side."),
+    ] = None,
+    seed: options.Seed = 0,
+    caster: Annotated[
+        options.CasterName, typer.Option(help="What casts the beams.")
+    ] = options.CasterName.EMBREE,
+    ignore_collisions: options.IgnoreCollisions = False,
+    video: Annotated[bool, typer.Option(help="Make the film.")] = True,
+    view: options.ViewOption = None,
+    size: options.Size = "1280x720",
+    fps: options.Fps = 25,
+    playback: options.Playback = None,
+    samples: options.Samples = 4,
+    workers: options.Workers = None,
+    json: options.Json = False,
+) -> None:
+    """Drive through a world, scan it, map it, and draw what came out.
+
+    Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4.
+    """
+    from pathlib import Path
+
+    from lrf3d.cli.film import make_film
+    from lrf3d.output import make_folder, write_text
+    from lrf3d.scenario import load_scenario
+    from lrf3d.study.experiment import Experiment, with_route
+    from lrf3d.study.outputs import Results, draw_results
+
+    pixels = options.parse_size(size)
+    scenario = with_route(load_scenario(world))
+    folder = make_folder(Path("out") / scenario.name if out is None else out)
+    sigmas = tuple(sigma) if sigma else scenario.sigmas
+    experiment = Experiment(scenario, mode=mode, sigma=sigmas[0], seed=seed, caster=caster.value)
+    results = Results.of(
+        experiment,
+        sigmas,
+        bar=progress_bar,
+        collision=warn if ignore_collisions else None,
+    )
+    files = draw_results(results, folder)
+    files["summary"] = folder / "summary.json"
+    summary = {**results.summary, "files": {name: path.name for name, path in files.items()}}
+    if video:
+        film = make_film(
+            results.run,
+            folder / "run.mp4",
+            size=pixels,
+            fps=fps,
+            playback=scenario.playback if playback is None else playback,
+            view=scenario.view if view is None else view.value,
+            samples=samples,
+            workers=workers,
+        )
+        if film is not None:
+            files = {"video": film, **files}
+            summary["files"] = {name: path.name for name, path in files.items()}
+    write_text(files["summary"], json_text(summary))
+    if json:
+        print_json(summary)
+        return
+    print_table([*results.rows(), *((name, str(path)) for name, path in files.items())])

@@ -1,0 +1,114 @@
+"""Scenario: a world with a robot, a laser, a noise and a mapper set up to drive through it.
+
+A name or a path enters; all that a run needs leaves. What a file does not say has a default, so
+that a file of walls alone serves as well.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.pose import Pose
+from lrf3d.world import World, load_world
+from lrf3d.world.files import find_world
+from lrf3d.world.toml_file import WorldFile, read_toml
+
+SIGMA = 0.04
+"""Noise [m] at range_max where none is given: that of the paper's city (Fig. 7)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A world, and how it is driven through, scanned, mapped and filmed.
+
+    Args:
+        world: The walls.
+        lrf: The laser range finder.
+        sigmas: Standard deviations of the noise [m]; the first is the one to run with, the
+            others stand beside it in figures.
+        start: Pose x, y [m], theta [rad] where the drive begins; None where nothing is said.
+        route: (m, 2) way-points [m], the first at the start; None where the file names none.
+        poses: (k, 3) poses x, y [m], theta [rad] to stand and scan at instead of a drive.
+        speed: Speed of the drive [m/s].
+        scan_interval: Time between two scans [s].
+        radius: Radius of the robot [m].
+        mapper: Keyword arguments for the mapper.
+        view: Where the film is seen from: ``chase``, ``top`` or ``orbit``.
+        playback: Simulated seconds in a second of film.
+        name: What the scenario is called in files and pictures.
+    """
+
+    world: World
+    lrf: LaserRangeFinder = field(default_factory=LaserRangeFinder)
+    sigmas: tuple[float, ...] = (SIGMA,)
+    start: Pose | None = None
+    route: Float | None = None
+    poses: Float | None = None
+    speed: float = 3.0
+    scan_interval: float = 0.25
+    radius: float = 0.35
+    mapper: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    view: str = "chase"
+    playback: float = 4.0
+    name: str = ""
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """Read a scenario: a built-in one by its name, or a file by its path.
+
+    Raises:
+        WorldError: There is no such world, or its file cannot be used.
+    """
+    path = find_world(name_or_path)
+    if path.suffix.lower() != ".toml":
+        return Scenario(load_world(path), name=path.stem)
+    return _scenario(read_toml(path))
+
+
+def start_of(route: Float) -> Pose:
+    """The pose at the first way-point of a route (m, 2) that looks towards the second."""
+    dx, dy = route[1] - route[0] if len(route) > 1 else (1.0, 0.0)
+    return Pose(float(route[0, 0]), float(route[0, 1]), float(np.arctan2(dy, dx)))
+
+
+def _scenario(file: WorldFile) -> Scenario:
+    robot = dict(file.tables.get("robot", {}))
+    if "route" in robot and "poses" in robot:
+        file.refuse(("robot", "poses"), "stand beside a route; give one of them")
+    if "poses" in robot:
+        robot["poses"] = np.column_stack([robot["poses"][:, :2], np.radians(robot["poses"][:, 2])])
+    if "start" in robot:
+        x, y, degrees = robot["start"].tolist()
+        robot["start"] = Pose(x, y, float(np.radians(degrees)))
+    if "route" in robot:
+        start = robot.setdefault("start", start_of(robot["route"]))
+        if tuple(robot["route"][0]) != start[:2]:
+            robot["route"] = np.vstack([start[:2], robot["route"]])
+    sigma = file.tables.get("noise", {}).get("sigma", SIGMA)
+    return Scenario(
+        world=file.world,
+        lrf=_range_finder(file),
+        sigmas=sigma if isinstance(sigma, tuple) else (sigma,),
+        mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
+        name=file.path.stem,
+        **robot,
+        **file.tables.get("camera", {}),
+    )
+
+
+def _range_finder(file: WorldFile) -> LaserRangeFinder:
+    values = dict(file.tables.get("laser", {}))
+    for key in ("angle_min", "angle_max"):
+        if f"{key}_deg" in values:
+            values[key] = float(np.radians(values.pop(f"{key}_deg")))
+    try:
+        return LaserRangeFinder(**values)
+    except InputError as error:
+        file.refuse(("laser",), str(error))

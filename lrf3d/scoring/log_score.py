@@ -1,0 +1,128 @@
+"""LogScore: how well a map foretells scans that it was not built from, where no truth is known."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Bool, Float, lengths
+from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
+from lrf3d.mapping import LineMap
+from lrf3d.pose import Pose
+from lrf3d.scoring.report import Report
+from lrf3d.world import World
+
+NEAREST, FARTHEST = 0.1, 20.0
+"""Returns between these ranges are judged [m]: nearer is the robot, farther is too sparse."""
+
+EXPLAINED_WITHIN = 0.1
+"""A return is explained by a map segment this near [m]."""
+
+VIOLATED_BEYOND = 0.2
+"""A beam that passes a map segment by more than this violates the map [m]."""
+
+CAST_RANGE = 80.0
+"""How far the map is looked for where a scan does not say how far its range finder sees [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogScore(Report):
+    """How well a map foretells scans.
+
+    Args:
+        explained: Share of returns within 0.1 m of a map segment.
+        violation: Share of returns whose beam hits the map over 0.2 m before the return.
+        median_range_error: Median |map range − measured range| [m] of the returns whose beam
+            hits the map; NaN where none does.
+        segments: Number of segments in the map.
+        length: Total length of the map's segments [m].
+        scans: Number of scans.
+        returns: Number of returns judged.
+    """
+
+    explained: float
+    violation: float
+    median_range_error: float
+    segments: int
+    length: float
+    scans: int
+    returns: int
+
+
+def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
+    """Score a map by test scans; customarily built from the even scans and tested on the odd.
+
+    Args:
+        line_map: The map.
+        scans: Test scans that the map was not built from, beams evenly spread; read once.
+
+    Raises:
+        InputError: The beams of a scan are not evenly spread.
+    """
+    solid = line_map.segments[lengths(line_map.segments) > 0.0]
+    origin = np.round(solid.reshape(-1, 2).mean(axis=0)) if len(solid) else np.zeros(2)
+    solid = solid - np.tile(origin, 2)
+    near = _Nearness(solid)
+    cast = _MapCaster(solid)
+    scan_count = return_count = explained = violations = 0
+    errors: list[Float] = [np.empty(0)]
+    for scan in scans:
+        judged = (scan.ranges > NEAREST) & (scan.ranges < FARTHEST)
+        ranges = scan.ranges[judged]
+        pose = Pose(scan.pose.x - origin[0], scan.pose.y - origin[1], scan.pose.theta)
+        expected = cast.ranges(scan, pose)[judged]
+        hit = np.isfinite(expected)
+        scan_count += 1
+        return_count += len(ranges)
+        explained += int(near.any(reflection_points(pose, scan.angles[judged], ranges)).sum())
+        violations += int((ranges[hit] - expected[hit] > VIOLATED_BEYOND).sum())
+        errors.append(np.abs(expected[hit] - ranges[hit]))
+    all_errors = np.concatenate(errors)
+    return LogScore(
+        explained=explained / return_count if return_count else np.nan,
+        violation=violations / return_count if return_count else np.nan,
+        median_range_error=float(np.median(all_errors)) if len(all_errors) else np.nan,
+        segments=len(line_map),
+        length=float(lengths(line_map.segments).sum()),
+        scans=scan_count,
+        returns=return_count,
+    )
+
+
+class _Nearness:
+    """Tells which points lie within reach of a segment."""
+
+    def __init__(self, segments: Float) -> None:
+        import shapely
+
+        self._points = shapely.points
+        self._tree = shapely.STRtree(shapely.linestrings(segments.reshape(-1, 2, 2)))
+
+    def any(self, points: Float) -> Bool:
+        """Which of the points (n, 2) lie within 0.1 m of any segment."""
+        found = np.zeros(len(points), dtype=np.bool_)
+        geometry = self._points(points)
+        found[self._tree.query(geometry, predicate="dwithin", distance=EXPLAINED_WITHIN)[0]] = True
+        return found
+
+
+class _MapCaster:
+    """Casts the beams of scans into the segments of a map, as if they were walls."""
+
+    def __init__(self, segments: Float) -> None:
+        from lrf3d.casting import PlanarCaster
+
+        self._caster = PlanarCaster(World(segments))
+
+    def ranges(self, scan: LaserScan, pose: Pose) -> Float:
+        """Ranges (beams,) [m] to the map from a pose in its frame; +inf where it is not hit."""
+        angles = scan.angles
+        if not np.allclose(np.diff(angles, 2), 0.0, atol=1e-6):
+            raise InputError(
+                "scan with beams at uneven angles: score_log expects them evenly spread"
+            )
+        farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
+        lrf = LaserRangeFinder(angles[0], angles[-1], len(angles), 0.0, farthest)
+        ranges: Float = self._caster.cast(lrf, pose).ranges
+        return ranges

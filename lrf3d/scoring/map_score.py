@@ -1,0 +1,126 @@
+"""MapScore: how near a map of line segments comes to the walls that were visible."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping import LineMap
+from lrf3d.scoring.labels import adjusted_rand_index
+from lrf3d.scoring.matching import match_segments
+from lrf3d.scoring.nearness import sample_offsets
+from lrf3d.scoring.report import Report
+from lrf3d.scoring.visibility import visible_walls
+from lrf3d.simulation import Run
+
+REACH = 0.1
+"""Farthest that a right sample may lie from a wall [m]."""
+
+ANGLE = np.deg2rad(5.0)
+"""Largest angle between a right sample's segment and the wall [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapScore(Report):
+    """How near a map comes to the truth.
+
+    Args:
+        length_precision: Share of samples along the map that lie by a true wall, within 0.1 m
+            and 5°.
+        length_recall: Share of samples along the visible walls that lie so by a map segment.
+        length_f1: Harmonic mean of the two.
+        segment_precision: Share of map segments that match a visible wall one to one.
+        segment_recall: Share of visible walls that are matched.
+        segment_f1: Harmonic mean of the two.
+        segment_ratio: Map segments by visible walls; 1 is right.
+        perpendicular_rms: Root mean square distance of the right map samples from the line of
+            their wall [m]; NaN where there are none.
+        object_purity: Adjusted Rand index of unions against true objects, over matched segments.
+        map_segments: Number of segments in the map.
+        visible_segments: Number of visible walls.
+        matched_segments: Number of pairs of the two.
+    """
+
+    length_precision: float
+    length_recall: float
+    length_f1: float
+    segment_precision: float
+    segment_recall: float
+    segment_f1: float
+    segment_ratio: float
+    perpendicular_rms: float
+    object_purity: float
+    map_segments: int
+    visible_segments: int
+    matched_segments: int
+
+
+def score_run(run: Run) -> MapScore:
+    """Score the final map of a run against the walls that its beams could see."""
+    segments, walls = visible_walls(run)
+    in_reach = run.world.heights >= run.lrf.height
+    return score_map(
+        run.map, segments, run.world.objects[walls], walls=run.world.segments[in_reach]
+    )
+
+
+def score_map(
+    line_map: LineMap,
+    visible_segments: Float,
+    visible_objects: Int,
+    *,
+    walls: Float | None = None,
+) -> MapScore:
+    """Score a map against the visible parts of the true walls.
+
+    Args:
+        line_map: The map.
+        visible_segments: (v, 4) the visible parts, see :func:`visible_walls`.
+        visible_objects: (v,) the object that each part belongs to.
+        walls: (n, 4) all true walls, by any of which a map sample is right; just the visible
+            parts where not given.
+
+    Where there is no map, nothing in it is wrong; where nothing is visible, nothing is missed.
+    """
+    found, visible = line_map.segments, visible_segments
+    true = visible if walls is None else walls
+    offsets = sample_offsets(found, true, reach=REACH, angle=ANGLE)
+    right = np.isfinite(offsets)
+    recalled = np.isfinite(sample_offsets(visible, found, reach=REACH, angle=ANGLE))
+    precision, recall = _share(right.sum(), len(right)), _share(recalled.sum(), len(recalled))
+    pairs = match_segments(found, visible)
+    segment_precision = _share(len(pairs), len(found))
+    segment_recall = _share(len(pairs), len(visible))
+    purity = adjusted_rand_index(line_map.objects[pairs[:, 0]], visible_objects[pairs[:, 1]])
+    return MapScore(
+        length_precision=precision,
+        length_recall=recall,
+        length_f1=_harmonic_mean(precision, recall),
+        segment_precision=segment_precision,
+        segment_recall=segment_recall,
+        segment_f1=_harmonic_mean(segment_precision, segment_recall),
+        segment_ratio=_ratio(len(found), len(visible)),
+        perpendicular_rms=_root_mean_square(offsets[right]),
+        object_purity=purity,
+        map_segments=len(found),
+        visible_segments=len(visible),
+        matched_segments=len(pairs),
+    )
+
+
+def _share(part: int, whole: int) -> float:
+    return float(part / whole) if whole else 1.0
+
+
+def _ratio(part: int, whole: int) -> float:
+    if whole:
+        return part / whole
+    return np.inf if part else 1.0
+
+
+def _harmonic_mean(first: float, second: float) -> float:
+    return 2.0 * first * second / (first + second) if first + second else 0.0
+
+
+def _root_mean_square(values: Float) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else np.nan

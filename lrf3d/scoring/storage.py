@@ -1,0 +1,127 @@
+"""StorageCount: the numbers that a map takes as unions, as polylines and as an occupancy grid.
+
+The comparison of section 4 of Teslić et al., made countable.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int
+from lrf3d.scoring.nearness import sample_counts, sample_offsets
+from lrf3d.scoring.report import Report
+from lrf3d.simulation import Run
+
+GRID_CELL = 0.1
+"""Size of a cell of the occupancy grid [m]."""
+
+COVERED = 0.9
+"""A polyline of whose length this share lies along others tells nothing new."""
+
+TOLERANCE = 0.1
+"""How far apart two views of one wall may lie [m], beside the noise."""
+
+ALONGSIDE = np.deg2rad(30.0)
+"""Largest angle between two views of one wall [rad]: short noisy segments turn a good deal."""
+
+
+@dataclass(frozen=True, slots=True)
+class StorageCount(Report):
+    """What a run's map takes to store, in numbers.
+
+    Args:
+        segments: Line segments of the map.
+        unions: Unions of the map.
+        union_numbers: Four numbers a segment and one for the label of its union.
+        union_numbers_unlabelled: The same without the labels.
+        polylines: Polylines that a polyline mapper would hold.
+        polyline_lines: Lines that these are made of.
+        polyline_numbers: Two numbers a vertex.
+        grid_cells: Cells of an occupancy grid of 0.1 m over all reflection points and poses.
+    """
+
+    segments: int
+    unions: int
+    union_numbers: int
+    union_numbers_unlabelled: int
+    polylines: int
+    polyline_lines: int
+    polyline_numbers: int
+    grid_cells: int
+
+
+def storage(run: Run, polylines: Sequence[Sequence[Float]]) -> StorageCount:
+    """Count what the map of a run takes as unions, as polylines and as an occupancy grid.
+
+    A polyline is a row of consecutive segments as seen from one place; views from different
+    sides are not joined (reference [5] of Teslić et al.). A polyline is held unless nine tenths
+    of its length lie along those held already; those that it makes superfluous in the same way
+    are given up.
+
+    Args:
+        run: The run.
+        polylines: For each scan, the polylines of its local map: arrays (k, 2) of vertices [m]
+            in the world.
+    """
+    held = held_polylines(polylines, TOLERANCE + _noise(run))
+    vertices = sum(len(polyline) for polyline in held)
+    return StorageCount(
+        segments=len(run.map),
+        unions=run.map.object_count,
+        union_numbers=5 * len(run.map),
+        union_numbers_unlabelled=4 * len(run.map),
+        polylines=len(held),
+        polyline_lines=vertices - len(held),
+        polyline_numbers=2 * vertices,
+        grid_cells=_grid_cells(run),
+    )
+
+
+def held_polylines(polylines: Sequence[Sequence[Float]], tolerance: float) -> list[Float]:
+    """The polylines, arrays (k, 2), that a mapper holds after all scans; tolerance in metres."""
+    held: list[Float] = []
+    for scan in polylines:
+        views = [np.asarray(view, dtype=np.float64) for view in scan if len(view) > 1]
+        fresh = _uncovered(views, held, tolerance)
+        held = _uncovered(held, fresh, tolerance) + fresh
+    return held
+
+
+def _uncovered(polylines: list[Float], others: list[Float], tolerance: float) -> list[Float]:
+    """Those of the polylines that lie for less than nine tenths along the others."""
+    if not polylines or not others:
+        return polylines
+    segments, owner = _segments(polylines)
+    walls, _ = _segments(others)
+    along = np.isfinite(sample_offsets(segments, walls, reach=tolerance, angle=ALONGSIDE))
+    sample_owner = np.repeat(owner, sample_counts(segments))
+    samples = np.bincount(sample_owner, minlength=len(polylines))
+    covered = np.bincount(sample_owner, weights=along, minlength=len(polylines))
+    keep = covered < COVERED * np.maximum(samples, 1)
+    return [polyline for polyline, kept in zip(polylines, keep, strict=True) if kept]
+
+
+def _segments(polylines: list[Float]) -> tuple[Float, Int]:
+    """All lines (n, 4) of polylines, and which polyline (n,) each belongs to."""
+    lines = [np.hstack([polyline[:-1], polyline[1:]]) for polyline in polylines]
+    owner = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+    return np.vstack(lines), owner
+
+
+def _noise(run: Run) -> float:
+    """Root mean square noise of the ranges of a run [m]."""
+    returned = np.isfinite(run.truth) & np.isfinite(run.ranges)
+    noise = run.ranges[returned] - run.truth[returned]
+    return float(np.sqrt(np.mean(noise**2))) if len(noise) else 0.0
+
+
+def _grid_cells(run: Run) -> int:
+    """Cells of a grid over the box around all reflection points and poses."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for places in (run.trajectory.poses[:, :2], *(scan.points() for scan in run.scans)):
+        low = np.minimum(low, places.min(axis=0, initial=np.inf))
+        high = np.maximum(high, places.max(axis=0, initial=-np.inf))
+    # The small allowance keeps rounding, far from the origin, from adding a row of cells.
+    columns, rows = np.maximum(np.ceil((high - low) / GRID_CELL - 1e-6), 1.0)
+    return int(columns) * int(rows)

@@ -1,0 +1,83 @@
+"""Small runs made without casters and mappers: rays by brute force, maps from the known walls."""
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int, fit_line
+from lrf3d.laser import LaserRangeFinder, ProportionalNoise, beam_directions
+from lrf3d.mapping import LineMap
+from lrf3d.robot import Trajectory
+from lrf3d.simulation import Run
+from lrf3d.world import World
+
+
+def box(x: float, y: float, width: float, depth: float) -> Float:
+    """Walls (4, 4) of a building with its lower left corner at x, y."""
+    return ring([(x, y), (x + width, y), (x + width, y + depth), (x, y + depth)])
+
+
+def ring(corners: list[tuple[float, float]]) -> Float:
+    """Walls (n, 4) along the corners and back to the first."""
+    ends = np.array(corners, dtype=np.float64)
+    return np.hstack([ends, np.roll(ends, -1, axis=0)])
+
+
+def make_world(*objects: Float, name: str = "") -> World:
+    """World of some objects, each given by its walls (n, 4)."""
+    labels = np.repeat(np.arange(len(objects)), [len(walls) for walls in objects])
+    return World(np.vstack(objects), labels, name=name)
+
+
+def cast(world: World, lrf: LaserRangeFinder, pose: Float) -> tuple[Float, Int]:
+    """Ranges (beams,) and walls (beams,) of one scan, each beam against each wall."""
+    start = world.segments[:, :2] - pose[:2]
+    delta = world.segments[:, 2:] - world.segments[:, :2]
+    beam = beam_directions(pose[2], lrf.angles)[:, None, :]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = beam[..., 0] * delta[:, 1] - beam[..., 1] * delta[:, 0]
+        range_ = (start[:, 0] * delta[:, 1] - start[:, 1] * delta[:, 0]) / across
+        place = (start[:, 0] * beam[..., 1] - start[:, 1] * beam[..., 0]) / across
+    range_[~((range_ >= 0.0) & (place >= 0.0) & (place <= 1.0))] = np.inf
+    wall = range_.argmin(axis=1)
+    nearest = range_.min(axis=1)
+    missed = nearest > lrf.range_max
+    return np.where(missed, np.inf, nearest), np.where(missed, -1, wall)
+
+
+def make_run(
+    world: World, poses: Float, lrf: LaserRangeFinder, *, sigma: float = 0.0, seed: int = 0
+) -> Run:
+    """Run from poses (k, 3), with the map that a mapper that knows each point's wall would make."""
+    truth, walls = (
+        np.array(each) for each in zip(*(cast(world, lrf, p) for p in poses), strict=True)
+    )
+    trajectory = Trajectory(np.arange(len(poses), dtype=np.float64), poses)
+    run = Run(world, lrf, trajectory, truth, truth, walls, (), (LineMap.empty(),))
+    noise, rng = ProportionalNoise(sigma), np.random.default_rng(seed)
+    ranges = np.array([noise(run.true_scan(index), rng).ranges for index in range(len(poses))])
+    run = Run(world, lrf, trajectory, ranges, truth, walls, (), run.maps)
+    return Run(world, lrf, trajectory, ranges, truth, walls, (len(poses) - 1,), (fit_walls(run),))
+
+
+def fit_walls(run: Run) -> LineMap:
+    """One segment for each wall that returned at least three points, in one union an object."""
+    points = np.vstack([scan.points() for scan in run.scans])
+    owner = np.concatenate([scan.walls[scan.hits] for scan in run.scans])
+    segments, objects, counts = [], [], []
+    for wall in np.unique(owner):
+        on_wall = points[owner == wall]
+        if len(on_wall) < 3:
+            continue
+        mean, along = fit_line(on_wall)
+        place = (on_wall - mean) @ along
+        segments.append(np.concatenate([mean + place.min() * along, mean + place.max() * along]))
+        objects.append(run.world.objects[wall])
+        counts.append(len(on_wall))
+    return LineMap(np.array(segments), np.array(objects), np.array(counts))
+
+
+def around(x: float, y: float, radius: float, count: int, heading: float = np.pi) -> Float:
+    """Poses (count, 3) on a circle; heading is counted from the outward direction."""
+    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    return np.column_stack(
+        [x + radius * np.cos(angle), y + radius * np.sin(angle), angle + heading]
+    )

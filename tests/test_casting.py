@@ -1,0 +1,137 @@
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
+from lrf3d.casting import crosscheck
+
+ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
+CASTERS = [PlanarCaster, EmbreeCaster]
+
+
+def random_world(seed, count=30, offset=0.0):
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(-20, 20, (count, 2))
+    return World(np.hstack([start, start + rng.uniform(-6, 6, (count, 2))]) + offset)
+
+
+def exact_range(origin, direction, segments):
+    """The range by its definition, in rational numbers, or None for a miss."""
+    ox, oy, dx, dy = map(Fraction, (*origin, *direction))
+    best = None
+    for x1, y1, x2, y2 in (map(Fraction, map(float, segment)) for segment in segments):
+        sx, sy, ax, ay = x2 - x1, y2 - y1, x1 - ox, y1 - oy
+        across, aside = dx * sy - dy * sx, ax * dy - ay * dx
+        if across:
+            t, u = (ax * sy - ay * sx) / across, aside / across
+            found = t if t >= 0 and 0 <= u <= 1 else None
+        elif aside == 0:
+            square = dx * dx + dy * dy
+            ends = [(ax * dx + ay * dy) / square, ((x2 - ox) * dx + (y2 - oy) * dy) / square]
+            found = max(min(ends), Fraction(0)) if max(ends) >= 0 else None
+        else:
+            found = None
+        if found is not None and (best is None or found < best):
+            best = found
+    return best
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_ranges_in_a_room_are_the_distances_to_its_walls(caster):
+    lrf = LaserRangeFinder(beams=3)
+    scan = caster(ROOM).cast(lrf, (2.0, 3.0, 0.0))
+    assert scan.ranges == pytest.approx([3.0, 8.0, 5.0], abs=1e-12)
+    assert scan.walls.tolist() == [0, 1, 2]
+    assert scan.range_max == 80.0
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_far_is_a_miss_and_near_is_minus_infinity(caster):
+    lrf = LaserRangeFinder(beams=3, range_min=4.0, range_max=6.0)
+    scan = caster(ROOM).cast(lrf, (2.0, 3.0, 0.0))
+    assert scan.ranges[:2].tolist() == [-np.inf, np.inf]
+    assert scan.walls.tolist() == [-1, -1, 2]
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_a_wall_lower_than_the_beam_is_not_hit(caster):
+    low = World(np.array([[5, -1, 5, 1], [9, -1, 9, 1.0]]), heights=[0.3, 2.0])
+    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, height=0.5)
+    assert caster(low).cast(lrf, (0, 0, 0)).ranges == pytest.approx([9.0])
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_an_empty_world_returns_nothing(caster):
+    scan = caster(World(np.empty((0, 4)))).cast(LaserRangeFinder(), (0, 0, 0))
+    assert (scan.ranges == np.inf).all() and (scan.walls == -1).all()
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_a_batch_gives_the_ranges_of_the_single_scans(caster):
+    world, lrf = random_world(3), LaserRangeFinder(beams=61)
+    poses = np.random.default_rng(0).uniform(-10, 10, (5, 3))
+    one = caster(world)
+    batch = one.cast_batch(lrf, poses)
+    assert batch.shape == (5, 61)
+    assert np.array_equal(batch, [one.cast(lrf, pose).ranges for pose in poses])
+
+
+def test_a_beam_along_a_wall_ends_at_its_nearest_point():
+    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1)
+    cast = PlanarCaster(World(np.array([[7, 0, 3, 0.0]]))).cast
+    assert cast(lrf, (0, 0, 0)).ranges == [3.0]
+    assert cast(lrf, (5, 0, 0)).ranges == [0.0]
+    assert cast(lrf, (8, 0, 0)).ranges == [np.inf]
+
+
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 1e3, 1e6]))
+@settings(max_examples=20, deadline=None)
+def test_planar_ranges_agree_with_rational_ones(seed, offset):
+    world = random_world(seed, offset=offset)
+    pose = (offset, offset, seed * 0.1)
+    lrf = LaserRangeFinder(beams=11)
+    scan = PlanarCaster(world).cast(lrf, pose)
+    for beam, direction in enumerate(lrf.directions(pose)):
+        exact = exact_range(pose[:2], direction, world.segments)
+        if exact is None or exact > lrf.range_max:
+            assert scan.ranges[beam] == np.inf
+        else:
+            assert scan.ranges[beam] == pytest.approx(float(exact), abs=1e-8)
+
+
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 1e6]))
+@settings(max_examples=20, deadline=None)
+def test_both_casters_agree_but_at_edges(seed, offset):
+    world = random_world(seed, offset=offset)
+    poses = np.random.default_rng(seed).uniform(-10, 10, (3, 3)) + np.array([offset, offset, 0.0])
+    result = crosscheck(world, LaserRangeFinder(), poses)
+    assert result.beams == 3 * 181
+    assert not result.unexplained
+    assert result.largest_difference < 1e-9
+
+
+def test_a_difference_away_from_all_edges_is_unexplained(monkeypatch):
+    lie = EmbreeCaster._cast
+
+    def moved(self, lrf, poses):
+        distances, walls = lie(self, lrf, poses)
+        distances[0, 40] += 1e-3
+        return distances, walls
+
+    monkeypatch.setattr(EmbreeCaster, "_cast", moved)
+    result = crosscheck(ROOM, LaserRangeFinder(), np.array([[2.0, 3.0, 0.0]]))
+    assert [(one.scan, one.beam) for one in result.unexplained] == [(0, 40)]
+    assert result.as_dict()["agree"] == 180
+
+
+def test_embree_casts_at_any_mesh():
+    import trimesh
+
+    box = trimesh.creation.box((2.0, 2.0, 2.0))
+    box.apply_translation((1005.0, 0.0, 0.5))
+    scan = EmbreeCaster(box).cast(LaserRangeFinder(), (1000.0, 0.1, 0.0))
+    assert scan.ranges[90] == pytest.approx(4.0, abs=1e-12)
+    assert scan.walls[90] >= 0 and scan.ranges[0] == np.inf

@@ -1,0 +1,233 @@
+"""Pictures of worlds and maps."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from synthetic_run import around, box, make_run, make_world, ring
+
+from lrf3d.errors import OutputError
+from lrf3d.geometry import Float
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.mapping import LineMap
+from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
+from lrf3d.render.marks import INSIDE, MOST_POINTS, draw_points
+from lrf3d.render.page import Frame, Page
+from lrf3d.render.palette import union_colours
+from lrf3d.simulation import Run
+from lrf3d.world import World
+
+AWAY = (85000.0, 447500.0)
+
+
+def street(x: float = 0.0, y: float = 0.0) -> World:
+    return make_world(box(x, y, 10, 6), box(x + 14, y, 8, 6), name="street")
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    poses = around(11, 3, 20, 12)
+    return make_run(street(), poses, LaserRangeFinder(beams=91), sigma=0.3)
+
+
+@pytest.fixture(scope="module")
+def room_run() -> Run:
+    room = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]), box(5, 3, 2, 2), name="room")
+    poses = np.array([[2.0, 2.0, 0.5], [10.0, 6.0, -2.5]])
+    return make_run(room, poses, LaserRangeFinder(beams=91, range_max=14.0), sigma=0.1)
+
+
+def pixels(figure: Figure) -> Float:
+    """What the figure looks like: (height, width, 3) in 0…1."""
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[:, :, :3] / 255.0  # type: ignore[attr-defined]
+
+
+def shows(figure: Figure, colour: object, *, at_least: int) -> bool:
+    """Whether so many pixels have just about this colour."""
+    near = np.abs(pixels(figure) - to_rgb(colour)).max(axis=-1) < 0.02  # type: ignore[arg-type]
+    return int(near.sum()) >= at_least
+
+
+def texts(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
+
+
+def test_each_union_is_drawn_in_its_colour(run):
+    figure = draw_map(run)
+    for colour in union_colours(np.unique(run.map.objects)):
+        assert shows(figure, colour, at_least=500)
+
+
+def test_segments_stand_at_their_places(run):
+    drawn = [
+        np.array(collection.get_segments()).reshape(-1, 4)
+        for collection in draw_map(run).axes[0].collections
+        if isinstance(collection, LineCollection)
+    ]
+    for expected in (run.world.segments, run.map.segments):
+        assert any(each.shape == expected.shape and np.allclose(each, expected) for each in drawn)
+
+
+def test_the_headline_counts_what_is_drawn(run):
+    points = sum(len(scan.points()) for scan in run.scans)
+    assert f"8 segments in 2 unions  ·  12 scans  ·  {points:,} points" in texts(draw_map(run))
+    assert "street" in texts(draw_map(run))
+
+
+def test_a_map_alone_and_no_map_at_all_are_drawn(run):
+    assert shows(draw_map(run.map), union_colours(np.array([0]))[0], at_least=500)
+    assert "0 segments in 0 unions" in texts(draw_map(LineMap.empty()))
+    assert draw_map(LineMap.empty(), points=np.ones((5, 2)), title="log").axes
+
+
+def test_a_world_shows_beams_returns_route_and_robot(room_run):
+    figure = draw_world(
+        room_run.world,
+        scan=room_run.scan(0),
+        lrf=room_run.lrf,
+        route=np.array([[2.0, 2.0], [9.0, 1.0]]),
+        poses=room_run.trajectory.poses,
+    )
+    assert {"p1", "p2", "beams", "returns", "route", "robot"} <= set(texts(figure))
+    assert shows(figure, "#d6361f", at_least=500)
+    assert shows(figure, "#16324f", at_least=100)
+
+
+def test_a_world_without_walls_or_with_a_gap_in_its_numbers_is_drawn():
+    assert "0 walls of 0 objects" in texts(draw_world(World(np.empty((0, 4)))))
+    gap = World(np.vstack([box(0, 0, 2, 2), box(4, 0, 2, 2)]), np.repeat([1, 5], 4))
+    assert [len(each.get_paths()) for each in filled(draw_world(gap))] == [2]
+
+
+def test_a_world_alone_is_drawn():
+    assert "8 walls of 2 objects" in texts(draw_world(street()))
+
+
+def filled(figure: Figure) -> list[PathCollection]:
+    found = figure.axes[0].findobj(PathCollection)
+    return [each for each in found if to_hex(each.get_facecolor()[0]) == INSIDE]
+
+
+def test_buildings_are_filled_and_rooms_are_not(room_run):
+    assert [len(each.get_paths()) for each in filled(draw_world(street()))] == [2]
+    assert [len(each.get_paths()) for each in filled(draw_map(room_run))] == [1]
+
+
+def test_a_courtyard_stays_white():
+    block = np.vstack([box(0, 0, 20, 20), box(5, 5, 10, 10)])
+    figure = draw_world(World(block))
+    image, extent = pixels(figure), figure.axes[0].get_window_extent()
+    middle = image[int(figure.bbox.height - extent.y0 - 0.53 * extent.height)]
+    row = middle[int(extent.x0) : int(extent.x1)]
+    yard, house = row[int(0.53 * len(row))], row[int(0.15 * len(row))]
+    assert yard.min() == 1.0
+    assert to_hex(house) == INSIDE
+
+
+def test_a_drive_is_a_line_and_scattered_poses_are_dots(run):
+    poses = run.trajectory.poses
+    assert "path" in texts(draw_map(run.map, poses=np.repeat(poses, 5, axis=0)))
+    scattered = draw_map(run.map, poses=poses[[0, 6, 2, 8, 4, 10, 1, 7]])
+    assert "poses" in texts(scattered)
+    assert "path" not in texts(scattered)
+
+
+def test_noise_levels_stand_beside_the_world(room_run):
+    figure = draw_noise_levels([room_run, room_run, room_run], [0.07, 0.42, 0.63])
+    assert len(figure.axes) == 4
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert [title[:3] for title in titles] == ["(a)", "(b)", "(c)", "(d)"]
+    assert "σ = 0.42 m" in titles[2]
+    assert len({axes.get_xlim() for axes in figure.axes}) == 1
+
+
+@pytest.mark.parametrize("away", [(0.0, 0.0), AWAY])
+def test_a_metre_is_as_long_both_ways_and_ticks_stay_short(away, room_run):
+    figure = draw_world(street(*away))
+    figure.canvas.draw()
+    axes = figure.axes[0]
+    box_ = axes.get_window_extent()
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    assert box_.width / (right - left) == pytest.approx(box_.height / (high - low), rel=1e-6)
+    assert all(len(label.get_text()) <= 4 for label in axes.get_xticklabels())
+    assert axes.xaxis.get_offset_text().get_text() == ""
+    expected = "x [m]" if away == (0.0, 0.0) else "x − 85011 [m]"
+    assert axes.get_xlabel() == expected
+
+
+@pytest.mark.parametrize("picture", ["map", "room", "noise", "long", "tall"])
+def test_no_text_leaves_the_sheet_or_overlaps_another(picture, run, room_run):
+    poses = room_run.trajectory.poses
+    figure = {
+        "map": lambda: draw_map(run),
+        "room": lambda: draw_world(room_run.world, scan=room_run.scan(0), poses=poses),
+        "noise": lambda: draw_noise_levels([room_run] * 3, [0.07, 0.42, 0.63]),
+        "long": lambda: draw_world(World(np.array([[0.0, 0.0, 100.0, 0.0]]))),
+        "tall": lambda: draw_world(World(np.array([[0.0, 0.0, 0.0, 100.0]]))),
+    }[picture]()
+    dark = pixels(figure).min(axis=-1)[::-1] < 0.7
+    found = []
+    for text in figure.findobj(Text):
+        extent = text.get_window_extent()
+        columns, rows = slice(int(extent.x0), int(extent.x1)), slice(int(extent.y0), int(extent.y1))
+        # Labels of ticks beyond the ends of an axis have a place, but no ink.
+        if text.get_text() and dark[rows, columns].any():
+            found.append((text.get_text(), *extent.extents))
+    assert len(found) > 10
+    corners = np.array([place for _, *place in found])
+    assert corners.min() >= 0.0
+    assert (corners[:, 2:] <= figure.bbox.size).all()
+    meet = (corners[:, None, :2] < corners[None, :, 2:]).all(axis=-1)
+    overlapping = np.argwhere(np.triu(meet & meet.T, 1))
+    assert not [(found[first][0], found[second][0]) for first, second in overlapping]
+
+
+def test_very_many_points_are_thinned():
+    frame = Frame.around([np.array([[0.0, 0.0], [1.0, 1.0]])])
+    page = Page(frame)
+    points = np.random.default_rng(0).uniform(0, 1, (3 * MOST_POINTS + 1, 2))
+    draw_points(page.axes[0], frame, points)
+    shown = page.axes[0].collections[0].get_offsets()
+    assert MOST_POINTS // 2 < len(shown) <= MOST_POINTS
+
+
+def test_pictures_are_written_whole_and_alike(tmp_path: Path, run):
+    first, second = tmp_path / "map.png", tmp_path / "again.png"
+    draw_map(run, first)
+    draw_map(run, second)
+    assert first.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert first.read_bytes() == second.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["again.png", "map.png"]
+
+
+def test_what_cannot_be_written_is_named(tmp_path: Path, run):
+    with pytest.raises(OutputError, match="missing"):
+        draw_map(run, tmp_path / "missing" / "map.png")
+    with pytest.raises(OutputError, match=r"map\.bmx.*\.png"):
+        draw_map(run, tmp_path / "map.bmx")
+    assert not list(tmp_path.iterdir())
+
+
+def test_drawing_leaves_pyplot_alone():
+    script = "import sys, lrf3d.render.figures; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+def test_union_colours_are_apart_and_belong_to_their_numbers():
+    colours = union_colours(np.arange(24))
+    assert colours.shape == (24, 3)
+    assert (colours >= 0.0).all()
+    assert (colours <= 1.0).all()
+    gaps = np.linalg.norm(colours[:, None] - colours[None], axis=-1) + 9.0 * np.eye(24)
+    assert gaps.min() > 0.05
+    assert gaps[:6, :6].min() > 0.2
+    assert np.linalg.norm(1.0 - colours, axis=1).min() > 0.5
+    np.testing.assert_array_equal(union_colours(np.array([7, 2])), colours[[7, 2]])
+    assert union_colours(np.empty(0, np.int64)).shape == (0, 3)

@@ -1,0 +1,285 @@
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrf3d import (
+    InputError,
+    LaserRangeFinder,
+    LaserScan,
+    LineMap,
+    LineMapper,
+    PlanarCaster,
+    ProportionalNoise,
+    World,
+)
+from lrf3d.geometry import fit_line, lengths
+from lrf3d.mapping.clusters import clusters, near_each_other, ordered_returns
+from lrf3d.mapping.corners import connect, corner_pairs
+from lrf3d.mapping.line_mapper import unite
+from lrf3d.mapping.merging import EndPointMerging, MomentMerging
+from lrf3d.mapping.segmentation import fit_wall, segment_cluster
+from lrf3d.mapping.split_merge import split_and_merge
+from lrf3d.mapping.table import SegmentTable, add_moments, measure_moments
+
+SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
+ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])
+WORLD = World(np.vstack([SQUARE, ROOM]), [0] * 4 + [1] * 4)
+AROUND = [(1, 2, 0), (6, -2.5, 1.5), (10, 2, 3.1), (6, 6.5, -1.6)]
+CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
+
+
+def build(mapper, sigma=0.0, poses=AROUND, seed=0, shift=(0.0, 0.0), lrf=CIRCLE):
+    world = World(WORLD.segments + np.tile(shift, 2), WORLD.objects)
+    caster, rng = PlanarCaster(world), np.random.default_rng(seed)
+    for x, y, theta in poses:
+        scan = caster.cast(lrf, (x + shift[0], y + shift[1], theta))
+        mapper.update(ProportionalNoise(sigma)(scan, rng))
+    return mapper.map
+
+
+def table_of(ends, points=10):
+    ends = np.asarray(ends, dtype=np.float64)
+    along = np.linspace(0.0, 1.0, points)[:, None]
+    moments = [
+        measure_moments(row[:2] + along * (row[2:] - row[:2]), np.full(points, 1e4)) for row in ends
+    ]
+    count = len(ends)
+    return SegmentTable(ends, np.array(moments), np.full(count, points), np.arange(count))
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.1, 0.3])
+def test_a_room_with_a_block_becomes_eight_walls_in_two_objects(sigma):
+    line_map = build(LineMapper(sigma=sigma), sigma)
+    assert len(line_map) == 8
+    assert line_map.object_count == 2
+    assert sorted(np.bincount(line_map.objects)) == [4, 4]
+    found = np.sort(lengths(line_map.segments))
+    assert found == pytest.approx([4, 4, 4, 4, 14, 14, 18, 18], abs=0.3)
+
+
+def test_paper_mode_finds_the_eight_walls_too():
+    line_map = build(LineMapper("paper", sigma=0.0))
+    walls = line_map.points > 10
+    assert walls.sum() == 8
+    found = np.sort(lengths(line_map.segments[walls]))
+    assert found == pytest.approx([4, 4, 4, 4, 14, 14, 18, 18], abs=0.3)
+
+
+@pytest.mark.parametrize("mode", ["robust", "paper"])
+def test_the_map_does_not_depend_on_where_the_origin_is(mode):
+    near = build(LineMapper(mode, sigma=0.05), 0.05)
+    far = build(LineMapper(mode, sigma=0.05), 0.05, shift=(85000.0, 447500.0))
+    assert np.array_equal(near.objects, far.objects)
+    assert far.segments - np.tile([85000.0, 447500.0], 2) == pytest.approx(near.segments, abs=1e-6)
+
+
+def test_a_scan_seen_again_adds_no_segment():
+    mapper = LineMapper()
+    once = build(mapper)
+    again = build(mapper)
+    assert len(again) == len(once)
+    assert again.segments == pytest.approx(once.segments, abs=1e-6)
+
+
+@pytest.mark.parametrize("mode", ["robust", "paper"])
+def test_an_empty_scan_leaves_the_map_empty(mode):
+    mapper = LineMapper(mode)
+    scan = LaserScan((0, 0, 0), CIRCLE.angles, np.full(361, np.inf), range_max=30.0)
+    assert len(mapper.update(scan)) == 0
+    assert len(mapper.map) == 0 and mapper.map.object_count == 0
+
+
+def test_the_two_faces_of_a_thin_wall_stay_two():
+    wall = World(np.array([[3, -2, 3, 2], [3.05, 2, 3.05, -2.0]]))
+    mapper, caster = LineMapper(), PlanarCaster(wall)
+    for pose in ((0, 0, 0), (6, 0, np.pi)):
+        mapper.update(caster.cast(LaserRangeFinder(range_max=10.0), pose))
+    assert len(mapper.map) == 2
+
+
+@pytest.mark.parametrize(
+    "settings_",
+    [{"mode": "best"}, {"gap": 0.0}, {"split": -1.0}, {"sigma": -1.0}, {"merge_length": np.nan}],
+)
+def test_thresholds_that_make_no_sense_are_refused(settings_):
+    with pytest.raises(InputError, match="mapper"):
+        LineMapper(**settings_)
+
+
+def test_the_map_is_written_as_geojson_and_read_back(tmp_path):
+    line_map = build(LineMapper())
+    line_map.save(tmp_path / "map.geojson")
+    features = json.loads((tmp_path / "map.geojson").read_text())["features"]
+    assert len(features) == len(line_map)
+    assert set(features[0]["properties"]) == {"object", "alpha", "p", "points"}
+    assert features[0]["properties"]["alpha"] == line_map.lines[0, 0]
+    back = LineMap.load(tmp_path / "map.geojson")
+    assert np.array_equal(back.segments, line_map.segments)
+    assert np.array_equal(back.objects, line_map.objects)
+    assert np.array_equal(back.points, line_map.points)
+
+
+def test_an_empty_map_is_written_and_read_back(tmp_path):
+    LineMap.empty().save(tmp_path / "map.geojson")
+    assert len(LineMap.load(tmp_path / "map.geojson")) == 0
+
+
+def test_what_is_no_map_is_refused_by_name(tmp_path):
+    (tmp_path / "map.geojson").write_text("{}")
+    with pytest.raises(InputError, match=r"map\.geojson"):
+        LineMap.load(tmp_path / "map.geojson")
+
+
+def scan_of(ranges, lrf=CIRCLE):
+    return LaserScan((0, 0, 0), lrf.angles, ranges, range_max=30.0)
+
+
+def test_lone_points_are_dropped_and_a_gap_parts_clusters():
+    lrf = LaserRangeFinder(beams=9, angle_min=-0.2, angle_max=0.2)
+    scan = scan_of([5, 5, np.inf, 5, np.inf, 5, 5, 9, 9.0], lrf)
+    order, circle = ordered_returns(scan)
+    assert not circle
+    points = np.where(scan.hits, scan.ranges, 0)[:, None] * lrf.directions((0, 0, 0))
+    runs = list(clusters(scan, near_each_other(points, 1.0), order, circle=circle))
+    assert [run.tolist() for run in runs] == [[0, 1], [5, 6], [7, 8]]
+
+
+def test_a_full_circle_has_no_seam():
+    mapper = LineMapper()
+    line_map = mapper.update(PlanarCaster(World(ROOM)).cast(CIRCLE, (0, 0, 0.3)))
+    assert len(line_map) == 4 and line_map.object_count == 1
+    straight_behind = LineMapper().update(PlanarCaster(World(ROOM)).cast(CIRCLE, (0, 0, 0.0)))
+    assert len(straight_behind) == 4
+
+
+def test_points_on_one_wall_all_round_are_one_cluster():
+    scan = scan_of(np.full(361, 3.0))
+    order, circle = ordered_returns(scan)
+    assert circle and len(order) == 360
+    joined = np.ones(len(order), dtype=bool)
+    assert [len(run) for run in clusters(scan, joined, order, circle=circle)] == [360]
+
+
+def test_split_and_merge_finds_a_corner():
+    corner = np.vstack(
+        [np.column_stack([np.arange(11.0), np.zeros(11)]), [[10, y] for y in range(1, 8)]]
+    )
+    table = split_and_merge(corner, 0.1)
+    assert len(table) == 2
+    assert table.ends[0] == pytest.approx([0, 0, 10, 0], abs=1e-9)
+    assert table.ends[1] == pytest.approx([10, 0, 10, 7], abs=1e-9)
+
+
+def test_split_and_merge_keeps_a_straight_wall_whole():
+    rng = np.random.default_rng(0)
+    wall = np.column_stack([np.linspace(0, 10, 200), rng.normal(0, 0.02, 200)])
+    assert len(split_and_merge(wall, 0.1)) == 1
+
+
+@given(st.integers(0, 10_000), st.sampled_from([0.01, 0.05, 0.2]))
+@settings(max_examples=40, deadline=None)
+def test_a_noisy_wall_is_never_divided_and_its_line_is_found(seed, sigma):
+    rng = np.random.default_rng(seed)
+    angles = np.linspace(-0.8, 0.8, 91)
+    deviations = np.full(91, sigma)
+    ranges = 5.0 / np.cos(angles) + rng.normal(0, sigma, 91)
+    walls = segment_cluster(angles, ranges, deviations)
+    kept = walls[walls[:, 1] - walls[:, 0] > 10]
+    assert len(kept) == 1
+    inverse = fit_wall(angles, ranges, deviations)
+    assert 1.0 / np.hypot(*inverse) == pytest.approx(5.0, abs=0.8 * sigma)
+
+
+def test_a_corner_is_divided_at_its_place():
+    angles = np.linspace(-0.7, 0.7, 81)
+    ranges = np.minimum(5.0 / np.cos(angles), 2.0 / np.maximum(np.sin(angles), 1e-9))
+    walls = segment_cluster(angles, ranges, np.full(81, 0.01))
+    corner = int(np.searchsorted(angles, np.arctan2(2.0, 5.0)))
+    assert len(walls) == 2
+    assert walls[0, 1] in (corner - 1, corner) and walls[1, 0] in (corner, corner + 1)
+
+
+def test_a_stray_point_is_on_no_wall():
+    angles = np.linspace(-0.5, 0.5, 41)
+    ranges = 5.0 / np.cos(angles)
+    ranges[20] = 4.0
+    walls = segment_cluster(angles, ranges, np.full(41, 0.02))
+    on_wall = np.concatenate([np.arange(a, b + 1) for a, b in walls])
+    assert 20 not in on_wall and len(on_wall) >= 38
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=30)
+def test_moments_add_up_in_any_order(seed):
+    rng = np.random.default_rng(seed)
+    points, weights = rng.normal(1e5, 3.0, (30, 2)), rng.uniform(0.5, 2.0, 30)
+    a, b, c = (measure_moments(points[i::3], weights[i::3]) for i in range(3))
+    whole = measure_moments(points, weights)
+    assert add_moments(add_moments(a, b), c) == pytest.approx(whole, rel=1e-6)
+    assert add_moments(c, add_moments(b, a)) == pytest.approx(whole, rel=1e-6)
+
+
+RULE = EndPointMerging(length=0.1, distance=0.1)
+
+
+@pytest.mark.parametrize(
+    ("other", "merged"),
+    [
+        ([1.0, 0.05, 9.0, -0.05], True),  # C and D lie by L1: c1, c2
+        ([-5.0, 0.0, 15.0, 0.0], True),  # A and B lie by L2: c3, c4
+        ([5.0, 0.05, 15.0, 0.0], True),  # they overlap: c1, c4 and all distances small
+        ([10.02, 0.0, 20.0, 0.0], True),  # they touch
+        ([11.0, 0.0, 20.0, 0.0], False),  # a gap wider than T
+        ([5.0, 0.3, 15.0, 0.3], False),  # beside each other, farther than R
+        ([5.0, -5.0, 5.0, 5.0], False),  # across
+        ([5.0, 0.7, 5.2, 0.7], True),  # a short one within the ellipse of c1 and c2: 0.71 m
+        ([5.0, 0.8, 5.2, 0.8], False),
+    ],
+)
+def test_equation_9_to_the_letter(other, merged):
+    segment = np.array([0.0, 0.0, 10.0, 0.0])
+    assert bool(RULE.conditions(segment, np.array([other]))[0]) is merged
+    turned = np.array(other)[[2, 3, 0, 1]]
+    assert bool(RULE.conditions(segment, turned[None])[0]) is merged
+
+
+def test_merging_end_points_fits_all_four():
+    table = table_of([[0, 0, 10, 0], [5, 0.05, 15, 0.05]])
+    ends, _ = RULE.merge(table, 0, 1)
+    corners = table.ends.reshape(-1, 2)
+    mean, unit = fit_line(corners)
+    offset = ends.reshape(2, 2) - mean
+    assert unit[0] * offset[:, 1] - unit[1] * offset[:, 0] == pytest.approx([0, 0], abs=1e-12)
+    assert lengths(ends[None])[0] == pytest.approx(15.0, abs=0.01)
+
+
+def test_the_default_rule_does_not_swallow_what_stands_beside_a_wall():
+    table = table_of([[0, 0, 10, 0], [5, 0.7, 5.4, 0.7]])
+    assert MomentMerging(0.5, 0.1).partner(table, 1, np.array([0])) == -1
+    near = table_of([[0, 0, 10, 0], [5, 0.05, 7, 0.05]])
+    assert MomentMerging(0.5, 0.1).partner(near, 1, np.array([0])) == 0
+
+
+@pytest.mark.parametrize("rule", [RULE, MomentMerging(0.5, 0.1)])
+def test_a_chain_of_pieces_becomes_one_segment_in_one_union(rule):
+    pieces = [[k, 0.0, k + 1.05, 0.0] for k in range(9)]
+    table = unite(table_of(pieces), range(9), rule)
+    assert len(table) == 1 and table.points.sum() == 90
+    assert np.abs(table.ends[0]) == pytest.approx([0, 0, 9.05, 0], abs=1e-6)
+
+
+def test_merging_unites_the_unions():
+    # 0 and 1 are of two unions; 2 bridges them; 3 is of the union of 0 but elsewhere.
+    table = table_of([[0, 0, 4, 0], [6, 0, 9, 0], [3, 0, 7, 0], [0, 5, 4, 5]])
+    table = SegmentTable(table.ends, table.moments, table.points, np.array([0, 1, 2, 0]))
+    united = unite(table, range(2, 3), MomentMerging(0.5, 0.1))
+    assert len(united) == 2 and len(set(united.unions.tolist())) == 1
+
+
+def test_segments_that_meet_at_a_corner_belong_together():
+    ends = np.array([[0, 0, 4, 0], [4.1, 0.1, 4.1, 3], [9, 0, 12, 0], [5.5, 0.0, 8, 0]])
+    assert corner_pairs(ends, 0.5).tolist() == [[0, 1]]
+    assert connect(np.array([7, 8, 9, 9]), np.array([[0, 1]])).tolist() == [0, 0, 1, 1]

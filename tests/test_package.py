@@ -1,0 +1,41 @@
+import subprocess
+import sys
+
+import lrf3d
+
+
+def loaded_by(code):
+    program = f"import sys\n{code}\nprint(' '.join(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.split())
+
+
+def test_importing_lrf3d_loads_nothing_heavy():
+    heavy = {"numba", "trimesh", "pyrender", "matplotlib", "scipy", "shapely", "numpy"}
+    assert not heavy & loaded_by("import lrf3d")
+
+
+def test_the_command_line_loads_nothing_heavy():
+    heavy = {"numba", "trimesh", "pyrender", "matplotlib", "scipy", "shapely", "numpy", "rich"}
+    assert not heavy & loaded_by("import lrf3d.cli")
+
+
+def test_a_planar_cast_builds_no_mesh():
+    code = (
+        "import lrf3d; w = lrf3d.World([[1, -1, 1, 1]]);"
+        "lrf3d.PlanarCaster(w).cast(lrf3d.LaserRangeFinder(), (0, 0, 0))"
+    )
+    assert not {"trimesh", "embreex", "pyrender", "matplotlib"} & loaded_by(code)
+
+
+def test_the_public_names_are_sorted_and_all_there():
+    assert lrf3d.__all__ == sorted(lrf3d.__all__)
+    assert dir(lrf3d) == lrf3d.__all__
+    assert all(getattr(lrf3d, name) is not None for name in lrf3d.__all__)
+    assert set(lrf3d._HOME) == set(lrf3d.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    assert not hasattr(lrf3d, "Caster3000")

@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrf3d.errors import InputError
+from lrf3d.pose import Pose, as_pose, as_poses
+
+poses = st.builds(Pose, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-np.pi, np.pi))
+
+
+def same(one: Pose, other: Pose) -> bool:
+    turn = np.exp(1j * (one.theta - other.theta))
+    return np.allclose(one[:2], other[:2], atol=1e-9) and abs(turn - 1.0) < 1e-9
+
+
+@given(poses)
+def test_a_pose_and_its_inverse_give_the_identity(pose):
+    assert same(pose @ pose.inverse(), Pose(0.0, 0.0, 0.0))
+    assert same(pose.inverse() @ pose, Pose(0.0, 0.0, 0.0))
+
+
+@given(poses, poses, poses)
+def test_composition_is_associative(a, b, c):
+    assert same((a @ b) @ c, a @ (b @ c))
+
+
+@given(poses, poses)
+def test_applying_a_composition_applies_both(a, b):
+    points = np.array([[0.0, 0.0], [1.0, 2.0]])
+    assert np.allclose((a @ b).apply(points), a.apply(b.apply(points)))
+
+
+@pytest.mark.parametrize("bad", [(1, 2), (1, 2, np.nan), "abc", 3, (1, 2, 3, 4)])
+def test_what_is_no_pose_is_refused_by_name(bad):
+    with pytest.raises(InputError, match="pose"):
+        as_pose(bad)
+
+
+def test_bad_poses_are_named_by_their_row():
+    with pytest.raises(InputError, match="pose 1"):
+        as_poses([[0, 0, 0], [0, np.inf, 0]])
+    with pytest.raises(InputError, match="shape"):
+        as_poses([[0, 0]])

@@ -1,0 +1,119 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrf3d import CollisionError, InputError, Trajectory, Unicycle, World, drive, follow_route
+from lrf3d.robot import check_drive, find_collision
+
+speeds = st.floats(-3.0, 3.0)
+turns = st.floats(-2.0, 2.0)
+ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
+
+
+@given(speeds, turns, st.floats(0.01, 10.0))
+@settings(max_examples=30, deadline=None)
+def test_arcs_agree_with_integration(v, omega, duration):
+    exact = drive((1.0, 2.0, 0.3), v, omega, duration=duration, dt=duration / 3)
+    integrated = drive(
+        (1.0, 2.0, 0.3), lambda t: v, lambda t: omega, duration=duration, dt=duration / 3
+    )
+    assert exact.times == pytest.approx(integrated.times)
+    assert exact.poses == pytest.approx(integrated.poses, abs=1e-6)
+
+
+@given(speeds, st.floats(-1e-9, 1e-9))
+def test_small_turns_go_over_into_a_straight_line(v, omega):
+    end = Unicycle().move((0.0, 0.0, 0.0), v, omega, 2.0)
+    assert end == pytest.approx((2.0 * v, v * omega * 2.0, 2.0 * omega), abs=1e-12)
+
+
+def test_a_circle_closes():
+    end = drive((5.0, 5.0, 1.0), 2.0, 0.5, duration=4 * np.pi, dt=0.1).poses[-1]
+    assert end == pytest.approx([5.0, 5.0, 1.0 + 2 * np.pi], abs=1e-12)
+
+
+def test_pieces_are_chained():
+    whole = drive((0, 0, 0), [1.0, 0.0, 2.0], [0.0, np.pi / 2, 0.0], duration=[3.0, 1.0, 1.0])
+    assert whole.poses[-1] == pytest.approx([3.0, 2.0, np.pi / 2])
+    assert whole.times[-1] == 5.0
+
+
+def test_a_changing_turn_rate_follows_the_clothoid():
+    # With v = 1 and ω = t the heading is t²/2: x and y are Fresnel's integrals.
+    from scipy.special import fresnel
+
+    end = drive((0, 0, 0), 1.0, lambda t: t, duration=2.0, dt=0.1).poses[-1]
+    s, c = fresnel(2.0 / np.sqrt(np.pi))
+    assert end == pytest.approx([np.sqrt(np.pi) * c, np.sqrt(np.pi) * s, 2.0], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"duration": 0.0},
+        {"duration": -1.0},
+        {"duration": 1.0, "dt": 0.0},
+        {"duration": np.nan},
+        {"duration": [1.0, 2.0, 3.0], "v": [1.0, 2.0]},
+    ],
+)
+def test_a_drive_that_makes_no_sense_is_refused(arguments):
+    with pytest.raises(InputError):
+        drive((0, 0, 0), arguments.pop("v", 1.0), 0.0, **arguments)
+
+
+def test_a_trajectory_interpolates_over_the_seam_the_short_way():
+    trajectory = Trajectory([0.0, 1.0], [[0, 0, 3.0], [2, 0, -3.0]])
+    x, _, theta = trajectory.at(np.array([0.5]))[0]
+    assert x == 1.0 and abs(theta) == pytest.approx(np.pi)
+    assert trajectory.at(np.array([-5.0]))[0] == pytest.approx([0, 0, 3.0])
+    assert trajectory.length == 2.0 and trajectory.duration == 1.0
+
+
+@pytest.mark.parametrize("times", [[0.0, 0.0], [1.0, 0.0], [0.0]])
+def test_times_that_do_not_rise_are_refused(times):
+    with pytest.raises(InputError, match="trajectory"):
+        Trajectory(times, np.zeros((2, 3)))
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=2, max_size=6))
+@settings(max_examples=25, deadline=None)
+def test_pursuit_arrives_and_stays_near_the_route(corners):
+    route = np.array([c for i, c in enumerate(corners) if i == 0 or c != corners[i - 1]], float)
+    if len(route) < 2:
+        return
+    drive = follow_route(4.0 * route, speed=1.5, lookahead=1.0)
+    assert drive.poses[-1, :2] == pytest.approx(4.0 * route[-1], abs=1e-2)
+    from shapely import LineString, MultiPoint
+
+    path = LineString(4.0 * route)
+    away = [path.distance(point) for point in MultiPoint(drive.poses[:, :2]).geoms]
+    assert max(away) < 0.6
+
+
+def test_pursuit_turns_round_on_the_spot():
+    drive = follow_route([[0, 0], [5, 0]], start=(0.0, 0.0, np.pi), speed=1.0)
+    assert drive.poses[:, 0].min() > -0.05
+    assert drive.poses[-1, 0] == pytest.approx(5.0, abs=1e-2)
+
+
+@pytest.mark.parametrize("route", [[[0, 0]], [[0, 0], [0, 0]], [[0, 0, 0]], [[0, np.nan], [1, 1]]])
+def test_a_route_of_no_length_is_refused(route):
+    with pytest.raises(InputError, match="route"):
+        follow_route(route)
+
+
+def test_a_clear_drive_has_no_collision():
+    assert find_collision(follow_route([[2, 2], [8, 6]]), ROOM, 0.35) is None
+
+
+def test_a_drive_into_a_wall_names_time_place_and_wall():
+    trajectory = Trajectory([0.0, 1.0, 2.0], [[5, 4, 0], [9, 4, 0], [11, 4, 0]])
+    with pytest.raises(CollisionError, match=r"wall 1 at t = 1\.00 s near \(9\.00, 4\.00\)"):
+        check_drive(trajectory, ROOM, 0.35)
+
+
+def test_a_wall_between_two_poses_is_not_leapt_over():
+    trajectory = Trajectory([0.0, 1.0], [[9, 4, 0], [11, 4, 0]])
+    assert find_collision(trajectory, ROOM, 0.0).wall == 1

@@ -1,0 +1,478 @@
+"""Scores of maps against truth."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic_run import around, box, cast, make_run, make_world, ring
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.mapping import LineMap
+from lrf3d.pose import Pose
+from lrf3d.scoring import (
+    adjusted_rand_index,
+    buildings_seen,
+    match_segments,
+    nearness,
+    score_log,
+    score_map,
+    score_run,
+    storage,
+    visible_walls,
+)
+from lrf3d.scoring.nearness import sample_offsets
+from lrf3d.scoring.storage import held_polylines
+from lrf3d.simulation import Run
+from lrf3d.world import World
+
+ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
+
+
+def as_map(segments: Float, objects: object = None) -> LineMap:
+    count = len(segments)
+    labels = np.zeros(count, np.int64) if objects is None else np.asarray(objects)
+    return LineMap(np.asarray(segments, dtype=np.float64), labels, np.full(count, 2))
+
+
+@pytest.fixture(scope="module")
+def blocks() -> Run:
+    """A drive around three buildings."""
+    world = make_world(box(0, 0, 10, 6), box(14, 0, 8, 6), box(3, 10, 5, 5))
+    return make_run(world, around(10, 6, 15, 24), ROUND, sigma=0.04)
+
+
+@pytest.fixture(scope="module")
+def truth(blocks: Run) -> tuple[Float, Float]:
+    """Visible parts and their objects."""
+    segments, walls = visible_walls(blocks)
+    return segments, blocks.world.objects[walls]
+
+
+# Visible walls
+
+
+def test_visible_part_lies_between_the_outermost_returns():
+    world = World(np.array([[-5.0, 2.0, 5.0, 2.0], [50.0, 50.0, 51.0, 50.0]]))
+    lrf = LaserRangeFinder(np.deg2rad(45), np.deg2rad(135), 91, range_max=10.0)
+    segments, walls = visible_walls(make_run(world, np.array([[0.0, 0.0, 0.0]]), lrf))
+    assert walls.tolist() == [0]
+    np.testing.assert_allclose(segments, [[-2.0, 2.0, 2.0, 2.0]], atol=1e-12)
+
+
+def test_a_part_of_half_a_metre_does_not_count():
+    world = World(np.array([[-0.25, 2.0, 0.25, 2.0], [-0.26, -2.0, 0.26, -2.0]]))
+    # Beams aimed at the very ends see all of both walls.
+    poses = np.array([[x, 0.0, turn] for x in (-0.25, 0.25) for turn in (np.pi / 2, -np.pi / 2)])
+    poses = np.vstack([poses + np.array([step, 0.0, 0.0]) for step in (-0.01, 0.0, 0.01)])
+    _, walls = visible_walls(make_run(world, poses, LaserRangeFinder(0.0, 0.0, 1)))
+    assert walls.tolist() == [1]
+
+
+# Map scores
+
+
+def test_the_visible_walls_themselves_score_one(truth):
+    segments, objects = truth
+    score = score_map(as_map(segments, objects), segments, objects)
+    shares = score.as_dict()
+    assert shares.pop("perpendicular_rms") == pytest.approx(0.0, abs=1e-12)
+    counts = {name: shares.pop(name) for name in list(shares) if name.endswith("_segments")}
+    assert set(shares.values()) == {1.0}
+    assert set(counts.values()) == {12}
+
+
+def test_a_map_of_a_good_run_scores_near_one(blocks):
+    score = score_run(blocks)
+    assert score.length_f1 > 0.99
+    assert score.segment_f1 == score.segment_ratio == score.object_purity == 1.0
+    assert 0.0 < score.perpendicular_rms < 0.01
+
+
+def test_a_shift_of_two_tenths_of_a_metre_ends_length_f1(truth):
+    segments, objects = truth
+    shifted = segments + np.array([0.2, 0.2, 0.2, 0.2])
+    score = score_map(as_map(shifted, objects), segments, objects)
+    assert score.length_f1 < 0.1
+    assert score.segment_f1 == 0.0
+
+
+def test_a_turn_of_six_degrees_ends_length_f1_and_four_degrees_do_not():
+    wall = np.array([[-0.5, 0.0, 0.5, 0.0]])
+    for degrees, expected in ((4.0, 1.0), (6.0, 0.0)):
+        half = 0.5 * np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
+        found = np.concatenate([-half, half])[None]
+        assert score_map(as_map(found), wall, np.zeros(1)).length_f1 == expected
+
+
+def test_perpendicular_rms_is_the_offset_of_a_shifted_segment():
+    wall = np.array([[0.0, 0.0, 4.0, 0.0]])
+    score = score_map(as_map(wall + np.tile([0.05, 0.03], 2)), wall, np.zeros(1))
+    assert score.perpendicular_rms == pytest.approx(0.03, abs=1e-12)
+
+
+def test_precision_falls_with_what_is_not_there_and_recall_with_what_is_missing():
+    walls = np.array([[0.0, 0.0, 4.0, 0.0], [0.0, 3.0, 4.0, 3.0]])
+    more = as_map(np.vstack([walls, [[0.0, 9.0, 8.0, 9.0]]]))
+    score = score_map(more, walls, np.zeros(2))
+    assert (score.length_precision, score.length_recall) == (0.5, 1.0)
+    assert score.segment_precision == pytest.approx(2 / 3)
+    score = score_map(as_map(walls[:1]), walls, np.zeros(2))
+    assert (score.length_precision, score.length_recall) == (1.0, 0.5)
+    assert score.segment_recall == 0.5
+
+
+def test_a_split_segment_lowers_segment_f1_and_raises_the_ratio_only(truth):
+    segments, objects = truth
+    middle = 0.5 * (segments[0, :2] + segments[0, 2:])
+    halves = [np.concatenate([segments[0, :2], middle]), np.concatenate([middle, segments[0, 2:]])]
+    split = as_map(np.vstack([halves, segments[1:]]), np.append(objects[0], objects))
+    score = score_map(split, segments, objects)
+    assert score.length_f1 == 1.0
+    assert score.segment_f1 == pytest.approx(2 * 11 / (12 + 13))
+    assert score.segment_ratio == pytest.approx(13 / 12)
+
+
+def test_a_sample_on_a_wall_seen_too_little_to_be_found_is_right_all_the_same():
+    visible, walls = np.array([[0.0, 0.0, 4.0, 0.0]]), np.array([[0.0, 0.0, 8.0, 0.0]])
+    score = score_map(as_map(walls), visible, np.zeros(1), walls=walls)
+    assert score.length_precision == 1.0
+    assert score_map(as_map(walls), visible, np.zeros(1)).length_precision < 0.6
+
+
+def test_purity_falls_when_two_buildings_share_a_union(truth):
+    segments, objects = truth
+    merged = score_map(as_map(segments, np.minimum(objects, 1)), segments, objects)
+    assert 0.0 < merged.object_purity < 1.0
+    assert score_map(as_map(segments), segments, objects).object_purity == 0.0
+
+
+def test_empty_maps_and_empty_worlds_are_scored():
+    wall, nothing = np.array([[0.0, 0.0, 4.0, 0.0]]), np.empty((0, 4))
+    no_map = score_map(LineMap.empty(), wall, np.zeros(1))
+    assert (no_map.length_f1, no_map.segment_f1, no_map.segment_ratio) == (0.0, 0.0, 0.0)
+    assert no_map.as_dict()["perpendicular_rms"] is None
+    no_world = score_map(as_map(wall), nothing, np.empty(0))
+    assert (no_world.length_f1, no_world.as_dict()["segment_ratio"]) == (0.0, None)
+    neither = score_map(LineMap.empty(), nothing, np.empty(0))
+    assert (neither.length_f1, neither.segment_f1, neither.segment_ratio) == (1.0, 1.0, 1.0)
+
+
+def test_a_segment_of_no_length_is_counted_and_matches_nothing():
+    wall = np.array([[0.0, 0.0, 4.0, 0.0]])
+    score = score_map(as_map(np.vstack([wall, [[1.0, 0.0, 1.0, 0.0]]])), wall, np.zeros(1))
+    assert (score.matched_segments, score.segment_ratio, score.length_f1) == (1, 2.0, 1.0)
+
+
+@given(
+    angle=st.floats(-np.pi, np.pi),
+    shift=st.sampled_from([(0.0, 0.0), (1e6, -1e6), (85000.0, 447500.0)]),
+    flip=st.booleans(),
+)
+@settings(max_examples=25, deadline=None)
+def test_scores_do_not_depend_on_where_the_world_lies(blocks, truth, angle, shift, flip):
+    segments, objects = truth
+    pose = Pose(*shift, angle)
+
+    def moved(lines: Float) -> Float:
+        ends = pose.apply(lines.reshape(-1, 2)).reshape(-1, 4)
+        return ends[:, [2, 3, 0, 1]] if flip else ends
+
+    here = score_map(blocks.map, segments, objects).as_dict()
+    there_map = replace(blocks.map, segments=moved(blocks.map.segments))
+    there = score_map(there_map, moved(segments), objects).as_dict()
+    assert there == pytest.approx(here, abs=1e-8)
+
+
+def test_blocks_change_no_offset(monkeypatch):
+    rng = np.random.default_rng(3)
+    segments, walls = rng.uniform(0, 10, (40, 4)), rng.uniform(0, 10, (60, 4))
+    segments = np.vstack([segments, walls + rng.normal(0, 0.03, walls.shape)])
+    whole = sample_offsets(segments, walls, reach=0.3, angle=0.3)
+    monkeypatch.setattr(nearness, "BLOCK", 37)
+    np.testing.assert_array_equal(sample_offsets(segments, walls, reach=0.3, angle=0.3), whole)
+    assert np.isfinite(whole).any()
+    assert np.isinf(whole).any()
+
+
+def test_offsets_equal_those_of_all_pairs():
+    rng = np.random.default_rng(4)
+    walls = rng.uniform(0, 6, (50, 4))
+    segments = np.vstack([rng.uniform(0, 6, (20, 4)), walls + rng.normal(0, 0.05, walls.shape)])
+    expected = []
+    for x1, y1, x2, y2 in segments:
+        length = np.hypot(x2 - x1, y2 - y1)
+        count = int(np.ceil(length / 0.05))
+        for step in range(count):
+            place = (step + 0.5) / count
+            point = np.array([x1 + place * (x2 - x1), y1 + place * (y2 - y1)])
+            best = (np.inf, np.inf)
+            for wall in walls:
+                delta = wall[2:] - wall[:2]
+                wall_length = np.hypot(*delta)
+                turn = (x2 - x1) * delta[1] - (y2 - y1) * delta[0]
+                if abs(turn) > np.sin(0.2) * length * wall_length:
+                    continue
+                gap = point - wall[:2]
+                along = np.clip(gap @ delta / wall_length, 0, wall_length)
+                distance = np.hypot(*(gap - along * delta / wall_length))
+                offset = abs(gap[0] * delta[1] - gap[1] * delta[0]) / wall_length
+                if distance <= 0.1:
+                    best = min(best, (distance, offset))
+            expected.append(best[1])
+    np.testing.assert_allclose(sample_offsets(segments, walls, reach=0.1, angle=0.2), expected)
+
+
+# Matching
+
+
+def test_overlap_must_exceed_half_and_ends_must_lie_by_the_line():
+    wall = np.array([[0.0, 0.0, 4.0, 0.0]])
+    pairs = {
+        (0.0, 0.0, 2.1, 0.0): 1,
+        (0.0, 0.0, 1.9, 0.0): 0,
+        (0.0, 0.0, 7.9, 0.0): 1,
+        (0.0, 0.0, 8.1, 0.0): 0,
+        (4.0, 0.14, 0.0, -0.14): 1,
+        (4.0, 0.16, 0.0, 0.0): 0,
+    }
+    for segment, expected in pairs.items():
+        assert len(match_segments(np.array([segment]), wall)) == expected, segment
+
+
+def test_one_segment_cannot_stand_for_both_faces_of_a_thin_wall():
+    faces = np.array([[0.0, 0.0, 4.0, 0.0], [4.0, 0.1, 0.0, 0.1]])
+    assert match_segments(faces[1:], faces).tolist() == [[0, 1]]
+    assert match_segments(faces[::-1], faces).tolist() == [[1, 0], [0, 1]]
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=40, deadline=None)
+def test_matching_finds_the_most_pairs(seed):
+    rng = np.random.default_rng(seed)
+    walls = np.array([[0.0, 0.0, 4.0, 0.0]]) + rng.uniform(-0.6, 0.6, (4, 4)) * [1, 0.1, 1, 0.1]
+    found = np.array([[0.0, 0.0, 4.0, 0.0]]) + rng.uniform(-0.6, 0.6, (5, 4)) * [1, 0.3, 1, 0.3]
+    pairs = match_segments(found, walls)
+    assert len(np.unique(pairs[:, 0])) == len(np.unique(pairs[:, 1])) == len(pairs)
+    allowed = np.array([[len(match_segments(f[None], w[None])) for w in walls] for f in found])
+    most = max(
+        sum(allowed[row, column] for column, row in enumerate(rows))
+        for rows in itertools.permutations(range(5), 4)
+    )
+    assert len(pairs) == most
+    assert all(allowed[row, column] for row, column in pairs)
+
+
+def test_matching_does_not_depend_on_order():
+    rng = np.random.default_rng(5)
+    walls = rng.uniform(0, 3, (30, 4))
+    found = np.repeat(walls, 3, axis=0) + rng.normal(0, 0.04, (90, 4))
+    order = rng.permutation(90)
+    pairs, shuffled = match_segments(found, walls), match_segments(found[order], walls)
+    assert len(pairs) > 20
+    np.testing.assert_array_equal(order[shuffled[:, 0]], pairs[:, 0])
+    np.testing.assert_array_equal(shuffled[:, 1], pairs[:, 1])
+
+
+# Labels
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        ([0, 0, 1, 1], [7, 7, 3, 3], 1.0),
+        ([0, 0, 1, 1], [0, 1, 0, 1], -0.5),
+        ([0, 0, 1, 1], [0, 0, 1, 2], 4 / 7),
+        ([0, 0, 0, 1, 1, 1], [0, 0, 1, 1, 2, 2], 8 / 33),
+        ([0, 0, 0], [0, 1, 2], 0.0),
+        ([0, 0, 0], [5, 5, 5], 1.0),
+        ([0, 1, 2], [2, 1, 0], 1.0),
+        ([4], [9], 1.0),
+        ([], [], 1.0),
+    ],
+)
+def test_adjusted_rand_index_by_hand(first, second, expected):
+    index = adjusted_rand_index(np.array(first, dtype=int), np.array(second, dtype=int))
+    assert index == pytest.approx(expected, abs=1e-12)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), max_size=30),
+    st.permutations(range(5)),
+)
+def test_adjusted_rand_index_knows_no_names_and_no_sides(pairs, names):
+    first, second = np.array(pairs, dtype=int).reshape(-1, 2).T
+    index = adjusted_rand_index(first, second)
+    assert index <= 1.0
+    assert adjusted_rand_index(second, first) == pytest.approx(index, abs=1e-12)
+    assert adjusted_rand_index(np.array(names)[first], second) == pytest.approx(index, abs=1e-12)
+    assert adjusted_rand_index(first, first) == 1.0
+
+
+# Buildings
+
+
+def test_buildings_seen_from_everywhere_and_mapped_well_are_whole(blocks):
+    count = buildings_seen(blocks)
+    assert (count.buildings, count.seen_on_all_sides, count.whole) == (3, 3, 3)
+
+
+def test_a_building_seen_from_one_side_is_not_counted():
+    world = make_world(box(0, 0, 10, 6), box(14, 0, 8, 6))
+    count = buildings_seen(make_run(world, np.array([[11.0, -8.0, 0.0]]), ROUND))
+    assert (count.buildings, count.seen_on_all_sides, count.whole) == (2, 0, 0)
+
+
+@pytest.mark.parametrize("flaw", ["split", "extra", "missing", "two unions", "shared union"])
+def test_a_building_with_a_flaw_is_not_whole(blocks, flaw):
+    segments, objects = blocks.map.segments.copy(), blocks.map.objects.copy()
+    if flaw == "split":
+        middle = 0.5 * (segments[0, :2] + segments[0, 2:])
+        segments = np.vstack([segments, np.concatenate([middle, segments[0, 2:]])])
+        segments[0, 2:] = middle
+        objects = np.append(objects, objects[0])
+    elif flaw == "extra":
+        segments, objects = np.vstack([segments, [[4, 2, 6, 2]]]), np.append(objects, objects[0])
+    elif flaw == "missing":
+        segments, objects = segments[1:], objects[1:]
+    elif flaw == "two unions":
+        objects[0] = 9
+    else:
+        objects[objects == 1] = 0
+    count = buildings_seen(replace(blocks, maps=(as_map(segments, objects),)))
+    assert (count.seen_on_all_sides, count.whole) == (3, 1 if flaw == "shared union" else 2)
+
+
+# Storage
+
+
+def six_walls() -> Float:
+    return ring([(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)])
+
+
+def views(corners: list[tuple[float, float]]) -> Float:
+    return np.array(corners, dtype=np.float64)
+
+
+def test_storage_counts_numbers(blocks):
+    outline = views([(0, 0), (10, 0), (10, 6)])
+    count = storage(blocks, [[outline]] * len(blocks))
+    assert (count.segments, count.unions) == (12, 3)
+    assert (count.union_numbers, count.union_numbers_unlabelled) == (60, 48)
+    assert (count.polylines, count.polyline_lines, count.polyline_numbers) == (1, 2, 6)
+    low = np.min([scan.points().min(axis=0) for scan in blocks.scans], axis=0)
+    assert low[0] > -5.0  # The poses reach farther left than the walls: they count as well.
+    assert count.grid_cells == 300 * 300
+
+
+def test_an_object_of_six_walls_takes_more_lines_as_polylines_than_as_a_union():
+    run = make_run(make_world(six_walls()), around(3, 3, 8, 8), ROUND)
+    sides = [
+        [views([(0, 6), (0, 0), (6, 0)])],
+        [views([(0, 0), (6, 0), (6, 3), (3, 3)])],
+        [views([(6, 0), (6, 3), (3, 3), (3, 6), (0, 6)])],
+        [views([(3, 6), (0, 6), (0, 0)])],
+    ]
+    count = storage(run, sides)
+    assert (count.segments, count.unions) == (6, 1)
+    # The view from below left is told by the others; corner walls are stored twice.
+    assert (count.polylines, count.polyline_lines, count.polyline_numbers) == (3, 9, 24)
+    assert count.grid_cells > 50 * count.polyline_numbers
+
+
+def test_a_view_that_tells_nothing_new_is_not_held():
+    front = views([(0, 0), (10, 0), (10, 6)])
+    shorter = views([(1, 0.05), (10, 0.05), (10, 5)])
+    around_the_corner = views([(10, 0), (10, 6), (0, 6)])
+    assert len(held_polylines([[front], [shorter]], 0.1)) == 1
+    assert len(held_polylines([[front], [around_the_corner]], 0.1)) == 2
+
+
+def test_a_view_that_tells_all_that_others_told_replaces_them():
+    full = views([(0, 0), (10, 0), (10, 6), (0, 6)])
+    parts = [views([(0, 0), (4, 0)]), views([(4, 0), (10, 0), (10, 3)])]
+    held = held_polylines([parts, [full]], 0.1)
+    assert len(held) == 1
+    assert held[0] is full
+
+
+def test_no_polylines_at_all_take_no_numbers(blocks):
+    count = storage(blocks, [[] for _ in range(len(blocks))])
+    assert (count.polylines, count.polyline_lines, count.polyline_numbers) == (0, 0, 0)
+
+
+# Real logs
+
+
+def scans_of(run: Run) -> list[LaserScan]:
+    return list(run.scans)
+
+
+def test_a_perfect_map_explains_all_and_is_never_violated():
+    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]))
+    poses = np.array([[3.0, 3.0, 0.2], [8.0, 5.0, 2.0]])
+    run = make_run(world, poses, ROUND)
+    score = score_log(as_map(world.segments), run.scans)
+    assert (score.explained, score.violation) == (1.0, 0.0)
+    assert score.median_range_error == pytest.approx(0.0, abs=1e-9)
+    assert (score.segments, score.scans, score.returns) == (4, 2, 2 * 721)
+    assert score.length == pytest.approx(40.0)
+
+
+def test_a_wall_in_mid_room_violates_the_beams_that_pass_it():
+    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]))
+    lrf = LaserRangeFinder(-np.pi / 2, np.pi / 2, 181)
+    run = make_run(world, np.array([[6.0, 4.0, 0.0]]), lrf)
+    phantom = np.vstack([world.segments, [[8.0, 2.0, 8.0, 6.0]]])
+    score = score_log(as_map(phantom), run.scans)
+    assert score.violation == pytest.approx(91 / 181, abs=2 / 181)
+    assert score.explained == 1.0
+
+
+def test_returns_that_are_too_near_or_too_far_are_not_judged():
+    angles = np.zeros(6)
+    ranges = np.array([0.1, 0.11, 19.95, 20.0, np.inf, -np.inf])
+    scan = LaserScan(Pose(0, 0, 0), angles, ranges)
+    score = score_log(as_map(np.array([[20.0, -1.0, 20.0, 1.0]])), [scan])
+    assert score.returns == 2
+    assert score.explained == 0.5
+    assert score.violation == 0.0
+    assert score.median_range_error == pytest.approx(0.5 * (0.05 + 19.89))
+
+
+def test_a_log_scores_the_same_far_from_the_origin():
+    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]), box(4, 3, 2, 2))
+    run = make_run(world, np.array([[2.0, 2.0, 0.2], [9.0, 5.0, 2.0]]), ROUND, sigma=0.5)
+    here = score_log(as_map(world.segments), run.scans).as_dict()
+    away = np.array([85000.0, 447500.0])
+    moved = [
+        replace(s, pose=Pose(s.pose.x + away[0], s.pose.y + away[1], s.pose.theta))
+        for s in run.scans
+    ]
+    there = score_log(as_map(world.segments + np.tile(away, 2)), moved).as_dict()
+    assert there == pytest.approx(here, abs=1e-9)
+
+
+def test_a_log_without_map_or_returns_has_no_figures():
+    scan = LaserScan(Pose(0, 0, 0), np.zeros(1), np.array([5.0]))
+    empty = score_log(LineMap.empty(), [scan]).as_dict()
+    assert (empty["explained"], empty["violation"], empty["median_range_error"]) == (0.0, 0.0, None)
+    assert score_log(LineMap.empty(), []).as_dict()["explained"] is None
+
+
+def test_uneven_beams_are_refused():
+    scan = LaserScan(Pose(0, 0, 0), np.array([0.0, 0.1, 0.5]), np.ones(3))
+    with pytest.raises(InputError, match="evenly"):
+        score_log(as_map(np.array([[1.0, -1.0, 1.0, 1.0]])), [scan])
+
+
+def test_the_brute_force_rays_of_these_tests_are_right():
+    world = World(np.array([[2.0, -1.0, 2.0, 1.0], [1.0, 5.0, 1.0, 9.0]]))
+    lrf = LaserRangeFinder(0.0, np.pi / 2, 2)
+    ranges, walls = cast(world, lrf, np.array([0.0, 0.0, 0.0]))
+    assert ranges.tolist() == [2.0, np.inf]
+    assert walls.tolist() == [0, -1]

@@ -1,0 +1,113 @@
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d import (
+    InputError,
+    LaserRangeFinder,
+    ProportionalNoise,
+    World,
+    load_run,
+    save_run,
+    simulate,
+)
+
+ROOM = World(
+    np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]),
+    name="room",
+    object_names=("walls",),
+)
+POSES = np.array([[2.0, 2.0, 0.1], [4.0, 3.0, 0.8], [5.0, 5.0, 2.0]])
+
+
+def run_of(sigma=0.1, **settings):
+    noise = ProportionalNoise(sigma)
+    return simulate(ROOM, POSES, LaserRangeFinder(range_max=20.0), noise=noise, rng=3, **settings)
+
+
+def test_a_run_holds_truth_measurement_and_map():
+    run = run_of()
+    assert len(run) == 3 and run.ranges.shape == run.truth.shape == (3, 181)
+    error = run.ranges - run.truth
+    assert 0.01 < error.std() < 0.1
+    assert [scan.time for scan in run.scans] == [0.0, 1.0, 2.0]
+    assert run.true_scan(1).ranges == pytest.approx(run.truth[1])
+    assert run.map is run.maps[-1] and run.stages == (0, 1, 2)
+    assert len(run.map_after(-1)) == 0 and run.map_after(1) is run.maps[1]
+
+
+def test_the_same_seed_gives_the_same_run():
+    one, other = run_of(), run_of()
+    assert np.array_equal(one.ranges, other.ranges)
+    assert np.array_equal(one.map.segments, other.map.segments)
+
+
+def test_without_noise_the_ranges_are_true():
+    run = run_of(sigma=0.0)
+    assert np.array_equal(run.ranges, run.truth)
+
+
+def test_any_object_with_update_serves_as_a_mapper():
+    class Counter:
+        seen = 0
+
+        def update(self, scan):
+            self.seen += 1
+            return lrf3d.LineMap.empty()
+
+    counter = Counter()
+    assert len(run_of(mapper=counter).map) == 0 and counter.seen == 3
+
+
+def test_progress_counts_every_scan():
+    seen = []
+    run_of(progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_the_stages_of_a_long_run_are_few_and_end_with_the_last(monkeypatch):
+    monkeypatch.setattr(lrf3d.simulation, "MAP_SNAPSHOTS", 7)
+    poses = np.repeat(POSES[:1], 50, axis=0)
+    run = simulate(ROOM, poses, LaserRangeFinder(beams=31, range_max=20.0))
+    assert len(run.stages) == 7 and run.stages[-1] == 49
+
+
+def test_a_run_is_written_and_read_back_to_the_last_bit(tmp_path):
+    run = run_of()
+    save_run(run, tmp_path / "run.npz")
+    for path in (tmp_path / "run.npz", tmp_path):
+        back = load_run(path)
+        for name in ("ranges", "truth", "walls"):
+            assert np.array_equal(getattr(back, name), getattr(run, name))
+        assert np.array_equal(back.trajectory.poses, run.trajectory.poses)
+        assert np.array_equal(back.world.segments, run.world.segments)
+        assert back.world.name == "room" and back.world.object_names == ("walls",)
+        assert back.lrf == run.lrf and back.stages == run.stages
+        assert all(
+            np.array_equal(a.segments, b.segments) and np.array_equal(a.objects, b.objects)
+            for a, b in zip(back.maps, run.maps, strict=True)
+        )
+
+
+def test_files_that_are_no_runs_are_refused_by_name(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        load_run(tmp_path / "run.npz")
+    (tmp_path / "run.npz").write_bytes(b"PK\x03\x04 broken")
+    with pytest.raises(InputError, match=r"run\.npz"):
+        load_run(tmp_path / "run.npz")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(InputError, match="version"):
+        load_run(tmp_path / "other.npz")
+    np.savez(tmp_path / "pickled.npz", version=np.array([object()], dtype=object))
+    with pytest.raises(InputError, match=r"pickled\.npz"):
+        load_run(tmp_path / "pickled.npz")
+
+
+def test_a_run_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
+    def fail(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", fail)
+    with pytest.raises(lrf3d.OutputError, match="No space left"):
+        save_run(run_of(), tmp_path / "run.npz")
+    assert list(tmp_path.iterdir()) == []
