@@ -36,7 +36,7 @@ class Pose(NamedTuple):
     def apply(self, points: Float) -> Float:
         """Take points (n, 2) from this pose's own frame to the frame that it stands in."""
         cos, sin = np.cos(self.theta), np.sin(self.theta)
-        return points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x, self.y])
+        return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x, self.y]))
 
 
 def as_pose(pose: Sequence[float] | Float) -> Pose:

@@ -10,6 +10,9 @@ from lrf3d.cli.run import run
 from lrf3d.cli.world import world
 from lrf3d.errors import Lrf3dError
 
+INTERRUPTED = 130
+"""The status of a program that Ctrl-C ended: 128 and the number of the signal."""
+
 # Rich help would cost a third of the time that a help page may take.
 app = typer.Typer(
     name="lrf3d",
@@ -33,9 +36,11 @@ def main() -> None:
     except Lrf3dError as error:
         print(f"lrf3d: {error}", file=sys.stderr)
         sys.exit(1)
-    except KeyboardInterrupt:
-        print("lrf3d: stopped", file=sys.stderr)
-        sys.exit(130)
+    except SystemExit as end:
+        # Typer turns Ctrl-C into this status, without a word.
+        if end.code == INTERRUPTED:
+            print("lrf3d: stopped", file=sys.stderr)
+        raise
     except BrokenPipeError:
         # Whoever read our output has had enough; that is no error.
         sys.stderr.close()

@@ -21,6 +21,7 @@ map_segments (…, 4)   the segments of all stages, one after the other; map_obj
 """
 
 import zipfile
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +115,7 @@ def _run(arrays: dict[str, Any]) -> Run:
             arrays["map_objects"][first:last],
             arrays["map_points"][first:last],
         )
-        for first, last in zip(bounds[:-1], bounds[1:], strict=True)
+        for first, last in pairwise(bounds)
     )
     return Run(
         world,

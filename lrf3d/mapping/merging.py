@@ -71,7 +71,7 @@ class EndPointMerging:
 
 
 def _distance(points: Float, point: Float) -> Float:
-    return np.hypot(points[:, 0] - point[0], points[:, 1] - point[1])
+    return np.asarray(np.hypot(points[:, 0] - point[0], points[:, 1] - point[1]))
 
 
 def _aside(offsets: Float, units: Float) -> Float:

@@ -22,7 +22,7 @@ LEAST_POINTS = 3
 """Fewest points of a wall: two fit any line."""
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def segment_cluster(angles: Float, ranges: Float, deviations: Float) -> Int:  # pragma: no cover
     """Divide a cluster into walls.
 

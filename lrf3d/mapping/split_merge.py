@@ -1,8 +1,10 @@
 """Split-and-merge: a cluster of points becomes a polyline (section 3 of the paper, and its [4])."""
 
+from itertools import pairwise
+
 import numpy as np
 
-from lrf3d.geometry import Float, Int, fit_line
+from lrf3d.geometry import Float, fit_line
 from lrf3d.mapping.table import SegmentTable, fit_ends, measure_moments
 
 
@@ -14,9 +16,7 @@ def split_and_merge(points: Float, split: float) -> SegmentTable:
     within ``split`` of one common line. A piece of one point is no segment.
     """
     cuts = _merge(points, _split(points, split), split)
-    rows = [
-        _segment(points[first : last + 1]) for first, last in zip(cuts[:-1], cuts[1:], strict=True)
-    ]
+    rows = [_segment(points[first : last + 1]) for first, last in pairwise(cuts)]
     if not rows:
         return SegmentTable.empty()
     return SegmentTable(
@@ -75,8 +75,3 @@ def _segment(points: Float) -> tuple[Float, Float, int]:
     chord = np.concatenate([points[0], points[-1]])[None]
     return fit_ends(moments, np.concatenate([chord, span])), moments, len(points)
 
-
-def polyline_vertices(table: SegmentTable) -> Int:
-    """How many vertices the polylines of a table have: one more than segments for each."""
-    unions, counts = np.unique(table.unions, return_counts=True)
-    return counts + np.ones(len(unions), np.int64)

@@ -51,7 +51,7 @@ def drive(
 def _positive(duration: float | ArrayLike) -> float:
     array = np.asarray(duration, dtype=np.float64)
     if array.ndim or not (np.isfinite(array) and array > 0.0):
-        raise InputError(f"duration {duration}: expected one positive number of seconds")
+        raise InputError(f"duration {duration!r}: expected one positive number of seconds")
     return float(array)
 
 
@@ -66,7 +66,8 @@ def _function(value: Input) -> Callable[[float], float]:
 
 def _sample_times(duration: float, dt: float) -> Float:
     """Times 0, dt, 2·dt, … and the duration itself [s]."""
-    times = np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1) * dt
+    count = int(np.floor(duration / dt * (1.0 + 1e-12)))
+    times = np.asarray(np.arange(count + 1) * dt, dtype=np.float64)
     if duration - times[-1] > 1e-9 * dt:
         return np.append(times, duration)
     times[-1] = duration
@@ -113,7 +114,7 @@ def _chain_arcs(
             "drive: v, omega and duration have different numbers of pieces; give one of each"
         ) from None
     if not (np.isfinite(durations).all() and (durations > 0.0).all() and len(durations)):
-        raise InputError(f"duration {duration}: expected positive numbers of seconds")
+        raise InputError(f"duration {duration!r}: expected positive numbers of seconds")
     if not (np.isfinite(v).all() and np.isfinite(omega).all()):
         raise InputError("drive: v and omega must be finite numbers")
     begins = np.concatenate([[0.0], np.cumsum(durations)])

@@ -20,8 +20,12 @@ MAX_TURN_RATE = 1.5
 TURN_IN_PLACE = np.radians(75.0)
 """A goal farther round than this [rad] is turned to on the spot, so that no loop is driven."""
 
+SHARPEST_TURN = np.radians(100.0)
+"""Where the route turns by more than this [rad] the robot drives to the way-point itself and
+turns there: a point to steer at beyond it would lie at the robot's back, or just where it is."""
+
 ARRIVED = 1e-3
-"""How near to the last way-point the drive ends [m]."""
+"""How near to a way-point to stop at the robot has arrived [m]."""
 
 
 def follow_route(
@@ -46,20 +50,26 @@ def follow_route(
     """
     path = _Path(route)
     if not (np.isfinite([speed, lookahead, dt]).all() and min(speed, lookahead, dt) > 0.0):
-        raise InputError(f"speed {speed}, lookahead {lookahead}, dt {dt}: expected positive numbers")
+        raise InputError(
+            f"speed {speed}, lookahead {lookahead}, dt {dt}: expected positive numbers"
+        )
     pose = as_pose(path.start if start is None else start)
     robot = Unicycle()
     per_sample = max(1, round(dt / CONTROL_STEP))
     step = dt / per_sample
     reach, poses, times = 0.0, [pose], [0.0]
+    stops = path.stops()
     # Ten times the time that the route takes at full speed, and a minute to turn: then no
     # follower arrives any more.
     limit = int((10.0 * path.length / speed + 60.0) / step)
     for count in range(1, limit + 1):
-        reach = path.progress(pose, reach, lookahead)
-        v, omega = _command(pose, path, reach, speed, lookahead, step)
+        reach = path.progress(pose, reach, min(reach + lookahead, stops[0]))
+        goal = path.at(min(reach + lookahead, stops[0]))
+        v, omega = _command(pose, goal, speed, step)
         pose = robot.move(pose, v, omega, step)
-        arrived = np.hypot(*(path.points[-1] - pose[:2])) < ARRIVED
+        if len(stops) > 1 and np.hypot(*(path.at(stops[0]) - pose[:2])) < ARRIVED:
+            reach = stops.pop(0)
+        arrived = np.hypot(*(path.points[-1] - pose[:2])) < ARRIVED and len(stops) == 1
         if count % per_sample == 0 or arrived:
             poses.append(pose)
             times.append(count * step)
@@ -94,22 +104,27 @@ class _Path:
             [np.interp(station, self.stations, self.points[:, axis]) for axis in (0, 1)]
         )
 
-    def progress(self, pose: Pose, reach: float, window: float) -> float:
-        """The station nearest to the pose, never back and at most a window ahead."""
-        stations = np.linspace(reach, min(reach + window, self.length), 33)
+    def stops(self) -> list[float]:
+        """Stations of the way-points that the robot must come to: sharp turns and the end."""
+        headings = np.arctan2(*np.diff(self.points, axis=0).T[::-1])
+        sharp = np.abs(wrap_angle(np.diff(headings))) > SHARPEST_TURN
+        return [*self.stations[1:-1][sharp].tolist(), self.length]
+
+    def progress(self, pose: Pose, reach: float, limit: float) -> float:
+        """The station nearest to the pose, never back and no farther than a limit."""
+        stations = np.linspace(reach, limit, 33)
         near = np.column_stack(
             [np.interp(stations, self.stations, self.points[:, axis]) for axis in (0, 1)]
         )
         return float(stations[np.argmin(np.hypot(near[:, 0] - pose.x, near[:, 1] - pose.y))])
 
 
-def _command(
-    pose: Pose, path: _Path, reach: float, speed: float, lookahead: float, step: float
-) -> tuple[float, float]:
-    """Speed and turn rate towards the point that lies a look-ahead farther on the route."""
-    goal = path.at(min(reach + lookahead, path.length))
+def _command(pose: Pose, goal: Float, speed: float, step: float) -> tuple[float, float]:
+    """Speed and turn rate of the arc to a goal (2,) [m]."""
     dx, dy = goal - pose[:2]
     distance = float(np.hypot(dx, dy))
+    if distance == 0.0:
+        return 0.0, 0.0
     bearing = float(wrap_angle(np.arctan2(dy, dx) - pose.theta))
     if abs(bearing) > TURN_IN_PLACE:
         return 0.0, float(np.clip(bearing / step, -MAX_TURN_RATE, MAX_TURN_RATE))

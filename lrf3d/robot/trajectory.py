@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.pose import as_poses
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Trajectory:
     """Poses of a drive at rising times.
 
@@ -21,11 +22,13 @@ class Trajectory:
     times: Float
     poses: Float
 
-    def __post_init__(self) -> None:
-        times = np.asarray(self.times, dtype=np.float64)
-        poses = as_poses(self.poses)
+    def __init__(self, times: ArrayLike, poses: ArrayLike) -> None:
+        times = np.asarray(times, dtype=np.float64)
+        poses = as_poses(poses)
         if times.shape != (len(poses),) or len(poses) == 0:
-            raise InputError(f"trajectory of {len(poses)} poses and times {times.shape}: expected one a pose")
+            raise InputError(
+                f"trajectory of {len(poses)} poses and times {times.shape}: expected one a pose"
+            )
         if not (np.diff(times) > 0.0).all():
             raise InputError("trajectory: expected times that rise from pose to pose")
         object.__setattr__(self, "times", times)
@@ -46,8 +49,11 @@ class Trajectory:
         return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
     def at(self, times: Float) -> Float:
-        """Poses (m, 3) at times (m,) [s], between two poses along the straight line and the
-        shorter turn; before the first and after the last pose the robot stands."""
+        """Poses (m, 3) at times (m,) [s].
+
+        Between two poses the robot goes straight and turns the shorter way; before the first and
+        after the last it stands.
+        """
         headings = np.unwrap(self.poses[:, 2])
         x = np.interp(times, self.times, self.poses[:, 0])
         y = np.interp(times, self.times, self.poses[:, 1])

@@ -1,0 +1,170 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+ROOM = """\
+name = "box"
+
+[[object]]
+name = "walls"
+points = [[0, 0], [10, 0], [10, 8], [0, 8]]
+closed = true
+
+[robot]
+route = [[2, 2], [8, 2], [8, 6]]
+speed = 2.0
+scan_interval = 0.5
+
+[laser]
+beams = 61
+range_max = 20.0
+
+[noise]
+sigma = 0.05
+"""
+
+
+@pytest.fixture
+def room(tmp_path):
+    path = tmp_path / "box.toml"
+    path.write_text(ROOM)
+    return path
+
+
+def lrf3d(*arguments, cwd=None):
+    command = [sys.executable, "-m", "lrf3d", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120)
+
+
+def refused(*arguments, cwd=None):
+    """The one line on stderr with which a command ends that meets a known error."""
+    done = lrf3d(*arguments, cwd=cwd)
+    assert done.returncode == 1, done.stderr
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1 and done.stderr.startswith("lrf3d: ")
+    return done.stderr
+
+
+def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):
+    done = lrf3d("run", room, "--no-video", "--json", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    summary = json.loads(done.stdout)
+    assert summary == json.loads((tmp_path / "out" / "summary.json").read_text())
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"run.npz", "map.geojson", "map.png", "world.png", "summary.json"}
+    assert set(summary["files"].values()) == written
+    assert summary["map"]["segments"] == 4 and summary["buildings"]["whole"] == 1
+
+
+def test_the_same_seed_repeats_bit_for_bit_and_another_does_not(room, tmp_path):
+    maps = []
+    for name, seed in (("a", 5), ("b", 5), ("c", 6)):
+        done = lrf3d("run", room, "--no-video", "--seed", seed, "--out", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+        maps.append((tmp_path / name / "map.geojson").read_bytes())
+    assert maps[0] == maps[1] != maps[2]
+
+
+def test_several_noises_stand_side_by_side(room, tmp_path):
+    done = lrf3d("run", room, "--no-video", "--json", "--sigma", 0.02, "--sigma", 0.2, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    levels = json.loads(done.stdout)["noise_levels"]
+    assert [level["sigma_m"] for level in levels] == [0.02, 0.2]
+    assert (tmp_path / "out" / "box" / "noise.png").exists()
+
+
+def test_crosscheck_finds_nothing_unexplained(room):
+    done = lrf3d("crosscheck", room, "--json")
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["unexplained"] == []
+    assert report["agree"] + len(report["edge_cases"]) == report["beams"]
+    assert report["largest_difference_m"] <= 1e-9
+
+
+def test_world_show_lists_and_describes(room, tmp_path):
+    assert json.loads(lrf3d("world", "show", "--json").stdout) == ["city", "corridor", "paper_room"]
+    picture = tmp_path / "box.png"
+    report = json.loads(lrf3d("world", "show", room, "--json", "--out", picture).stdout)
+    assert report["walls"] == 4 and report["bounds_m"] == [[0, 0], [10, 8]]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("command", [[], ["run"], ["render"], ["crosscheck"], ["world", "show"]])
+def test_help_shows_an_example(command):
+    done = lrf3d(*command, "--help")
+    assert done.returncode == 0
+    assert "Example: lrf3d" in done.stdout
+
+
+def test_an_unknown_world_is_answered_with_those_there_are():
+    message = refused("run", "citty")
+    assert "city" in message and "corridor" in message and "paper_room" in message
+
+
+def test_a_key_misspelt_is_answered_with_the_nearest(room, tmp_path):
+    room.write_text(ROOM.replace("speed", "spede"))
+    message = refused("run", room, "--out", tmp_path / "out")
+    assert "box.toml:10" in message and "speed" in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[[object]]", "[[object", "box.toml:3"),
+        ("[10, 8]", "[nan, 8]", "box.toml:5"),
+        ("[10, 0], [10, 8]", "[10, 0], [10, 0]", "no length"),
+        ("beams = 61", "beams = 0", "beams"),
+        ("[8, 2]", "[8, -2]", "wall 0"),
+        ("sigma = 0.05", 'sigma = "much"', "sigma"),
+    ],
+)
+def test_a_bad_world_gets_one_clear_line_and_leaves_nothing(room, tmp_path, old, new, said):
+    assert old in ROOM
+    room.write_text(ROOM.replace(old, new))
+    message = refused("run", room, "--no-video", "--out", tmp_path / "out")
+    assert said in message
+    assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
+
+
+def test_a_collision_can_be_waved_through(room, tmp_path):
+    room.write_text(ROOM.replace("[8, 2]", "[8, -2]"))
+    done = lrf3d("run", room, "--no-video", "--ignore-collisions", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "warning" in done.stderr and "wall 0" in done.stderr
+
+
+def test_an_output_folder_that_cannot_be_is_refused(room, tmp_path):
+    (tmp_path / "file").write_text("")
+    assert "--out" in refused("run", room, "--out", tmp_path / "file" / "out")
+
+
+def test_wrong_usage_ends_with_two(room):
+    assert lrf3d("run").returncode == 2
+    assert lrf3d("run", room, "--mode", "best").returncode == 2
+    assert lrf3d("fly", room).returncode == 2
+
+
+def test_a_size_that_is_none_is_refused(room):
+    assert "--size" in refused("run", room, "--size", "big")
+    assert "--size" in refused("run", room, "--size", "641x361")
+
+
+def test_an_interrupt_ends_cleanly(room, tmp_path):
+    room.write_text(ROOM.replace("scan_interval = 0.5", "scan_interval = 0.0005"))
+    command = [sys.executable, "-m", "lrf3d", "run", room, "--no-video", "--out", tmp_path / "out"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # The folder appears when the imports are over and the drive begins.
+    while not (tmp_path / "out").exists() and process.poll() is None:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert (out, err) == ("", "lrf3d: stopped\n")
+    assert list((tmp_path / "out").iterdir()) == []
