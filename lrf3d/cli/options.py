@@ -25,8 +25,9 @@ class View(StrEnum):
     """Where a film is seen from."""
 
     CHASE = "chase"
-    TOP = "top"
+    FIRST = "first"
     ORBIT = "orbit"
+    TOP = "top"
 
 
 WorldArgument = Annotated[

@@ -39,6 +39,7 @@ def render(
         raise InputError(f"--out {path}: expected a name that ends in {ending}")
     make_folder(path.parent)
     seen = options.View.CHASE if view is None else view
+    pace = 1.0 if playback is None else playback
     if at is None:
         with progress_bar("film") as progress:
             render_video(
@@ -46,7 +47,7 @@ def render(
                 path,
                 size=pixels,
                 fps=fps,
-                playback=1.0 if playback is None else playback,
+                playback=pace,
                 view=seen.value,
                 samples=samples,
                 workers=workers,
@@ -56,7 +57,8 @@ def render(
         return
     from PIL import Image
 
-    picture = Image.fromarray(frame(kept, at, size=pixels, view=seen.value, samples=samples))
+    pixelmap = frame(kept, at, size=pixels, view=seen.value, samples=samples, playback=pace)
+    picture = Image.fromarray(pixelmap)
     with replacing(path) as unfinished:
         picture.save(unfinished)
     print_table([("picture", str(path))])

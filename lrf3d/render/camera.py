@@ -1,0 +1,204 @@
+"""Cameras: where a film is seen from, as a function of its time alone.
+
+A camera does not remember frames: every process that draws a part of a film sees the same.
+"""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+import shapely
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.render.look import Look, SmoothPath
+from lrf3d.render.structures import Structures
+from lrf3d.render.timeline import Timeline
+
+
+class Camera(Protocol):
+    """Anything that says where a film is seen from."""
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run, for a picture of an aspect (width over height)."""
+        ...
+
+
+class Chase:
+    """Follows the robot from behind, smoothly, and never from inside or behind a wall.
+
+    Among houses the eye comes nearer where a wall is in its way; in rooms, which have no ceiling,
+    it looks over the wall.
+    """
+
+    BACK = 3.7
+    """How far behind the robot the eye is [m]."""
+    HEIGHT = 1.95
+    """Height of the eye [m]."""
+    BELOW = np.radians(12.0)
+    """Angle at which the robot is seen under the middle of the picture [rad]."""
+    FIELD = np.radians(50.0)
+    CLEARANCE = 0.30
+    """Distance [m] that the eye keeps from walls."""
+    NEAREST = 0.1
+    """What is left of the way back [m] at the least; then the eye looks from above."""
+    AIM = 0.3
+    """Height of the robot's middle [m]."""
+    AWAY = 5.0
+    """How far the eye is from the robot in rooms [m]."""
+    LEAST, MOST = np.radians(31.0), np.radians(76.0)
+    """How steeply it then looks at it [rad]."""
+    LOW = 1.2
+    """Walls up to this height [m] do not hide the robot from the eye."""
+
+    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+        self._path = SmoothPath(timeline)
+        self._indoor = structures.indoor
+        self._over = float(structures.heights.max(initial=0.0)) + 0.15
+        width = self._path.width
+        free = self._free_way(structures)
+        # The least over the filter's reach comes first: its mean is then never past a wall.
+        reach = int(2.0 * width)
+        least = minimum_filter1d(free, 2 * reach + 1, mode="nearest")
+        self._back = gaussian_filter1d(least, width, mode="nearest", truncate=2.0)
+
+    def _free_way(self, structures: Structures) -> Float:
+        """How far (k,) the eye can go back from the robot at each point [m]."""
+        path = self._path
+        backward = -np.column_stack([np.cos(path.headings), np.sin(path.headings)])
+        sideways = np.column_stack([-backward[:, 1], backward[:, 0]])
+        free = np.full(len(path.times), self.BACK)
+        tall = structures.segments[structures.heights > self.LOW]
+        tree = shapely.STRtree(shapely.linestrings(tall.reshape(-1, 2, 2)))
+        for side in (-self.CLEARANCE, 0.0, self.CLEARANCE):
+            ends = path.places + (self.BACK + self.CLEARANCE) * backward + side * sideways
+            ways = shapely.linestrings(np.stack([path.places, ends], axis=1))
+            point, wall = tree.query(ways, predicate="intersects")
+            cuts = shapely.intersection(ways[point], tree.geometries[wall])
+            gap = shapely.distance(shapely.points(path.places[point]), cuts)
+            np.minimum.at(free, point, gap - 1.5 * self.CLEARANCE)
+        return np.asarray(np.maximum(free, self.NEAREST))
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        x, y, heading, back = (
+            float(np.interp(time, self._path.times, values))
+            for values in (*self._path.places.T, self._path.headings, self._back)
+        )
+        forward = np.array([np.cos(heading), np.sin(heading), 0.0])
+        place = np.array([x, y, 0.0])
+        if self._indoor:
+            steep = np.clip(np.arctan2(self._over - self.AIM, back), self.LEAST, self.MOST)
+            away, height = self.AWAY * np.cos(steep), self.AIM + self.AWAY * np.sin(steep)
+        else:
+            # The nearer the eye, the higher it is and the steeper it looks.
+            away, height = back, self.HEIGHT + 0.9 * (1.0 - back / self.BACK)
+        eye = place - away * forward + [0.0, 0.0, height]
+        down = np.arctan2(height - self.AIM, away) - self.BELOW
+        target = eye + np.cos(down) * forward - [0.0, 0.0, np.sin(down)]
+        return Look(eye, target, float(self.FIELD))
+
+
+class Top:
+    """Looks down on the whole world, or follows the robot where the world is large."""
+
+    FIELD = np.radians(3.0)
+    """Nearly parallel rays: walls then do not lean over the map."""
+    WHOLE = 220.0
+    """Largest world [m] that is seen whole."""
+    WINDOW = 70.0
+    """Height [m] of what is seen of a larger one."""
+
+    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+        self._timeline = timeline
+        ends = structures.segments.reshape(-1, 2)
+        if not len(ends):
+            ends = np.array([[-1.0, -1.0], [1.0, 1.0]])
+        self._low: Float = ends.min(axis=0)
+        self._high: Float = ends.max(axis=0)
+        self._tallest = float(structures.heights.max(initial=0.0))
+        self._path = SmoothPath(timeline)
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        size = self._high - self._low
+        if float(size.max()) <= self.WHOLE:
+            middle = 0.5 * (self._low + self._high)
+            window = 1.06 * max(size[1], size[0] / aspect)
+        else:
+            middle, window = self._path.place(time), self.WINDOW
+        away = 0.5 * window / np.tan(0.5 * self.FIELD) + self._tallest
+        eye = np.array([*middle, away])
+        return Look(
+            eye,
+            np.array([*middle, 0.0]),
+            float(self.FIELD),
+            up=(0.0, 1.0, 0.0),
+            near=0.5 * (away - self._tallest),
+            clear=True,
+            shows_map=True,
+        )
+
+
+class Orbit:
+    """Goes slowly round the robot, from high above."""
+
+    FIELD = np.radians(42.0)
+    TURN = np.radians(9.0)
+    """Angle per second of the film [rad/s]."""
+
+    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+        self._path = SmoothPath(timeline)
+        self._timeline = timeline
+        tallest = float(structures.heights.max(initial=0.0))
+        # High enough to look down into a street between its houses.
+        self._height = 8.0 if structures.indoor else max(30.0, 1.7 * tallest)
+        self._away = (0.9 if structures.indoor else 0.62) * self._height
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        passed = (time - self._timeline.start) / self._timeline.playback
+        angle = self.TURN * passed - 2.2
+        middle = np.array([*self._path.place(time), 0.5])
+        side = np.array([np.cos(angle), np.sin(angle), 0.0])
+        return Look(
+            middle + self._away * side + [0.0, 0.0, self._height], middle, float(self.FIELD)
+        )
+
+
+class First:
+    """Looks ahead from the top of the robot."""
+
+    FIELD = np.radians(62.0)
+
+    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+        self._timeline = timeline
+        self._height = timeline.run.lrf.height + 0.22
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        x, y, theta = self._timeline.poses(np.array([time]))[0]
+        origin = self._timeline.run.world.origin
+        eye = np.array([x - origin[0], y - origin[1], self._height])
+        ahead = np.array([np.cos(theta), np.sin(theta), -0.10])
+        return Look(eye, eye + ahead, float(self.FIELD), fan=0.45)
+
+
+CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
+    "chase": Chase,
+    "first": First,
+    "orbit": Orbit,
+    "top": Top,
+}
+
+
+def make_camera(view: str, timeline: Timeline, structures: Structures) -> Camera:
+    """Make the camera of a name.
+
+    Raises:
+        InputError: There is no camera of that name.
+    """
+    if view not in CAMERAS:
+        raise InputError(f"view {view!r}: expected one of {', '.join(sorted(CAMERAS))}")
+    return CAMERAS[view](timeline, structures)

@@ -1,0 +1,122 @@
+"""Film: the pictures of a run, one for each time asked for."""
+
+from collections.abc import Collection, Iterator
+from typing import Any
+
+import numpy as np
+
+from lrf3d.render.bindings import pyrender
+from lrf3d.render.camera import make_camera
+from lrf3d.render.hud import Hud, scale_of
+from lrf3d.render.inset import Inset
+from lrf3d.render.pictures import Picture
+from lrf3d.render.primitives import Primitive
+from lrf3d.render.renderer import Renderer
+from lrf3d.render.scenery import TRAIL_WIDTH, Scenery
+from lrf3d.render.timeline import Timeline
+from lrf3d.simulation import Run
+
+LAYERS = ("shadow", "trail", "fan", "beams", "trace", "points", "inset", "hud")
+"""What can be left out of a film; what is left out costs nothing."""
+
+_FARTHEST = 4000.0
+"""Distance [m] up to which things are drawn."""
+
+
+class Film:
+    """Draws pictures of a run.
+
+    Args:
+        run: The run.
+        size: Width and height of the pictures [pixels].
+        view: Name of the camera.
+        samples: Samples a pixel against jagged edges: 4, or 0 for none.
+        playback: Seconds of the run in a second of the film; cameras move by the film's time.
+        layers: What is drawn over the scene, of :data:`LAYERS`.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        *,
+        size: tuple[int, int],
+        view: str,
+        samples: int,
+        playback: float = 1.0,
+        layers: Collection[str] = LAYERS,
+    ) -> None:
+        self.timeline = Timeline(run, playback=playback)
+        self.renderer = Renderer(size[0], size[1], samples)
+        self.scenery = Scenery(self.timeline)
+        self.camera = make_camera(view, self.timeline, self.scenery.structures)
+        self._size = size
+        self._layers = frozenset(layers)
+        self._scale = scale_of(size[1])
+        self._inset = Inset(self.scenery, size) if "inset" in self._layers else None
+        self._hud = Hud(self.scenery, size) if "hud" in self._layers else None
+        lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=_FARTHEST)
+        self._eye = self.scenery.scene.add(lens)
+
+    def draw(self, time: float) -> Picture:
+        """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
+        moment = self.timeline.moment(time)
+        width, height = self._size
+        look = self.camera.look(time, width / height)
+        self._eye.camera.yfov, self._eye.camera.znear = look.field, look.near
+        self._eye.camera.zfar = max(_FARTHEST, 3.0 * float(look.eye[2]))
+        self.scenery.scene.set_pose(self._eye, look.pose)
+        self.renderer.begin(self.scenery.scene)
+        matrix, eye = self.renderer.camera_matrices(self.scenery.scene)
+        # Pixels that a metre takes at a distance of one metre.
+        focus = 0.5 * height / np.tan(0.5 * look.field)
+        metre = focus / float(np.linalg.norm(look.eye - look.target))
+        shared: dict[str, Any] = {
+            **self.scenery.show(moment),
+            "view_projection": matrix,
+            "ray_from_corner": np.linalg.inv(matrix),
+            "eye": tuple(eye.tolist()),
+            "viewport": (float(width), float(height)),
+            "half_width": max(0.5 * TRAIL_WIDTH, 1.2 * self._scale / metre),
+            "focus": float(focus),
+            "sizes": (0.10, 3.0 * self._scale, 10.0 * self._scale),
+        }
+        shared["strength"] *= look.fan
+        # Depths are coarser far away, but not for an eye that looks from far on purpose.
+        shared["slack"] = 0.0 if look.clear else 0.002
+        if look.clear:
+            shared["haze"] = (*shared["haze"][:3], 0.0)
+        for primitive, special in self._seen(look.shows_map):
+            self.renderer.draw(primitive, {**shared, **special})
+        if self._inset is not None and not look.shows_map:
+            self._inset.draw(self.renderer, moment, shared)
+        if self._hud is not None:
+            self._hud.draw(self.renderer, moment)
+        return self.renderer.finish()
+
+    def close(self) -> None:
+        """Free what the driver holds."""
+        self.renderer.delete()
+
+    def _seen(self, shows_map: bool) -> Iterator[tuple[Primitive, dict[str, Any]]]:
+        """What is drawn, in order: what hides much, what is hidden, then the translucent."""
+        scenery, on = self.scenery, self._layers
+        yield scenery.robot, {}
+        yield scenery.walls, {}
+        yield scenery.ground, {}
+        yield scenery.sky, {}
+        if "shadow" in on:
+            yield scenery.blob, {}
+        if "trail" in on:
+            yield scenery.trail, {}
+        if "fan" in on:
+            yield scenery.fan, {}
+        if "beams" in on:
+            yield scenery.lines, {"width": 1.1 * self._scale, "nearer": 0.02}
+        # Seen from straight above, the tops of walls would hide the map and the points on them.
+        over = 1e6 if shows_map else 0.12
+        if shows_map:
+            yield scenery.map, {"width": 4.0 * self._scale, "nearer": over}
+        if "trace" in on:
+            yield scenery.trace, {"width": 2.2 * self._scale, "nearer": over}
+        if "points" in on:
+            yield scenery.dots, {"nearer": over}

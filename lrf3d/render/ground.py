@@ -1,0 +1,188 @@
+"""The ground as a picture, painted once: the sun's shadows, contact shade, pavement and streets.
+
+A shadow that is drawn each frame costs a second pass over the city; baked it costs one look-up.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from PIL import Image, ImageChops, ImageDraw, ImageFilter
+
+from lrf3d.geometry import Float
+from lrf3d.render.streets import centre_lines, dashes
+from lrf3d.render.structures import Structures
+
+SUN = np.array([0.33, -0.37, 0.868])
+"""Direction to the sun, of unit length: high, so that shadows leave streets some light."""
+
+_PIXELS = 2048
+"""Longest side of the picture [pixels]; larger ones take longer to paint than a second."""
+
+_FINEST = 0.06
+"""Smallest size of a pixel [m]: below, a small room would be blown up for nothing."""
+
+_MARGIN = 6.0
+"""How far the picture reaches past walls and their shadows [m]: farther than pavements go."""
+
+_PAVEMENT = 2.2
+"""Width of the pavement round buildings [m]."""
+
+_CONTACT = 0.9
+"""How far the shade at the foot of walls reaches [m]."""
+
+
+_ASPHALT, _STONE, _MARK, _FLOOR = (94, 93, 91), (156, 152, 144), (204, 200, 188), (192, 185, 172)
+_BEYOND, _BEYOND_INDOOR = (0.50, 0.52, 0.46), (0.765, 0.78, 0.79)
+"""Colours of the ground: of streets, pavements, marks, floors, and of what lies past the world."""
+
+_SHADE, _CONTACT_SHADE, _FLOOR_SHADE = (140, 148, 166), (158, 160, 166), (188, 186, 184)
+"""What light is left: in the sun's shadow, where the sky still shines, and at the foot of walls."""
+
+_GRID_STRENGTH = 22
+"""Opacity 0…255 of the grid: one sees how far things are, and forgets it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """A picture of the ground.
+
+    Args:
+        picture: (h, w, 3) uint8: red, green, blue; row 0 lies at the smallest y.
+        corner: (2,) x and y of its lower left corner in the film's frame [m].
+        size: (2,) its width and height [m].
+        beyond: Colour of the ground far past the picture, 0…1.
+    """
+
+    picture: NDArray[np.uint8]
+    corner: Float
+    size: Float
+    beyond: tuple[float, float, float]
+
+
+def paint_ground(structures: Structures) -> Ground:
+    """Paint the ground of a world."""
+    ends = structures.segments.reshape(-1, 2)
+    if not len(ends):
+        ends = np.zeros((1, 2))
+    shadow = float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
+    margin = 2.0 if structures.indoor else _MARGIN + shadow
+    low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
+    pixel = max(float((high - low).max()) / _PIXELS, 0.02 if structures.indoor else _FINEST)
+    width, height = (np.ceil((high - low) / pixel).astype(int) + 1).tolist()
+    brush = _Brush(width, height, low, pixel)
+    paint = _paint_floor if structures.indoor else _paint_streets
+    picture = np.asarray(paint(structures, brush))
+    beyond = _BEYOND_INDOOR if structures.indoor else _BEYOND
+    return Ground(picture, low, np.array([width, height]) * pixel, beyond)
+
+
+class _Brush:
+    """Paints shapes, given in metres, into pictures of one size."""
+
+    def __init__(self, width: int, height: int, corner: Float, pixel: float) -> None:
+        self.size = (width, height)
+        self.corner = corner
+        self.pixel = pixel
+
+    def blank(self) -> Image.Image:
+        return Image.new("L", self.size, 0)
+
+    def polygons(self, picture: Image.Image, polygons: Any, fill: int = 255) -> None:
+        """Fill polygons, holes left out by being painted over."""
+        draw = ImageDraw.Draw(picture)
+        for polygon in shapely.get_parts(polygons):
+            for ring, value in [(polygon.exterior, fill), *((r, 0) for r in polygon.interiors)]:
+                draw.polygon(self._points(np.asarray(ring.coords)), fill=value)
+
+    def quads(self, picture: Image.Image, quads: Float) -> None:
+        """Fill convex shapes (n, corners, 2)."""
+        draw = ImageDraw.Draw(picture)
+        for quad in quads:
+            draw.polygon(self._points(quad), fill=255)
+
+    def lines(self, picture: Image.Image, segments: Float, width: float) -> None:
+        """Draw segments (n, 4) of a width [m]."""
+        draw = ImageDraw.Draw(picture)
+        pixels = max(1, round(width / self.pixel))
+        for segment in segments.reshape(-1, 2, 2):
+            draw.line(self._points(segment), fill=255, width=pixels)
+
+    def grid(self, picture: Image.Image, metres: float, width: float, fill: int) -> None:
+        """Draw lines every so many metres, at multiples of it in the film's frame."""
+        draw = ImageDraw.Draw(picture)
+        pixels = max(1, round(width / self.pixel))
+        for axis, (across, along) in enumerate([self.size, self.size[::-1]]):
+            first = np.ceil(self.corner[axis] / metres) * metres
+            places = np.arange(first, self.corner[axis] + across * self.pixel, metres)
+            for at in ((places - self.corner[axis]) / self.pixel).tolist():
+                ends = [at, 0.0, at, float(along)] if axis == 0 else [0.0, at, float(along), at]
+                draw.line(ends, fill=fill, width=pixels)
+
+    def soft(self, picture: Image.Image, reach: float) -> Image.Image:
+        """The picture blurred over a reach [m]; wide blurs go by a smaller picture."""
+        radius = reach / self.pixel
+        shrink = max(1, int(radius / 2))
+        if shrink == 1:
+            return picture.filter(ImageFilter.BoxBlur(radius))
+        small = picture.reduce(shrink).filter(ImageFilter.GaussianBlur(radius / shrink))
+        return small.resize(self.size, Image.Resampling.BILINEAR)
+
+    def _points(self, points: Float) -> list[float]:
+        flat: list[float] = ((points - self.corner) / self.pixel).ravel().tolist()
+        return flat
+
+
+def _paint_streets(structures: Structures, brush: _Brush) -> Image.Image:
+    shadow, foot = brush.blank(), brush.blank()
+    brush.quads(shadow, _shadows(structures))
+    brush.lines(foot, structures.segments, 0.3)
+    brush.polygons(foot, structures.solids)
+    pavement, marks, lines = brush.blank(), brush.blank(), brush.blank()
+    kerb = shapely.buffer(structures.solids, _PAVEMENT, quad_segs=4)
+    # Rounding the kerb outward and inward again closes alleys that are narrower than a car.
+    kerb = shapely.buffer(shapely.union_all(kerb), 1.2, quad_segs=4)
+    kerb = shapely.buffer(kerb, -1.2, quad_segs=4)
+    brush.polygons(pavement, kerb)
+    brush.lines(marks, dashes(centre_lines(structures, kerb)), 0.16)
+    brush.grid(lines, 5.0, 0.07, _GRID_STRENGTH)
+    ground = Image.new("RGB", brush.size, _ASPHALT)
+    # Polygons are painted with hard edges, which show as steps from near.
+    ground.paste(_STONE, mask=pavement.filter(ImageFilter.BoxBlur(1)))
+    ground.paste((255, 255, 255), mask=lines)
+    ground.paste(_MARK, mask=marks.filter(ImageFilter.BoxBlur(0.7)))
+    ground = ImageChops.multiply(ground, _tinted(brush.soft(shadow, 0.12), _SHADE))
+    return ImageChops.multiply(ground, _tinted(brush.soft(foot, _CONTACT), _CONTACT_SHADE))
+
+
+def _paint_floor(structures: Structures, brush: _Brush) -> Image.Image:
+    foot, lines = brush.blank(), brush.blank()
+    brush.lines(foot, structures.segments, 0.10)
+    brush.polygons(foot, structures.solids)
+    brush.grid(lines, 1.0, 0.02, 40)
+    ground = Image.new("RGB", brush.size, _FLOOR)
+    ground.paste((60, 55, 50), mask=lines)
+    # Two reaches: a dark line in the corner and the wide shade that a room's light leaves.
+    for reach, gain in ((0.12, 2.2), (0.5, 3.0)):
+        near = brush.soft(foot, reach).point([min(255, int(gain * value)) for value in range(256)])
+        ground = ImageChops.multiply(ground, _tinted(near, _FLOOR_SHADE))
+    return ground
+
+
+def _tinted(mask: Image.Image, colour: tuple[int, int, int]) -> Image.Image:
+    """White where the mask is 0, the colour where it is 255."""
+    bands = [mask.point([255 - (255 - c) * value // 255 for value in range(256)]) for c in colour]
+    return Image.merge("RGB", bands)
+
+
+def _shadows(structures: Structures) -> Float:
+    """What walls (n, 4) hide from the sun on the ground: quads (n, 4, 2).
+
+    The walls of a solid together with its roof sweep just what the solid hides; the roof's own
+    shadow is that of its walls' tops, so the walls are enough but for the ground under it.
+    """
+    slide = -SUN[:2] / SUN[2] * structures.heights[:, None]
+    start, end = structures.segments[:, :2], structures.segments[:, 2:]
+    return np.stack([start, end, end + slide, start + slide], axis=1)

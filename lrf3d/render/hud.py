@@ -1,0 +1,212 @@
+"""Text panels of a film: drawn with Pillow when their words change, shown as a picture."""
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from lrf3d.laser import LaserScan
+from lrf3d.render.pictures import Picture
+from lrf3d.render.primitives import Mesh, Primitive
+from lrf3d.render.renderer import Renderer
+from lrf3d.render.scenery import Scenery
+from lrf3d.render.textures import Texture
+from lrf3d.render.timeline import Moment
+from lrf3d.simulation import Run
+
+REFERENCE_HEIGHT = 720
+"""Height of a picture [pixels] at which sizes of text are as given."""
+
+SMALLEST_SCALE = 0.62
+"""Text never gets smaller than this times its size at 720 lines: below it cannot be read."""
+
+_TITLE, _TEXT = 26, 19
+"""Sizes of the letters [pixels]."""
+
+_BACK = (13, 17, 25, 168)
+_INK, _PALE, _WARM = (255, 255, 255, 255), (196, 216, 242, 255), (255, 168, 140, 255)
+
+
+def scale_of(height: int) -> float:
+    """How many times its size at 720 lines text is drawn in a picture of a height [pixels]."""
+    return max(SMALLEST_SCALE, height / REFERENCE_HEIGHT)
+
+
+@cache
+def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """A font that comes with matplotlib; found without importing it."""
+    spec = find_spec("matplotlib")
+    assert spec is not None and spec.origin is not None
+    folder = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf"
+    return ImageFont.truetype(folder / f"DejaVuSans{'-Bold' if bold else ''}.ttf", size)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line of text: words, where each starts in units of the letters' size, and a colour."""
+
+    words: tuple[tuple[float, str], ...]
+    colour: tuple[int, int, int, int]
+    bold: bool = False
+
+
+class Panel:
+    """A box with text, as tall and wide as its first lines need."""
+
+    def __init__(
+        self, lines: tuple[Line, ...], scale: float, back: tuple[int, int, int, int] = _BACK
+    ) -> None:
+        self._back = np.array(back, np.float32)
+        self._sizes = [round((_TITLE if line.bold else _TEXT) * scale) for line in lines]
+        self._pad = round(12 * scale)
+        self._tops = np.cumsum([self._pad, *(round(1.36 * size) for size in self._sizes)]).tolist()
+        width = max(
+            start * size + font(size, bold=line.bold).getlength(words)
+            for line, size in zip(lines, self._sizes, strict=True)
+            for start, words in line.words
+        )
+        self.size = (int(width) + 2 * self._pad, self._tops[-1] + self._pad)
+        self._lines: tuple[Line, ...] = ()
+        self._picture: Picture = np.empty((self.size[1], self.size[0], 4), np.uint8)
+        self._picture[:] = back
+
+    def draw(self, lines: tuple[Line, ...]) -> Picture:
+        """The panel with these lines; only those that changed are drawn."""
+        for row, line in enumerate(lines):
+            if row < len(self._lines) and self._lines[row] == line:
+                continue
+            top, bottom = self._tops[row : row + 2]
+            cover = np.zeros((bottom - top, self.size[0]), np.float32)
+            for start, words in line.words:
+                x = self._pad + start * self._sizes[row]
+                for letter in words:
+                    mask, advance = glyph(letter, self._sizes[row], bold=line.bold)
+                    left = round(x)
+                    area = cover[: mask.shape[0], left : left + mask.shape[1]]
+                    np.maximum(area, mask[: area.shape[0], : area.shape[1]], out=area)
+                    x += advance
+            ink = np.array(line.colour, np.float32)
+            blend = self._back + cover[:, :, None] * (ink - self._back)
+            if self._back[3] == 0.0:
+                # On nothing, letters keep their colour to the rim.
+                blend[:, :, :3] = ink[:3]
+            self._picture[top:bottom] = blend + 0.5
+        self._lines = lines
+        return self._picture
+
+
+@cache
+def glyph(letter: str, size: int, *, bold: bool) -> tuple[NDArray[np.float32], float]:
+    """How much of each pixel (h, w) a letter covers, 0…1, and how far the next one is [pixels]."""
+    letters = font(size, bold=bold)
+    advance = letters.getlength(letter)
+    picture = Image.new("L", (int(advance) + 2 + size // 4, round(1.36 * size)), 0)
+    ImageDraw.Draw(picture).text((0, 0), letter, font=letters, fill=255)
+    return np.asarray(picture, np.float32) / 255.0, advance
+
+
+class Label:
+    """A panel in the picture.
+
+    Args:
+        scenery: The scenery of the film.
+        lines: Lines as wide as any that it will show, and the first that it does.
+        scale: Size of the letters against their size at 720 lines.
+        back: Colour behind the words.
+    """
+
+    def __init__(
+        self,
+        scenery: Scenery,
+        lines: tuple[Line, ...],
+        scale: float,
+        back: tuple[int, int, int, int] = _BACK,
+    ) -> None:
+        self._panel = Panel(lines, scale, back)
+        self.size = self._panel.size
+        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32)
+        self._quad = Primitive("label", (2,), corners, blend=True)
+        self._quad.texture = self._texture = Texture(self._panel.draw(lines))
+        self._shown = lines
+        self._box = (-1.0, -1.0, 1.0, 1.0)
+        scenery.scene.add(Mesh([self._quad]))
+
+    def place(self, picture: tuple[int, int], left: int, top: int) -> None:
+        """Put its upper left corner to a pixel of a picture (width, height)."""
+        right, bottom = left + self.size[0], top + self.size[1]
+        width, height = picture
+        # Row 0 of the picture is OpenGL's lowest, so that y grows downward here too.
+        self._box = (
+            2.0 * left / width - 1.0,
+            2.0 * top / height - 1.0,
+            2.0 * right / width - 1.0,
+            2.0 * bottom / height - 1.0,
+        )
+
+    def show(self, lines: tuple[Line, ...]) -> None:
+        """Change its words."""
+        if lines != self._shown:
+            self._shown = lines
+            self._texture.update(self._panel.draw(lines))
+
+    def draw(self, renderer: Renderer) -> None:
+        """Draw it over the picture."""
+        renderer.draw(self._quad, {"box": self._box})
+
+
+class Hud:
+    """The panel in the upper left corner that says what happens."""
+
+    def __init__(self, scenery: Scenery, size: tuple[int, int]) -> None:
+        self._run = scenery.run
+        scale = scale_of(size[1])
+        self._label = Label(scenery, widest_lines(self._run), scale)
+        gap = round(16 * scale)
+        self._label.place(size, gap, gap)
+
+    def draw(self, renderer: Renderer, moment: Moment) -> None:
+        """Draw it over the picture."""
+        renderer.overlay(None)
+        self._label.show(hud_lines(self._run, moment, self._run.scan(moment.scan)))
+        self._label.draw(renderer)
+
+
+def hud_lines(run: Run, moment: Moment, scan: LaserScan) -> tuple[Line, ...]:
+    """What the panel says: the world, time and speed, pose, beams that hit and the nearest."""
+    x, y, theta = moment.pose
+    # Numbers keep their places: text that trembles cannot be read in a film.
+    wide = 7.5 if max(abs(x), abs(y)) >= 1000.0 else 5.2
+    beams: tuple[tuple[float, str], ...]
+    if moment.scanning:
+        nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"
+        beams = ((0.0, f"{int(scan.hits.sum())} / {len(scan.ranges)} beams hit"), (10.8, nearest))
+    else:
+        beams = ((0.0, "driving on, beams off"),)
+    return (
+        Line(((0.0, f"lrf3d  {run.world.name}".rstrip()),), _INK, bold=True),
+        Line(((0.0, f"t  {moment.time:.1f} s"), (6.2, f"v  {moment.speed:.2f} m/s")), _PALE),
+        Line(
+            (
+                (0.0, f"x  {x:.2f}"),
+                (wide, f"y  {y:.2f}"),
+                (2 * wide, f"θ  {np.degrees(theta):.1f}°"),
+            ),
+            _PALE,
+        ),
+        Line(beams, _WARM),
+    )
+
+
+def widest_lines(run: Run) -> tuple[Line, ...]:
+    """Lines as wide as any that the run will have, to size the panel by."""
+    times = run.trajectory.times
+    poses = run.trajectory.poses
+    corner = np.abs(poses[:, :2]).max(axis=0)
+    count = len(run.lrf.angles)
+    pose = np.array([-corner[0], -corner[1], np.radians(-179.9)])
+    scan = LaserScan((0.0, 0.0, 0.0), np.zeros(count), np.full(count, 88.88))  # type: ignore[arg-type]
+    return hud_lines(run, Moment(float(times[-1]), pose, 0, 88.88, True), scan)

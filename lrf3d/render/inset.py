@@ -1,0 +1,159 @@
+"""The inset: the map as it grows, seen from straight above, in a corner of the picture."""
+
+from typing import Any
+
+import numpy as np
+import shapely
+
+from lrf3d.geometry import Float
+from lrf3d.render.beams import LINE_SIZES, line_quads
+from lrf3d.render.hud import Label, Line, scale_of
+from lrf3d.render.primitives import Mesh, Primitive, Single
+from lrf3d.render.renderer import Renderer
+from lrf3d.render.scenery import Scenery
+from lrf3d.render.timeline import Moment
+
+SIDE = 0.36
+"""Its side, as a share of the picture's height."""
+
+WHOLE = 140.0
+"""Largest scene [m] that is shown whole; in a larger one the inset follows the robot."""
+
+_FOLLOWED = 110.0
+"""What is shown of a larger one [m]."""
+
+_MARGIN = 8.0
+"""What is shown round the robot's path [m], at the least."""
+
+_PAPER = (0.965, 0.970, 0.980, 0.94)
+_FRAME = (0.05, 0.07, 0.10, 1.0)
+_STONE = (0.70, 0.725, 0.76, 1.0)
+_ORANGE = (0.98, 0.46, 0.06, 1.0)
+_DARK = (0.12, 0.14, 0.18, 1.0)
+_CAPTION, _CAPTION_BACK = (60, 68, 80, 255), (245, 247, 250, 190)
+
+
+class Inset:
+    """Draws the map of a run over its film; the beams, trail and map are the scenery's own.
+
+    Args:
+        scenery: The scenery of the film.
+        size: Width and height of the film's pictures [pixels].
+    """
+
+    def __init__(self, scenery: Scenery, size: tuple[int, int]) -> None:
+        self._scenery = scenery
+        structures = scenery.structures
+        self._scale = scale_of(size[1])
+        side = round(SIDE * size[1])
+        gap = round(16 * self._scale)
+        rim = max(2, round(2 * self._scale))
+        left, top = size[0] - gap - side, gap
+        self._outer = (left - rim, top - rim, side + 2 * rim, side + 2 * rim)
+        self._box = (left, top, side, side)
+        self._paper = _square(_PAPER)
+        self._frame = _square(_FRAME)
+        self._houses = Primitive("flat", (2, 4), _houses(scenery))
+        free = structures.segments[~structures.closed]
+        stone = np.full((len(free), 3), _STONE[:3])
+        lines = line_quads(free[:, :2], free[:, 2:], stone, np.ones((len(free), 2)), 0.0)
+        self._walls = Primitive("lines", LINE_SIZES, lines, blend=True)
+        self._robot = Primitive("flat", (2, 4), _arrow())
+        self._middle, self.window = self._place()
+        own = (self._paper, self._frame, self._houses, self._walls, self._robot)
+        scenery.scene.add(Mesh(list(own)))
+        words = (Line(((0.0, f"{self.window:.0f} m"),), _CAPTION),)
+        self._caption = Label(scenery, words, 0.72 * self._scale, back=_CAPTION_BACK)
+        self._caption.place(size, left, top + side - self._caption.size[1])
+
+    def draw(self, renderer: Renderer, moment: Moment, shared: dict[str, Any]) -> None:
+        """Draw it over the picture, with the uniforms of the scene."""
+        scenery, side = self._scenery, float(self._box[2])
+        metre = side / self.window
+        whole = {"view_projection": np.eye(4), "place": np.eye(4)}
+        uniforms = {
+            **shared,
+            "view_projection": self.matrix(moment),
+            "place": np.eye(4),
+            "eye": (0.0, 0.0, 1e4),
+            "haze": (0.0, 0.0, 0.0, 0.0),
+            "viewport": (side, side),
+            "half_width": 1.1 * self._scale / metre,
+            "strength": 0.62,
+            "nearer": 1e4,
+            "slack": 0.0,
+            "focus": 1.0,
+            "sizes": (1e-6, 3.0 * self._scale, 3.0 * self._scale),
+        }
+        renderer.overlay(self._outer)
+        renderer.draw(self._frame, whole)
+        renderer.overlay(self._box)
+        renderer.draw(self._paper, whole)
+        renderer.draw(self._houses, uniforms)
+        renderer.draw(self._walls, {**uniforms, "width": 1.6 * self._scale})
+        renderer.draw(scenery.fan, uniforms)
+        renderer.draw(scenery.trail, uniforms)
+        renderer.draw(scenery.dots, uniforms)
+        renderer.draw(scenery.map, {**uniforms, "width": 2.3 * self._scale})
+        renderer.draw(self._robot, {**uniforms, "place": self._robot_matrix(moment)})
+        renderer.overlay(None)
+        self._caption.draw(renderer)
+
+    def _place(self) -> tuple[Float | None, float]:
+        """The middle of what is shown and its size [m]; no middle where it follows the robot."""
+        path = self._scenery.run.trajectory.poses[:, :2] - self._scenery.origin
+        ends = self._scenery.structures.segments.reshape(-1, 2)
+        everything = np.concatenate([ends, path])
+        for points, margin in ((everything, 1.0), (path, _MARGIN + 12.0)):
+            low, high = points.min(axis=0), points.max(axis=0)
+            size = float((high - low).max())
+            if size <= WHOLE - 2.0 * margin:
+                return 0.5 * (low + high), 1.04 * size + 2.0 * margin * min(1.0, size / 40.0)
+        return None, _FOLLOWED
+
+    def matrix(self, moment: Moment) -> Float:
+        """The matrix (4, 4) from the film's frame to the inset, north up, picture turned over."""
+        middle = self._middle
+        if middle is None:
+            middle = moment.pose[:2] - self._scenery.origin
+        zoom = 2.0 / self.window
+        matrix = np.diag([zoom, -zoom, 0.0, 1.0])
+        matrix[:2, 3] = [-zoom * middle[0], zoom * middle[1]]
+        return matrix
+
+    def _robot_matrix(self, moment: Moment) -> Float:
+        """The matrix (4, 4) that puts the arrow at the robot, as large in any inset."""
+        place = moment.pose[:2] - self._scenery.origin
+        size = 0.034 * self.window
+        cos, sin = size * np.cos(moment.pose[2]), size * np.sin(moment.pose[2])
+        matrix = np.eye(4)
+        matrix[:2, :2] = [[cos, -sin], [sin, cos]]
+        matrix[:2, 3] = place
+        return matrix
+
+
+def _square(colour: tuple[float, ...]) -> Primitive:
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
+    rows = np.concatenate([corners, np.tile(np.array(colour, np.float32), (6, 1))], axis=1)
+    return Primitive("flat", (2, 4), rows, blend=True)
+
+
+def _houses(scenery: Scenery) -> Single:
+    """Triangles (v, 6) of the ground plans of solids."""
+    solids = scenery.structures.solids
+    if not len(solids):
+        return np.zeros((0, 6), np.float32)
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(solids))
+    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    return np.concatenate([corners, np.tile(_STONE, (len(corners), 1))], axis=1).astype(np.float32)
+
+
+def _arrow() -> Single:
+    """An arrow head along x with a dark rim, as triangles (v, 6)."""
+    head = np.array(
+        [[1.0, 0.0], [-0.75, 0.72], [-0.4, 0.0], [1.0, 0.0], [-0.4, 0.0], [-0.75, -0.72]]
+    )
+    rim = np.concatenate([head * 1.5 + [0.02, 0.0], np.tile(_DARK, (6, 1))], axis=1)
+    return np.concatenate([rim, np.concatenate([head, np.tile(_ORANGE, (6, 1))], axis=1)]).astype(
+        np.float32
+    )

@@ -1,0 +1,132 @@
+"""Primitives: pyrender's, with the program that draws them and buffers that can be rewritten."""
+
+import ctypes
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.render.bindings import GL, pyrender
+from lrf3d.render.textures import Texture
+
+Single = NDArray[np.float32]
+
+_FLOAT = 4
+"""Bytes of a float32."""
+
+
+class Primitive(pyrender.Primitive):  # type: ignore[misc]
+    """Vertices in one interleaved buffer, drawn by one shader program.
+
+    Args:
+        program: Name of the program.
+        sizes: Number of floats of each vertex attribute, in the order of the shader's locations;
+            the first is the position.
+        vertices: (n, sum of sizes) the vertices; of a dynamic primitive, the first ones.
+        indices: (m,) which vertices make the triangles, or nothing for all in order.
+        mode: What to draw, an OpenGL constant; triangles where not given.
+        capacity: Number of vertices of a dynamic primitive; 0 for one that never changes.
+        blend: Whether it is translucent.
+        cull: Whether faces seen from behind are left out.
+    """
+
+    def __init__(
+        self,
+        program: str,
+        sizes: Sequence[int],
+        vertices: Single,
+        *,
+        indices: NDArray[np.uint32] | None = None,
+        mode: int = GL.GL_TRIANGLES,
+        capacity: int = 0,
+        blend: bool = False,
+        cull: bool = False,
+    ) -> None:
+        vertices = np.ascontiguousarray(vertices, np.float32).reshape(-1, sum(sizes))
+        # pyrender wants positions to reckon bounds; an empty primitive has none but the origin.
+        positions = vertices[:, : sizes[0]] if len(vertices) else np.zeros((1, sizes[0]))
+        padded = np.zeros((len(positions), 3), np.float32)
+        padded[:, : min(3, sizes[0])] = positions[:, :3]
+        super().__init__(positions=padded, mode=int(mode))
+        self.program = program
+        self.sizes = tuple(sizes)
+        self.vertices = vertices
+        self.elements = indices
+        self.capacity = capacity
+        self.blend = blend
+        self.cull = cull
+        self.texture: Texture | None = None
+        self.count = len(vertices) if indices is None else len(indices)
+
+    def update(self, vertices: Single) -> None:
+        """Rewrite a dynamic primitive in place; what it draws is just these vertices."""
+        vertices = np.ascontiguousarray(vertices, np.float32).reshape(-1, sum(self.sizes))
+        self.vertices = vertices
+        self.count = len(vertices)
+        if not self._in_context() or not len(vertices):
+            return
+        GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self._buffers[0])
+        if len(vertices) > self.capacity:
+            self.capacity = 2 * len(vertices)
+            size = self.capacity * sum(self.sizes) * _FLOAT
+            GL.glBufferData(GL.GL_ARRAY_BUFFER, size, None, GL.GL_DYNAMIC_DRAW)
+        GL.glBufferSubData(GL.GL_ARRAY_BUFFER, 0, vertices.nbytes, vertices)
+
+    def draw(self) -> None:
+        """Draw it with the program in use."""
+        if not self.count:
+            return
+        GL.glBindVertexArray(self._vaid)
+        if self.elements is None:
+            GL.glDrawArrays(self.mode, 0, self.count)
+        else:
+            GL.glDrawElements(self.mode, self.count, GL.GL_UNSIGNED_INT, ctypes.c_void_p(0))
+
+    def _add_to_context(self) -> None:
+        self._vaid = GL.glGenVertexArrays(1)
+        GL.glBindVertexArray(self._vaid)
+        buffer = GL.glGenBuffers(1)
+        self._buffers = [buffer]
+        GL.glBindBuffer(GL.GL_ARRAY_BUFFER, buffer)
+        stride = sum(self.sizes) * _FLOAT
+        if self.capacity:
+            self.capacity = max(self.capacity, len(self.vertices))
+            GL.glBufferData(GL.GL_ARRAY_BUFFER, self.capacity * stride, None, GL.GL_DYNAMIC_DRAW)
+            if len(self.vertices):
+                GL.glBufferSubData(GL.GL_ARRAY_BUFFER, 0, self.vertices.nbytes, self.vertices)
+        else:
+            GL.glBufferData(
+                GL.GL_ARRAY_BUFFER, self.vertices.nbytes, self.vertices, GL.GL_STATIC_DRAW
+            )
+        offset = 0
+        for place, size in enumerate(self.sizes):
+            pointer = ctypes.c_void_p(offset)
+            GL.glVertexAttribPointer(place, size, GL.GL_FLOAT, GL.GL_FALSE, stride, pointer)
+            GL.glEnableVertexAttribArray(place)
+            offset += size * _FLOAT
+        if self.elements is not None:
+            elements = np.ascontiguousarray(self.elements, np.uint32)
+            buffer = GL.glGenBuffers(1)
+            self._buffers.append(buffer)
+            GL.glBindBuffer(GL.GL_ELEMENT_ARRAY_BUFFER, buffer)
+            GL.glBufferData(
+                GL.GL_ELEMENT_ARRAY_BUFFER, elements.nbytes, elements, GL.GL_STATIC_DRAW
+            )
+        GL.glBindVertexArray(0)
+
+
+class Mesh(pyrender.Mesh):  # type: ignore[misc]
+    """pyrender's mesh, with bounds that do not need ``np.infty``, which NumPy 2 took away."""
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Corners (2, 3) of the box around all primitives [m]."""
+        boxes = np.array([primitive.bounds for primitive in self.primitives])
+        return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+
+def quad_indices(quads: int) -> NDArray[np.uint32]:
+    """Indices (6 · quads,) of two triangles for each four vertices that run round a quad."""
+    first = np.arange(quads, dtype=np.uint32)[:, None] * 4
+    corners = np.array([[0, 1, 2, 0, 2, 3]], dtype=np.uint32)
+    return (first + corners).ravel()

@@ -1,0 +1,82 @@
+"""Shader programs from the files in ``shaders/``, with the places of their uniforms kept."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.render.bindings import GL
+
+_SHADERS = Path(__file__).parent / "shaders"
+
+Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
+
+
+class Program:
+    """A linked pair of a vertex and a fragment shader.
+
+    Args:
+        name: The files ``name.vert`` and ``name.frag``; ``common.glsl`` goes before both.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._id = GL.glCreateProgram()
+        shaders = [
+            _compile(f"{name}.vert", GL.GL_VERTEX_SHADER),
+            _compile(f"{name}.frag", GL.GL_FRAGMENT_SHADER),
+        ]
+        for shader in shaders:
+            GL.glAttachShader(self._id, shader)
+        GL.glLinkProgram(self._id)
+        if not GL.glGetProgramiv(self._id, GL.GL_LINK_STATUS):
+            log = GL.glGetProgramInfoLog(self._id)
+            raise RuntimeError(f"shader {name} does not link: {log!r}")
+        for shader in shaders:
+            GL.glDeleteShader(shader)
+        self._places: dict[str, int] = {}
+
+    def use(self, uniforms: Mapping[str, Uniform]) -> None:
+        """Make this the program to draw with, and set uniforms of it.
+
+        A uniform that the shader does not have is passed over, so that all programs of a picture
+        can be given the same camera and light.
+        """
+        GL.glUseProgram(self._id)
+        for name, value in uniforms.items():
+            place = self._places.get(name)
+            if place is None:
+                place = self._places[name] = GL.glGetUniformLocation(self._id, name)
+            if place >= 0:
+                _set(place, value)
+
+    def delete(self) -> None:
+        """Free what the driver holds of it."""
+        GL.glDeleteProgram(self._id)
+
+
+def _set(place: int, value: Uniform) -> None:
+    if isinstance(value, int):
+        GL.glUniform1i(place, value)
+    elif isinstance(value, float):
+        GL.glUniform1f(place, value)
+    elif isinstance(value, np.ndarray) and value.ndim == 2:
+        GL.glUniformMatrix4fv(place, 1, GL.GL_TRUE, np.ascontiguousarray(value, np.float32))
+    elif len(value) == 2:
+        GL.glUniform2f(place, value[0], value[1])
+    elif len(value) == 3:
+        GL.glUniform3f(place, value[0], value[1], value[2])
+    else:
+        GL.glUniform4f(place, value[0], value[1], value[2], value[3])
+
+
+def _compile(file: str, kind: int) -> int:
+    common = (_SHADERS / "common.glsl").read_text()
+    source = (_SHADERS / file).read_text()
+    shader: int = GL.glCreateShader(kind)
+    GL.glShaderSource(shader, f"#version 330 core\n{common}\n#line 1\n{source}")
+    GL.glCompileShader(shader)
+    if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
+        raise RuntimeError(f"shader {file} does not compile: {GL.glGetShaderInfoLog(shader)!r}")
+    return shader

@@ -1,0 +1,189 @@
+"""The lean renderer: pyrender's scenes, drawn with few calls and read back once, right side up."""
+
+import ctypes
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import MissingLibraryError
+from lrf3d.geometry import Float
+from lrf3d.render.bindings import GL, pyrender
+from lrf3d.render.gl import INSTALL_LINE
+from lrf3d.render.pictures import Picture
+from lrf3d.render.primitives import Primitive
+from lrf3d.render.programs import Program, Uniform
+
+
+@cache
+def context() -> Any:
+    """The one OpenGL context of this process, current in the thread that asks first.
+
+    It is pyrender's, and stays: deleting one of them would end every other in the process.
+
+    Raises:
+        MissingLibraryError: The libraries are there, but no driver that they could start.
+    """
+    try:
+        return pyrender.OffscreenRenderer(16, 16)
+    except Exception as error:
+        # pyrender asserts what EGL answers, so that any failure may come as anything.
+        raise MissingLibraryError(
+            f"OpenGL cannot start ({error!r}); install its software driver: {INSTALL_LINE}"
+        ) from error
+
+
+class Renderer(pyrender.Renderer):  # type: ignore[misc]
+    """Draws scenes of :class:`Primitive` into RGBA pictures.
+
+    pyrender's own passes sort, light and read back for any scene; for a film with known layers
+    they cost ten times what the drawing does.
+
+    Args:
+        width: Width of the pictures [pixels].
+        height: Height [pixels].
+        samples: Samples a pixel against jagged edges: 4, or 0 for none.
+    """
+
+    def __init__(self, width: int, height: int, samples: int) -> None:
+        self._context = context()
+        self._context._platform.make_current()
+        super().__init__(width, height)
+        self._samples = samples
+        self._meshes: set[Any] = set()
+        self._main_fb: int | None = None
+        self._main_fb_ms: int | None = None
+        self._buffers: list[int] = []
+        self._programs: dict[str, Program] = {}
+        self._picture: Picture = np.zeros((height, width, 4), np.uint8)
+
+    def begin(self, scene: Any) -> None:
+        """Start a picture: upload what is new in the scene, clear and set up."""
+        self._context._platform.make_current()
+        self._upload(scene)
+        self._configure_main_framebuffer()
+        target = self._main_fb_ms if self._samples else self._main_fb
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, target)
+        GL.glViewport(0, 0, self.viewport_width, self.viewport_height)
+        GL.glDepthMask(GL.GL_TRUE)
+        # The sky covers what nothing else does, so that only the depth needs clearing.
+        GL.glClear(GL.GL_DEPTH_BUFFER_BIT)
+        GL.glEnable(GL.GL_DEPTH_TEST)
+        GL.glDepthFunc(GL.GL_LEQUAL)
+        GL.glBlendFunc(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA)
+        GL.glEnable(GL.GL_PROGRAM_POINT_SIZE)
+        # Turning the picture over turns the sense of its triangles too.
+        GL.glFrontFace(GL.GL_CW)
+
+    def camera_matrices(self, scene: Any) -> tuple[Float, Float]:
+        """Matrix (4, 4) from the scene to the picture turned over, and the eye (3,)."""
+        view, projection = self._get_camera_matrices(scene)
+        # Row 0 of what OpenGL gives back is the lowest; so the picture is drawn upside down.
+        projection = projection.copy()
+        projection[1] *= -1.0
+        return projection @ view, scene.get_pose(scene.main_camera_node)[:3, 3]
+
+    def draw(self, primitive: Primitive, uniforms: Mapping[str, Uniform]) -> None:
+        """Draw a primitive with uniforms for its program."""
+        if not primitive.count:
+            return
+        program = self._programs.get(primitive.program)
+        if program is None:
+            program = self._programs[primitive.program] = Program(primitive.program)
+        program.use(uniforms)
+        _switch(GL.GL_BLEND, primitive.blend)
+        _switch(GL.GL_CULL_FACE, primitive.cull)
+        GL.glDepthMask(not primitive.blend)
+        if primitive.texture is not None:
+            primitive.texture.bind()
+        primitive.draw()
+
+    def overlay(self, box: tuple[int, int, int, int] | None) -> None:
+        """Go on without depth, in a box left, top, width, height [pixels] or in the whole."""
+        GL.glDisable(GL.GL_DEPTH_TEST)
+        if box is None:
+            GL.glDisable(GL.GL_SCISSOR_TEST)
+            GL.glViewport(0, 0, self.viewport_width, self.viewport_height)
+        else:
+            GL.glEnable(GL.GL_SCISSOR_TEST)
+            GL.glScissor(*box)
+            GL.glViewport(*box)
+
+    def finish(self) -> Picture:
+        """The picture (h, w, 4) uint8; it is written over by the next one."""
+        self.overlay(None)
+        width, height = self.viewport_width, self.viewport_height
+        if self._samples:
+            GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
+            GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
+            box = (0, 0, width, height)
+            GL.glBlitFramebuffer(*box, *box, GL.GL_COLOR_BUFFER_BIT, GL.GL_NEAREST)
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
+        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
+        place = ctypes.c_void_p(self._picture.ctypes.data)
+        GL.glReadPixels(0, 0, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
+        return self._picture
+
+    def delete(self) -> None:
+        """Free what the driver holds; the context stays."""
+        for program in self._programs.values():
+            program.delete()
+        self._programs = {}
+        for mesh in self._meshes:
+            for primitive in mesh.primitives:
+                if primitive.texture is not None:
+                    primitive.texture.delete()
+        super().delete()
+
+    def _upload(self, scene: Any) -> None:
+        """Take new primitives into the context; the old ones go when they are left."""
+        meshes = scene.meshes
+        for mesh in meshes - self._meshes:
+            for primitive in mesh.primitives:
+                primitive._add_to_context()
+        for mesh in self._meshes - meshes:
+            for primitive in mesh.primitives:
+                primitive.delete()
+        self._meshes = meshes
+
+    def _configure_main_framebuffer(self) -> None:
+        """Make the buffers to draw in: with samples a second pair, depth only where drawn."""
+        if self._main_fb is not None:
+            return
+        size = (self.viewport_width, self.viewport_height)
+        self._main_fb_dims = size
+        self._main_fb, self._buffers = _framebuffer(size, 0)
+        if self._samples:
+            self._main_fb_ms, more = _framebuffer(size, self._samples)
+            self._buffers += more
+
+    def _delete_main_framebuffer(self) -> None:
+        frames = [each for each in (self._main_fb, self._main_fb_ms) if each is not None]
+        if frames:
+            GL.glDeleteFramebuffers(len(frames), frames)
+            GL.glDeleteRenderbuffers(len(self._buffers), self._buffers)
+        self._main_fb = self._main_fb_ms = None
+        self._buffers = []
+
+
+def _framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
+    """A framebuffer, and the buffers of its colour and its depth."""
+    frame = GL.glGenFramebuffers(1)
+    colour, depth = GL.glGenRenderbuffers(2)
+    GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
+    for buffer, kind, place in (
+        (colour, GL.GL_RGBA8, GL.GL_COLOR_ATTACHMENT0),
+        (depth, GL.GL_DEPTH_COMPONENT24, GL.GL_DEPTH_ATTACHMENT),
+    ):
+        GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
+        GL.glRenderbufferStorageMultisample(GL.GL_RENDERBUFFER, samples, kind, *size)
+        GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, buffer)
+    return frame, [colour, depth]
+
+
+def _switch(what: int, on: bool) -> None:
+    if on:
+        GL.glEnable(what)
+    else:
+        GL.glDisable(what)

@@ -1,0 +1,180 @@
+"""The scene of a run: all that can be seen in it, as primitives, brought up to a moment."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry import Bool, Float
+from lrf3d.mapping import LineMap
+from lrf3d.render.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
+from lrf3d.render.bindings import GL, pyrender
+from lrf3d.render.ground import SUN, paint_ground
+from lrf3d.render.palette import union_colours
+from lrf3d.render.primitives import Mesh, Primitive, Single
+from lrf3d.render.robot_model import robot_primitive, world_from_robot
+from lrf3d.render.structures import Structures
+from lrf3d.render.textures import Texture
+from lrf3d.render.timeline import Moment, Timeline
+from lrf3d.render.walls import wall_primitive
+from lrf3d.simulation import Run
+
+_FARTHEST = 3000.0
+"""How far the ground goes [m]: to the horizon."""
+
+_FAN_REACH = 42.0
+"""Range [m] at which the fan has faded to nothing: farther, it would only tint the street."""
+
+TRAIL_WIDTH = 0.11
+"""Width of the trail on the ground [m]."""
+
+_HAZE = (0.83, 0.88, 0.935)
+_HAZE_INDOOR = (0.80, 0.825, 0.85)
+
+
+class Scenery:
+    """The primitives of a run.
+
+    Attributes:
+        scene: pyrender's scene of them.
+        structures: What the walls make up.
+        beams: The beams of the moment.
+    """
+
+    def __init__(self, timeline: Timeline) -> None:
+        run = self.run = timeline.run
+        self.structures = Structures.from_run(run)
+        self.origin = run.world.origin
+        self.reach = min(run.lrf.range_max, _FAN_REACH)
+        self.scene = pyrender.Scene()
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
+        self.walls = wall_primitive(self.structures)
+        self.robot = robot_primitive(run.lrf.height)
+        self.ground = Primitive("ground", (2,), corners * _FARTHEST)
+        self.sky = Primitive("sky", (2,), _mesh(12, 48))
+        self.blob = Primitive("blob", (2,), corners, blend=True)
+        self.trail = _trail(run, self.origin, timeline.jumps)
+        self.fan = _dynamic("fan", (3, 1))
+        self.lines = _dynamic("lines", LINE_SIZES)
+        self.trace = _dynamic("lines", LINE_SIZES)
+        self.dots = _dynamic("points", POINT_SIZES, mode=GL.GL_POINTS)
+        self.map = _dynamic("lines", LINE_SIZES)
+        self._scan_shown: tuple[Any, ...] = ()
+        self._map_shown: LineMap | None = None
+        self.beams: Beams | None = None
+        for primitive in self.all:
+            self.scene.add(Mesh([primitive]))
+        ground = paint_ground(self.structures)
+        self.ground.texture = Texture(ground.picture, far=True)
+        self._constant = {
+            "sun": tuple(SUN.tolist()),
+            "haze": self.haze,
+            "indoor": float(self.structures.indoor),
+            "lift": 0.0,
+            "reach": self.reach,
+            "strength": 0.42,
+            "beyond": (*ground.beyond, 12.0 if self.structures.indoor else 60.0),
+            "area": (*ground.corner.tolist(), *ground.size.tolist()),
+        }
+
+    @property
+    def all(self) -> tuple[Primitive, ...]:
+        """All primitives."""
+        solid = (self.walls, self.robot, self.ground, self.sky, self.blob, self.trail)
+        return (*solid, self.fan, self.lines, self.trace, self.dots, self.map)
+
+    @property
+    def haze(self) -> tuple[float, float, float, float]:
+        """Colour of what is far away, and one over the distance [m] at which half is haze."""
+        return (*_HAZE_INDOOR, 1 / 120.0) if self.structures.indoor else (*_HAZE, 1 / 190.0)
+
+    def show(self, moment: Moment) -> dict[str, Any]:
+        """Bring robot, trail, beams and map up to a moment; gives the uniforms that say where."""
+        place = moment.pose - np.array([*self.origin, 0.0])
+        shift = -0.16 * SUN[:2] * (0.0 if self.structures.indoor else 1.0)
+        moved: dict[str, Any] = {
+            **self._constant,
+            "world_from_robot": world_from_robot(place),
+            "blob": (*(place[:2] + shift).tolist(), 0.52, 0.55),
+        }
+        times = self.run.trajectory.times
+        driven = self.driven(moment)
+        self.trail.count = 6 * min(len(times) - 1, int(np.searchsorted(times, driven)))
+        moved["now"] = float(driven - times[0])
+        self._show_beams(moment, place)
+        stage = self.run.map_after(moment.scan)
+        if stage is not self._map_shown:
+            self._map_shown = stage
+            self.map.update(_map_lines(stage, self.origin, self.run.lrf.height))
+        return moved
+
+    def driven(self, moment: Moment) -> float:
+        """The time of the trajectory at which the robot is where the moment has it [s]."""
+        times, poses = self.run.trajectory.times, self.run.trajectory.poses
+        if moment.scan + 1 >= len(times):
+            return float(times[-1])
+        start, end = poses[moment.scan, :2], poses[moment.scan + 1, :2]
+        step = end - start
+        square = float(step @ step)
+        share = 1.0 if square == 0.0 else float((moment.pose[:2] - start) @ step) / square
+        share = min(max(share, 0.0), 1.0)
+        return float(times[moment.scan] + share * (times[moment.scan + 1] - times[moment.scan]))
+
+    def _show_beams(self, moment: Moment, place: Float) -> None:
+        shown = (moment.scan, moment.scanning, *place[:2])
+        if shown == self._scan_shown:
+            return
+        self._scan_shown = shown
+        height = self.run.lrf.height
+        if not moment.scanning:
+            for primitive in (self.fan, self.lines, self.trace, self.dots):
+                primitive.update(np.zeros(0, np.float32))
+            return
+        scan = self.run.scan(moment.scan)
+        local = np.array(scan.pose) - np.array([*self.origin, 0.0])
+        world = self.run.world
+        walls = world.segments - np.tile(self.origin, 2)
+        self.beams = Beams.from_scan(replace(scan, pose=local), walls, world.objects, place[:2])
+        self.fan.update(self.beams.fan(height))
+        self.lines.update(self.beams.lines(height, self.reach))
+        self.trace.update(self.beams.trace(height))
+        self.dots.update(self.beams.dots(height, self.run.lrf.range_max))
+
+
+def _mesh(columns: int, rows: int) -> Single:
+    """Corners (6 · columns · rows, 2) of the triangles of a mesh over −1…1."""
+    x, y = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
+    first = np.column_stack([x.ravel(), y.ravel()])
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]])
+    places = (first[:, None] + corners) / [columns, rows]
+    return np.asarray((2.0 * places - 1.0).reshape(-1, 2), np.float32)
+
+
+def _dynamic(program: str, sizes: tuple[int, ...], mode: int = GL.GL_TRIANGLES) -> Primitive:
+    empty = np.zeros((0, sum(sizes)), np.float32)
+    return Primitive(program, sizes, empty, mode=mode, capacity=2048, blend=True)
+
+
+def _trail(run: Run, origin: Float, jumps: Bool) -> Primitive:
+    """The whole path as a ribbon, a quad for each leg; the shader shows what has been driven."""
+    places = run.trajectory.poses[:, :2] - origin
+    times = run.trajectory.times - run.trajectory.times[0]
+    way = np.diff(places, axis=0)
+    length = np.hypot(way[:, 0], way[:, 1])[:, None]
+    along = way / np.maximum(length, 1e-9)
+    side = np.column_stack([-along[:, 1], along[:, 0]])
+    rows = np.zeros((len(way), 6, 5), np.float32)
+    for corner, (end, turn) in enumerate([(0, 1), (0, -1), (1, -1), (0, 1), (1, -1), (1, 1)]):
+        rows[:, corner, :2] = places[end : len(places) - 1 + end]
+        rows[:, corner, 2:4] = turn * side
+        rows[:, corner, 4] = times[end : len(places) - 1 + end]
+    rows[jumps, :, 2:4] = 0.0
+    return Primitive("trail", (2, 2, 1), rows.reshape(-1, 5), blend=True)
+
+
+def _map_lines(stage: LineMap, origin: Float, height: float) -> Single:
+    """The segments of a map as line quads, each union in its colour."""
+    segments = stage.segments - np.tile(origin, 2)
+    opaque = np.ones((len(segments), 2))
+    colours = union_colours(stage.objects) if len(segments) else np.zeros((0, 3))
+    return line_quads(segments[:, :2], segments[:, 2:], colours, opaque, height)

@@ -1,0 +1,35 @@
+// What all shaders know: the camera, the sun and the haze of the picture.
+uniform mat4 view_projection;
+uniform vec3 eye;
+uniform vec3 sun;
+uniform vec4 haze;      // colour, and one over the distance [m] at which half is haze
+uniform float indoor;   // 1 inside a house, else 0
+uniform float lift;     // height [m] that flat things are drawn at
+uniform float slack;    // how much the depth of raised things gains with their distance
+
+vec3 hazed(vec3 colour, vec3 place) {
+    // Grows with the square of the distance and needs neither a root nor an exponential.
+    vec3 way = (place - eye) * haze.a;
+    float far = dot(way, way);
+    return mix(colour, haze.rgb, far / (1.0 + far));
+}
+
+// Where a point is drawn whose depth is that of a point nearer to the eye by so many metres: what
+// lies on a surface then shows, and what lies behind one does not.
+vec4 raised(vec3 place, float metres) {
+    vec3 ray = eye - place;
+    float away = length(ray);
+    vec4 drawn = view_projection * vec4(place, 1.0);
+    vec4 near = view_projection * vec4(place + ray / away * min(metres + slack * away, 0.5 * away), 1.0);
+    drawn.z = near.z / near.w * drawn.w;
+    return drawn;
+}
+
+// Whether what lies on a thin wall is seen: from the side that it faces, or from far above.
+bool shown(vec3 place, vec2 side, float metres) {
+    return metres > 1e3 || dot(eye.xy - place.xy, side) >= 0.0;
+}
+
+float chance(vec2 cell) {
+    return fract(sin(dot(cell, vec2(12.9898, 78.233))) * 43758.5453);
+}

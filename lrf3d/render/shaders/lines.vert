@@ -1,0 +1,27 @@
+layout(location = 0) in vec3 here;
+layout(location = 1) in vec3 there;
+layout(location = 2) in float turn;     // 1 to the left of the way there, -1 to the right; twice that at the end
+layout(location = 3) in vec4 tint;
+layout(location = 4) in vec2 side;      // where the wall's face looks, or 0
+uniform vec2 viewport;  // [pixels]
+uniform float width;    // [pixels]
+uniform float nearer;   // how much nearer to the eye its depth is [m]
+out vec4 paint;
+out float off;
+const float NEAR = 0.05;
+void main() {
+    vec4 a = raised(here, nearer);
+    vec4 b = view_projection * vec4(there, 1.0);
+    // What lies behind the eye is cut off before the division turns it round.
+    if (a.w < NEAR && b.w > NEAR) a = mix(a, b, (NEAR - a.w) / (b.w - a.w));
+    if (b.w < NEAR && a.w > NEAR) b = mix(b, a, (NEAR - b.w) / (a.w - b.w));
+    vec2 way = (b.xy / b.w - a.xy / a.w) * viewport;
+    vec2 across = normalize(vec2(-way.y, way.x) + vec2(1e-9, 0.0)) * sign(turn);
+    float half_width = 0.5 * width + 0.75;
+    a.xy += across * half_width * 2.0 / viewport * a.w;
+    // Seen from the end, left and right have changed places.
+    off = sign(turn) * half_width * (abs(turn) > 1.5 ? -1.0 : 1.0);
+    paint = tint;
+    if (!shown(here, side, nearer)) a.z = 2.0 * a.w;
+    gl_Position = a;
+}

@@ -1,0 +1,11 @@
+layout(location = 0) in vec2 middle;
+layout(location = 1) in vec2 side;
+layout(location = 2) in float when;
+uniform float half_width;
+out float time;
+out vec3 world;
+void main() {
+    time = when;
+    world = vec3(middle + side * half_width, lift);
+    gl_Position = raised(world, 0.01);
+}

@@ -1,0 +1,335 @@
+"""Pictures of a run: what stands where, from every camera, also far from the origin."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from lrf3d.errors import InputError
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.mapping import LineMap
+from lrf3d.render.gl import gl_available
+from lrf3d.render.timeline import Timeline
+from lrf3d.robot import Trajectory
+from lrf3d.simulation import Run
+from lrf3d.world import World
+
+needs_gl = pytest.mark.skipif(not gl_available(), reason="no OpenGL library on this machine")
+SIZE = (320, 180)
+
+
+def box(x, y, width, depth):
+    corners = [(x, y), (x + width, y), (x + width, y + depth), (x, y + depth)]
+    return [[*corners[k], *corners[(k + 1) % 4]] for k in range(4)]
+
+
+def ranges_of(world, lrf, pose):
+    """Ranges and walls of a scan by brute force: every beam against every wall."""
+    way = lrf.directions(pose)[:, None, :]
+    offset = world.segments[None, :, :2] - pose[:2]
+    along = world.segments[None, :, 2:] - world.segments[None, :, :2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = way[..., 0] * along[..., 1] - way[..., 1] * along[..., 0]
+        distance = (offset[..., 0] * along[..., 1] - offset[..., 1] * along[..., 0]) / cross
+        place = (offset[..., 0] * way[..., 1] - offset[..., 1] * way[..., 0]) / cross
+    good = (distance >= 0.0) & (place >= 0.0) & (place <= 1.0)
+    distance = np.where(good, distance, np.inf)
+    walls = distance.argmin(axis=1)
+    ranges = distance[np.arange(len(distance)), walls]
+    miss = ranges > lrf.range_max
+    return np.where(miss, np.inf, ranges), np.where(miss, -1, walls)
+
+
+def run_of(world, times, poses, *, range_max=60.0):
+    lrf = LaserRangeFinder(range_max=range_max, beams=91)
+    scans = [ranges_of(world, lrf, pose) for pose in poses]
+    ranges = np.array([scan[0] for scan in scans])
+    walls = np.array([scan[1] for scan in scans])
+    seen = np.unique(walls[walls >= 0])
+    map_ = LineMap(world.segments[seen], world.objects[seen], np.full(len(seen), 9))
+    trajectory = Trajectory(np.asarray(times, float), np.asarray(poses, float))
+    return Run(world, lrf, trajectory, ranges, ranges, walls, (0,), (map_,))
+
+
+def city_run(offset=(0.0, 0.0), *, seconds=4.0):
+    """A street of buildings to both sides, driven along x."""
+    rng = np.random.default_rng(5)
+    spots = [(x, y) for x in range(-40, 60, 20) for y in (-15, 5, 25)]
+    segments = np.concatenate([box(x, y, 12, 10) for x, y in spots])
+    heights = np.repeat(rng.uniform(5.0, 18.0, len(spots)), 4)
+    world = World(
+        segments + np.tile(offset, 2), np.repeat(np.arange(len(spots)), 4), heights, "street"
+    )
+    times = np.arange(0.0, seconds + 1e-9, 0.2)
+    x = -30.0 + 1.5 * times
+    poses = np.column_stack([x + offset[0], np.zeros_like(x) + offset[1], np.zeros_like(x)])
+    return run_of(world, times, poses)
+
+
+def room_run(*, stops=False, colours=None):
+    """A room with a box in it."""
+    segments = np.array([*box(0, 0, 8, 6), *box(5, 2.5, 1, 1)])
+    objects = np.repeat([0, 1], 4)
+    heights = np.repeat([2.5, 1.0], 4)
+    world = World(segments, objects, heights, "room", colours=colours)
+    times = np.array([0.0, 4.0, 8.0]) if stops else np.arange(0.0, 3.0, 0.25)
+    x = np.linspace(1.5, 3.0, len(times))
+    poses = np.column_stack([x, np.full_like(x, 3.0), np.zeros_like(x)])
+    return run_of(world, times, poses, range_max=12.0)
+
+
+@needs_gl
+@pytest.mark.parametrize("samples", [0, 4])
+def test_views_show_something_and_differ(samples):
+    from lrf3d.render.video import VIEWS, frame
+
+    run = city_run()
+    pictures = [frame(run, 2.0, size=SIZE, view=view, samples=samples) for view in VIEWS]
+    for picture in pictures:
+        assert picture.shape == (180, 320, 3) and picture.dtype == np.uint8
+        assert picture.std() > 20.0
+    for first, second in pairwise(pictures):
+        assert np.abs(first.astype(int) - second).mean() > 10.0
+
+
+@needs_gl
+def test_every_view_has_a_camera():
+    from lrf3d.render.camera import CAMERAS
+    from lrf3d.render.video import VIEWS
+
+    assert tuple(sorted(CAMERAS)) == VIEWS
+
+
+@needs_gl
+def test_the_sky_is_above_and_the_ground_below():
+    from lrf3d.render.video import frame
+
+    picture = frame(city_run(), 1.0, size=SIZE).astype(int)
+    sky = picture[2, 160]
+    assert sky[2] > sky[0] + 15
+    ground = picture[-3, 40]
+    assert abs(ground[0] - ground[2]) < 30 and ground.max() < 200
+
+
+@needs_gl
+def test_a_wall_has_its_colour_where_the_projection_puts_it():
+    from lrf3d.render.film import Film
+
+    green = np.array([[0.6, 0.6, 0.6], [0.1, 0.8, 0.1]])
+    run = room_run(colours=green)
+    film = Film(run, size=SIZE, view="first", samples=0, layers=())
+    picture = film.draw(0.0)[:, :, :3].astype(int)
+    look = film.camera.look(0.0, SIZE[0] / SIZE[1])
+    focus = 0.5 * SIZE[1] / math.tan(0.5 * look.field)
+    inside = np.linalg.inv(look.pose) @ [*(np.array([5.0, 3.0]) - run.world.origin), 0.5, 1.0]
+    column = 0.5 * SIZE[0] + focus * inside[0] / -inside[2]
+    row = 0.5 * SIZE[1] - focus * inside[1] / -inside[2]
+    red, green_, blue = picture[round(row), round(column)]
+    assert green_ > 2 * red and green_ > 2 * blue
+    film.close()
+
+
+@needs_gl
+def test_a_world_far_from_the_origin_looks_the_same():
+    from lrf3d.render.film import Film
+
+    layers = ("shadow", "trail", "fan", "beams", "trace", "points", "inset")
+    pictures = []
+    for offset in ((0.0, 0.0), (85_000.0, 447_500.0)):
+        film = Film(city_run(offset), size=SIZE, view="chase", samples=0, layers=layers)
+        pictures.append(film.draw(2.13).astype(int))
+        film.close()
+    assert np.abs(pictures[0] - pictures[1]).mean() < 0.2
+
+
+@needs_gl
+def test_the_picture_depends_on_the_time_alone():
+    from lrf3d.render.film import Film
+
+    run = city_run()
+    film = Film(run, size=SIZE, view="chase", samples=0)
+    alone = film.draw(3.1).copy()
+    film.draw(0.4)
+    film.draw(3.9)
+    assert np.array_equal(film.draw(3.1), alone)
+    film.close()
+
+
+@needs_gl
+def test_hit_points_do_not_show_through_a_thin_wall():
+    from lrf3d.render.film import Film
+
+    run = room_run()
+    seen = []
+    for layers in (("points", "trace"), ()):
+        film = Film(run, size=SIZE, view="first", samples=0, layers=layers)
+        # From outside, at the wall that the robot looks at from inside.
+        film.camera = Outside(run.world.origin)
+        seen.append(film.draw(0.0).astype(int))
+        film.close()
+    assert np.abs(seen[0] - seen[1]).max() == 0
+
+
+class Outside:
+    def __init__(self, origin):
+        self.origin = origin
+
+    def look(self, time, aspect):
+        from lrf3d.render.camera import Look
+
+        eye = np.array([14.0 - self.origin[0], 3.0 - self.origin[1], 0.7])
+        return Look(eye, eye - [5.0, 0.0, 0.1], 1.0)
+
+
+@needs_gl
+def test_layers_that_are_off_are_not_drawn():
+    from lrf3d.render.film import Film
+
+    run = room_run()
+    red = []
+    for layers in (("fan", "beams", "trace", "points"), ()):
+        film = Film(run, size=SIZE, view="top", samples=0, layers=layers)
+        picture = film.draw(1.0).astype(int)
+        red.append((picture[:, :, 0] > picture[:, :, 2] + 60).mean())
+        film.close()
+    assert red[0] > 0.1 and red[1] < 0.03
+
+
+@needs_gl
+@pytest.mark.parametrize("size", [(640, 360), (1920, 1080)])
+def test_the_panels_keep_their_place_at_any_size(size):
+    from lrf3d.render.video import frame
+
+    picture = frame(room_run(), 0.5, size=size, samples=0).astype(int)
+    side = 0.36 * size[1]
+    paper = picture[round(0.2 * side), round(size[0] - 0.2 * side)]
+    assert paper.min() > 200
+    panel = picture[round(0.03 * size[1]) : round(0.15 * size[1]), round(0.03 * size[0]) :][:, :150]
+    assert panel.max() > 200 and np.median(panel) < 110
+
+
+def test_hit_points_lie_on_their_walls_and_beams_end_before_walls():
+    from lrf3d.geometry import project_on_segments
+
+    beams = pytest.importorskip("lrf3d.render.beams") if gl_available() else None
+    if beams is None:
+        pytest.skip("no OpenGL library on this machine")
+    run = city_run()
+    scan = run.scan(6)
+    walls = run.world.segments
+    for step in (0.0, 0.15, 0.29):
+        apex = np.array([scan.pose.x + step, scan.pose.y])
+        drawn = beams.Beams.from_scan(scan, walls, run.world.objects, apex)
+        gap, _ = project_on_segments(drawn.points, walls)
+        hit = run.walls[6][scan.hits]
+        assert gap[np.arange(len(hit)), hit].max() < 1e-9
+        way = np.arctan2(*(drawn.ends - apex).T[::-1])
+        lrf = replace(run.lrf, beams=1, angle_min=0.0, angle_max=0.0, range_max=500.0)
+        for end, angle in zip(drawn.ends, way, strict=True):
+            seen, _ = ranges_of(run.world, lrf, np.array([*apex, angle]))
+            assert np.hypot(*(end - apex)) <= seen[0] * 1.006 + 1e-6
+
+
+@needs_gl
+def test_the_chase_camera_looks_over_the_walls_of_rooms():
+    from lrf3d.render.camera import Chase
+    from lrf3d.render.structures import Structures
+
+    segments = np.array([*box(0, 0, 8, 6), [3.0, 0.0, 3.0, 2.4], [3.0, 3.6, 3.0, 6.0]])
+    world = World(segments, np.array([0, 0, 0, 0, 1, 1]), name="doors")
+    times = np.arange(0.0, 12.0, 0.1)
+    turn = 2.0 * math.pi * times / 12.0
+    poses = np.column_stack([4.0 + 3.0 * np.cos(turn), 3.0 + 0.4 * np.sin(turn), turn])
+    run = run_of(world, times, poses)
+    timeline = Timeline(run)
+    camera = Chase(timeline, Structures.from_run(run))
+    for time in np.arange(0.0, 11.9, 0.17):
+        look = camera.look(time, 16 / 9)
+        eye, height = look.eye[:2] + world.origin, look.eye[2]
+        robot = timeline.poses(np.array([time]))[0, :2]
+        lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=100.0)
+        way = eye - robot
+        free, _ = ranges_of(world, lrf, np.array([*robot, math.atan2(way[1], way[0])]))
+        # Where the eye is behind a wall, it sees the robot's middle over the top of it.
+        share = free[0] / np.hypot(*way)
+        assert share > 1.0 or 0.3 + share * (height - 0.3) > 2.5
+
+
+@needs_gl
+def test_the_chase_camera_comes_nearer_where_a_house_is_behind_the_robot():
+    from lrf3d.render.camera import Chase
+    from lrf3d.render.structures import Structures
+
+    run = city_run()
+    poses = run.trajectory.poses.copy()
+    # From the wall of a house across the street.
+    poses[:, 0], poses[:, 1] = -34.0, np.linspace(-4.0, 2.0, len(poses))
+    poses[:, 2] = math.pi / 2
+    run = run_of(run.world, run.trajectory.times, poses)
+    timeline = Timeline(run)
+    camera = Chase(timeline, Structures.from_run(run))
+    backs = []
+    for time in np.arange(0.0, 4.0, 0.1):
+        eye = camera.look(time, 16 / 9).eye[:2] + run.world.origin
+        assert eye[1] > -4.95
+        backs.append(timeline.poses(np.array([time]))[0, 1] - eye[1])
+    assert min(backs) < 1.0 and max(backs) > 2.0
+
+
+def test_a_robot_that_was_set_down_behind_a_wall_does_not_drive_through_it():
+    world = World(np.array([[2.0, -1.0, 2.0, 1.0]]))
+    run = run_of(world, [0.0, 4.0, 8.0], [[0, 0, 0], [4, 0, 0], [6, 0, 0]])
+    timeline = Timeline(run)
+    x = timeline.poses(np.linspace(0.0, 8.0, 81))[:, 0]
+    assert not ((x > 0.0) & (x < 4.0)).any()
+    assert ((x > 4.0) & (x < 6.0)).any()
+
+
+def test_stops_dwell_with_beams_on_then_glide_with_beams_off():
+    timeline = Timeline(room_run(stops=True))
+    assert timeline.end == pytest.approx(11.0)
+    standing, gliding = timeline.moment(2.9), timeline.moment(3.5)
+    assert standing.scanning and standing.scan == 0 and standing.speed == 0.0
+    assert standing.pose[0] == pytest.approx(1.5)
+    assert not gliding.scanning and 1.5 < gliding.pose[0] < 2.25
+    assert timeline.moment(4.0).scanning and timeline.moment(4.0).scan == 1
+
+
+def test_frames_cover_the_run_at_the_rate_asked_for():
+    run = city_run(seconds=4.0)
+    assert len(Timeline(run).frame_times(25.0)) == 101
+    assert len(Timeline(run, playback=4.0).frame_times(10.0)) == 11
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"view": "behind"}, {"samples": 3}, {"size": (0, 100)}, {"time": math.nan}]
+)
+def test_a_picture_that_cannot_be_drawn_is_refused(wrong):
+    from lrf3d.render.video import frame
+
+    arguments = {"time": 0.0, "size": SIZE, **wrong}
+    with pytest.raises(InputError):
+        frame(room_run(), arguments.pop("time"), **arguments)
+
+
+def test_colours_that_are_given_are_kept_and_the_others_chosen():
+    from lrf3d.render.palette import object_colours
+
+    colours = np.array([[0.2, 0.3, 0.4], [np.nan] * 3])
+    found = object_colours(room_run(colours=colours).world, indoor=True)
+    assert found[0] == pytest.approx([0.2, 0.3, 0.4])
+    assert np.isfinite(found).all()
+    assert np.array_equal(found, object_colours(room_run(colours=colours).world, indoor=True))
+
+
+def test_without_opengl_the_error_says_what_to_install(monkeypatch):
+    from lrf3d.errors import MissingLibraryError
+    from lrf3d.render import gl
+
+    monkeypatch.setattr(gl, "_LIBRARIES", ("libnowhere.so.0",))
+    monkeypatch.setattr(gl.sys, "platform", "linux")
+    assert not gl.gl_available()
+    with pytest.raises(MissingLibraryError, match=r"apt-get install .* libegl1 libgl1"):
+        gl.require_gl()
