@@ -1,20 +1,103 @@
-"""World files: built-in worlds by name, others by path."""
+"""World files: built-in worlds by name, others by path, each read by its ending."""
 
+from collections.abc import Callable
+from difflib import get_close_matches
 from pathlib import Path
 
+from lrf3d.errors import OutputError, WorldError
+from lrf3d.output import write_text
+from lrf3d.resources import worlds_folder
 from lrf3d.world.model import World
 
 
 def load_world(name_or_path: str | Path) -> World:
-    """Read a world."""
-    raise NotImplementedError
+    """Read a world: a built-in one by its name, or a file by its path.
+
+    Raises:
+        WorldError: There is no such world, or its file cannot be used.
+    """
+    path = find_world(name_or_path)
+    return READERS[path.suffix.lower()](path)
 
 
 def save_world(world: World, path: Path) -> None:
-    """Write a world."""
-    raise NotImplementedError
+    """Write a world to a file, so that reading it gives the same world to the last bit.
+
+    Raises:
+        OutputError: The file cannot be written, or its ending names no known format.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in WRITERS:
+        raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
+    write_text(path, WRITERS[path.suffix.lower()](world))
 
 
 def world_names() -> list[str]:
-    """Names of the built-in worlds."""
-    raise NotImplementedError
+    """Names of the built-in worlds, sorted."""
+    return sorted(path.stem for path in worlds_folder().glob("*.toml"))
+
+
+def find_world(name_or_path: str | Path) -> Path:
+    """The file of a world that is named or given by its path; its ending is a known one.
+
+    Raises:
+        WorldError: There is no such world.
+    """
+    names = world_names()
+    if isinstance(name_or_path, str) and name_or_path in names:
+        return worlds_folder() / f"{name_or_path}.toml"
+    path = Path(name_or_path)
+    known = ", ".join(READERS)
+    if path.suffix.lower() in READERS:
+        if not path.is_file():
+            raise WorldError(f"{path}: no such file{_suggestion(path.stem, names)}")
+        return path
+    if path.is_file() or path.suffix:
+        raise WorldError(f"{path}: unknown ending; worlds are read from {known}")
+    raise WorldError(
+        f"{name_or_path}: unknown world{_suggestion(str(name_or_path), names)}; built-in are"
+        f" {', '.join(names)}; or give a file ({known})"
+    )
+
+
+def _suggestion(name: str, names: list[str]) -> str:
+    near = get_close_matches(name, names, n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def _read_toml(path: Path) -> World:
+    from lrf3d.world.toml_file import read_toml
+
+    return read_toml(path).world
+
+
+def _read_geojson(path: Path) -> World:
+    from lrf3d.world.geojson import read_geojson
+
+    return read_geojson(path)
+
+
+def _toml_text(world: World) -> str:
+    from lrf3d.world.toml_writer import toml_text
+
+    return toml_text(world)
+
+
+def _geojson_text(world: World) -> str:
+    from lrf3d.world.geojson_writer import geojson_text
+
+    return geojson_text(world)
+
+
+READERS: dict[str, Callable[[Path], World]] = {
+    ".toml": _read_toml,
+    ".geojson": _read_geojson,
+    ".json": _read_geojson,
+}
+"""How a world is read, by the ending of its file; a new format is one more entry."""
+
+WRITERS: dict[str, Callable[[World], str]] = {
+    ".toml": _toml_text,
+    ".geojson": _geojson_text,
+}
+"""How the text of a world is made, by the ending of the file to write."""

@@ -26,7 +26,7 @@ class World:
             not given.
         heights: (n,) heights of the walls above the ground [m]; 2.5 where not given.
         name: What the world is called in pictures and files.
-        object_names: A name for each object, or nothing.
+        object_names: A name for each object, or none at all.
         colours: (objects, 3) red, green, blue in 0…1 for each object; NaN where none is given.
 
     Raises:
@@ -38,23 +38,31 @@ class World:
     heights: Float = None  # type: ignore[assignment]
     name: str = ""
     object_names: tuple[str, ...] = field(default=(), kw_only=True)
-    colours: Float = field(default=None, kw_only=True)  # type: ignore[assignment]
+    colours: Float = field(default=None, kw_only=True)  # type: ignore[arg-type]
 
     def __post_init__(self) -> None:
         segments = _rows(self.segments, 4, "segments")
         count = len(segments)
         _check_segments(segments)
-        objects = np.zeros(count) if self.objects is None else np.asarray(self.objects)
+        objects = _column(
+            np.zeros(count) if self.objects is None else self.objects, count, "object"
+        )
         heights = np.full(count, DEFAULT_HEIGHT) if self.heights is None else self.heights
-        object_count = int(objects.max(initial=-1)) + 1
-        colours = np.full((object_count, 3), np.nan) if self.colours is None else self.colours
+        if not ((objects >= 0.0) & (objects == np.floor(objects))).all():
+            wall = int(np.flatnonzero((objects < 0.0) | (objects != np.floor(objects)))[0])
+            raise WorldError(f"wall {wall}: object {objects[wall]:g}, expected 0, 1, 2, …")
         _set(self, "segments", segments)
-        _set(self, "objects", _column(objects, count, "objects").astype(np.int64))
-        _set(self, "heights", _column(heights, count, "heights"))
+        _set(self, "objects", objects.astype(np.int64))
+        _set(self, "heights", _column(heights, count, "height"))
+        colours = np.full((self.object_count, 3), np.nan) if self.colours is None else self.colours
         _set(self, "colours", _rows(colours, 3, "colours"))
         object.__setattr__(self, "object_names", tuple(self.object_names))
-        if count and int(self.objects.min()) < 0:
-            raise WorldError("objects: expected numbers from 0 on, found a negative one")
+        names = len(self.object_names)
+        if len(self.colours) != self.object_count or names not in (0, self.object_count):
+            raise WorldError(
+                f"{len(self.colours)} colours and {names} names for {self.object_count} objects:"
+                " expected one for each, or none at all"
+            )
         if not (self.heights > 0.0).all():
             wall = int(np.flatnonzero(~(self.heights > 0.0))[0])
             raise WorldError(f"wall {wall}: height {self.heights[wall]:g} m, expected more than 0")
@@ -70,12 +78,13 @@ class World:
         ends = self.segments.reshape(-1, 2)
         if not len(ends):
             return np.zeros((2, 2))
-        return np.array([ends.min(axis=0), ends.max(axis=0)])
+        return np.stack([ends.min(axis=0), ends.max(axis=0)])
 
     @cached_property
     def origin(self) -> Float:
         """Whole metres (2,) near the middle: the origin of the local frame to compute in."""
-        return np.round(self.bounds.mean(axis=0))
+        low, high = self.bounds
+        return np.asarray(np.round(low + 0.5 * (high - low)), dtype=np.float64)
 
     @cached_property
     def object_count(self) -> int:

@@ -1,0 +1,126 @@
+"""Planning a route: way-points through a world that names none, past most of its walls.
+
+A world enters, way-points leave. Places to look from are chosen in the free space and joined to
+a tour by paths that keep off the walls, and the paths are straightened.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Int
+from lrf3d.robot.collision import find_collision
+from lrf3d.robot.following import follow_route
+from lrf3d.robot.free_space import FreeSpace, find_free_space
+from lrf3d.robot.tour import Network, best_tour
+from lrf3d.robot.viewpoints import look_around
+from lrf3d.world import World
+
+LONGEST_ROUTE = 800.0
+"""Longest route [m]: about five minutes at 3 m/s."""
+
+MARGINS = (0.3, 0.6, 0.9)
+"""How much farther [m] than its radius a robot stays from walls, for the corners that a follower
+cuts: the least that it can follow is taken, for a wider one shuts doors."""
+
+FOLLOWER = 1.0
+"""Look-ahead [m] of the pure pursuit that must be able to follow a route."""
+
+LONGEST_LEG = 30.0
+"""Longest straight piece of a route [m]."""
+
+
+def plan_route(
+    world: World, *, radius: float = 0.35, clearance: float = 2.0, range_max: float = 80.0
+) -> Float:
+    """Find way-points (m, 2) [m], two or more, along which most of the walls are seen.
+
+    The same world gives the same route. In a world wider than 500 m only the part with the most
+    walls is driven through.
+
+    Args:
+        world: The walls.
+        radius: Radius of the robot [m]; it never comes nearer to a wall than this and 0.3 m.
+        clearance: Distance to walls [m] that is kept where there is room.
+        range_max: Farthest that the laser measures [m].
+
+    Raises:
+        InputError: There are no walls, there is no room to drive, or a number makes no sense.
+    """
+    numbers = (radius, clearance, range_max)
+    if not (np.isfinite(numbers).all() and min(numbers) > 0.0):
+        raise InputError(
+            f"radius {radius}, clearance {clearance}, range_max {range_max}: expected positive"
+            " numbers of metres"
+        )
+    first = None
+    for margin in MARGINS:
+        try:
+            route = _route(world, radius + margin, clearance, range_max)
+        except InputError:
+            if first is None:
+                raise
+            break
+        if _can_be_followed(route, world, radius):
+            return route
+        first = route if first is None else first
+    assert first is not None
+    return first
+
+
+def _route(world: World, least: float, clearance: float, range_max: float) -> Float:
+    """Way-points (m, 2) that keep a least distance [m] to walls."""
+    space = find_free_space(world, least=least, clearance=max(clearance, least))
+    views = look_around(space, world, range_max=range_max)
+    network = Network.between(space, views, views.places[views.best_places()])
+    order = best_tour(network, longest=LONGEST_ROUTE)
+    legs = [network.path(*leg) for leg in pairwise(order)] or [_across(space)]
+    return _straightened(space, legs, clearance) + world.origin
+
+
+def _can_be_followed(route: Float, world: World, radius: float) -> bool:
+    """Whether a robot that follows the route by pure pursuit keeps clear of all walls."""
+    drive = follow_route(route, speed=3.0, lookahead=FOLLOWER, dt=0.1)
+    return find_collision(drive, world, radius) is None
+
+
+def _across(space: FreeSpace) -> Int:
+    """The path through the free space from one end to the other, where one look shows all."""
+    from scipy.sparse.csgraph import dijkstra
+
+    start = int(np.argmin(space.cells.sum(axis=1)))
+    costs, before = dijkstra(space.graph, indices=[start], return_predecessors=True)
+    cells = [int(np.argmax(costs[0]))]
+    while cells[-1] != start:
+        cells.append(int(before[0, cells[-1]]))
+    if len(cells) < 2:
+        raise InputError("no room to drive between the walls; give a route or poses to stand at")
+    return np.array(cells[::-1])
+
+
+def _straightened(space: FreeSpace, legs: list[Int], clearance: float) -> Float:
+    """Way-points (m, 2) along the legs, straight as far as the walls stay as far off."""
+    waypoints = [space.cells[legs[0][0]]]
+    for leg in legs:
+        cells, room = space.cells[leg], np.minimum(space.clearances[leg], clearance)
+        here = 0
+        while here < len(leg) - 1:
+            there = here + 1
+            while there + 1 < len(leg) and _is_clear(space, cells, room, here, there + 1):
+                there += 1
+            waypoints.append(cells[there])
+            here = there
+    return np.array(waypoints)
+
+
+def _is_clear(space: FreeSpace, cells: Float, room: Float, here: int, there: int) -> bool:
+    """Whether the straight way keeps about as far from walls as the path that it replaces."""
+    length = float(np.hypot(*(cells[there] - cells[here])))
+    if length > LONGEST_LEG:
+        return False
+    place = np.linspace(0.0, 1.0, max(3, int(length / (0.5 * space.size)) + 2))[:, None]
+    straight = cells[here] * (1.0 - place) + cells[there] * place
+    stations = np.linspace(0.0, 1.0, there + 1 - here)
+    kept = np.interp(place[:, 0], stations, room[here : there + 1]) - 0.25 * space.size
+    return bool((space.clearance(straight) >= np.maximum(kept, space.least)).all())

@@ -1,0 +1,171 @@
+"""Tours: in which order to drive to places so that the way shows the most walls.
+
+A free space and what is seen in it enter; the paths of the tour, cell by cell, leave.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.robot.free_space import FreeSpace
+from lrf3d.robot.viewpoints import Views
+
+LEAST_WORTH = 0.02
+"""Metres of wall that a metre more of driving must show."""
+
+STARTS = 3
+"""From how many places a tour is grown."""
+
+POSITIONS = 3
+"""In how many places of the tour, those with the shortest detour, a place is tried."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """The cheapest paths between places, and what they show.
+
+    Args:
+        space: The free space.
+        views: What is seen in it.
+        places: (k,) the cells of the places.
+        costs: (k, k) cost of the path between any two.
+        before: (k, cells) the cell before each on the path from each place.
+    """
+
+    space: FreeSpace
+    views: Views
+    places: Int
+    costs: Float
+    before: Any
+    paths: dict[tuple[int, int], Int] = field(default_factory=dict)
+    shown: dict[tuple[int, int], Bool] = field(default_factory=dict)
+
+    @classmethod
+    def between(cls, space: FreeSpace, views: Views, places: Int) -> "Network":
+        """The network of the cheapest paths between cells (k,)."""
+        from scipy.sparse.csgraph import dijkstra
+
+        costs, before = dijkstra(space.graph, indices=places, return_predecessors=True)
+        return cls(space, views, places, costs[:, places], before)
+
+    def path(self, start: int, end: int) -> Int:
+        """The cells from one place to another."""
+        if (start, end) not in self.paths:
+            cells = [int(self.places[end])]
+            while cells[-1] != self.places[start]:
+                cells.append(int(self.before[start, cells[-1]]))
+            self.paths[start, end] = np.array(cells[::-1])
+            self.paths[end, start] = np.array(cells)
+        return self.paths[start, end]
+
+    def length(self, start: int, end: int) -> float:
+        """Length [m] of the path from one place to another."""
+        steps = np.diff(self.space.cells[self.path(start, end)], axis=0)
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+    def seen(self, start: int, end: int) -> Bool:
+        """Which pieces of wall are seen on the way from one place to another."""
+        if (start, end) not in self.shown:
+            self.shown[start, end] = self.views.along(self.space.cells, self.path(start, end))
+        return self.shown[start, end]
+
+    def tour_length(self, order: list[int]) -> float:
+        """Length [m] of the way through places in an order."""
+        return sum(self.length(*leg) for leg in pairwise(order))
+
+
+def best_tour(network: Network, *, longest: float) -> list[int]:
+    """An order of places whose way shows much and is not longer than allowed.
+
+    Tours are grown from each of the places that show the most, and the best is kept.
+    """
+    count = min(STARTS, len(network.places))
+    tours = [_grown(network, start, longest) for start in range(count)]
+    both_ways = [way for tour in tours for way in (tour, tour[::-1])]
+    return max(both_ways, key=lambda way: _worth(network, way))
+
+
+def _grown(network: Network, start: int, longest: float) -> list[int]:
+    """A tour that takes in one place after the other, from a first one on.
+
+    It is always the one that shows the most more walls for each metre more.
+    """
+    order = [start]
+    while len(order) < len(network.places):
+        found = max(_insertions(network, order, longest), default=None)
+        if found is None:
+            break
+        _, place, position = found
+        order.insert(-position, place)
+        order = _turned(network, order)
+    return order
+
+
+def _insertions(
+    network: Network, order: list[int], longest: float
+) -> Iterator[tuple[float, int, int]]:
+    """Worth for each metre, place and negated position of what may be put into the tour."""
+    views = network.views
+    legs = [network.seen(*leg) for leg in pairwise(order)]
+    times_seen = np.sum(legs, axis=0, dtype=np.int32) if legs else np.zeros(len(views.weights), int)
+    worth, length = views.worth(np.asarray(times_seen > 0)), network.tour_length(order)
+    for place in range(len(network.places)):
+        if place in order:
+            continue
+        detours = [
+            _detour(network.costs, order, position, place) for position in range(len(order) + 1)
+        ]
+        for position in np.argsort(detours, kind="stable")[:POSITIONS].tolist():
+            neighbours = order[max(position - 1, 0) : position + 1]
+            kept, more = times_seen, length
+            if 0 < position < len(order):
+                kept = times_seen - legs[position - 1]
+                more -= network.length(*neighbours)
+            new = [
+                (n, place) if i == 0 and position > 0 else (place, n)
+                for i, n in enumerate(neighbours)
+            ]
+            seen = (kept > 0) | np.any([network.seen(*leg) for leg in new], axis=0)
+            more += sum(network.length(*leg) for leg in new)
+            gain = views.worth(np.asarray(seen)) - worth
+            if more <= longest and gain > LEAST_WORTH * (more - length):
+                yield gain / max(more - length, 1.0), place, -position
+
+
+def _detour(costs: Float, order: list[int], position: int, place: int) -> float:
+    detour = 0.0
+    if position > 0:
+        detour += costs[order[position - 1], place]
+    if position < len(order):
+        detour += costs[place, order[position]]
+    if 0 < position < len(order):
+        detour -= costs[order[position - 1], order[position]]
+    return float(detour)
+
+
+def _worth(network: Network, order: list[int]) -> float:
+    legs = [network.seen(*leg) for leg in pairwise(order)]
+    return network.views.worth(np.any(legs, axis=0)) if legs else 0.0
+
+
+def _turned(network: Network, order: list[int]) -> list[int]:
+    """2-opt: turn round pieces of an open tour as long as that makes it cheaper."""
+    costs, tour, count = network.costs, list(order), len(order)
+    better = True
+    while better:
+        better = False
+        for first in range(count - 1):
+            for last in range(first + 1, count):
+                gain = 0.0
+                if first > 0:
+                    gain += costs[tour[first - 1], tour[first]] - costs[tour[first - 1], tour[last]]
+                if last < count - 1:
+                    gain += costs[tour[last], tour[last + 1]] - costs[tour[first], tour[last + 1]]
+                if gain > 1e-9:
+                    tour[first : last + 1] = tour[first : last + 1][::-1]
+                    better = True
+    return tour

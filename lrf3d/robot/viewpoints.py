@@ -1,0 +1,170 @@
+"""What is seen from where in the free space: the pieces of wall in each direction from each patch.
+
+The free space is cut into patches, with one place to look from in each. Places to drive to are
+chosen among them, and what a path shows is counted from the patches that it runs through.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Bool, Float, Int, directions, lengths
+from lrf3d.robot.free_space import FreeSpace, sample_walls
+from lrf3d.world import World
+
+PATCHES = 300
+"""About how many patches the free space is cut into."""
+
+RAYS = 360
+"""Directions that are looked in from each place, one to a degree."""
+
+HEADINGS = 8
+"""Headings, evenly spread, for which is kept what a laser sees that looks half way round."""
+
+FARTHEST_VIEW = 40.0
+"""How far [m] a wall counts as seen: farther off, beams at a degree's distance leave gaps."""
+
+SHALLOWEST = np.sin(np.radians(8.0))
+"""Sine of the angle below which a beam grazes a wall and shows little of it."""
+
+FULL_WEIGHT = 2.0
+"""Length [m] from which on a wall counts in full; niches and steps are not worth a way."""
+
+MOST_RARITY = 3.0
+"""How many times more a wall of a small object may count than its length says: a shed is to be on
+the map as well as a long block, but no post is worth a long way."""
+
+PIECES = 6000
+"""About how many pieces all walls are cut into to count what is seen of them."""
+
+LEAST_GAIN = 0.004
+"""Share of the walls that one more place must add to be worth a look."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """What is seen from the patches of a free space.
+
+    Args:
+        patch_of: (cells,) the patch of each cell.
+        places: (patches,) the cell in each patch that is looked from.
+        seen: (patches, headings, pieces) which pieces of wall are seen with a heading.
+        weights: (pieces,) what each piece counts for, about its length [m].
+    """
+
+    patch_of: Int
+    places: Int
+    seen: Bool
+    weights: Float
+
+    def along(self, cells: Float, path: Int) -> Bool:
+        """Which pieces (pieces,) are seen along a path of neighbouring cells."""
+        step = np.diff(cells[path], axis=0)
+        turn = np.arctan2(step[:, 1], step[:, 0]) / (2.0 * np.pi) * HEADINGS
+        heading = np.round(turn).astype(int) % HEADINGS
+        pairs = np.unique(np.column_stack([self.patch_of[path[1:]], heading]), axis=0)
+        return np.asarray(self.seen[pairs[:, 0], pairs[:, 1]].any(axis=0))
+
+    def worth(self, seen: Bool) -> float:
+        """What seen pieces (pieces,) count for."""
+        return float(self.weights[seen].sum())
+
+    def best_places(self) -> Int:
+        """Patches from which all that can be seen is seen, each adding the most to those before."""
+        around = np.asarray(self.seen.any(axis=1))
+        unseen = np.where(around.any(axis=0), self.weights, 0.0)
+        least = LEAST_GAIN * unseen.sum()
+        chosen: list[int] = []
+        while len(chosen) < len(around):
+            gains = around @ unseen
+            best = int(np.argmax(gains))
+            if gains[best] <= least:
+                break
+            chosen.append(best)
+            unseen[around[best]] = 0.0
+        return np.array(chosen, dtype=np.int64)
+
+
+def look_around(space: FreeSpace, world: World, *, range_max: float) -> Views:
+    """Find what is seen from each patch of a free space.
+
+    Args:
+        space: The free space.
+        world: The walls.
+        range_max: Farthest that the laser measures [m].
+    """
+    patch_of, places = _patches(space)
+    reach = min(range_max, FARTHEST_VIEW)
+    low, high = space.cells.min(axis=0) - reach, space.cells.max(axis=0) + reach
+    ends = (world.segments - np.tile(world.origin, 2)).reshape(-1, 2, 2)
+    near = ((ends.max(axis=1) > low) & (ends.min(axis=1) < high)).all(axis=1)
+    segments = ends[near].reshape(-1, 4)
+    size = max(0.25, float(lengths(segments).sum()) / PIECES)
+    _, weights = sample_walls(segments, size)
+    pieces = np.ceil(lengths(segments) / size).astype(int)
+    rank = np.minimum(lengths(segments) / FULL_WEIGHT, 1.0) * _rarity(segments, world.objects[near])
+    seen = np.array([_seen_from(space.cells[place], segments, pieces, reach) for place in places])
+    return Views(patch_of, places, seen, weights * np.repeat(rank, pieces))
+
+
+def _rarity(segments: Float, objects: Int) -> Float:
+    """How much (n,) the walls count for the size of their object: more in small objects."""
+    sizes = np.bincount(objects, lengths(segments))
+    typical = float(sizes[sizes > 0.0].mean())
+    return np.clip(0.5 + 0.5 * typical / sizes[objects], None, MOST_RARITY)
+
+
+def _patches(space: FreeSpace) -> tuple[Int, Int]:
+    """The patch of each cell, and in each patch the cell that lies most openly."""
+    size = max(np.sqrt(len(space.cells) / PATCHES), 2.0) * space.size
+    place = (space.cells - space.cells.min(axis=0)) / size
+    patch = np.floor(place).astype(np.int64)
+    patch_of = np.unique(patch, axis=0, return_inverse=True)[1].reshape(-1)
+    off_middle = np.abs(place - patch - 0.5).max(axis=1)
+    # Among cells with as much room the one nearest to the middle of the patch comes first.
+    order = np.lexsort((off_middle, -np.round(np.minimum(space.clearances, 5.0)), patch_of))
+    places = order[np.unique(patch_of[order], return_index=True)[1]]
+    return patch_of.astype(np.int64), places.astype(np.int64)
+
+
+def _seen_from(place: Float, segments: Float, pieces: Int, reach: float) -> Bool:
+    """Which pieces of wall (headings, pieces) are seen from a place (2,) with each heading."""
+    local = segments - np.tile(place, 2)
+    ends = local.reshape(-1, 2, 2)
+    near = np.flatnonzero(((ends.max(axis=1) > -reach) & (ends.min(axis=1) < reach)).all(axis=1))
+    marks = np.zeros((HEADINGS, int(pieces.sum()) + 1), dtype=np.int32)
+    if len(near):
+        wall, share, grazing, distance = _first_hits(local[near])
+        seen = (distance <= reach) & (grazing >= SHALLOWEST)
+        first = (np.cumsum(pieces) - pieces)[near][wall]
+        count = pieces[near][wall]
+        piece = first + np.minimum((share * count).astype(int), count - 1)
+        # Between two neighbouring rays that meet the same wall nothing stands in between.
+        following = np.roll(np.arange(RAYS), -1)
+        joined = seen & seen[following] & (wall == wall[following])
+        other = np.where(joined, piece[following], piece)
+        for heading in range(HEADINGS):
+            ahead = (np.arange(RAYS) - heading * RAYS // HEADINGS + RAYS // 4) % RAYS <= RAYS // 2
+            shown = seen & ahead
+            np.add.at(marks[heading], np.minimum(piece, other)[shown], 1)
+            np.add.at(marks[heading], np.maximum(piece, other)[shown] + 1, -1)
+    return np.asarray(np.cumsum(marks, axis=1)[:, :-1] > 0)
+
+
+def _first_hits(walls: Float) -> tuple[Int, Float, Float, Float]:
+    """For each ray from the origin: the first wall, the place on it, sine of the angle, range."""
+    angles = 2.0 * np.pi * np.arange(RAYS) / RAYS
+    ray = np.column_stack([np.cos(angles), np.sin(angles)])
+    start, span = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    # A ray d meets a wall where start + share · span = range · d.
+    cross = ray[:, :1] * span[:, 1] - ray[:, 1:] * span[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (start[:, 0] * span[:, 1] - start[:, 1] * span[:, 0]) / cross
+        share = (start[:, 0] * ray[:, 1:] - start[:, 1] * ray[:, :1]) / cross
+        hit = (distance > 0.0) & (share >= 0.0) & (share <= 1.0)
+    distance = np.where(hit, distance, np.inf)
+    wall = np.argmin(distance, axis=1)
+    at = (np.arange(RAYS), wall)
+    unit = directions(walls)[wall]
+    grazing = np.abs(ray[:, 0] * unit[:, 1] - ray[:, 1] * unit[:, 0])
+    return wall, np.where(hit[at], share[at], 0.0), grazing, distance[at]

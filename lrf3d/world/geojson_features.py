@@ -1,0 +1,204 @@
+"""The features of a GeoJSON file, checked: outlines as arrays, and the properties that count."""
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import Float
+from lrf3d.world.colours import parse_colour
+from lrf3d.world.schema import FARTHEST, MOST_OBJECTS, shown
+
+LEVEL_HEIGHT = 3.0
+"""Height of a storey [m], for buildings that give their levels alone."""
+
+_METRES = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(?:m|metres?|meters?)?\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """What a feature says.
+
+    Args:
+        polygons: Each a tuple of rings (k, 2), the outer one first, no point repeated.
+        lines: Lines (k, 2) of at least two points, none repeated in a row.
+        height: One height [m], one for each wall, or None where nothing is said.
+        name: Its name, or nothing.
+        colour: Its colour, or None.
+        number: The object it belongs to, or None.
+    """
+
+    polygons: tuple[tuple[Float, ...], ...]
+    lines: tuple[Float, ...]
+    height: float | tuple[float, ...] | None
+    name: str
+    colour: tuple[float, float, float] | None
+    number: int | None
+
+    @property
+    def rings(self) -> list[Float]:
+        """The rings of all polygons."""
+        return [ring for polygon in self.polygons for ring in polygon]
+
+    def moved(self, move: Callable[[Float], Float]) -> "Feature":
+        """The feature with all its points (k, 2) moved."""
+        polygons = tuple(tuple(move(ring) for ring in polygon) for polygon in self.polygons)
+        return replace(self, polygons=polygons, lines=tuple(move(line) for line in self.lines))
+
+    def height_or(self, default: float) -> float:
+        """The one height [m] of a building."""
+        height = max(self.height) if isinstance(self.height, tuple) else self.height
+        return default if height is None else height
+
+    def wall_heights(self, count: int, default: float) -> Float:
+        """The heights (count,) [m] of the walls along the lines."""
+        if isinstance(self.height, tuple) and len(self.height) == count:
+            return np.array(self.height)
+        return np.full(count, self.height_or(default))
+
+
+def features_of(data: dict[str, Any], path: Path) -> list[Feature]:
+    """The features of a GeoJSON object: a FeatureCollection, a Feature or a bare geometry.
+
+    Raises:
+        WorldError: A feature is broken; the message names the file and the feature.
+    """
+    kind = data.get("type")
+    items: Any = data.get("features") if kind == "FeatureCollection" else [data]
+    if not isinstance(items, list):
+        raise WorldError(f"{path}: FeatureCollection without a list of features")
+    return [_Reader(path, index).feature(item) for index, item in enumerate(items)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Reads one feature of a file."""
+
+    path: Path
+    index: int
+
+    def refuse(self, message: str) -> NoReturn:
+        raise WorldError(f"{self.path}: feature {self.index}: {message}")
+
+    def feature(self, item: object) -> Feature:
+        if not isinstance(item, dict):
+            self.refuse(f"expected a Feature, found {shown(item)}")
+        bare = item.get("type") != "Feature"
+        geometry = item if bare else item.get("geometry")
+        properties = {} if bare else item.get("properties") or {}
+        if not isinstance(properties, dict):
+            self.refuse(f"expected an object of properties, found {shown(properties)}")
+        outlines = list(self.outlines(geometry))
+        number = properties.get("object")
+        name = properties.get("name")
+        colours = (properties.get(key) for key in ("colour", "building:colour", "color"))
+        return Feature(
+            polygons=tuple(rings for rings, closed in outlines if closed),
+            lines=tuple(rings[0] for rings, closed in outlines if not closed),
+            height=self.height(properties),
+            name=name if isinstance(name, str) else "",
+            colour=next(filter(None, map(parse_colour, colours)), None),
+            number=number if type(number) is int and 0 <= number <= MOST_OBJECTS else None,
+        )
+
+    def outlines(self, geometry: object) -> Iterator[tuple[tuple[Float, ...], bool]]:
+        """The polygons and lines of a geometry: rings, and whether they are a polygon's."""
+        if geometry is None:
+            return
+        if not isinstance(geometry, dict):
+            self.refuse(f"expected a geometry, found {shown(geometry)}")
+        kind = geometry.get("type")
+        key = "geometries" if kind == "GeometryCollection" else "coordinates"
+        parts = geometry.get(key)
+        if not isinstance(parts, list):
+            self.refuse(f"expected a GeoJSON geometry with {key}, found type {shown(kind)}")
+        match kind:
+            case "Polygon":
+                yield self.polygon(parts), True
+            case "MultiPolygon":
+                for part in parts:
+                    yield self.polygon(part), True
+            case "LineString":
+                yield (self.line(parts),), False
+            case "MultiLineString":
+                for part in parts:
+                    yield (self.line(part),), False
+            case "GeometryCollection":
+                for part in parts:
+                    yield from self.outlines(part)
+            case "Point" | "MultiPoint":
+                # Trees and lamps are no walls; a map that shows them is none the worse.
+                pass
+            case _:
+                self.refuse(f"unknown geometry {shown(kind)}")
+
+    def polygon(self, rings: object) -> tuple[Float, ...]:
+        if not isinstance(rings, list) or not rings:
+            self.refuse(f"Polygon without rings: {shown(rings)}")
+        return tuple(self.ring(ring, place) for place, ring in enumerate(rings))
+
+    def ring(self, points: object, place: int) -> Float:
+        ring = self.points(points, f"Polygon ring {place}")
+        ring = _without_repeats(ring, np.roll(ring, 1, axis=0))
+        if len(ring) < 3:
+            self.refuse(f"Polygon ring {place} has {len(ring)} different points, expected 3")
+        arms = ring[1:] - ring[0]
+        if not (arms[:, 0] * arms[-1, 1] != arms[:, 1] * arms[-1, 0]).any():
+            self.refuse(f"Polygon ring {place} lies on one line and encloses nothing")
+        return ring
+
+    def line(self, points: object) -> Float:
+        line = self.points(points, "LineString")
+        line = _without_repeats(line, np.vstack([[np.inf, np.inf], line[:-1]]))
+        if len(line) < 2:
+            self.refuse("LineString of no length: expected two different points")
+        return line
+
+    def points(self, points: object, what: str) -> Float:
+        """Points (k, 2), at least one, of a list of positions, Z dropped."""
+        if not isinstance(points, list) or not points:
+            self.refuse(f"{what}: expected a list of points, found {shown(points)}")
+        for place, point in enumerate(points):
+            if (
+                not isinstance(point, list)
+                or len(point) < 2
+                or not all(type(value) in (int, float) for value in point[:2])
+            ):
+                self.refuse(f"{what}: point {place} is {shown(point)}, expected [x, y]")
+            if not all(abs(value) <= FARTHEST for value in point[:2]):
+                self.refuse(
+                    f"{what}: point {place} is {shown(point)}, expected finite coordinates"
+                    f" of at most {FARTHEST:g} m"
+                )
+        return np.array([point[:2] for point in points], dtype=np.float64)
+
+    def height(self, properties: dict[str, Any]) -> float | tuple[float, ...] | None:
+        """The height [m] by the properties height or building:levels; 0 says nothing."""
+        given = properties.get("height")
+        if isinstance(given, list):
+            return tuple(self.number(value, "height") for value in given)
+        if given is not None and (height := self.number(given, "height")):
+            return height
+        for key in ("building:levels", "levels"):
+            if properties.get(key) is not None:
+                return LEVEL_HEIGHT * self.number(properties[key], key) or None
+        return None
+
+    def number(self, value: object, key: str) -> float:
+        if isinstance(value, str) and (match := _METRES.fullmatch(value)):
+            return float(match.group(1))
+        if type(value) in (int, float):
+            assert isinstance(value, int | float)
+            if math.isfinite(value) and 0.0 <= value <= FARTHEST:
+                return float(value)
+        self.refuse(f'{key} is {shown(value)}, expected metres such as 12.5 or "12.5 m"')
+
+
+def _without_repeats(points: Float, before: Float) -> Float:
+    """The points (k, 2) that differ from those before them."""
+    return np.asarray(points[(points != before).any(axis=1)], dtype=np.float64)

@@ -1,0 +1,79 @@
+"""Polylines and walls: an object's outline as points, and the wall segments between them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from lrf3d.geometry import Float
+from lrf3d.world.model import World
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A polyline through points (k, 2) [m]; a closed one goes back to its first point."""
+
+    points: Float
+    closed: bool
+
+    @property
+    def outline(self) -> Float:
+        """The points (k or k + 1, 2) with the first one repeated where the piece is closed."""
+        return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Walls of one object that stand one after the other in a world.
+
+    Args:
+        number: The object they belong to.
+        pieces: The polylines they make.
+        heights: (n,) height of each wall [m].
+    """
+
+    number: int
+    pieces: tuple[Piece, ...]
+    heights: Float
+
+    @property
+    def height_value(self) -> float | list[float]:
+        """The heights as a file keeps them: one number where all walls are equally high."""
+        heights = [float(height) for height in self.heights]
+        return heights[0] if len(set(heights)) == 1 else heights
+
+
+def walls(points: Float, closed: bool) -> Float:
+    """Segments (n, 4) between the points (k, 2), and back to the first where closed."""
+    ends = np.vstack([points, points[:1]]) if closed else points
+    return np.hstack([ends[:-1], ends[1:]])
+
+
+def pieces_of(segments: Float) -> tuple[Piece, ...]:
+    """The polylines that give just the segments (n, 4), bit for bit and in their order."""
+    bits = np.ascontiguousarray(segments).view(np.int64)
+    pieces = []
+    first = 0
+    for last in range(len(segments)):
+        # A ring ends where it comes back to its start; a there-and-back of two walls is open.
+        ring = last - first >= 2 and (bits[last, 2:] == bits[first, :2]).all()
+        joined = last + 1 < len(segments) and (bits[last, 2:] == bits[last + 1, :2]).all()
+        if ring:
+            pieces.append(Piece(segments[first : last + 1, :2], closed=True))
+        elif not joined:
+            points = np.vstack([segments[first : last + 1, :2], segments[last : last + 1, 2:]])
+            pieces.append(Piece(points, closed=False))
+        else:
+            continue
+        first = last + 1
+    return tuple(pieces)
+
+
+def parts_of(world: World) -> Iterator[Part]:
+    """The walls of a world in their order, cut where the object changes."""
+    cuts = np.flatnonzero(np.diff(world.objects)) + 1
+    bounds = [0, *cuts.tolist(), len(world.objects)] if len(world.objects) else [0]
+    for first, end in pairwise(bounds):
+        pieces = pieces_of(world.segments[first:end])
+        yield Part(int(world.objects[first]), pieces, world.heights[first:end])

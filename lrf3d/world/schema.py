@@ -1,0 +1,202 @@
+"""What may stand in a world file: the keys of each table, and how their values are checked.
+
+A check takes a value as tomllib gives it and returns it in the form that the program uses, or
+raises :class:`Invalid`, which says what was expected and where inside the value it went wrong.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import cast
+
+import numpy as np
+
+from lrf3d.geometry import Float
+from lrf3d.world.colours import parse_colour
+from lrf3d.world.locate import Path
+
+FARTHEST = 1e9
+"""Largest coordinate [m] in a file: above it float64 no longer resolves a micrometre."""
+
+MOST_OBJECTS = 10_000_000
+"""Largest number of an object in a file: names and colours are kept for all numbers below."""
+
+Check = Callable[[object], object]
+
+
+class Invalid(Exception):
+    """A value that a check refuses.
+
+    Args:
+        message: What is wrong and what was expected.
+        inside: Where in the value it is wrong, when it is an array.
+    """
+
+    def __init__(self, message: str, inside: Path = ()) -> None:
+        super().__init__(message)
+        self.inside = inside
+
+
+def shown(value: object) -> str:
+    """A value of a file in few words."""
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "…"
+
+
+def number(*, above: float = -math.inf, least: float = -math.inf, most: float = FARTHEST) -> Check:
+    """A check for a finite number within limits."""
+
+    def check(value: object) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise Invalid(f"expected a number, found {shown(value)}")
+        if not (-FARTHEST <= value <= most and value >= least and value > above):
+            limit = f" above {above:g}" if above > -math.inf else ""
+            limit = f" of at least {least:g}" if least > -math.inf else limit
+            limit += f" and at most {most:g}" if math.isfinite(value) and value > most else ""
+            raise Invalid(f"expected a finite number{limit}, found {shown(value)}")
+        return float(value)
+
+    return check
+
+
+def integer(*, least: int, most: int = MOST_OBJECTS) -> Check:
+    """A check for a whole number within limits."""
+
+    def check(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise Invalid(f"expected a whole number from {least} to {most}, found {shown(value)}")
+        return value
+
+    return check
+
+
+def text(*choices: str) -> Check:
+    """A check for a text, one of the choices where there are any."""
+
+    def check(value: object) -> str:
+        if not isinstance(value, str):
+            raise Invalid(f"expected a text in quotes, found {shown(value)}")
+        if choices and value not in choices:
+            raise Invalid(f"expected one of {', '.join(choices)}, found {shown(value)}")
+        return value
+
+    return check
+
+
+def flag(value: object) -> bool:
+    """Check that a value is true or false."""
+    if not isinstance(value, bool):
+        raise Invalid(f"expected true or false, found {shown(value)}")
+    return value
+
+
+def colour(value: object) -> tuple[float, float, float]:
+    """Check a colour."""
+    parsed = parse_colour(value)
+    if parsed is None:
+        raise Invalid(f'expected a colour such as "#c8b49a", found {shown(value)}')
+    return parsed
+
+
+def _list(value: object, expected: str) -> list[object]:
+    if not isinstance(value, list):
+        raise Invalid(f"expected {expected}, found {shown(value)}")
+    return value
+
+
+def one_or_more(check: Check, what: str) -> Check:
+    """A check for a value or a list of such values; the value alone stays alone."""
+
+    def check_all(value: object) -> object:
+        if not isinstance(value, list):
+            return check(value)
+        if not value:
+            raise Invalid(f"expected {what} or a list of them, found an empty list")
+        return tuple(_inside(check, item, (place,)) for place, item in enumerate(value))
+
+    return check_all
+
+
+def _inside(check: Check, value: object, place: Path) -> object:
+    try:
+        return check(value)
+    except Invalid as problem:
+        raise Invalid(str(problem), (*place, *problem.inside)) from None
+
+
+def row(*names: str) -> Check:
+    """A check for one row of finite numbers, called by these names."""
+    expected = f"[{', '.join(names)}]"
+
+    def check(value: object) -> Float:
+        items = _list(value, expected)
+        if len(items) != len(names):
+            raise Invalid(f"expected {expected}, found {len(items)} values")
+        return np.array([_inside(number(), item, ()) for item in items], dtype=np.float64)
+
+    return check
+
+
+def rows(*names: str, least: int = 1) -> Check:
+    """A check for a list of rows of finite numbers; it returns an array (k, names)."""
+    check_row = row(*names)
+    expected = f"a list of [{', '.join(names)}]"
+
+    def check(value: object) -> Float:
+        items = _list(value, expected)
+        if len(items) < least:
+            raise Invalid(f"expected {expected} of at least {least}, found {len(items)}")
+        checked = [_inside(check_row, item, (place,)) for place, item in enumerate(items)]
+        return np.array(checked, dtype=np.float64).reshape(-1, len(names))
+
+    return check
+
+
+def several_lines(value: object) -> list[Float]:
+    """Check the lines of an object: a list of lists of points."""
+    check = rows("x", "y", least=2)
+    items = _list(value, "a list of lines, each a list of [x, y]")
+    return [cast(Float, _inside(check, item, (place,))) for place, item in enumerate(items)]
+
+
+_ANGLE = number(least=-3600.0, most=3600.0)
+_LENGTH = number(above=0.0)
+
+OBJECT: Mapping[str, Check] = {
+    "name": text(),
+    "points": rows("x", "y", least=2),
+    "lines": several_lines,
+    "closed": flag,
+    "height": one_or_more(_LENGTH, "a height"),
+    "colour": colour,
+    "number": integer(least=0),
+}
+
+TABLES: Mapping[str, Mapping[str, Check]] = {
+    "robot": {
+        "start": row("x", "y", "degrees"),
+        "route": rows("x", "y"),
+        "poses": rows("x", "y", "degrees"),
+        "speed": _LENGTH,
+        "scan_interval": _LENGTH,
+        "radius": _LENGTH,
+    },
+    "laser": {
+        "angle_min_deg": _ANGLE,
+        "angle_max_deg": _ANGLE,
+        "beams": integer(least=1, most=1_000_000),
+        "range_min": number(least=0.0),
+        "range_max": _LENGTH,
+        "height": number(least=0.0),
+    },
+    "noise": {"sigma": one_or_more(number(least=0.0), "a sigma")},
+    "mapper": {
+        "mode": text("paper", "robust"),
+        "gap": _LENGTH,
+        "split": _LENGTH,
+        "min_points": integer(least=2),
+        "merge_length": _LENGTH,
+        "merge_distance": _LENGTH,
+        "floor": _LENGTH,
+    },
+    "camera": {"view": text("chase", "top", "orbit"), "playback": _LENGTH},
+}

@@ -1,0 +1,199 @@
+"""World files in TOML: what a person writes, checked, with the line of whatever is wrong.
+
+A path enters; a :class:`WorldFile` leaves: the walls, and the tables on the robot, the laser,
+the noise, the mapper and the camera that :mod:`lrf3d.scenario` turns into a scenario.
+"""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path as FilePath
+from typing import Any, NoReturn
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import Float, lengths
+from lrf3d.world.locate import Path, lines_of_keys, nearest_line
+from lrf3d.world.model import DEFAULT_HEIGHT, World
+from lrf3d.world.pieces import walls
+from lrf3d.world.schema import OBJECT, TABLES, Check, Invalid, text
+from lrf3d.world.text_file import read_text
+
+
+@dataclass(frozen=True)
+class WorldFile:
+    """What a world file says.
+
+    Args:
+        world: The walls.
+        tables: The checked values of the tables robot, laser, noise, mapper and camera.
+        path: The file.
+        text: Its text, by which :meth:`refuse` finds lines.
+    """
+
+    world: World
+    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    path: FilePath = FilePath()
+    text: str = ""
+
+    def refuse(self, path: Path, message: str) -> NoReturn:
+        """Raise the error that something at a path of the file is wrong."""
+        _Document(self.path, self.text).refuse(path, message)
+
+
+def read_toml(path: FilePath) -> WorldFile:
+    """Read a world file.
+
+    Raises:
+        WorldError: The file cannot be read, does not parse, or holds what is no world; the
+            message names the file, the line and the key.
+    """
+    document = _Document(path, read_text(path))
+    data = document.parse()
+    document.check_keys(data, ["name", "object", *TABLES], ())
+    name = document.check(text(), data.get("name", path.stem), ("name",))
+    tables = {
+        key: document.check_table(data[key], checks, (key,))
+        for key, checks in TABLES.items()
+        if key in data
+    }
+    return WorldFile(document.world(data.get("object"), name), tables, path, document.text)
+
+
+@dataclass(frozen=True, slots=True)
+class _Document:
+    """A TOML text and where it came from."""
+
+    path: FilePath
+    text: str
+
+    def refuse(self, path: Path, message: str) -> NoReturn:
+        line = nearest_line(lines_of_keys(self.text), path)
+        place = f"{_shown(path)}: " if path else ""
+        raise WorldError(f"{self.path}:{line}: {place}{message}")
+
+    def parse(self) -> dict[str, Any]:
+        try:
+            return tomllib.loads(self.text)
+        except RecursionError:
+            raise WorldError(f"{self.path}:1: nested too deeply for a world file") from None
+        except ValueError as error:
+            # tomllib of Python 3.11 tells the place in its message alone.
+            place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", str(error))
+            reason = str(error)[: place.start()] if place else str(error)
+            line = (place and place.group(1)) or max(len(self.text.splitlines()), 1)
+            column = f" at column {place.group(2)}" if place and place.group(2) else ""
+            raise WorldError(f"{self.path}:{line}: not TOML: {reason}{column}") from None
+
+    def check(self, check: Check, value: object, path: Path) -> Any:
+        try:
+            return check(value)
+        except Invalid as problem:
+            self.refuse((*path, *problem.inside), str(problem))
+
+    def check_keys(self, table: object, known: list[str], path: Path) -> dict[str, Any]:
+        if not isinstance(table, dict):
+            self.refuse(path, f"expected a table [{_shown(path)}]")
+        for key in table:
+            if key not in known:
+                near = get_close_matches(key, known, n=1, cutoff=0.5)
+                hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+                self.refuse((*path, key), f"unknown key; {hint}")
+        return table
+
+    def check_table(self, table: object, checks: Mapping[str, Check], path: Path) -> dict[str, Any]:
+        values = self.check_keys(table, list(checks), path)
+        return {key: self.check(checks[key], value, (*path, key)) for key, value in values.items()}
+
+    def world(self, tables: object, name: str) -> World:
+        if not isinstance(tables, list) or not tables:
+            self.refuse(("object",), "expected at least one table [[object]] with points")
+        objects = [_Object(self, table, index) for index, table in enumerate(tables)]
+        numbers: list[int] = []
+        for item in objects:
+            numbers.append(item.values.get("number", numbers[-1] + 1 if numbers else 0))
+        counts = [len(item.segments) for item in objects]
+        wall_objects = np.repeat(numbers, counts)
+        if not len(wall_objects):
+            self.refuse(("object",), "no object has a wall; give one at least two points")
+        names = [""] * (int(wall_objects.max()) + 1)
+        colours = np.full((len(names), 3), np.nan)
+        for index, (number, item) in enumerate(zip(numbers, objects, strict=True)):
+            first = numbers.index(number)
+            for key in ("name", "colour"):
+                if first != index and key in item.values:
+                    self.refuse(
+                        ("object", index, key), f"stands with object[{first}] of the same number"
+                    )
+            if first == index and number < len(names):
+                names[number] = item.values.get("name", "")
+                colours[number] = item.values.get("colour", np.nan)
+        return World(
+            np.concatenate([item.segments for item in objects]),
+            wall_objects,
+            np.concatenate([item.heights for item in objects]),
+            name,
+            object_names=tuple(names) if any(names) else (),
+            colours=colours,
+        )
+
+
+class _Object:
+    """The walls of one ``[[object]]`` table, checked."""
+
+    def __init__(self, document: _Document, table: object, index: int) -> None:
+        path: Path = ("object", index)
+        self.values = document.check_table(table, OBJECT, path)
+        given = [key for key in ("points", "lines") if key in self.values]
+        if len(given) != 1:
+            document.refuse(path, "expected points, a list of [x, y], or lines, a list of such")
+        closed = self.values.get("closed", False)
+        lines = [self.values["points"]] if given == ["points"] else self.values["lines"]
+        pieces = [np.empty((0, 4))]
+        for place, points in enumerate(lines):
+            inside = (*path, given[0], place) if given == ["lines"] else (*path, "points")
+            if closed and len(points) < 3:
+                document.refuse(inside, f"closed with {len(points)} points, expected at least 3")
+            pieces.append(walls(points, closed))
+            self._check_lengths(document, pieces[-1], inside, len(points))
+        self.segments = np.concatenate(pieces)
+        height = self.values.get("height", DEFAULT_HEIGHT)
+        if isinstance(height, tuple) and len(height) != len(self.segments):
+            document.refuse(
+                (*path, "height"),
+                f"{len(height)} heights for {len(self.segments)} walls, expected one for each",
+            )
+        self.heights: Float = np.broadcast_to(np.asarray(height), (len(self.segments),))
+
+    def _check_lengths(
+        self, document: _Document, segments: Float, path: Path, point_count: int
+    ) -> None:
+        empty = np.flatnonzero(lengths(segments) == 0.0)
+        if not len(empty):
+            return
+        wall = int(empty[0])
+        following = (wall + 1) % point_count
+        x, y = segments[wall, :2]
+        called = f" of object {self.values['name']!r}" if self.values.get("name") else ""
+        mend = "closed joins them already" if following == 0 else "remove one"
+        document.refuse(
+            (*path, following or wall),
+            f"points {wall} and {following}{called} are both ({x:g}, {y:g}),"
+            f" a segment of no length; {mend}",
+        )
+
+
+def _shown(path: Path) -> str:
+    """A path as a person writes it: ``object[2].points[0]``."""
+    shown = ""
+    for part in path:
+        if isinstance(part, int):
+            shown += f"[{part}]"
+        else:
+            # A quoted key may hold anything, also the end of a line.
+            key = part if re.fullmatch(r"[\w-]+", part) else repr(part)
+            shown += f".{key}" if shown else key
+    return shown

@@ -1,0 +1,66 @@
+"""Writing a world as TOML, so that reading it gives the same world to the last bit."""
+
+import numpy as np
+
+from lrf3d.geometry import Float
+from lrf3d.world.colours import colour_value
+from lrf3d.world.model import DEFAULT_HEIGHT, World
+from lrf3d.world.pieces import Part, parts_of
+
+
+def toml_text(world: World) -> str:
+    """The TOML text of a world."""
+    blocks = [f"name = {_quoted(world.name)}\n"]
+    described: set[int] = set()
+    expected = 0
+    for part in [*_objects_without_walls(world), *parts_of(world)]:
+        lines = ["[[object]]"]
+        if part.number != expected:
+            lines.append(f"number = {part.number}")
+        expected = part.number + 1
+        if part.number not in described:
+            lines += _description(world, part.number)
+        described.add(part.number)
+        lines += _outline(part)
+        if len(part.heights) and part.height_value != DEFAULT_HEIGHT:
+            lines.append(f"height = {part.height_value!r}")
+        blocks.append("\n".join(lines) + "\n")
+    return "\n".join(blocks)
+
+
+def _objects_without_walls(world: World) -> list[Part]:
+    """Objects of a name or a colour that no wall belongs to, so that they are not lost."""
+    bare = set(range(world.object_count)) - set(world.objects.tolist())
+    return [Part(n, (), np.empty(0)) for n in sorted(bare) if _description(world, n)]
+
+
+def _description(world: World, number: int) -> list[str]:
+    lines = []
+    if number < len(world.object_names) and world.object_names[number]:
+        lines.append(f"name = {_quoted(world.object_names[number])}")
+    if number < len(world.colours) and np.isfinite(world.colours[number]).all():
+        value = colour_value(world.colours[number])
+        lines.append(f"colour = {_quoted(value) if isinstance(value, str) else repr(value)}")
+    return lines
+
+
+def _outline(part: Part) -> list[str]:
+    closed = bool(part.pieces) and all(piece.closed for piece in part.pieces)
+    texts = [_points(piece.points if closed else piece.outline) for piece in part.pieces]
+    lines = [f"points = {texts[0]}"] if len(texts) == 1 else [f"lines = [{', '.join(texts)}]"]
+    return [*lines, "closed = true"] if closed else lines
+
+
+def _points(points: Float) -> str:
+    return "[" + ", ".join(f"[{float(x)!r}, {float(y)!r}]" for x, y in points) + "]"
+
+
+def _quoted(value: str) -> str:
+    escapes = {'"': '\\"', "\\": "\\\\"}
+    return (
+        '"' + "".join(escapes.get(c, c if _plain(c) else f"\\u{ord(c):04x}") for c in value) + '"'
+    )
+
+
+def _plain(character: str) -> bool:
+    return character >= " " and character != "\x7f"

@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.errors import InputError
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.robot import find_collision, follow_route
+from lrf3d.robot.planner import plan_route
+from lrf3d.world import World, load_world
+
+
+def box(x: float, y: float, width: float, depth: float) -> np.ndarray:
+    corners = np.array([[x, y], [x + width, y], [x + width, y + depth], [x, y + depth]])
+    return np.hstack([corners, np.roll(corners, -1, axis=0)])
+
+
+def town(boxes: list[np.ndarray]) -> World:
+    objects = np.repeat(np.arange(len(boxes)), 4)
+    return World(np.concatenate(boxes), objects, np.full(len(objects), 8.0))
+
+
+def distance_to_walls(world: World, places: np.ndarray) -> float:
+    origin = world.origin
+    walls = shapely.MultiLineString(list((world.segments - np.tile(origin, 2)).reshape(-1, 2, 2)))
+    return float(shapely.distance(walls, shapely.LineString(places - origin)))
+
+
+def room(width: float, depth: float) -> World:
+    return World(np.concatenate([box(0, 0, width, depth), box(2, 2, 1, 1)]), [0] * 4 + [1] * 4)
+
+
+STREETS = town([box(16.0 * i, 14.0 * j, 10.0, 8.0) for i in range(5) for j in range(3)])
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.2, 0.5), st.sampled_from([0.0, 85_000.0]))
+def test_a_route_is_followed_without_coming_near_a_wall(
+    seed: int, radius: float, east: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    spots = rng.permutation(9)[:5]
+    boxes = [box(east + 13.0 * (s // 3), 12.0 * (s % 3), *rng.uniform(4.0, 11.0, 2)) for s in spots]
+    world = town(boxes)
+    route = plan_route(world, radius=radius)
+    assert route.ndim == 2 and len(route) >= 2 and route.shape[1] == 2
+    assert distance_to_walls(world, route) >= radius + 0.28
+    drive = follow_route(route, speed=3.0, lookahead=1.0)
+    assert find_collision(drive, world, radius) is None
+    for corners in boxes:
+        inside = shapely.Polygon(corners[:, :2])
+        assert not shapely.contains_xy(inside, route[:, 0], route[:, 1]).any()
+
+
+def test_most_walls_of_a_town_are_seen_from_a_route_of_sensible_length() -> None:
+    route = plan_route(STREETS)
+    drive = follow_route(route, speed=3.0, lookahead=1.0, dt=0.5)
+    assert drive.length < 500.0
+    caster, lrf = PlanarCaster(STREETS), LaserRangeFinder(range_max=40.0)
+    hit = np.concatenate([caster.cast(lrf, pose).walls for pose in drive.poses])
+    counts = np.bincount(hit[hit >= 0], minlength=len(STREETS.segments))
+    assert (counts > 10).mean() > 0.8
+
+
+def test_the_same_world_gives_the_same_route_wherever_it_lies() -> None:
+    world = town([box(0.0, 0.0, 10.0, 8.0), box(15.0, 2.0, 6.0, 9.0)])
+    route = plan_route(world)
+    assert (plan_route(world) == route).all()
+    shift = np.array([85_000.0, 447_500.0])
+    moved = World(world.segments + np.tile(shift, 2), world.objects, world.heights)
+    np.testing.assert_allclose(plan_route(moved), route + shift, atol=1e-6)
+
+
+def test_in_a_closed_room_the_route_stays_inside() -> None:
+    for world in (room(9.0, 7.0), World(box(0.0, 0.0, 6.0, 5.0))):
+        route = plan_route(world, radius=0.3)
+        low, high = world.bounds
+        assert ((route > low + 0.5) & (route < high - 0.5)).all()
+        assert np.hypot(*(route[-1] - route[0])) + len(route) > 2.0
+
+
+def test_a_lone_house_is_seen_from_outside() -> None:
+    world = town([box(0.0, 0.0, 12.0, 9.0)])
+    route = plan_route(world)
+    house = shapely.box(0.0, 0.0, 12.0, 9.0)
+    assert not shapely.contains_xy(house, route[:, 0], route[:, 1]).any()
+
+
+@pytest.mark.parametrize("name", ["corridor", "paper_room"])
+def test_the_built_in_worlds_can_be_driven_without_their_own_routes(name: str) -> None:
+    world = load_world(name)
+    drive = follow_route(plan_route(world, radius=0.25), speed=2.0, lookahead=1.0)
+    assert find_collision(drive, world, 0.25) is None
+    assert drive.length < 850.0
+
+
+def test_a_very_large_world_is_planned_in_its_densest_part() -> None:
+    crowd = [box(3000.0 + 15.0 * i, 14.0 * j, 9.0, 8.0) for i in range(4) for j in range(3)]
+    world = town([*crowd, box(0.0, 0.0, 10.0, 10.0), box(0.0, 5000.0, 10.0, 10.0)])
+    route = plan_route(world)
+    assert (np.abs(route - [3030.0, 20.0]) < 260.0).all()
+
+
+def test_no_walls_and_no_room_are_clear_errors() -> None:
+    with pytest.raises(InputError, match="no walls"):
+        plan_route(World(np.empty((0, 4)), name="void"))
+    with pytest.raises(InputError, match="radius nan"):
+        plan_route(STREETS, radius=float("nan"))
+    with pytest.raises(InputError, match="away from all walls"):
+        plan_route(room(9.0, 7.0), radius=60.0)

@@ -1,0 +1,142 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.errors import WorldError
+from lrf3d.robot import find_collision, follow_route
+from lrf3d.scenario import Scenario, load_scenario, start_of
+
+WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"
+
+
+def read(text: str, folder: Path) -> Scenario:
+    (folder / "w.toml").write_text(WALL + text)
+    return load_scenario(folder / "w.toml")
+
+
+def walls_seen(scenario: Scenario, poses: np.ndarray) -> np.ndarray:
+    """Share of each wall between neighbouring beams that meet it, over all poses."""
+    caster, lrf, segments = PlanarCaster(scenario.world), scenario.lrf, scenario.world.segments
+    seen = np.zeros((len(segments), 100), dtype=bool)
+    for pose in poses:
+        scan = caster.cast(lrf, pose)
+        walls = np.maximum(scan.walls, 0)
+        points = pose[:2] + np.where(scan.walls >= 0, scan.ranges, 0.0)[:, None] * (
+            lrf.directions(pose)
+        )
+        start, span = segments[walls, :2], segments[walls, 2:] - segments[walls, :2]
+        place = ((points - start) * span).sum(axis=1) / (span**2).sum(axis=1)
+        for beam in np.flatnonzero((scan.walls[:-1] >= 0) & (np.diff(scan.walls) == 0)):
+            low, high = sorted(np.clip(place[beam : beam + 2], 0.0, 1.0))
+            seen[scan.walls[beam], int(100 * low) : int(100 * high) + 1] = True
+    return seen.mean(axis=1)
+
+
+def test_a_file_of_walls_alone_gets_defaults(tmp_path: Path) -> None:
+    scenario = read("", tmp_path)
+    assert scenario.name == "w"
+    assert scenario.lrf.range_max == 80.0 and scenario.lrf.beams == 181
+    assert scenario.sigmas == (0.04,)
+    assert scenario.route is None and scenario.poses is None and scenario.start is None
+    assert (scenario.speed, scenario.scan_interval, scenario.radius) == (3.0, 0.25, 0.35)
+    assert dict(scenario.mapper) == {}
+
+
+def test_every_table_reaches_the_scenario_with_angles_in_radians(tmp_path: Path) -> None:
+    scenario = read(
+        """
+        [robot]
+        start = [1, 2, 90]
+        route = [[1, 5], [3, 5]]
+        speed = 1.5
+        scan_interval = 0.1
+        radius = 0.2
+        [laser]
+        angle_min_deg = -90
+        angle_max_deg = 180.0
+        beams = 541
+        range_min = 0.1
+        range_max = 30
+        height = 0.3
+        [noise]
+        sigma = [0.1, 0.2]
+        [mapper]
+        mode = "paper"
+        min_points = 5
+        merge_distance = 0.3
+        [camera]
+        view = "top"
+        playback = 2
+        """,
+        tmp_path,
+    )
+    assert scenario.start == (1.0, 2.0, np.pi / 2)
+    assert scenario.route is not None
+    assert scenario.route.tolist() == [[1, 2], [1, 5], [3, 5]]
+    assert (scenario.speed, scenario.scan_interval, scenario.radius) == (1.5, 0.1, 0.2)
+    lrf = scenario.lrf
+    assert (lrf.angle_min, lrf.angle_max, lrf.beams) == (-np.pi / 2, np.pi, 541)
+    assert (lrf.range_min, lrf.range_max, lrf.height) == (0.1, 30.0, 0.3)
+    assert scenario.sigmas == (0.1, 0.2)
+    assert dict(scenario.mapper) == {"mode": "paper", "min_points": 5, "merge_distance": 0.3}
+    assert (scenario.view, scenario.playback) == ("top", 2.0)
+
+
+def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path: Path) -> None:
+    scenario = read("[robot]\nroute = [[0, 1], [0, 5]]\n", tmp_path)
+    assert scenario.start == (0.0, 1.0, np.pi / 2)
+    assert scenario.route is not None
+    assert scenario.start == start_of(scenario.route)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "[robot]\nroute = [[0, 1], [0, 5]]\nposes = [[0, 0, 0]]\n",
+            "w.toml:5: robot.poses: stand beside a route",
+        ),
+        ("[laser]\nrange_min = 3\nrange_max = 2\n", "w.toml:3: laser: range finder: range_min 3"),
+        ("[laser]\nangle_min_deg = 90\nangle_max_deg = 0\n", "w.toml:3: laser: .*swap them"),
+    ],
+)
+def test_what_does_not_go_together_is_refused_with_its_line(
+    text: str, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(WorldError, match=message):
+        read(text, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["city", "corridor"])
+def test_the_routes_of_the_built_in_worlds_keep_off_the_walls(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.route is not None
+    drive = follow_route(scenario.route, start=scenario.start, speed=scenario.speed, lookahead=1.0)
+    assert find_collision(drive, scenario.world, scenario.radius + 0.1) is None
+
+
+def test_the_city_is_that_of_the_paper_and_its_buildings_are_seen_from_all_sides() -> None:
+    city = load_scenario("city")
+    assert city.lrf.range_max == 80.0 and city.sigmas == (0.04,)
+    assert city.world.object_count >= 40
+    assert (np.bincount(city.world.objects) == 4).all()
+    assert len(np.unique(city.world.heights)) > 15
+    assert city.route is not None
+    drive = follow_route(city.route, start=city.start, speed=city.speed, lookahead=1.0, dt=0.4)
+    assert drive.length >= 200.0
+    seen = walls_seen(city, drive.poses).reshape(-1, 4)
+    assert ((seen > 0.6).all(axis=1)).mean() >= 0.9
+
+
+def test_the_paper_room_shows_six_walls_of_g3_from_three_poses() -> None:
+    room = load_scenario("paper_room")
+    assert room.world.object_names == ("G1", "G2", "G3")
+    assert np.bincount(room.world.objects)[2] == 6
+    assert room.lrf.range_max == 14.0
+    assert room.sigmas == (0.07, 0.42, 0.63)
+    assert room.poses is not None and len(room.poses) == 3
+    seen = walls_seen(room, room.poses)
+    assert (seen[room.world.objects == 2] > 0.8).all()
+    assert seen.mean() > 0.8

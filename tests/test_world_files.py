@@ -1,0 +1,162 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from lrf3d.errors import OutputError, WorldError
+from lrf3d.world import World, load_world, world_names
+from lrf3d.world.files import save_world
+
+
+def same_bits(one: np.ndarray, other: np.ndarray) -> bool:
+    return one.shape == other.shape and one.tobytes() == other.tobytes()
+
+
+coordinates = st.one_of(
+    st.floats(-1e9, 1e9, allow_subnormal=False),
+    st.integers(-3, 3).map(float),
+    st.just(-0.0),
+    st.floats(447_000.0, 448_000.0),
+)
+names = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
+
+
+@st.composite
+def chains(draw: st.DrawFn) -> np.ndarray:
+    """Walls of which many join end to end, rings and lines and lone ones."""
+    points = draw(arrays(np.float64, (draw(st.integers(2, 6)), 2), elements=coordinates))
+    ends = np.vstack([points, points[:1]]) if draw(st.booleans()) else points
+    segments = np.hstack([ends[:-1], ends[1:]])
+    return segments[(segments[:, :2] != segments[:, 2:]).any(axis=1)]
+
+
+@st.composite
+def worlds(draw: st.DrawFn) -> World:
+    segments = np.concatenate(draw(st.lists(chains(), min_size=1, max_size=5)))
+    keep = np.hypot(*(segments[:, 2:] - segments[:, :2]).T) > 0.0
+    segments = segments[keep] if keep.any() else np.array([[0.0, 0.0, 1.0, 0.0]])
+    count = len(segments)
+    objects = draw(arrays(np.int64, count, elements=st.integers(0, 4)))
+    if draw(st.booleans()):
+        objects = np.sort(objects)
+    heights = draw(
+        st.one_of(
+            st.just(np.full(count, 2.5)),
+            arrays(np.float64, count, elements=st.floats(0.1, 300.0)),
+        )
+    )
+    numbers = int(objects.max()) + 1
+    colours = draw(
+        arrays(
+            np.float64,
+            (numbers, 3),
+            elements=st.one_of(st.floats(0.0, 1.0), st.integers(0, 255).map(lambda i: i / 255)),
+        )
+    )
+    colours[draw(arrays(np.bool_, numbers))] = np.nan
+    called = draw(st.lists(names, min_size=numbers, max_size=numbers))
+    return World(
+        segments,
+        objects,
+        heights,
+        draw(names),
+        object_names=tuple(called) if any(called) else (),
+        colours=colours,
+    )
+
+
+@pytest.mark.parametrize("ending", [".toml", ".geojson"])
+def test_a_world_comes_back_from_a_file_as_it_was(
+    ending: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("worlds") / f"world{ending}"
+
+    @settings(max_examples=80, deadline=None)
+    @given(worlds())
+    def check(world: World) -> None:
+        world.save(path)
+        back = load_world(path)
+        assert same_bits(back.segments, world.segments)
+        assert same_bits(back.heights, world.heights)
+        assert (back.objects == world.objects).all()
+        assert np.array_equal(back.colours, world.colours, equal_nan=True)
+        assert back.object_names == world.object_names
+        assert back.name == world.name
+
+    check()
+
+
+def test_a_ring_is_written_as_one_closed_list_of_points(tmp_path: Path) -> None:
+    square = [[0, 0, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 0, 0]]
+    World(square).save(tmp_path / "square.toml")
+    text = (tmp_path / "square.toml").read_text()
+    assert "points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]\nclosed = true" in text
+
+
+def test_a_world_far_from_the_origin_keeps_its_coordinates(tmp_path: Path) -> None:
+    world = World([[85000.123, 447500.456, 85010.1, 447500.4]])
+    world.save(tmp_path / "far.geojson")
+    assert same_bits(load_world(tmp_path / "far.geojson").segments, world.segments)
+
+
+def test_every_built_in_world_can_be_read_by_its_name() -> None:
+    assert {"city", "corridor", "paper_room"} <= set(world_names())
+    for name in world_names():
+        assert len(load_world(name).segments) > 0
+        assert load_world(name).name == name
+
+
+def test_an_unknown_world_is_told_the_worlds_there_are() -> None:
+    with pytest.raises(WorldError, match=r"citty.*did you mean 'city'.*corridor.*paper_room"):
+        load_world("citty")
+
+
+def test_an_unknown_ending_is_told_the_endings_there_are(tmp_path: Path) -> None:
+    (tmp_path / "plan.xyz").touch()
+    with pytest.raises(WorldError, match=r"plan\.xyz: unknown ending.*\.toml.*\.geojson"):
+        load_world(tmp_path / "plan.xyz")
+    with pytest.raises(OutputError, match=r"plan\.xyz: unknown ending.*\.toml, \.geojson"):
+        save_world(World([[0, 0, 1, 0]]), tmp_path / "plan.xyz")
+
+
+@pytest.mark.parametrize("name", ["none.toml", "none.geojson"])
+def test_a_file_that_is_not_there_is_named(name: str, tmp_path: Path) -> None:
+    with pytest.raises(WorldError, match=rf"{name}: no such file"):
+        load_world(tmp_path / name)
+
+
+def test_a_file_that_is_no_text_is_named_with_the_line(tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_bytes(b'name = "a"\nx = "\xff"\n')
+    with pytest.raises(WorldError, match=r"bad\.toml:2: not a text file"):
+        load_world(tmp_path / "bad.toml")
+
+
+def test_reading_a_world_leaves_heavy_libraries_alone() -> None:
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, lrf3d.world, lrf3d.scenario; lrf3d.scenario.load_scenario('city');"
+        "print([m for m in ('shapely', 'scipy', 'trimesh', 'numba') if m in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"objects": [np.nan]}, "object is nan"),
+        ({"objects": [-1]}, "object -1"),
+        ({"objects": [0.5]}, "object 0.5"),
+        ({"heights": [0.0]}, "height 0 m"),
+        ({"object_names": ("a", "b")}, "2 names for 1 objects"),
+        ({"colours": [[0, 0, 0], [1, 1, 1]]}, "2 colours"),
+    ],
+)
+def test_a_world_refuses_what_does_not_fit(arguments: dict, message: str) -> None:
+    with pytest.raises(WorldError, match=message):
+        World([[0, 0, 1, 0]], **arguments)

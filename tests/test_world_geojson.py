@@ -1,0 +1,227 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrf3d.errors import WorldError
+from lrf3d.world import World, load_world
+from lrf3d.world.geojson import DEFAULT_BUILDING_HEIGHT, read_geojson
+
+FAR = np.array([85000.0, 447500.0])
+
+
+def rectangle(x: float, y: float, width: float, depth: float) -> list[list[float]]:
+    ring = [[x, y], [x + width, y], [x + width, y + depth], [x, y + depth], [x, y]]
+    return (np.array(ring) + FAR).tolist()
+
+
+def feature(geometry: object, **properties: object) -> dict:
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def polygon(*rings: object, **properties: object) -> dict:
+    return feature({"type": "Polygon", "coordinates": list(rings)}, **properties)
+
+
+def read(folder: Path, *features: dict, **members: object) -> World:
+    path = folder / "town.geojson"
+    collection = {"type": "FeatureCollection", "features": list(features), **members}
+    path.write_text(json.dumps(collection))
+    return load_world(path)
+
+
+def lengths(world: World) -> np.ndarray:
+    return np.hypot(*(world.segments[:, 2:] - world.segments[:, :2]).T)
+
+
+def test_a_footprint_keeps_its_coordinates_and_turns_counter_clockwise(tmp_path: Path) -> None:
+    ring = rectangle(0.123456789, 0.3, 10.1, 8.7)
+    world = read(tmp_path, polygon(ring[::-1], height=12))
+    assert sorted(map(tuple, world.segments[:, :2])) == sorted(map(tuple, ring[:-1]))
+    ends = world.segments - np.tile(FAR, 2)
+    assert (ends[:, 0] * ends[:, 3] - ends[:, 2] * ends[:, 1]).sum() > 0.0
+    assert (world.segments[:, 2:] == np.roll(world.segments[:, :2], -1, axis=0)).all()
+    assert (world.heights == 12.0).all()
+    assert world.name == "town"
+
+
+def test_touching_footprints_become_one_block_with_straight_facades(tmp_path: Path) -> None:
+    houses = [polygon(rectangle(6.0 * i, 0.0, 6.0, 9.0)) for i in range(5)]
+    world = read(tmp_path, *houses, polygon(rectangle(60.0, 0.0, 5.0, 5.0)))
+    assert world.object_count == 2
+    assert np.bincount(world.objects).tolist() == [4, 4]
+    assert sorted(lengths(world)[world.objects == 0]) == pytest.approx([9.0, 9.0, 30.0, 30.0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    gap=st.floats(-0.5, 0.049),
+    angle=st.floats(0.0, 3.0),
+    width=st.floats(4.0, 30.0),
+    depth=st.floats(4.0, 30.0),
+)
+def test_a_hair_between_footprints_is_closed_and_corners_stay(
+    gap: float, angle: float, width: float, depth: float, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    first = np.array([[0, 0], [width, 0], [width, depth], [0, depth]]) @ turn.T + FAR
+    second = first + turn @ [width + gap, 0.0]
+    path = tmp_path_factory.mktemp("gap") / "pair.geojson"
+    path.write_text(
+        json.dumps({"type": "MultiPolygon", "coordinates": [[first.tolist()], [second.tolist()]]})
+    )
+    world = load_world(path)
+    assert world.object_count == 1
+    assert len(world.segments) == 4
+    outer = {tuple(first[0]), tuple(first[3]), tuple(second[1]), tuple(second[2])}
+    assert {tuple(corner) for corner in world.segments[:, :2]} == outer
+
+
+@pytest.mark.parametrize("gap", [0.06, 0.5])
+def test_footprints_farther_apart_stay_apart(gap: float, tmp_path: Path) -> None:
+    world = read(tmp_path, polygon(rectangle(0, 0, 8, 8)), polygon(rectangle(8 + gap, 0, 8, 8)))
+    assert world.object_count == 2
+    assert len(world.segments) == 8
+
+
+def test_a_sharp_corner_survives_the_closing(tmp_path: Path) -> None:
+    wedge = (np.array([[0, 0], [20, 0], [0, 4]]) + FAR).tolist()
+    world = read(tmp_path, polygon(wedge), polygon(rectangle(-8.0, 0.0, 8.0, 4.0)))
+    assert (world.segments[:, :2] == wedge[1]).all(axis=1).any()
+    assert len(world.segments) == 4
+
+
+def test_walls_take_the_height_of_their_footprint(tmp_path: Path) -> None:
+    world = read(
+        tmp_path,
+        polygon(rectangle(0, 0, 10, 10), height="12.5 m"),
+        polygon(rectangle(10, 2, 10, 5), **{"building:levels": "2"}),
+    )
+    assert world.object_count == 1
+    by_x = world.segments[:, [0, 2]].mean(axis=1) - FAR[0]
+    assert (world.heights[by_x <= 10.0] == 12.5).all()
+    assert (world.heights[by_x > 10.0] == 6.0).all()
+
+
+def test_a_courtyard_stays_and_turns_clockwise(tmp_path: Path) -> None:
+    world = read(tmp_path, polygon(rectangle(0, 0, 30, 30), rectangle(10, 10, 8, 8)))
+    assert world.object_count == 1
+    ends = (world.segments - np.tile(FAR, 2))[4:]
+    assert (ends[:, 0] * ends[:, 3] - ends[:, 2] * ends[:, 1]).sum() / 2 == pytest.approx(-64.0)
+
+
+def test_lines_are_walls_as_they_are_and_points_are_none(tmp_path: Path) -> None:
+    world = read(
+        tmp_path,
+        feature({"type": "Point", "coordinates": [1, 2]}),
+        feature(None),
+        feature({"type": "LineString", "coordinates": [[0, 0, 9], [5, 0, 9], [5, 0], [5, 5]]}),
+        polygon(rectangle(0, 10, 4, 4), name="hut", colour="#ffffff"),
+        feature(
+            {
+                "type": "GeometryCollection",
+                "geometries": [
+                    {"type": "MultiLineString", "coordinates": [[[7, 7], [8, 8]], [[9, 9], [9, 8]]]}
+                ],
+            },
+            height=1.5,
+        ),
+    )
+    assert world.object_names == ("hut", "", "")
+    assert world.objects.tolist() == [0, 0, 0, 0, 1, 1, 2, 2]
+    assert world.heights.tolist() == [DEFAULT_BUILDING_HEIGHT] * 4 + [2.5, 2.5, 1.5, 1.5]
+    assert world.segments[4:].tolist() == [[0, 0, 5, 0], [5, 0, 5, 5], [7, 7, 8, 8], [9, 9, 9, 8]]
+    assert world.colours[0].tolist() == [1.0, 1.0, 1.0]
+
+
+def test_degrees_are_laid_flat_to_metres(tmp_path: Path) -> None:
+    # A house of 20 m by 10 m at 52° north, and another one 100 m farther north.
+    east, north = 20.0 / (111195.08 * np.cos(np.radians(52.0))), 10.0 / 111195.08
+    house = np.array([[0, 0], [east, 0], [east, north], [0, north]]) + np.array([4.36, 52.0])
+    other = house + np.array([0.0, 10.0 * north])
+    world = read(tmp_path, polygon(house.tolist()), polygon(other.tolist()))
+    assert sorted(lengths(world)[:4]) == pytest.approx([10.0, 10.0, 20.0, 20.0], rel=1e-4)
+    assert np.abs(world.bounds.mean(axis=0)).max() < 1.0
+
+
+def test_metres_near_the_origin_are_no_degrees(tmp_path: Path) -> None:
+    ring = [[0, 0], [0.4, 0], [0.4, 0.3], [0, 0.3]]
+    assert lengths(read(tmp_path, polygon(ring))).max() == 0.4
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
+    assert lengths(read(tmp_path, polygon(ring), crs=crs)).max() > 40_000.0
+
+
+def test_blocks_come_in_the_order_of_the_file_and_each_time_the_same(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    spots = rng.permutation(25)
+    houses = [polygon(rectangle(9.0 * (s // 5), 9.0 * (s % 5), 6, 6), name=str(s)) for s in spots]
+    world = read(tmp_path, *houses)
+    assert world.object_names == tuple(str(spot) for spot in spots)
+    again = read(tmp_path, *houses)
+    assert world.segments.tobytes() == again.segments.tobytes()
+
+
+def test_more_simplifying_never_gives_more_walls(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    angle = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
+    reach = 20.0 + rng.normal(0.0, 0.02, 200)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)]) * reach[:, None] + FAR
+    read(tmp_path, polygon(ring.tolist()))
+    counts = [
+        len(read_geojson(tmp_path / "town.geojson", simplify=tolerance).segments)
+        for tolerance in (0.001, 0.01, 0.1, 1.0)
+    ]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[-1] < counts[0]
+
+
+def test_an_outline_that_crosses_itself_is_mended(tmp_path: Path) -> None:
+    bow = [[0, 0], [10, 10], [10, 0], [0, 10]]
+    world = read(tmp_path, polygon((np.array(bow) + FAR).tolist()))
+    assert len(world.segments) == 6
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "t.geojson:1: not JSON"),
+        ('{"type": "Feature",\n oops}', "t.geojson:2: not JSON: .* at column 2"),
+        ("[1, 2]", "expected a GeoJSON object, found a JSON list"),
+        ("[" * 100_000, "nested too deeply"),
+        ('{"type": "Point", "coordinates": [NaN, 1]}', "NaN is no number"),
+        ('{"type": "FeatureCollection"}', "without a list of features"),
+        ('{"type": "FeatureCollection", "features": []}', "holds no Polygon and no LineString"),
+        ('{"type": "FeatureCollection", "features": [3]}', "feature 0: expected a Feature"),
+        ('{"type": "Blob", "coordinates": []}', "feature 0: unknown geometry 'Blob'"),
+        ('{"a": 1}', "feature 0: expected a GeoJSON geometry with coordinates"),
+        ('{"type": "LineString", "coordinates": [[1, 2], [1, 2]]}', "feature 0: LineString of no"),
+        ('{"type": "LineString", "coordinates": [[1, 2], ["3", 2]]}', "feature 0: .*point 1 is"),
+        ('{"type": "LineString", "coordinates": [[1, 2], [1e99, 2]]}', "feature 0: .*at most 1e"),
+        ('{"type": "LineString", "coordinates": [[1, 2], [1e999, 2]]}', "feature 0: .*at most 1e"),
+        ('{"type": "Polygon", "coordinates": []}', "feature 0: Polygon without rings"),
+        (
+            '{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [1, 2]]]}',
+            "feature 0: Polygon ring 0 has 2 different points",
+        ),
+        (
+            '{"type": "Polygon", "coordinates": [[[1, 2], [2, 4], [3, 6]]]}',
+            "feature 0: Polygon ring 0 lies on one line",
+        ),
+    ],
+)
+def test_a_broken_file_gets_one_line(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "t.geojson").write_text(text)
+    with pytest.raises(WorldError, match=message) as caught:
+        load_world(tmp_path / "t.geojson")
+    assert "\n" not in str(caught.value)
+    assert "t.geojson" in str(caught.value)
+
+
+@pytest.mark.parametrize("height", ["tall", -3, [1, "x"], True])
+def test_a_height_that_is_none_is_refused_with_its_feature(height: object, tmp_path: Path) -> None:
+    good = polygon(rectangle(0, 0, 5, 5))
+    with pytest.raises(WorldError, match=r"feature 1: height is .*expected metres"):
+        read(tmp_path, good, polygon(rectangle(9, 0, 5, 5), height=height))
