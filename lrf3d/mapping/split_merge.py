@@ -74,4 +74,3 @@ def _segment(points: Float) -> tuple[Float, Float, int]:
     # Two equal points span nothing; the chord of the whole piece gives the way it runs.
     chord = np.concatenate([points[0], points[-1]])[None]
     return fit_ends(moments, np.concatenate([chord, span])), moments, len(points)
-
