@@ -109,6 +109,10 @@ class Top:
     """Largest world [m] that is seen whole."""
     WINDOW = 70.0
     """Height [m] of what is seen of a larger one."""
+    PANEL = (0.53, 0.22)
+    """Width and height of the panel with the text, in heights of the picture."""
+    MARGIN = 1.06
+    """What is seen around the world, as a factor."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._timeline = timeline
@@ -124,8 +128,14 @@ class Top:
         """The look at a time [s] of the run."""
         size = self._high - self._low
         if float(size.max()) <= self.WHOLE:
-            middle = 0.5 * (self._low + self._high)
-            window = 1.06 * max(size[1], size[0] / aspect)
+            # The panel stands in a corner: the world goes right of it or below, whichever
+            # leaves it larger.
+            wide, high = self.PANEL
+            right = max(size[1], size[0] / (aspect - wide))
+            below = max(size[1] / (1.0 - high), size[0] / aspect)
+            window = self.MARGIN * min(right, below)
+            shift = (-wide, 0.0) if right < below else (0.0, high)
+            middle = 0.5 * (self._low + self._high) + 0.5 * window * np.array(shift)
         else:
             middle, window = self._path.place(time), self.WINDOW
         away = 0.5 * window / np.tan(0.5 * self.FIELD) + self._tallest
