@@ -30,7 +30,7 @@ def test_the_world_of_the_readme_is_one(tmp_path):
     (tmp_path / "yard.toml").write_text(snippet("toml"))
     scenario = load_scenario(tmp_path / "yard.toml")
     assert scenario.world.object_names == ("shed",)
-    assert scenario.sigmas == (0.03,) and len(scenario.route) == 5
+    assert scenario.sigmas == (0.03,) and len(scenario.route) == 4
 
 
 @pytest.mark.parametrize("picture", re.findall(r"\((assets/[^)]*)\)", README))
