@@ -43,8 +43,9 @@ def normal_lines(segments: Float) -> Float:
     normal = np.column_stack([-unit[:, 1], unit[:, 0]])
     p = np.einsum("ij,ij->i", normal, 0.5 * (segments[:, :2] + segments[:, 2:]))
     normal[p < 0.0] *= -1.0
-    # Adding zero turns −0 into +0, so that a normal along −x gives π and not −π.
-    alpha = np.arctan2(normal[:, 1] + 0.0, normal[:, 0] + 0.0)
+    alpha = np.arctan2(normal[:, 1], normal[:, 0])
+    # A normal along −x, or below it by less than an angle can tell, gives −π.
+    alpha[alpha <= -np.pi] = np.pi
     return np.column_stack([alpha, np.abs(p)])
 
 

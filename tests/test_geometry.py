@@ -45,6 +45,7 @@ def test_both_ends_of_a_segment_lie_on_its_normal_line(x1, y1, x2, y2):
 def test_a_normal_along_minus_x_has_the_angle_pi():
     assert normal_lines(np.array([[-2.0, 0.0, -2.0, 5.0]]))[0] == pytest.approx([np.pi, 2.0])
     assert normal_lines(np.array([[-2.0, 5.0, -2.0, 0.0]]))[0] == pytest.approx([np.pi, 2.0])
+    assert normal_lines(np.array([[0.0, -1.0, -1e-38, 0.0]]))[0] == pytest.approx([np.pi, 0.0])
 
 
 @given(st.floats(0, 2 * np.pi), metres, metres)
