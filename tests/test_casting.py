@@ -114,14 +114,14 @@ def test_both_casters_agree_but_at_edges(seed, offset):
 
 
 def test_a_difference_away_from_all_edges_is_unexplained(monkeypatch):
-    lie = EmbreeCaster._cast
+    truth = EmbreeCaster.cast
 
-    def moved(self, lrf, poses):
-        distances, walls = lie(self, lrf, poses)
-        distances[0, 40] += 1e-3
-        return distances, walls
+    def moved(self, lrf, pose):
+        scan = truth(self, lrf, pose)
+        scan.ranges[40] += 1e-3
+        return scan
 
-    monkeypatch.setattr(EmbreeCaster, "_cast", moved)
+    monkeypatch.setattr(EmbreeCaster, "cast", moved)
     result = crosscheck(ROOM, LaserRangeFinder(), np.array([[2.0, 3.0, 0.0]]))
     assert [(one.scan, one.beam) for one in result.unexplained] == [(0, 40)]
     assert result.as_dict()["agree"] == 180

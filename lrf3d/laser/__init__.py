@@ -1,7 +1,7 @@
 """The laser range finder, its scans and its noise (section 2.3 of Teslić et al.)."""
 
 from lrf3d.laser.noise import Noise, ProportionalNoise
-from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions
+from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions, layer_directions
 from lrf3d.laser.scan import LaserScan, reflection_points
 
 __all__ = [
@@ -10,5 +10,6 @@ __all__ = [
     "Noise",
     "ProportionalNoise",
     "beam_directions",
+    "layer_directions",
     "reflection_points",
 ]

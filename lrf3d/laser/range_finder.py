@@ -1,5 +1,6 @@
 """LaserRangeFinder: the fan of beams that a laser range finder sends out (section 2.3)."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -57,15 +58,60 @@ class LaserRangeFinder:
         angles.flags.writeable = False
         return angles
 
+    @cached_property
+    def fan(self) -> Float:
+        """Cosines and sines (2, beams) of the angles: the beams at heading 0."""
+        fan = np.array([np.cos(self.angles), np.sin(self.angles)])
+        fan.flags.writeable = False
+        return fan
+
+    @cached_property
+    def spread(self) -> tuple[float, float]:
+        """Angle in the middle of the fan, and from there to its last beam [rad]."""
+        return 0.5 * (self.angle_min + self.angle_max), 0.5 * (self.angle_max - self.angle_min)
+
     def directions(self, pose: Sequence[float] | Float) -> Float:
         """Unit vectors (beams, 2) of the beams in the world, for the laser at a pose."""
-        return beam_directions(pose[2], self.angles)
+        return turned(self.fan, float(pose[2]))
 
 
 def beam_directions(theta: float, angles: Float) -> Float:
-    """Unit vectors (beams, 2) in the world of beams at angles (beams,) from the heading theta.
+    """Unit vectors (beams, 2) in the world of beams at angles (beams,) from the heading theta."""
+    return turned(np.array([np.cos(angles), np.sin(angles)]), theta)
 
-    Casters and scans use just these, so that both speak of the same beam to the last bit.
+
+def layer_directions(
+    lrf: LaserRangeFinder,
+    theta: float,
+    elevations: Sequence[float],
+    *,
+    pitch: float = 0.0,
+    roll: float = 0.0,
+) -> Float:
+    """Unit vectors (layers, beams, 3) of layers of beams at elevations [rad] of a tilted laser.
+
+    The laser is turned by the heading theta, then pitched about its left, then rolled about its
+    ahead, each right-handed [rad].
     """
-    heading = theta + angles
-    return np.column_stack([np.cos(heading), np.sin(heading)])
+    rise = np.asarray(elevations, dtype=np.float64)[:, None]
+    ahead, left = np.cos(rise) * lrf.fan[0], np.cos(rise) * lrf.fan[1]
+    up = np.broadcast_to(np.sin(rise), ahead.shape)
+    left, up = (
+        math.cos(roll) * left - math.sin(roll) * up,
+        math.sin(roll) * left + math.cos(roll) * up,
+    )
+    ahead, up = (
+        math.cos(pitch) * ahead + math.sin(pitch) * up,
+        math.cos(pitch) * up - math.sin(pitch) * ahead,
+    )
+    flat = turned(np.array([ahead.ravel(), left.ravel()]), theta)
+    return np.column_stack([flat, up.ravel()]).reshape(*ahead.shape, 3)
+
+
+def turned(fan: Float, theta: float) -> Float:
+    """A fan (2, beams) of beams, turned by the heading theta [rad], as rows (beams, 2).
+
+    Casters and scans do just these steps, so that all speak of the same beam to the last bit.
+    """
+    cos, sin = math.cos(theta), math.sin(theta)
+    return np.column_stack([cos * fan[0] - sin * fan[1], sin * fan[0] + cos * fan[1]])

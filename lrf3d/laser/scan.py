@@ -8,7 +8,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int
-from lrf3d.laser.range_finder import beam_directions
+from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions
 from lrf3d.pose import Pose, as_pose
 
 
@@ -48,6 +48,21 @@ class LaserScan:
         object.__setattr__(self, "angles", angles)
         object.__setattr__(self, "ranges", ranges)
         object.__setattr__(self, "walls", walls.astype(np.int64, copy=False))
+
+    @classmethod
+    def measured(cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> "LaserScan":
+        """The scan that a caster hands on: what fits is neither checked nor converted."""
+        scan = object.__new__(cls)
+        scan.__dict__.update(
+            pose=pose,
+            angles=lrf.angles,
+            ranges=ranges,
+            walls=walls,
+            range_min=lrf.range_min,
+            range_max=lrf.range_max,
+            time=0.0,
+        )
+        return scan
 
     @cached_property
     def hits(self) -> Bool:

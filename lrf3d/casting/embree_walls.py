@@ -1,0 +1,63 @@
+"""Walls as triangles that Embree cannot miss, and the part of each wall where its word is final.
+
+Embree works in float32: all that it says of a place may be off by an error ε. What it gets for a
+wall is therefore more than the wall (everything upright, the beams at z = 0 horizontal):
+
+- the wall's own plane, longer by 2δ at both ends, where δ = 2ε;
+- across each end, δ before it, a cap that reaches 2δ to both sides.
+
+Let `strip` be all that lies within δ of the wall, squared off. A beam that truly meets the wall
+and starts outside the strip either crosses it from long side to long side, and then float32 has it
+cross the plane; or it passes a short side, and then it has it cross a cap. So Embree finds the
+wall, at some place of the beam's way through the strip, give or take 5δ.
+
+Say Embree's first hit is on wall w, and the beam does meet w, at a point h and under an angle
+whose sine is at least LEAST_SINE. Embree's place is within 5δ / LEAST_SINE of h. Any wall that
+the beam meets before h then has its strip end no more than (5 + 5 / LEAST_SINE) δ before h, so it
+comes within REACH · δ of h. Where no other wall is that near, w is the one: this part of w is its
+`clear` part. No hit at all means that there is none.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.casting.kernels.embree_proof import LEAST_SINE
+from lrf3d.geometry import Float
+
+REACH = 7.0 + 5.0 / LEAST_SINE
+
+APEX = 9.0
+"""A wall is one triangle, that stands on its base below the beams; so much more of it is above."""
+
+
+def float32_error(radius: float, distance: float) -> float:
+    """Bound on the error ε [m] of what Embree says, at coordinates up to radius from the middle.
+
+    Ends and laser are rounded, the direction is, over the distance, and so is each of the seven
+    steps of the intersection.
+    """
+    return 2.0**-24 * (2.0 * radius + 16.0 * distance)
+
+
+def triangles(
+    walls: Float, centre: tuple[float, float], delta: float
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Vertices (9 n, 3) float32 and faces (3 n, 3) of the walls (n, 4): each plane and two caps."""
+    start, end = walls[:, :2] - centre, walls[:, 2:] - centre
+    along = end - start
+    length = np.hypot(along[:, 0], along[:, 1])[:, None]
+    along = along / length
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    middles = np.stack([0.5 * (start + end), start - delta * along, end + delta * along], axis=1)
+    sides = np.stack([along, across, across], axis=1)
+    halves = np.stack([0.5 * length + 2.0 * delta, *([np.full_like(length, 2.0 * delta)] * 2)], 1)
+    # At z = 0 a triangle is APEX / (APEX + 1) as wide as its base.
+    wide = sides * halves * (1.0 + 1.0 / APEX)
+    vertices = np.zeros((len(walls), 3, 3, 3))
+    vertices[:, :, 0, :2] = middles - wide
+    vertices[:, :, 1, :2] = middles + wide
+    vertices[:, :, 2, :2] = middles
+    vertices[:, :, :2, 2] = -2.0 * halves / APEX
+    vertices[:, :, 2, 2] = 2.0 * halves[:, :, 0]
+    faces = np.arange(9 * len(walls), dtype=np.int32).reshape(-1, 3)
+    return vertices.reshape(-1, 3).astype(np.float32), faces

@@ -1,0 +1,165 @@
+"""Cast a fan of evenly spaced beams into a tree of walls, compiled; every decision exact.
+
+Walls are drawn into a depth buffer over the beams, near boxes first. A box is passed over when
+no beam can meet it: it lies beyond the range or beside the fan, or each beam that could meet it
+ends nearer than the box begins.
+"""
+
+import math
+
+import numpy as np
+
+from lrf3d.casting.kernels.buffer import (
+    AX,
+    AY,
+    BATCH,
+    BEARING_SLACK,
+    BX,
+    BY,
+    ROOM,
+    SKETCH,
+    SLACK,
+    START,
+    TURN,
+    WIDTH,
+    bearing,
+    draw,
+    index_of,
+    outline,
+    reached,
+    settle,
+    span,
+    turns_to_meet,
+)  # fmt: skip
+from lrf3d.casting.kernels.compiling import inner
+from lrf3d.casting.kernels.tree import STACK
+
+NARROW = 1e-9
+"""Fans not wider than this [rad] are decided beam by beam."""
+
+
+@inner
+def trace(boxes, links, walls, index, ox, oy, dx, dy, ahead_x, ahead_y, half, range_max, hit):
+    """Find for each beam (dx, dy) from (ox, oy) the row of the wall that it meets first, or −1.
+
+    The beams are evenly spaced in angle from −half to half [rad] about (ahead_x, ahead_y). Walls
+    a little beyond range_max may be found.
+    """
+    beams = len(hit)
+    per_step = 0.0 if half <= NARROW else 0.5 * (beams - 1) / half
+    edge = 1.0 / (range_max * ROOM)
+    low = np.full(beams, edge)
+    high = np.full(beams, edge)
+    hit[:] = -1
+    contested = np.empty(beams, np.int64)
+    sketch = np.empty(SKETCH)
+    waiting = np.empty((STACK, 3), np.int64)
+    nears = np.empty(STACK)
+    waiting[0, 0], waiting[0, 1], waiting[0, 2], nears[0] = 0, 0, beams, np.inf
+    top = 1 if len(walls) > 0 else 0
+    while top > 0:
+        top -= 1
+        if _hidden(low, waiting[top, 1], waiting[top, 2], nears[top]):
+            continue
+        node = waiting[top, 0]
+        first, count = links[node, 0], links[node, 1]
+        if count < 0:
+            top = _enter(
+                boxes, first, -count, ox, oy, ahead_x, ahead_y, half, per_step, beams, edge, low,
+                sketch, waiting, nears, top,
+            )  # fmt: skip
+            continue
+        for base in range(first, first + count, BATCH):
+            batch = min(BATCH, first + count - base)
+            outline(walls, base, batch, ox, oy, ahead_x, ahead_y, sketch)
+            for k in range(batch):
+                left_open = draw(
+                    base + k, k, sketch, dx, dy, beams, half, per_step, low, high, hit, contested
+                )
+                if left_open != 0:
+                    settle(
+                        left_open, base + k, walls, index, ox, oy, dx, dy, beams, low, high, hit,
+                        contested,
+                    )  # fmt: skip
+
+
+@inner
+def _hidden(low, first, stop, near):
+    """Whether all beams from first to before stop end nearer than 1 / near."""
+    for i in range(index_of(first), index_of(stop)):
+        if not low[i] > near:
+            return False
+    return True
+
+
+@inner
+def _enter(
+    boxes, first, count, ox, oy, ahead_x, ahead_y, half, per_step, beams, edge, low,
+    sketch, waiting, nears, top,
+):  # fmt: skip
+    """Let those boxes wait that a beam may meet, the nearest on top; the new height."""
+    _view(boxes, first, count, ox, oy, ahead_x, ahead_y, sketch)
+    bottom = top
+    for k in range(index_of(count)):
+        near = sketch[SLACK + k]
+        if near < edge:
+            continue
+        start, stop = 0, beams
+        if near < np.inf:
+            start, stop = _beams_between(
+                sketch[START + k], sketch[WIDTH + k], half, per_step, beams
+            )
+        if start >= stop or _hidden(low, start, stop, near):
+            continue
+        place = top
+        while place > bottom and nears[place - 1] > near:
+            nears[place] = nears[place - 1]
+            for j in range(3):
+                waiting[place, j] = waiting[place - 1, j]
+            place -= 1
+        waiting[place, 0], waiting[place, 1], waiting[place, 2] = first + int(k), start, stop
+        nears[place] = near
+        top += 1
+    return top
+
+
+@inner
+def _view(boxes, first, count, ox, oy, ahead_x, ahead_y, sketch):
+    """Bearings of boxes; as SLACK a bound on 1 / distance, infinite for one around the laser."""
+    for k in range(index_of(count)):
+        node = index_of(first) + k
+        sketch[AX + k], sketch[AY + k] = boxes[node, 0] - ox, boxes[node, 1] - oy
+        sketch[BX + k], sketch[BY + k] = boxes[node, 2] - ox, boxes[node, 3] - oy
+    for k in range(index_of(count)):
+        x0, y0, x1, y1 = sketch[AX + k], sketch[AY + k], sketch[BX + k], sketch[BY + k]
+        gap_x = x0 if x0 > 0.0 else (-x1 if x1 < 0.0 else 0.0)
+        gap_y = y0 if y0 > 0.0 else (-y1 if y1 < 0.0 else 0.0)
+        sketch[SLACK + k] = ROOM / math.sqrt(gap_x * gap_x + gap_y * gap_y)
+        # The corners that bound the box on the right and on the left, as seen from the laser.
+        side_x = x0 if x0 > 0.0 else x1
+        side_y = y0 if y0 > 0.0 else y1
+        right_x = x1 if y0 > 0.0 else (x0 if y1 < 0.0 else side_x)
+        left_x = x0 if y0 > 0.0 else (x1 if y1 < 0.0 else side_x)
+        right_y = y0 if x0 > 0.0 else (y1 if x1 < 0.0 else side_y)
+        left_y = y1 if x0 > 0.0 else (y0 if x1 < 0.0 else side_y)
+        right = bearing(
+            right_x * ahead_x + right_y * ahead_y, right_y * ahead_x - right_x * ahead_y
+        )
+        left = bearing(left_x * ahead_x + left_y * ahead_y, left_y * ahead_x - left_x * ahead_y)
+        sketch[START + k] = right
+        sketch[WIDTH + k] = span(right, left)
+
+
+@inner
+def _beams_between(start, width, half, per_step, beams):
+    """The beams from the first to before the second that may lie within bearings."""
+    first, stop = beams, 0
+    before, after = turns_to_meet(start, width, half)
+    for turn in range(before, after + 1):
+        a = start + turn * TURN + half - BEARING_SLACK
+        b = a + width + 2.0 * BEARING_SLACK
+        if per_step == 0.0 and a <= 2.0 * half and b >= 0.0:
+            return 0, beams
+        first = min(first, reached(a * per_step, beams))
+        stop = max(stop, reached(b * per_step, beams))
+    return (first, stop) if per_step > 0.0 else (0, 0)
