@@ -25,19 +25,20 @@ def progress_bar(title: str) -> Iterator[Progress]:
     )
 
     columns = (
-        TextColumn("{task.description:<10}"),
+        TextColumn("{task.description:<13}"),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=None, rate="")
+        # The first time, the compiler has half a minute of work before anything is done.
+        task = bar.add_task("getting ready", total=None, rate="")
 
         def report(done: int, total: int) -> None:
             speed = bar.tasks[task].speed
             rate = f"{speed:.0f}/s" if speed else ""
-            bar.update(task, completed=done, total=total, rate=rate)
+            bar.update(task, description=title, completed=done, total=total, rate=rate)
 
         yield report
 
