@@ -14,8 +14,9 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
 
-MAP_SNAPSHOTS = 400
-"""How many stages of the growing map a run keeps at most: enough for a film."""
+MAP_SNAPSHOTS = 100
+"""How many stages of the growing map a run keeps at most: enough for a film, and each takes the
+mapper some hundredths of a second to work out."""
 
 
 class Caster(Protocol):

@@ -2,5 +2,6 @@
 
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.line_mapper import LineMapper
+from lrf3d.mapping.vertex_fit import fit_vertices
 
-__all__ = ["LineMap", "LineMapper"]
+__all__ = ["LineMap", "LineMapper", "fit_vertices"]

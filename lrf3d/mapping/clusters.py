@@ -7,9 +7,6 @@ import numpy as np
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan
 
-GRAZING = np.radians(8.0)
-"""Walls met at a smaller angle than this [rad] are not told from a gap any more."""
-
 
 def ordered_returns(scan: LaserScan) -> tuple[Int, bool]:
     """Beams (n,) of a scan by rising angle, each direction once, and whether they close a circle.
@@ -60,21 +57,3 @@ def near_each_other(points: Float, gap: float) -> Bool:
     """Whether each of points (n, 2) lies within a gap [m] of the next, as the paper has it."""
     steps = np.roll(points, -1, axis=0) - points
     return np.asarray(np.hypot(steps[:, 0], steps[:, 1]) <= gap)
-
-
-def on_one_surface(angles: Float, ranges: Float, deviations: Float, gap: float) -> Bool:
-    """Whether each return (n,) may lie on one surface with the next.
-
-    On a wall that is met at no less than the grazing angle, two beams Δφ apart return points no
-    farther apart than r·sin Δφ / sin(grazing − Δφ); noise adds to that. A wider gap than the
-    given one [m] always parts, however far the wall.
-    """
-    turn = np.abs(np.roll(angles, -1) - angles)
-    turn = np.minimum(turn, 2.0 * np.pi - turn)
-    near = np.minimum(ranges, np.roll(ranges, -1))
-    far = np.maximum(ranges, np.roll(ranges, -1))
-    steps = np.sqrt(near**2 + far**2 - 2.0 * near * far * np.cos(turn))
-    noise = 4.0 * np.hypot(deviations, np.roll(deviations, -1))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(turn < GRAZING, near * np.sin(turn) / np.sin(GRAZING - turn), gap)
-    return np.asarray(steps <= np.minimum(reach, gap) + noise)

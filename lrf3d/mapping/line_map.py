@@ -1,9 +1,11 @@
 """LineMap: the map that a mapper builds, line segments grouped into unions (section 3.1)."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,24 @@ class LineMap:
     segments: Float
     objects: Int
     points: Int
+
+    @classmethod
+    def deferred(cls, build: Callable[[], tuple[Float, Int, Int]]) -> "LineMap":
+        """A map whose segments, objects and points are made when one of them is asked for."""
+        line_map = cls.__new__(cls)
+        line_map.__dict__["_build"] = build
+        return line_map
+
+    def __getattr__(self, name: str) -> Any:
+        # Only what a deferred map was not asked for before is missing.
+        if name not in ("segments", "objects", "points") or "_build" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        columns = self.__dict__.pop("_build")()
+        self.__dict__.update(zip(("segments", "objects", "points"), columns, strict=True))
+        return self.__dict__[name]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return LineMap, (self.segments, self.objects, self.points)
 
     @classmethod
     def empty(cls) -> "LineMap":

@@ -1,28 +1,12 @@
-"""Merging: which segments stand for one wall, and the segment that they become (section 3.1).
+"""Merging to the letter: Eq. 9, and the loop of comparison around it (section 3.1)."""
 
-A merging rule has two verbs: ``partner`` finds the row of a table, among candidates, that a
-segment is to be merged with; ``merge`` makes one segment of two.
-"""
-
+from collections import deque
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, directions, fit_line, lengths
-from lrf3d.mapping.table import SegmentTable, add_moments, fit_ends
-
-
-class Merging(Protocol):
-    """A rule of merging."""
-
-    def partner(self, table: SegmentTable, row: int, candidates: Int) -> int:
-        """The row among candidates (k,) to merge a row with, or −1."""
-        ...
-
-    def merge(self, table: SegmentTable, row: int, other: int) -> tuple[Float, Float]:
-        """Ends (4,) and moments (6,) of the segment that two rows become."""
-        ...
+from lrf3d.mapping.table import SegmentTable, add_moments
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,86 +62,34 @@ def _aside(offsets: Float, units: Float) -> Float:
     return np.asarray(np.abs(units[..., 0] * offsets[:, 1] - units[..., 1] * offsets[:, 0]))
 
 
-@dataclass(frozen=True, slots=True)
-class MomentMerging:
-    """One wall is what lies on one line within its uncertainty, overlaps and faces one way.
+def unite(table: SegmentTable, fresh: range, merging: EndPointMerging) -> SegmentTable:
+    """Merge segments of a table until no two are left that the rule merges.
+
+    Only fresh and merged segments are compared anew: the others were compared before. The loop
+    ends, since each merge takes one segment away.
 
     Args:
-        length: Largest gap [m] along the line between two segments of one wall.
-        distance: How far [m] a true wall may bend from a line, beside what noise explains.
-        parted: Largest uncertainty [m] that noise may explain.
+        table: Segments.
+        fresh: Rows that were not compared yet.
+        merging: The rule.
     """
-
-    length: float
-    distance: float
-    parted: float = 1.0
-
-    def partner(self, table: SegmentTable, row: int, candidates: Int) -> int:
-        """The candidate that fits a row best, or −1."""
-        ends, moments = table.ends, table.moments
-        rows = candidates[self._boxes_meet(ends[row], ends[candidates])]
-        if not len(rows):
-            return -1
-        own, units = directions(ends[[row]])[0], directions(ends[rows])
-        # Ends run so that the laser stood on the left: opposite ways are two faces of a wall.
-        rows, units = rows[units @ own > 0.5], units[units @ own > 0.5]
-        if not len(rows):
-            return -1
-        misfits = np.array(
-            [
-                self._misfit(ends[row], own, moments[row], ends[k], unit, moments[k])
-                for k, unit in zip(rows, units, strict=True)
-            ]
-        )
-        best = int(np.argmin(misfits))
-        return int(rows[best]) if misfits[best] < 1.0 else -1
-
-    def merge(self, table: SegmentTable, row: int, other: int) -> tuple[Float, Float]:
-        """The exact fit to all points of both, as long as both reach."""
-        moments = add_moments(table.moments[row], table.moments[other])
-        return fit_ends(moments, table.ends[[row, other]]), moments
-
-    def _boxes_meet(self, segment: Float, others: Float) -> Bool:
-        """Whether the box around a segment (4,) comes near that of each of others (m, 4)."""
-        reach = self.length + self.distance + self.parted
-        low = np.minimum(segment[:2], segment[2:]) - reach
-        high = np.maximum(segment[:2], segment[2:]) + reach
-        return np.asarray(
-            (np.minimum(others[:, :2], others[:, 2:]) <= high).all(axis=1)
-            & (np.maximum(others[:, :2], others[:, 2:]) >= low).all(axis=1)
-        )
-
-    def _misfit(
-        self,
-        ends: Float,
-        unit: Float,
-        moments: Float,
-        other_ends: Float,
-        other_unit: Float,
-        other: Float,
-    ) -> float:
-        """How far the shorter segment lies off the longer one's line; 1 is the most allowed."""
-        if np.hypot(*(ends[2:] - ends[:2])) > np.hypot(*(other_ends[2:] - other_ends[:2])):
-            ends, other_ends = other_ends, ends
-            moments, other = other, moments
-            unit, other_unit = other_unit, unit
-        line, mean = other_unit, other[1:3]
-        points = ends.reshape(2, 2)
-        along = (points - mean) @ line
-        reach = (other_ends.reshape(2, 2) - mean) @ line
-        gap = max(along.min() - reach.max(), reach.min() - along.max())
-        if gap > self.length:
-            return np.inf
-        aside = line[0] * (points - mean)[:, 1] - line[1] * (points - mean)[:, 0]
-        own = (points - moments[1:3]) @ unit
-        variance = _variance(moments, unit, own) + _variance(other, line, along)
-        allowed = self.distance + np.minimum(3.0 * np.sqrt(variance), self.parted)
-        return float((np.abs(aside) / allowed).max())
-
-
-def _variance(moments: Float, unit: Float, along: Float) -> Float:
-    """Variance (k,) [m²] of a line's offset at places (k,) [m] along it from its mean."""
-    spread = (
-        moments[3] * unit[0] ** 2 + 2.0 * moments[4] * unit[0] * unit[1] + moments[5] * unit[1] ** 2
-    )
-    return np.asarray(1.0 / moments[0] + along**2 / spread)
+    ends, moments = table.ends.copy(), table.moments.copy()
+    points, unions = table.points.copy(), table.unions.copy()
+    current = SegmentTable(ends, moments, points, unions)
+    alive = np.ones(len(table), dtype=bool)
+    waiting = deque(fresh)
+    while waiting:
+        row = waiting.popleft()
+        if not alive[row]:
+            continue
+        others = np.flatnonzero(alive)
+        other = merging.partner(current, row, others[others != row])
+        if other < 0:
+            continue
+        ends[row], moments[row] = merging.merge(current, row, other)
+        points[row] += points[other]
+        kept, gone = sorted((unions[row], unions[other]))
+        unions[unions == gone] = kept
+        alive[other] = False
+        waiting.append(row)
+    return current.take(np.flatnonzero(alive))

@@ -1,0 +1,174 @@
+"""Links: which walls are of one object, though what joins them was never seen, compiled.
+
+Walls are of one object where a link between them exists that no beam has passed. What lies behind
+the faces of both walls is taken for solid until a beam passes through it. A link that runs before
+one of them, across a niche or a corner, must be short, and beams may reach into the niche.
+"""
+
+import numpy as np
+from numba import njit
+
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.evidence import PASSED, SIGMAS, beams_between
+from lrf3d.mapping.grid import Grid, insert, near
+from lrf3d.mapping.scan_archive import Beams
+
+TOUCH = 0.1
+"""Walls that come nearer than this [m] touch: no beam that passes between them need be trusted."""
+
+SHORT = 4.0
+"""Longest link [m] that may run before a wall: less than a lane between buildings."""
+
+FAR = 10.0
+"""Longest link [m] behind two walls: as deep as buildings are that were seen from one side."""
+
+BEHIND = 0.3
+"""Sine of the angle by which a link may run before a wall and still count as behind it."""
+
+NICHE = 0.5
+"""How deep a niche may be, as a part of its width, that beams reach into across a link."""
+
+STRAY = 1
+"""Beams that may pass a short link: noise that lets one pass is rare, but links are many."""
+
+
+@njit(cache=True, nogil=True)
+def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:  # pragma: no cover
+    """The object (m,) that each of some walls (m, 4) belongs to, named by one of its walls.
+
+    Args:
+        ends: (m, 4) walls [m], seen from their left.
+        beams: The beams.
+        floor: Deviation of a range at no distance [m].
+        growth: What a deviation grows by with the range.
+    """
+    parents = np.arange(len(ends))
+    pairs, links = _find_links(ends)
+    # The shortest links come first; most others join what is one object by then.
+    for place in np.argsort(links[:, 4], kind="mergesort"):
+        one, other = _root(parents, pairs[place, 0]), _root(parents, pairs[place, 1])
+        if one == other:
+            continue
+        if links[place, 4] <= TOUCH or not _passed(links[place], beams, floor, growth):
+            parents[max(one, other)] = min(one, other)
+    for wall in range(len(ends)):
+        parents[wall] = _root(parents, wall)
+    return parents
+
+
+@njit(cache=True, nogil=True)
+def _root(parents: Int, wall: int) -> int:  # pragma: no cover
+    while parents[wall] != wall:
+        parents[wall] = parents[parents[wall]]
+        wall = parents[wall]
+    return wall
+
+
+@njit(cache=True, nogil=True)
+def _find_links(ends: Float) -> tuple[Int, Float]:  # pragma: no cover
+    """Pairs (k, 2) of walls that a link may join, and the links (k, 5) x1 y1 x2 y2, length [m]."""
+    count = len(ends)
+    room = 64
+    while room < 8 * count:
+        room *= 2
+    grid = _empty_grid(room)
+    wall = 0
+    while wall < count:
+        if insert(grid, wall, ends[wall], FAR):
+            wall += 1
+        else:
+            room *= 2
+            grid = _empty_grid(room)
+            wall = 0
+    stamps = np.full(count, -1)
+    found = np.empty(count, np.int64)
+    pairs, links = np.empty((64, 2), np.int64), np.empty((64, 5))
+    kept = 0
+    for wall in range(count):
+        for other in found[: near(grid, ends[wall], FAR, FAR, stamps, wall, found)]:
+            if other >= wall:
+                continue
+            link = _shortest_link(ends[wall], ends[other])
+            length = np.hypot(link[2] - link[0], link[3] - link[1])
+            if length > FAR or (
+                length > SHORT
+                and max(_before(ends[wall], link), _before(ends[other], link)) > BEHIND * length
+            ):
+                continue
+            if kept == len(pairs):
+                pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                links = np.concatenate((links, np.empty_like(links)))
+            pairs[kept, 0], pairs[kept, 1] = wall, other
+            links[kept, :4] = link
+            links[kept, 4] = length
+            kept += 1
+    return pairs[:kept], links[:kept]
+
+
+@njit(cache=True, nogil=True)
+def _empty_grid(room: int) -> Grid:  # pragma: no cover
+    keys, heads = np.full(2 * room, -(2**62)), np.full(2 * room, -1)
+    rows, following = np.empty(room, np.int64), np.empty(room, np.int64)
+    return Grid(keys, heads, rows, following, np.array([0, 0, -1]))
+
+
+@njit(cache=True, nogil=True)
+def _shortest_link(one: Float, other: Float) -> Float:  # pragma: no cover
+    """The shortest line (4,) between an end of one of two segments and the other segment."""
+    link = np.zeros(4)
+    least = np.inf
+    for turn in range(4):
+        own, across = (one, other) if turn < 2 else (other, one)
+        x, y = own[2 * (turn % 2)], own[2 * (turn % 2) + 1]
+        dx, dy = across[2] - across[0], across[3] - across[1]
+        place = ((x - across[0]) * dx + (y - across[1]) * dy) / (dx * dx + dy * dy)
+        place = min(max(place, 0.0), 1.0)
+        u, v = across[0] + place * dx, across[1] + place * dy
+        away = (x - u) ** 2 + (y - v) ** 2
+        if away < least:
+            least = away
+            link[0], link[1], link[2], link[3] = x, y, u, v
+    return link
+
+
+@njit(cache=True, nogil=True)
+def _before(wall: Float, link: Float) -> float:  # pragma: no cover
+    """How far [m] a link gets before the face of a wall that it begins or ends at."""
+    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+    size = np.hypot(dx, dy)
+    first = (dx * (link[1] - wall[1]) - dy * (link[0] - wall[0])) / size
+    last = (dx * (link[3] - wall[1]) - dy * (link[2] - wall[0])) / size
+    before: float = max(first, last)
+    return before
+
+
+@njit(cache=True, nogil=True)
+def _passed(link: Float, beams: Beams, floor: float, growth: float) -> bool:  # pragma: no cover
+    """Whether beams have passed a link (5,), and gone on."""
+    x1, y1, x2, y2, length = link
+    ux, uy = (x2 - x1) / length, (y2 - y1) / length
+    depth, spare = PASSED, 0
+    if length <= SHORT:
+        depth, spare = max(PASSED, NICHE * length), STRAY
+    for scan in range(len(beams.places)):
+        ox, oy = beams.places[scan]
+        ax, ay, bx, by = x1 - ox, y1 - oy, x2 - ox, y2 - oy
+        aside = ax * uy - ay * ux
+        if abs(aside) < 1e-9 or ax * ax + ay * ay > (beams.reaches[scan] + length) ** 2:
+            continue
+        one = np.arctan2(ay, ax)
+        turned = np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
+        start = one if turned > 0.0 else one + turned
+        for turn in range(2):
+            low, high = beams_between(beams, scan, start, abs(turned), turn)
+            for beam in range(low, high):
+                incidence = beams.units[beam, 0] * uy - beams.units[beam, 1] * ux
+                if incidence * aside <= 0.0:
+                    continue
+                reach = aside / incidence
+                deviation = np.sqrt(floor * floor + (growth * reach) ** 2)
+                if abs(beams.ranges[beam]) - reach > depth + SIGMAS * deviation:
+                    spare -= 1
+                    if spare < 0:
+                        return True
+    return False

@@ -1,0 +1,113 @@
+"""ScanArchive: the beams of the scans that a map was built from, to ask later what they passed.
+
+A scan is kept unless one from almost the same pose is kept already, so that an archive grows with
+the ground that was covered and not with the time that was spent.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int, wrap_angle
+from lrf3d.laser import LaserScan
+from lrf3d.mapping.wall_rows import longer
+
+SAME_PLACE = 0.23
+"""Scans from nearer to each other than this [m], and alike in heading, see about the same."""
+
+SAME_HEADING = np.radians(9.0)
+"""Headings alike [rad]."""
+
+LEAST_SCANS, LEAST_BEAMS = 64, 16384
+"""How much a new archive has room for."""
+
+
+class Beams(NamedTuple):
+    """The beams of some scans.
+
+    Args:
+        places: (k, 2) where the laser was [m].
+        reaches: (k,) the longest range of each scan [m].
+        first: (k + 1,) the first beam of each scan.
+        angles: (n,) directions of the beams [rad], rising within a scan.
+        units: (n, 2) their unit vectors.
+        ranges: (n,) ranges [m]; where nothing returned, minus the range that is free.
+    """
+
+    places: Float
+    reaches: Float
+    first: Int
+    angles: Float
+    units: Float
+    ranges: Float
+
+
+class ScanArchive:
+    """Scans, their beams in arrays that grow in place."""
+
+    def __init__(self) -> None:
+        self._places = np.empty((LEAST_SCANS, 2))
+        self._reaches = np.empty(LEAST_SCANS)
+        self._first = np.zeros(LEAST_SCANS + 1, np.int64)
+        self._angles = np.empty(LEAST_BEAMS)
+        self._units = np.empty((LEAST_BEAMS, 2))
+        self._ranges = np.empty(LEAST_BEAMS)
+        self._count = 0
+        self._kept: dict[tuple[int, int], list[tuple[float, float, float]]] = {}
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, scan: LaserScan, place: tuple[float, float]) -> None:
+        """Keep the beams of a scan from a place [m], unless its like is kept."""
+        if self._knows(*place, scan.pose.theta):
+            return
+        start, count = int(self._first[self._count]), len(scan.ranges)
+        stop = start + count
+        if self._count == len(self._places):
+            self._places, self._reaches = longer(self._places), longer(self._reaches)
+            self._first = longer(self._first)
+        while stop > len(self._ranges):
+            self._angles, self._ranges = longer(self._angles), longer(self._ranges)
+            self._units = longer(self._units)
+        angles, ranges = scan.angles, scan.ranges
+        if count > 1 and (angles[1:] < angles[:-1]).any():
+            order = np.argsort(angles, kind="stable")
+            angles, ranges = angles[order], ranges[order]
+        heading = self._angles[start:stop]
+        np.add(angles, scan.pose.theta, out=heading)
+        np.cos(heading, out=self._units[start:stop, 0])
+        np.sin(heading, out=self._units[start:stop, 1])
+        kept = self._ranges[start:stop]
+        kept[:] = ranges
+        # Where nothing returned all is free; nothing is known before what is too near.
+        kept[kept > scan.range_max] = -scan.range_max if scan.range_max < np.inf else 0.0
+        kept[~np.isfinite(kept)] = 0.0
+        self._places[self._count] = place
+        self._reaches[self._count] = np.abs(kept).max(initial=0.0)
+        self._count += 1
+        self._first[self._count] = stop
+
+    def _knows(self, x: float, y: float, theta: float) -> bool:
+        """Whether a scan from almost this pose is kept; if not, it will be."""
+        column, row = int(x // SAME_PLACE), int(y // SAME_PLACE)
+        for i in range(column - 1, column + 2):
+            for k in range(row - 1, row + 2):
+                for u, v, heading in self._kept.get((i, k), ()):
+                    if (u - x) ** 2 + (v - y) ** 2 < SAME_PLACE**2:
+                        if abs(wrap_angle(heading - theta)) < SAME_HEADING:
+                            return True
+        self._kept.setdefault((column, row), []).append((x, y, theta))
+        return False
+
+    def beams(self, count: int) -> Beams:
+        """The beams of the first scans."""
+        last = int(self._first[count])
+        return Beams(
+            self._places[:count],
+            self._reaches[:count],
+            self._first[: count + 1],
+            self._angles[:last],
+            self._units[:last],
+            self._ranges[:last],
+        )

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+
+from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
+from lrf3d.geometry import lengths
+from lrf3d.mapping.links import join_objects
+from lrf3d.mapping.scan_archive import ScanArchive
+
+LRF = LaserRangeFinder(range_max=30.0)
+CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
+
+
+def drive(mapper, worlds, poses, sigma=0.02, lrf=LRF):
+    rng = np.random.default_rng(0)
+    for world, pose in zip(worlds, poses, strict=True):
+        mapper.update(ProportionalNoise(sigma)(PlanarCaster(world).cast(lrf, pose), rng))
+    return mapper.map
+
+
+def seen_from(world, poses, lrf=CIRCLE):
+    archive = ScanArchive()
+    for pose in poses:
+        archive.add(PlanarCaster(World(np.array(world))).cast(lrf, pose), pose[:2])
+    return archive.beams(len(archive))
+
+
+def test_what_went_away_leaves_the_map():
+    room = np.array([[10, -8, 10, 8.0]])
+    box = np.array([[5, -1, 5, 1.0]])
+    with_box, without = World(np.vstack([room, box])), World(room)
+    poses = [(0, 0, 0), (0.5, 0.1, 0)]
+    mapper = LineMapper(sigma=0.02)
+    assert len(drive(mapper, [with_box] * 2, poses)) >= 2
+    places = [(0.3 * (k % 15), 2.0 - 0.3 * (k // 15), 0.0) for k in range(90)]
+    later = drive(mapper, [without] * 90, places)
+    assert len(later) == 1 and lengths(later.segments)[0] == pytest.approx(16.0, abs=1.0)
+
+
+def test_an_open_door_is_not_bridged_by_what_unites_walls():
+    # The door is as wide as a gap that uniting alone would close.
+    walls = World(np.array([[5, -6, 5, -0.2], [5, 0.2, 5, 6], [9, -6, 9, 6.0]]))
+    poses = [(0.3 * (k % 9), 0.25 * (k // 5) - 1.0, 0.0) for k in range(45)]
+    line_map = drive(LineMapper(sigma=0.02), [walls] * 45, poses)
+    front = line_map.segments[np.abs(line_map.segments[:, 0] - 5) < 0.3]
+    assert len(front) == 2
+
+
+def test_a_bent_wall_is_two_although_no_single_scan_tells():
+    # From afar the bend drowns in the noise; together the scans show it.
+    bent = World(np.array([[20, -5, 20.3, 0], [20.3, 0, 20, 5.0]]))
+    poses = [(0.3 * k, 0.4 * k - 3.0, 0.0) for k in range(20)]
+    line_map = drive(LineMapper(sigma=0.1), [bent] * 20, poses, sigma=0.1)
+    assert len(line_map) == 2
+    assert lengths(line_map.segments) == pytest.approx([5, 5], abs=1.2)
+
+
+def test_no_beam_between_makes_one_object_and_a_beam_two():
+    # Two faces of one house, and its corner hidden; a lane of 2 m in the second world.
+    house = np.array([[5.0, -2.0, 5.0, 2.0], [7.0, 2.0, 11.0, 2.0]])
+    whole = [*house.tolist(), [5, 2, 7, 2.0]]
+    assert len(set(join_objects(house, seen_from(whole, [(0, 0, 0), (8, 6, 0)]), 0.01, 0.0))) == 1
+    lane = [[5, -3, 5, -1.0], [5, 1, 5, 3.0]]
+    parted = join_objects(np.array(lane), seen_from(lane, [(0, 0, 0)]), 0.01, 0.0)
+    assert len(set(parted)) == 2
+
+
+def test_what_lies_before_a_wall_is_no_part_of_it():
+    # A pillar hides a part of the wall behind it; nothing was seen between the two.
+    scene = [[5, 0.5, 5, -0.5], [12, 8, 12, -8.0]]
+    beams = seen_from(scene, [(0, 0, 0)])
+    assert len(set(join_objects(np.array(scene), beams, 0.01, 0.0))) == 2
+
+
+def test_a_scan_from_almost_the_same_pose_is_kept_once():
+    world = World(np.array([[5, -6, 5, 6.0]]))
+    archive = ScanArchive()
+    for pose in [(0, 0, 0), (0.01, 0, 0.01), (0, 0, 1.0), (1.0, 0, 0)]:
+        archive.add(PlanarCaster(world).cast(LRF, pose), pose[:2])
+    assert len(archive) == 3
+
+
+def test_beams_that_return_nothing_are_free_as_far_as_they_reach():
+    archive = ScanArchive()
+    archive.add(PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0)), (0, 0))
+    ranges = archive.beams(1).ranges
+    assert set(ranges[ranges < 0]) == {-30.0} and (ranges[ranges > 0] < 5.2).all()
