@@ -79,6 +79,27 @@ def test_a_batch_gives_the_ranges_of_the_single_scans(caster):
     assert np.array_equal(batch, [one.cast(lrf, pose).ranges for pose in poses])
 
 
+@pytest.mark.parametrize("caster", CASTERS)
+@pytest.mark.parametrize(
+    ("segments", "pose"),
+    [
+        ([[0, -6, 0, -3.0]], (1e-323, -3.0, 2.944)),
+        ([[1e-320, -1, 1e-320, 1.0]], (0.0, 0.0, 0.0)),
+        ([[1e200, -1e200, 1e200, 1e200]], (0.0, 0.0, 0.1)),
+        ([[1.0, 0.0, 2.0, 0.0]], (0.0, 0.0, 1e-320)),
+    ],
+)
+def test_numbers_beyond_all_bounds_have_their_exact_range_too(caster, segments, pose):
+    world = World(np.array(segments))
+    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=1e300)
+    exact = exact_range(pose[:2], lrf.directions(pose)[0], world.segments)
+    expected = np.inf if exact is None else float(exact)
+    scan = caster(world).cast(lrf, pose)
+    assert scan.ranges[0] == expected
+    ranges, walls = caster(world).scan_batch(lrf, np.array([pose, pose]))
+    assert (ranges == expected).all() and (walls == scan.walls).all()
+
+
 def test_a_beam_along_a_wall_ends_at_its_nearest_point():
     lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1)
     cast = PlanarCaster(World(np.array([[7, 0, 3, 0.0]]))).cast
@@ -114,14 +135,14 @@ def test_both_casters_agree_but_at_edges(seed, offset):
 
 
 def test_a_difference_away_from_all_edges_is_unexplained(monkeypatch):
-    truth = EmbreeCaster.cast
+    truth = EmbreeCaster.scan_batch
 
-    def moved(self, lrf, pose):
-        scan = truth(self, lrf, pose)
-        scan.ranges[40] += 1e-3
-        return scan
+    def moved(self, lrf, poses):
+        ranges, walls = truth(self, lrf, poses)
+        ranges[0, 40] += 1e-3
+        return ranges, walls
 
-    monkeypatch.setattr(EmbreeCaster, "cast", moved)
+    monkeypatch.setattr(EmbreeCaster, "scan_batch", moved)
     result = crosscheck(ROOM, LaserRangeFinder(), np.array([[2.0, 3.0, 0.0]]))
     assert [(one.scan, one.beam) for one in result.unexplained] == [(0, 40)]
     assert result.as_dict()["agree"] == 180

@@ -11,25 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.embree_walls import REACH, float32_error, triangles
-from lrf3d.casting.kernels.clear_parts import clear_parts
-from lrf3d.casting.kernels.embree_proof import prove, prove_many, send, send_many
+from lrf3d.casting.domain import Rationals
 from lrf3d.casting.mesh_scene import MeshScene
 from lrf3d.casting.scans import limit_ranges, make_scan
 from lrf3d.casting.threads import share
-from lrf3d.casting.wall_tree import build_tree
+from lrf3d.casting.wall_scene import WallScene, build_wall_scene
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
 from lrf3d.pose import as_pose, as_poses
 from lrf3d.world import World
 
-BLOCK = 64
-"""Poses whose rays are handed to Embree at once: 600 kB with 181 beams, no copy of a batch."""
-
 FAR = 1.01
-"""How much farther than the range Embree looks, so that its error never hides a wall in range."""
-
-_NOTHING = np.empty(0, dtype=np.int32)
+"""How much farther than the range Embree looks in 3D, so that its error hides no triangle."""
 
 
 class EmbreeCaster:
@@ -43,8 +36,10 @@ class EmbreeCaster:
     def __init__(self, world: Any) -> None:
         self.world = world
         self._walls = world if isinstance(world, World) else None
+        self._rationals = Rationals(World(np.empty((0, 4))) if self._walls is None else world)
         self._levels = np.empty(0) if self._walls is None else np.unique(self._walls.heights)
-        self._scenes: dict[tuple[int, int], _WallScene] = {}
+        self._scenes: dict[tuple[int, int], WallScene] = {}
+        self._latest: tuple[LaserRangeFinder | None, WallScene | None] = None, None
         self._mesh: MeshScene | None = None
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
@@ -53,6 +48,8 @@ class EmbreeCaster:
         if self._walls is None:
             ranges, faces = self.cast_layers(lrf, pose)
             return make_scan(lrf, pose, ranges[0], faces[0])
+        if self._rationals.needed(*pose):
+            return LaserScan.measured(lrf, pose, *self._rationals.cast(lrf, pose))
         return LaserScan.measured(lrf, pose, *self._scene(lrf).cast(lrf, pose))
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: Float) -> Float:
@@ -102,14 +99,19 @@ class EmbreeCaster:
             self._mesh = made(self.world)
         return self._mesh
 
-    def _scene(self, lrf: LaserRangeFinder) -> "_WallScene":
+    def _scene(self, lrf: LaserRangeFinder) -> WallScene:
         """The scene for beams of this height and range: built once for each level and range."""
+        latest, scene = self._latest
+        if latest is lrf and scene is not None:
+            return scene
         assert self._walls is not None
         level = int(self._levels.searchsorted(lrf.height))
         key = level, math.frexp(lrf.range_max)[1]
         if key not in self._scenes:
             tall = np.flatnonzero(self._walls.heights >= lrf.height).astype(np.int32)
-            self._scenes[key] = _WallScene(self._walls.segments[tall], tall, 2.0 ** key[1])
+            segments = self._walls.segments[tall]
+            self._scenes[key] = build_wall_scene(segments, tall, math.ldexp(1.0, key[1]))
+        self._latest = lrf, self._scenes[key]
         return self._scenes[key]
 
     def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
@@ -121,58 +123,13 @@ class EmbreeCaster:
                 ranges[k] = scan.ranges
                 walls[k : k + 1] = scan.walls
             return ranges
-        scene = self._scene(lrf)
+        if not self._rationals.everywhere:
+            scene = self._scene(lrf)
 
-        def work(start: int, stop: int) -> None:
-            for k in range(start, stop, BLOCK):
-                part = slice(k, min(k + BLOCK, stop))
+            def work(start: int, stop: int) -> None:
+                part = slice(start, stop)
                 scene.cast_many(lrf, poses[part], ranges[part], walls[part])
 
-        share(work, len(poses))
+            share(work, len(poses))
+        self._rationals.mend(lrf, poses, ranges, walls)
         return ranges
-
-
-class _WallScene:
-    """Walls of one level, as Embree and as float64 has them, for ranges up to a distance [m]."""
-
-    def __init__(self, segments: Float, index: Any, distance: float) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        self.tree = build_tree(segments, index)
-        box = self.tree.boxes[0] if len(segments) else np.zeros(4)
-        centre = np.round(0.5 * (box[:2] + box[2:]))
-        self.centre = (float(centre[0]), float(centre[1]))
-        # Half as far again: the laser may stand beside the world.
-        self.radius = 1.5 * float(np.abs(box.reshape(2, 2) - centre).max()) + 1e-30
-        distance = min(FAR * distance, 4.0 * self.radius)
-        self.delta = 2.0 * float32_error(self.radius, distance)
-        self.local = (*self.centre, self.radius, 1.5 * self.delta)
-        self.clear = clear_parts(
-            self.tree.boxes, self.tree.links, self.tree.walls, REACH * self.delta
-        )
-        self.embree = EmbreeScene()
-        self.mesh = None
-        if len(segments):
-            self.mesh = TriangleMesh(
-                self.embree, *triangles(self.tree.walls, self.centre, self.delta)
-            )
-
-    def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls of a scan, one of each for a beam."""
-        rays = send(lrf.fan, *pose, *self.centre)
-        found = self.embree.run(*rays, FAR * lrf.range_max) if self.mesh else _NOTHING
-        ranges, walls = prove(
-            *self.tree, self.clear, self.local, found, lrf.fan, *pose, *lrf.spread,
-            lrf.range_min, lrf.range_max,
-        )  # fmt: skip
-        return ranges, walls
-
-    def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
-        """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
-        rays = send_many(lrf.fan, poses, *self.centre)
-        found = self.embree.run(*rays, FAR * lrf.range_max) if self.mesh else _NOTHING
-        prove_many(
-            *self.tree, self.clear, self.local, found, lrf.fan, poses, *lrf.spread,
-            lrf.range_min, lrf.range_max, ranges, walls,
-        )  # fmt: skip

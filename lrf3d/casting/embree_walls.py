@@ -12,22 +12,34 @@ cross the plane; or it passes a short side, and then it has it cross a cap. So E
 wall, at some place of the beam's way through the strip, give or take 5δ.
 
 Say Embree's first hit is on wall w, and the beam does meet w, at a point h and under an angle
-whose sine is at least LEAST_SINE. Embree's place is within 5δ / LEAST_SINE of h. Any wall that
-the beam meets before h then has its strip end no more than (5 + 5 / LEAST_SINE) δ before h, so it
-comes within REACH · δ of h. Where no other wall is that near, w is the one: this part of w is its
-`clear` part. No hit at all means that there is none.
+whose sine is at least s. Embree's place is within 5δ / s of h. Any wall that the beam meets before
+h then has its strip end no more than (5 + 5 / s) δ before h, so it comes within (7 + 5 / s) δ of h.
+Where no other wall is that near, w is the one: this part of w is `clear`, for beams of that sine.
+
+Embree's tree of boxes may be off by ε as well, so each triangle's box needs that much room around
+the part at z = 0. Where it is thin, the base is moved a little to one side and the top to the
+other, which leaves the part at z = 0 where it is.
+
+A beam's way through a strip may be as long as the wall, so Embree looks that much beyond the
+range, and 8δ more. No hit at all then means that there is none.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.embree_proof import LEAST_SINE
+from lrf3d.casting.kernels.clear_parts import clear_parts
+from lrf3d.casting.kernels.embree_proof import LEAST_SINE, STEEP_SINE
+from lrf3d.casting.wall_tree import WallTree
 from lrf3d.geometry import Float
-
-REACH = 7.0 + 5.0 / LEAST_SINE
 
 APEX = 9.0
 """A wall is one triangle, that stands on its base below the beams; so much more of it is above."""
+
+THIN = APEX
+"""A triangle not wider than this many δ has a base with less than δ of room at either end."""
+
+LEAN = 2.0
+"""How many δ the base of such a triangle is moved, and its top APEX times as much."""
 
 
 def float32_error(radius: float, distance: float) -> float:
@@ -39,10 +51,22 @@ def float32_error(radius: float, distance: float) -> float:
     return 2.0**-24 * (2.0 * radius + 16.0 * distance)
 
 
+def all_clear_parts(tree: WallTree, delta: float) -> Float:
+    """The clear parts (n, 4) of walls: from where to where, of 0 to 1, for flat and steep beams."""
+    parts = [
+        clear_parts(tree.boxes, tree.links, tree.walls, (7.0 + 5.0 / sine) * delta)
+        for sine in (LEAST_SINE, STEEP_SINE)
+    ]
+    return np.hstack(parts)
+
+
 def triangles(
-    walls: Float, centre: tuple[float, float], delta: float
+    walls: Float, centre: tuple[float, float], delta: float, unit: float
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Vertices (9 n, 3) float32 and faces (3 n, 3) of the walls (n, 4): each plane and two caps."""
+    """Vertices (9 n, 3) float32 and faces (3 n, 3) of the walls (n, 4): each plane and two caps.
+
+    The vertices are seen from the centre, and so many units long as they are metres.
+    """
     start, end = walls[:, :2] - centre, walls[:, 2:] - centre
     along = end - start
     length = np.hypot(along[:, 0], along[:, 1])[:, None]
@@ -53,11 +77,12 @@ def triangles(
     halves = np.stack([0.5 * length + 2.0 * delta, *([np.full_like(length, 2.0 * delta)] * 2)], 1)
     # At z = 0 a triangle is APEX / (APEX + 1) as wide as its base.
     wide = sides * halves * (1.0 + 1.0 / APEX)
+    lean = LEAN * delta * (abs(sides * halves) < THIN * delta)
     vertices = np.zeros((len(walls), 3, 3, 3))
-    vertices[:, :, 0, :2] = middles - wide
-    vertices[:, :, 1, :2] = middles + wide
-    vertices[:, :, 2, :2] = middles
+    vertices[:, :, 0, :2] = middles - wide + lean
+    vertices[:, :, 1, :2] = middles + wide + lean
+    vertices[:, :, 2, :2] = middles - APEX * lean
     vertices[:, :, :2, 2] = -2.0 * halves / APEX
     vertices[:, :, 2, 2] = 2.0 * halves[:, :, 0]
     faces = np.arange(9 * len(walls), dtype=np.int32).reshape(-1, 3)
-    return vertices.reshape(-1, 3).astype(np.float32), faces
+    return (unit * vertices.reshape(-1, 3)).astype(np.float32), faces

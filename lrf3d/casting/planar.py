@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lrf3d.casting.domain import Rationals
 from lrf3d.casting.kernels.scans import cast_scan, cast_scans
 from lrf3d.casting.threads import share
 from lrf3d.casting.wall_tree import WallTree, build_tree
@@ -25,6 +26,7 @@ class PlanarCaster:
         self.world = world
         self._levels = np.unique(world.heights)
         self._trees: dict[int, WallTree] = {}
+        self._rationals = Rationals(world)
 
     def tree(self, height: float) -> WallTree:
         """The tree over the walls that reach up to a height [m]; built once for each level."""
@@ -37,6 +39,8 @@ class PlanarCaster:
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose."""
         pose = as_pose(pose)
+        if self._rationals.needed(*pose):
+            return LaserScan.measured(lrf, pose, *self._rationals.cast(lrf, pose))
         ranges, walls = cast_scan(
             *self.tree(lrf.height), lrf.fan, *pose, *lrf.spread, lrf.range_min, lrf.range_max
         )
@@ -54,12 +58,14 @@ class PlanarCaster:
     def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
         poses = np.ascontiguousarray(as_poses(poses))
         ranges = np.empty((len(poses), lrf.beams))
-        tree = self.tree(lrf.height)
-        limits = (*lrf.spread, lrf.range_min, lrf.range_max)
+        if not self._rationals.everywhere:
+            tree = self.tree(lrf.height)
+            limits = (*lrf.spread, lrf.range_min, lrf.range_max)
 
-        def work(start: int, stop: int) -> None:
-            part = slice(start, stop)
-            cast_scans(*tree, lrf.fan, poses[part], *limits, ranges[part], walls[part])
+            def work(start: int, stop: int) -> None:
+                part = slice(start, stop)
+                cast_scans(*tree, lrf.fan, poses[part], *limits, ranges[part], walls[part])
 
-        share(work, len(poses))
+            share(work, len(poses))
+        self._rationals.mend(lrf, poses, ranges, walls)
         return ranges

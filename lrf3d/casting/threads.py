@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-PIECES = 4
+PIECES = 8
 """Pieces for each core: fewer wait for the slowest core, more for Python's lock in between."""
 
 LEAST = 8

@@ -1,0 +1,71 @@
+"""The numbers that compiled casting is exact for, and rational casting for those it is not.
+
+Error-free products must neither under- nor overflow. With coordinates that are 0 or of 1e-44 to
+1e44 m, their differences are 0 or at least 1e-60 m, and all is well. Numbers beyond are no
+places that anyone goes to, yet they have a range by its definition: rationals give it, slowly.
+"""
+
+import math
+
+import numpy as np
+
+from lrf3d.casting.exact import ExactWorld
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.world import World
+
+SMALLEST = 1e-44
+"""Least size of a number, other than 0, that compiled casting takes [m], [rad]."""
+
+LARGEST = 1e44
+"""Largest size of a number that compiled casting takes [m]."""
+
+
+class Rationals:
+    """Casts by rationals where the numbers are beyond what compiled casting is exact for."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        # Whether the walls themselves are beyond: then no scan can be compiled.
+        self.everywhere = not bool(_inside(world.segments).all())
+
+    def needed(self, x: float, y: float, theta: float) -> bool:
+        """Whether a scan from this pose needs them; plain floats, since each scan asks."""
+        return (
+            self.everywhere
+            or not (x == 0.0 or SMALLEST <= abs(x) <= LARGEST)
+            or not (y == 0.0 or SMALLEST <= abs(y) <= LARGEST)
+            or not (theta == 0.0 or abs(theta) >= SMALLEST)
+        )
+
+    def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
+        """Ranges and walls (beams,) of the scan from a pose."""
+        tall = np.flatnonzero(self._world.heights >= lrf.height)
+        exact = ExactWorld(self._world.segments[tall], [pose[:2]])
+        ranges, walls = np.full(lrf.beams, np.inf), np.full(lrf.beams, -1)
+        for beam, direction in enumerate(lrf.directions(pose)):
+            row, distance = exact.cast(0, direction)
+            if distance is None or distance > lrf.range_max:
+                continue
+            if distance < lrf.range_min:
+                ranges[beam] = -math.inf
+                continue
+            ranges[beam], walls[beam] = float(distance), tall[row]
+        return ranges, walls
+
+    def mend(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
+        """Put the right ranges and walls (k, beams) into a batch from poses (k, 3).
+
+        The walls may be empty where none are asked for.
+        """
+        beyond = ~_inside(poses).all(axis=1) | self.everywhere
+        for k in np.flatnonzero(beyond).tolist():
+            x, y, theta = poses[k].tolist()
+            ranges[k], hit = self.cast(lrf, (x, y, theta))
+            walls[k : k + 1] = hit
+
+
+def _inside(values: Float) -> Bool:
+    """Which numbers compiled casting takes."""
+    size = np.abs(values)
+    return np.asarray((size == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)))

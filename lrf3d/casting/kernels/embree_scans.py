@@ -1,0 +1,143 @@
+"""Scans with Embree, compiled: from poses to ranges and walls.
+
+Either all in one go, with Embree called from here; or in two, around a call of embreex.
+"""
+
+import math
+
+import numpy as np
+
+from lrf3d.casting.kernels.compiling import compiled, inner
+from lrf3d.casting.kernels.embree_proof import near_a_wall, prove
+from lrf3d.casting.kernels.fan import trace
+from lrf3d.casting.kernels.measure import PADDING, measure
+from lrf3d.casting.kernels.packets import WIDTH, find, new_packet
+
+ROOM = max(PADDING, WIDTH - 1)
+"""How many numbers beyond the last beam those may touch that work on several at once."""
+
+
+@compiled
+def cast_scan(
+    intersect, scene, boxes, links, walls, index, clear, local, fan, x, y, theta, middle, half,
+    range_min, range_max,
+):  # fmt: skip
+    """Cast one scan; the ranges and walls, one of each for a beam."""
+    beams = fan.shape[1]
+    ranges = np.empty(beams)
+    hit = np.empty(beams, np.int64)
+    dx, dy = np.zeros(beams + ROOM), np.zeros(beams + ROOM)
+    faces = np.empty(beams + ROOM, np.int32)
+    _cast_into(
+        intersect, scene, boxes, links, walls, index, clear, local, fan, x, y, theta, middle, half,
+        range_min, range_max, new_packet(), dx, dy, faces, ranges, hit,
+    )  # fmt: skip
+    return ranges, hit
+
+
+@compiled
+def cast_scans(
+    intersect, scene, boxes, links, walls, index, clear, local, fan, poses, middle, half,
+    range_min, range_max, ranges, hits,
+):  # fmt: skip
+    """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty."""
+    beams = fan.shape[1]
+    own = np.empty(beams, np.int64)
+    dx, dy = np.zeros(beams + ROOM), np.zeros(beams + ROOM)
+    faces = np.empty(beams + ROOM, np.int32)
+    packet = new_packet()
+    for k in range(len(poses)):
+        hit = hits[k] if len(hits) > 0 else own
+        _cast_into(
+            intersect, scene, boxes, links, walls, index, clear, local, fan, poses[k, 0],
+            poses[k, 1], poses[k, 2], middle, half, range_min, range_max, packet, dx, dy, faces,
+            ranges[k], hit,
+        )  # fmt: skip
+
+
+@inner
+def _cast_into(
+    intersect, scene, boxes, links, walls, index, clear, local, fan, x, y, theta, middle, half,
+    range_min, range_max, packet, dx, dy, faces, ranges, hit,
+):  # fmt: skip
+    """Cast a scan with Embree called from here."""
+    _aim(fan, theta, dx, dy)
+    if near_a_wall(boxes, links, walls, local, x, y):
+        _cast_without_embree(
+            boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit
+        )
+    else:
+        centre_x, centre_y, unit = local[0], local[1], local[2]
+        find(
+            intersect, scene, packet, (x - centre_x) * unit, (y - centre_y) * unit, dx, dy,
+            (range_max + local[5]) * unit, len(hit), faces,
+        )  # fmt: skip
+        prove(
+            boxes, links, walls, index, clear, faces, x, y, theta, middle, half, range_max, dx,
+            dy, hit,
+        )  # fmt: skip
+    measure(walls, index, x, y, dx, dy, range_min, range_max, ranges, hit)
+
+
+@compiled
+def send_rays(fan, poses, local):
+    """Rays (k beams, 3) for embreex of scans at poses (k, 3): origins and directions."""
+    beams = fan.shape[1]
+    count = len(poses) * beams
+    origins, directions = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
+    dx, dy = np.empty(beams), np.empty(beams)
+    for k in range(len(poses)):
+        _aim(fan, poses[k, 2], dx, dy)
+        for i in range(beams):
+            row = k * beams + i
+            origins[row, 0] = (poses[k, 0] - local[0]) * local[2]
+            origins[row, 1] = (poses[k, 1] - local[1]) * local[2]
+            directions[row, 0], directions[row, 1] = dx[i], dy[i]
+    return origins, directions
+
+
+@compiled
+def prove_scans(
+    boxes, links, walls, index, clear, local, found, fan, poses, middle, half, range_min,
+    range_max, ranges, hits,
+):  # fmt: skip
+    """Fill ranges (k, beams), and hits unless empty, where embreex found these faces (k beams)."""
+    beams = fan.shape[1]
+    own = np.empty(beams, np.int64)
+    dx, dy = np.zeros(beams + ROOM), np.zeros(beams + ROOM)
+    for k in range(len(poses)):
+        x, y, theta = poses[k, 0], poses[k, 1], poses[k, 2]
+        hit = hits[k] if len(hits) > 0 else own
+        _aim(fan, theta, dx, dy)
+        if near_a_wall(boxes, links, walls, local, x, y):
+            _cast_without_embree(
+                boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit
+            )
+        else:
+            prove(
+                boxes, links, walls, index, clear, found[k * beams : (k + 1) * beams], x, y, theta,
+                middle, half, range_max, dx, dy, hit,
+            )  # fmt: skip
+        measure(walls, index, x, y, dx, dy, range_min, range_max, ranges[k], hit)
+
+
+@inner
+def _aim(fan, theta, dx, dy):
+    """Turn the fan to the heading, in the very steps of `beam_directions`."""
+    cos, sin = math.cos(theta), math.sin(theta)
+    for i in range(fan.shape[1]):
+        dx[i] = cos * fan[0, i] - sin * fan[1, i]
+        dy[i] = sin * fan[0, i] + cos * fan[1, i]
+
+
+@inner
+def _cast_without_embree(
+    boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit
+):
+    """Cast a whole scan among the float64 walls."""
+    cos, sin = math.cos(theta), math.sin(theta)
+    turn_x, turn_y = math.cos(middle), math.sin(middle)
+    trace(
+        boxes, links, walls, index, x, y, dx, dy, cos * turn_x - sin * turn_y,
+        sin * turn_x + cos * turn_y, half, range_max, hit,
+    )  # fmt: skip

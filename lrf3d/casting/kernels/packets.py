@@ -1,0 +1,110 @@
+"""Embree's packets of eight rays, compiled: Embree is called by its address, straight from here.
+
+A packet is RTCRayHit8 of Embree 4: rows of eight numbers, float32 or 32-bit integers. The address
+comes in as a number, since a function that knew one by heart could not be kept on disk.
+"""
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.extending import intrinsic
+
+from lrf3d.casting.kernels.compiling import compiled, inner
+
+WIDTH = 8
+"""Rays of a packet. Sixteen are no faster where vector registers hold eight float32 numbers."""
+
+X, Y, DX, DY, FAR, MASK, IDS, TRIANGLE, GEOMETRY, INSTANCE = (
+    k * WIDTH for k in (0, 1, 4, 5, 8, 9, 10, 17, 18, 19)
+)
+"""Where the rows of a packet begin that are not left at 0, counted in numbers."""
+
+PACKET = 24 * WIDTH
+"""Numbers of a packet: 21 or 22 rows, as Embree was built, and a little room."""
+
+VALID = PACKET
+"""Behind the packet: which of its rays are to be cast, −1 or 0 for each."""
+
+ARGUMENTS = VALID + 2 * WIDTH
+"""Behind that: RTCIntersectArguments, flags and features first, the rest 0."""
+
+SPACE = ARGUMENTS + 16
+"""Numbers of it all."""
+
+ALIGNMENT = 64
+"""Bytes to a multiple of which Embree wants packets to lie; 32 would do for eight rays."""
+
+COHERENT = 1 << 16
+"""Embree's flag for rays that lie close together: a packet goes down its tree as one."""
+
+ALL = -1
+"""All bits: of Embree's features, of the mask of a ray; and as an index, none."""
+
+
+def _call_address(typing_context, address, valid, scene, rays, arguments):
+    """Call the function at an address as ``void f(void *, void *, void *, void *)``."""
+
+    def generate(context, builder, signature, values):
+        pointer = ir.IntType(8).as_pointer()
+        function = ir.FunctionType(ir.VoidType(), [pointer] * 4).as_pointer()
+        builder.call(
+            builder.inttoptr(values[0], function),
+            [builder.inttoptr(value, pointer) for value in values[1:]],
+        )
+        return context.get_dummy_value()
+
+    return types.void(*[types.intp] * 5), generate
+
+
+_call: Any = intrinsic(_call_address)
+
+
+@inner
+def new_packet():
+    """Room for a packet and its arguments, all set that is the same for all packets of a scene."""
+    room = np.zeros(SPACE + ALIGNMENT // 4, np.int32)
+    start = (-room.ctypes.data % ALIGNMENT) // 4
+    packet = room[start : start + SPACE]
+    packet[MASK : MASK + WIDTH] = ALL
+    packet[INSTANCE : INSTANCE + WIDTH] = ALL
+    packet[VALID : VALID + WIDTH] = ALL
+    packet[ARGUMENTS], packet[ARGUMENTS + 1] = COHERENT, ALL
+    return packet
+
+
+@inner
+def find(intersect, scene, packet, x, y, dx, dy, reach, beams, faces):
+    """Find the triangle, or −1, that each beam from (x, y) meets first within reach.
+
+    Whole packets are read from dx and dy and written to faces, so these are up to WIDTH − 1
+    numbers longer than there are beams.
+    """
+    numbers = packet.view(np.float32)
+    rays = packet.ctypes.data
+    for k in range(WIDTH):
+        numbers[X + k], numbers[Y + k] = x, y
+        packet[VALID + k] = ALL
+    for start in range(0, beams, WIDTH):
+        for k in range(WIDTH):
+            numbers[DX + k] = dx[start + k]
+            numbers[DY + k] = dy[start + k]
+            numbers[FAR + k] = reach
+            packet[GEOMETRY + k] = ALL
+        for k in range(beams - start, WIDTH):
+            packet[VALID + k] = 0
+        _call(intersect, rays + 4 * VALID, scene, rays, rays + 4 * ARGUMENTS)
+        for k in range(WIDTH):
+            faces[start + k] = packet[TRIANGLE + k] if packet[GEOMETRY + k] != ALL else -1
+
+
+@compiled
+def find_faces(intersect, scene, x, y, dx, dy, reach):
+    """The triangles (beams,) that beams (dx, dy) from (x, y) meet first within reach, or −1."""
+    beams = len(dx)
+    wide_dx, wide_dy = np.zeros(beams + WIDTH - 1), np.zeros(beams + WIDTH - 1)
+    wide_dx[:beams], wide_dy[:beams] = dx, dy
+    faces = np.empty(beams + WIDTH - 1, np.int32)
+    find(intersect, scene, new_packet(), x, y, wide_dx, wide_dy, reach, beams, faces)
+    return faces[:beams]

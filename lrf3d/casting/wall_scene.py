@@ -1,0 +1,126 @@
+"""WallScene: the walls of a world as Embree and as float64 have them, to cast scans at."""
+
+import math
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
+from lrf3d.casting.embree_walls import all_clear_parts, float32_error, triangles
+from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
+from lrf3d.casting.wall_tree import build_tree
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserRangeFinder
+
+BLOCK = 64
+"""Poses whose rays are handed to embreex at once: 600 kB with 181 beams, no copy of a batch."""
+
+Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
+
+
+class WallScene(Protocol):
+    """Walls that scans are cast at, exactly."""
+
+    def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
+        """The ranges and walls of a scan, one of each for a beam."""
+        ...
+
+    def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
+        """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
+        ...
+
+
+def build_wall_scene(segments: Float, index: NDArray[np.int32], distance: float) -> WallScene:
+    """The scene of segments (n, 4), which an index (n,) names, for ranges up to a distance [m].
+
+    Embree is called from compiled code where its library can be used, and else by embreex; the
+    scans are the same.
+    """
+    prepared = _prepare(segments, index, distance)
+    library = embree_library()
+    return RunScene(*prepared) if library is None else PacketScene(*prepared, library)
+
+
+class _Known(NamedTuple):
+    """What the proof takes, in the order in which compiled code takes it."""
+
+    boxes: Float
+    links: NDArray[np.int32]
+    walls: Float
+    rows: NDArray[np.int32]
+    clear: Float
+    local: tuple[float, float, float, float, float, float]
+
+
+def _prepare(
+    segments: Float, index: NDArray[np.int32], distance: float
+) -> tuple[_Known, Triangles]:
+    """What the proof knows of the walls, and the triangles that Embree gets for them."""
+    tree = build_tree(segments, index)
+    box = tree.boxes[0] if len(segments) else np.zeros(4)
+    centre = np.round(0.5 * (box[:2] + box[2:]))
+    # Half as far again: the laser may stand beside the world.
+    radius = 1.5 * float(np.abs(box.reshape(2, 2) - centre).max()) + 1e-30
+    ends = segments[:, 2:] - segments[:, :2]
+    longest = float(np.hypot(ends[:, 0], ends[:, 1]).max(initial=0.0))
+    delta = 2.0 * float32_error(radius, min(distance + 2.0 * longest, 4.0 * radius))
+    # Embree works in units of about the radius, a power of two that rounds nothing: at any scale
+    # its float32 numbers stay clear of the smallest and of the largest.
+    unit = math.ldexp(1.0, -math.frexp(radius)[1])
+    x, y = float(centre[0]), float(centre[1])
+    local = (x, y, unit, radius, 1.5 * delta, longest + 8.0 * delta)
+    known = _Known(*tree, all_clear_parts(tree, delta), local)
+    return known, triangles(tree.walls, (x, y), delta, unit)
+
+
+class PacketScene:
+    """Casts by compiled code that itself calls Embree, packet by packet."""
+
+    def __init__(self, known: _Known, mesh: Triangles, library: EmbreeLibrary) -> None:
+        # The scene is kept here for as long as its address is in use.
+        self._scene = library.build(*mesh)
+        self._fixed = (self._scene.intersect, self._scene.address, *known)
+
+    def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
+        """The ranges and walls of a scan, one of each for a beam."""
+        ranges, walls = cast_scan(
+            *self._fixed, lrf.fan, *pose, *lrf.spread, lrf.range_min, lrf.range_max
+        )
+        return ranges, walls
+
+    def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
+        """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
+        limits = (*lrf.spread, lrf.range_min, lrf.range_max)
+        cast_scans(*self._fixed, lrf.fan, poses, *limits, ranges, walls)
+
+
+class RunScene:
+    """Casts by way of embreex: rays are made, handed over, and what comes back is proved."""
+
+    def __init__(self, known: _Known, mesh: Triangles) -> None:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        self._known = known
+        self._embree = EmbreeScene()
+        self._kept = TriangleMesh(self._embree, *mesh) if len(known.walls) else None
+
+    def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
+        """The ranges and walls of a scan, one of each for a beam."""
+        ranges, walls = np.empty((1, lrf.beams)), np.empty((1, lrf.beams), np.int64)
+        self.cast_many(lrf, np.array([pose]), ranges, walls)
+        return ranges[0], walls[0]
+
+    def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
+        """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
+        limits = (*lrf.spread, lrf.range_min, lrf.range_max)
+        known = self._known
+        reach = (lrf.range_max + known.local[5]) * known.local[2]
+        for k in range(0, len(poses), BLOCK):
+            part = slice(k, k + BLOCK)
+            found = np.empty(0, dtype=np.int32)
+            if self._kept is not None:
+                rays = send_rays(lrf.fan, poses[part], known.local)
+                found = self._embree.run(*rays, reach)
+            prove_scans(*known, found, lrf.fan, poses[part], *limits, ranges[part], walls[part])
