@@ -1,0 +1,104 @@
+"""Small worlds that are hard for ray casting: segments (n, 4) within about 10 m of the origin."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lrf3d.geometry import Float
+
+WorldMaker = Callable[[np.random.Generator, int], Float]
+"""Makes a world of about so many times four walls."""
+
+
+def boxes(rng: np.random.Generator, count: int) -> Float:
+    """Rectangles at any angle: walls that share corners."""
+    middle = rng.uniform(-10, 10, (count, 1, 2))
+    angle = rng.uniform(0, np.pi, count)
+    half = rng.uniform(0.3, 2.0, (count, 1, 2)) * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return _closed(middle + np.einsum("jkn,nik->nij", turn, half))
+
+
+def blocks(rng: np.random.Generator, count: int) -> Float:
+    """Rectangles on whole metres: walls that double, overlap and line up with the laser."""
+    low = rng.integers(-8, 8, (count, 1, 2)).astype(np.float64)
+    size = rng.integers(1, 4, (count, 1, 2))
+    return _closed(low + size * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
+
+
+def crossing(rng: np.random.Generator, count: int) -> Float:
+    """Walls in any place that cross each other."""
+    return rng.uniform(-10, 10, (4 * count, 4))
+
+
+def alike(rng: np.random.Generator, count: int) -> Float:
+    """Each wall twice, the same."""
+    return _shuffled(rng, np.tile(crossing(rng, count)[: 2 * count], (2, 1)))
+
+
+def turned_round(rng: np.random.Generator, count: int) -> Float:
+    """Each wall twice, once from its other end."""
+    walls = crossing(rng, count)[: 2 * count]
+    return _shuffled(rng, np.concatenate([walls, walls[:, [2, 3, 0, 1]]]))
+
+
+def partly_doubled(rng: np.random.Generator, count: int) -> Float:
+    """Each wall with a part of it as another; some on whole metres, where that is exact."""
+    walls = crossing(rng, count)[: 2 * count]
+    whole = rng.random(len(walls)) < 0.5
+    walls[whole] = np.round(walls[whole])
+    middle = 0.5 * (walls[:, :2] + walls[:, 2:])
+    return _shuffled(rng, np.concatenate([walls, np.column_stack([middle, walls[:, 2:]])]))
+
+
+def a_hair_apart(rng: np.random.Generator, count: int) -> Float:
+    """Each wall with another 1e-16 to 1e-6 m beside it, hardly turned."""
+    walls = crossing(rng, count)[: 2 * count]
+    hair = 10.0 ** rng.uniform(-16, -6, (len(walls), 1)) * rng.normal(size=walls.shape)
+    return _shuffled(rng, np.concatenate([walls, walls + hair]))
+
+
+def slivers(rng: np.random.Generator, count: int) -> Float:
+    """Walls of 1e-9 m, and behind them longer ones: the first half are the slivers."""
+    small = rng.uniform(-5, 5, (2 * count, 2))
+    tiny = np.column_stack([small, small + 1e-9 * rng.normal(size=small.shape)])
+    return np.concatenate([tiny, crossing(rng, count)[: 2 * count]])
+
+
+def star(rng: np.random.Generator, count: int) -> Float:
+    """Walls with one end in common, and walls that only just miss that point."""
+    ends = rng.uniform(-10, 10, (4 * count, 2))
+    apart = np.where(rng.random((4 * count, 1)) < 0.5, 0.0, 1e-12)
+    return np.column_stack([np.array([1.0, 2.0]) + apart * ends, ends])
+
+
+def room_of_corners(rng: np.random.Generator, count: int) -> Float:
+    """A regular room around the origin with 4 · count corners, 1 to 9 m away."""
+    corners = 4 * count
+    angle = 2.0 * np.pi * np.arange(corners) / corners
+    ring = rng.uniform(1, 9) * np.column_stack([np.cos(angle), np.sin(angle)])
+    return _closed(ring[None])
+
+
+def any_world(rng: np.random.Generator, count: int) -> Float:
+    """A world of one of the kinds above."""
+    kinds: tuple[WorldMaker, ...] = (
+        boxes, blocks, crossing, alike, turned_round, partly_doubled, a_hair_apart, slivers, star,
+        room_of_corners,
+    )  # fmt: skip
+    return kinds[rng.integers(len(kinds))](rng, count)
+
+
+def placed(segments: Float, scale: float, offset: Float) -> Float:
+    """The segments scaled, then moved by the offset (2,); what shrinks to a point is left out."""
+    walls = segments * scale + np.tile(offset, 2)
+    return walls[np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]) > 0.0]
+
+
+def _closed(corners: Float) -> Float:
+    """Walls around each ring of corners (rings, corners, 2)."""
+    return np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 4)
+
+
+def _shuffled(rng: np.random.Generator, walls: Float) -> Float:
+    return walls[rng.permutation(len(walls))]
