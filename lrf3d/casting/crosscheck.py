@@ -1,22 +1,26 @@
-"""Cross-check: the same beams through the plane and through the 3D mesh, compared one by one."""
+"""Cross-check: the same beams through the plane and through the 3D mesh, compared one by one.
 
-from collections.abc import Callable, Sequence
+Both casters of lrf3d prove what they say, so they agree on every beam. What that proof is worth
+is seen where ``raw`` puts Embree's bare float32 answers beside the exact planar ones.
+"""
+
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from lrf3d.casting.causes import AGREEMENT, EDGES, Answers, Cause, explain, resolution
 from lrf3d.casting.embree import EmbreeCaster
 from lrf3d.casting.planar import PlanarCaster
-from lrf3d.geometry import Float
-from lrf3d.laser import LaserRangeFinder, LaserScan, beam_directions
+from lrf3d.casting.raw_embree import RawEmbreeCaster
+from lrf3d.geometry import Bool, Float
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.pose import as_poses
 from lrf3d.world import World
 
-AGREEMENT = 1e-9
-"""Two ranges that differ by no more than this [m] agree."""
-
-EDGE = 1e-4
-"""A beam that passes the end of a wall by no more than this [m] is an edge case: float32 holds
-the places of a scene of 1 km to about that."""
+BLOCK = 512
+"""Poses that are cast and compared at once: often enough for a bar to move."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,19 +32,14 @@ class Difference:
         beam: Index of the beam.
         planar: Range [m] and wall by the planar caster.
         embree: Range [m] and wall by Embree.
-        edge: How far the beam passes from the nearest end of the two walls [m].
+        cause: Why they differ.
     """
 
     scan: int
     beam: int
     planar: tuple[float, int]
     embree: tuple[float, int]
-    edge: float
-
-    @property
-    def at_edge(self) -> bool:
-        """Whether the beam passes so near an end of a wall that float32 may choose either side."""
-        return self.edge <= EDGE
+    cause: Cause
 
     def as_dict(self) -> dict[str, object]:
         """The difference in JSON's types; a range without return is null."""
@@ -49,7 +48,7 @@ class Difference:
             "beam": self.beam,
             "planar": {"range": _finite(self.planar[0]), "wall": self.planar[1]},
             "embree": {"range": _finite(self.embree[0]), "wall": self.embree[1]},
-            "distance_to_edge": _finite(self.edge),
+            "cause": str(self.cause),
         }
 
 
@@ -61,32 +60,52 @@ class CrossCheck:
         beams: How many beams were cast.
         hits: How many of them the planar caster sees return.
         largest_difference: Largest difference [m] among the beams that agree.
-        differences: The beams that do not agree.
+        differences: The beams that do not agree: on the range, or on the wall.
+        raw: Whether Embree's answers were taken as they are.
+        resolution: How well float32 knows a place in this world [m], by a bound.
     """
 
     beams: int
     hits: int
     largest_difference: float
     differences: tuple[Difference, ...]
+    raw: bool = False
+    resolution: float = 0.0
+
+    @property
+    def causes(self) -> dict[Cause, int]:
+        """How many beams differ for each cause that there is."""
+        counted = Counter(one.cause for one in self.differences)
+        return {cause: counted[cause] for cause in Cause if counted[cause]}
 
     @property
     def edge_cases(self) -> tuple[Difference, ...]:
         """The differences at the ends of walls."""
-        return tuple(one for one in self.differences if one.at_edge)
+        return tuple(one for one in self.differences if one.cause in EDGES)
 
     @property
     def unexplained(self) -> tuple[Difference, ...]:
-        """The differences that no end of a wall explains."""
-        return tuple(one for one in self.differences if not one.at_edge)
+        """The differences for which no cause is known."""
+        return tuple(one for one in self.differences if one.cause is Cause.UNEXPLAINED)
+
+    @property
+    def largest_error(self) -> float:
+        """Largest difference [m] between two ranges of one beam, agreed or not."""
+        gaps = [abs(one.planar[0] - one.embree[0]) for one in self.differences]
+        return max([self.largest_difference, *(gap for gap in gaps if np.isfinite(gap))])
 
     def as_dict(self) -> dict[str, object]:
         """The findings in JSON's types."""
         return {
+            "compared_with": "raw" if self.raw else "embree",
             "beams": self.beams,
             "hits": self.hits,
             "agree": self.beams - len(self.differences),
             "agreement_m": AGREEMENT,
             "largest_difference_m": self.largest_difference,
+            "largest_error_m": self.largest_error,
+            "causes": {str(cause): count for cause, count in self.causes.items()},
+            "differences": [one.as_dict() for one in self.differences],
             "edge_cases": [one.as_dict() for one in self.edge_cases],
             "edge_share": len(self.edge_cases) / max(1, self.beams),
             "unexplained": [one.as_dict() for one in self.unexplained],
@@ -98,42 +117,74 @@ def crosscheck(
     lrf: LaserRangeFinder,
     poses: Float,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    raw: bool = False,
 ) -> CrossCheck:
-    """Cast the beams from poses (k, 3) with both casters and compare every range."""
-    planar, embree = PlanarCaster(world), EmbreeCaster(world)
+    """Cast the beams from poses (k, 3) with both casters, and compare every range and wall.
+
+    Args:
+        world: The walls.
+        lrf: The range finder.
+        poses: (k, 3) poses to scan from.
+        progress: Called with how many scans are done, and of how many.
+        raw: Compare with what trimesh and Embree answer in float32, not with ``EmbreeCaster``.
+    """
+    poses = as_poses(poses)
+    planar = PlanarCaster(world)
+    other = RawEmbreeCaster(world) if raw else EmbreeCaster(world)
     largest, hits = 0.0, 0
     differences: list[Difference] = []
-    for index, pose in enumerate(poses):
-        flat, solid = planar.cast(lrf, pose), embree.cast(lrf, pose)
-        both = flat.hits & solid.hits
-        gap = np.zeros(lrf.beams)
-        gap[both] = np.abs(flat.ranges[both] - solid.ranges[both])
-        same = np.where(both, gap <= AGREEMENT, flat.ranges == solid.ranges)
+    for start in range(0, len(poses), BLOCK):
+        part = poses[start : start + BLOCK]
+        a, b = Answers(*planar.scan_batch(lrf, part)), Answers(*other.scan_batch(lrf, part))
+        same, gap = _compared(a, b)
         largest = max(largest, float(gap[same].max(initial=0.0)))
-        hits += int(flat.hits.sum())
-        differences += [
-            _difference(world, index, int(b), flat, solid) for b in np.nonzero(~same)[0]
-        ]
-        progress(index + 1, len(poses))
-    return CrossCheck(len(poses) * lrf.beams, hits, largest, tuple(differences))
+        hits += int(np.isfinite(a.ranges).sum())
+        differences += _differences(world, lrf, part, start, a, b, same)
+        progress(min(start + BLOCK, len(poses)), len(poses))
+    return CrossCheck(
+        len(poses) * lrf.beams, hits, largest, tuple(differences), raw, resolution(world, lrf)
+    )
 
 
-def _difference(
-    world: World, scan: int, beam: int, flat: LaserScan, solid: LaserScan
-) -> Difference:
-    one = (float(flat.ranges[beam]), int(flat.walls[beam]))
-    other = (float(solid.ranges[beam]), int(solid.walls[beam]))
-    walls = [wall for _, wall in (one, other) if wall >= 0]
-    direction = beam_directions(flat.pose.theta, flat.angles[[beam]])[0]
-    edge = _distance_to_ends(flat.pose, direction, world.segments[walls])
-    return Difference(scan, beam, one, other, edge)
+def _compared(a: Answers, b: Answers) -> tuple[Bool, Float]:
+    """Which beams (k, beams) agree on wall and range, and by how much [m] their ranges differ."""
+    both = np.isfinite(a.ranges) & np.isfinite(b.ranges)
+    gap = np.zeros(a.ranges.shape)
+    gap[both] = np.abs(a.ranges[both] - b.ranges[both])
+    same = np.where(both, (gap <= AGREEMENT) & (a.walls == b.walls), a.ranges == b.ranges)
+    return same, gap
 
 
-def _distance_to_ends(pose: Sequence[float], direction: Float, segments: Float) -> float:
-    """Smallest distance [m] from a beam's line to the ends of segments (n, 4)."""
-    ends = segments.reshape(-1, 2) - np.array([pose[0], pose[1]])
-    aside = np.abs(direction[0] * ends[:, 1] - direction[1] * ends[:, 0])
-    return float(aside.min(initial=np.inf))
+def _differences(
+    world: World,
+    lrf: LaserRangeFinder,
+    poses: Float,
+    first: int,
+    a: Answers,
+    b: Answers,
+    same: Bool,
+) -> list[Difference]:
+    """The beams that differ, with their causes, in scans that count from a first one."""
+    scans, beams = np.nonzero(~same)
+    if not len(scans):
+        return []
+    directions = np.array(
+        [lrf.directions(poses[scan])[beam] for scan, beam in zip(scans, beams, strict=True)]
+    )
+    a = Answers(a.ranges[scans, beams], a.walls[scans, beams])
+    b = Answers(b.ranges[scans, beams], b.walls[scans, beams])
+    causes = explain(world, lrf, poses[scans, :2], directions, a, b)
+    return [
+        Difference(
+            first + int(scans[i]),
+            int(beams[i]),
+            (float(a.ranges[i]), int(a.walls[i])),
+            (float(b.ranges[i]), int(b.walls[i])),
+            cause,
+        )
+        for i, cause in enumerate(causes)
+    ]
 
 
 def _finite(value: float) -> float | None:

@@ -4,9 +4,11 @@ import sys
 
 import typer
 
+from lrf3d.cli.bench import bench
 from lrf3d.cli.crosscheck import crosscheck
 from lrf3d.cli.render import render
 from lrf3d.cli.run import run
+from lrf3d.cli.stress import stress
 from lrf3d.cli.world import world
 from lrf3d.errors import Lrf3dError
 
@@ -26,6 +28,8 @@ app = typer.Typer(
 app.command(epilog="Example: lrf3d run city --sigma 0.04 --out out/city")(run)
 app.command(epilog="Example: lrf3d render out/city --view top")(render)
 app.command(epilog="Example: lrf3d crosscheck city --json")(crosscheck)
+app.command(epilog="Example: lrf3d stress --beams 1000000")(stress)
+app.add_typer(bench, name="bench")
 app.add_typer(world, name="world")
 
 

@@ -1,18 +1,30 @@
 """``lrf3d crosscheck``: the same beams through the plane and through the 3D mesh."""
 
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
 import typer
 
 from lrf3d.cli import options
 
+if TYPE_CHECKING:
+    from lrf3d.casting import CrossCheck
+
 
 def crosscheck(
     world: options.WorldArgument,
+    raw: Annotated[
+        bool, typer.Option("--raw", help="Compare with Embree's bare float32 hits, unproved.")
+    ] = False,
+    figure: Annotated[
+        Path | None, typer.Option(help="A picture .png of the beams that differ.")
+    ] = None,
     ignore_collisions: options.IgnoreCollisions = False,
     json: options.Json = False,
 ) -> None:
-    """Cast the beams of a whole drive with both casters, and compare every range.
+    """Cast the beams of a whole drive with both casters, and compare every range and wall.
 
-    Ends with the status 1 where they differ and no end of a wall explains it.
+    Every difference is sorted into its cause. Ends with the status 1 where one has none.
     """
     from lrf3d.casting import crosscheck as compare
     from lrf3d.cli.console import print_json, print_table, progress_bar, warn
@@ -22,22 +34,31 @@ def crosscheck(
     scenario = with_route(load_scenario(world))
     trajectory = trajectory_of(scenario, ignore_collisions=warn if ignore_collisions else None)
     with progress_bar("crosscheck") as progress:
-        result = compare(scenario.world, scenario.lrf, trajectory.poses, progress)
+        result = compare(scenario.world, scenario.lrf, trajectory.poses, progress, raw=raw)
     report = {"world": scenario.name, "scans": len(trajectory), **result.as_dict()}
+    if figure is not None:
+        from lrf3d.render.crosscheck_figure import draw_crosscheck
+
+        draw_crosscheck(scenario.world, scenario.lrf, trajectory.poses, result, figure)
+        report["picture"] = str(figure)
     if json:
         print_json(report)
     else:
-        agree = result.beams - len(result.differences)
-        rows = [
-            ("beams", f"{result.beams} in {len(trajectory)} scans, {result.hits} returned"),
-            ("agree", f"{agree}, the largest difference {result.largest_difference:.1e} m"),
-            (
-                "edge cases",
-                f"{len(result.edge_cases)} ({len(result.edge_cases) / max(1, result.beams):.2e}"
-                " of all): beams by the end of a wall, where float32 may choose either side",
-            ),
-            ("unexplained", str(len(result.unexplained))),
-        ]
-        print_table(rows)
+        rows = [("beams", f"{result.beams} in {len(trajectory)} scans, {result.hits} returned")]
+        rows += _findings(result)
+        print_table(rows if figure is None else [*rows, ("picture", str(figure))])
     if result.unexplained:
         raise typer.Exit(1)
+
+
+def _findings(result: "CrossCheck") -> list[tuple[str, str]]:
+    from lrf3d.casting.causes import MEANING
+
+    agree = result.beams - len(result.differences)
+    rows = [("agree", f"{agree}, the largest difference {result.largest_difference:.1e} m")]
+    explained = {cause: n for cause, n in result.causes.items() if cause != "unexplained"}
+    for cause, count in explained.items():
+        rows.append((str(cause), f"{count}: {MEANING[cause]}"))
+    if result.differences:
+        rows.append(("largest error", f"{result.largest_error:.3g} m, of the beams that differ"))
+    return [*rows, ("unexplained", str(len(result.unexplained)))]

@@ -1,0 +1,65 @@
+"""``lrf3d bench``: run time against error."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lrf3d.cli import options
+
+bench = typer.Typer(
+    help="Measure run time against error.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    add_completion=False,
+)
+
+
+@bench.callback()
+def _group() -> None:
+    """Measure run time against error."""
+
+
+@bench.command(epilog="Example: lrf3d bench scan --walls 400,10000 --figure scan.png")
+def scan(
+    walls: Annotated[
+        str, typer.Option(metavar="N,N,…", help="Sizes of the worlds [walls].")
+    ] = "40,400,10000,100000,1000000",
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Time for all; sizes that need more are left out.")
+    ] = 150.0,
+    ablate: Annotated[
+        bool, typer.Option("--ablate", help="Also time each piece of skipped work on and off.")
+    ] = False,
+    figure: Annotated[Path | None, typer.Option(help="A picture .png of time and error.")] = None,
+    json: options.Json = False,
+) -> None:
+    """Cast scans with lrf3d and with its rivals: how long it takes, and how far it is off.
+
+    Open3D and MuJoCo take part where they are installed: pip install 'lrf3d[bench]'.
+    """
+    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.study.bench.scan import bench_scan
+    from lrf3d.study.bench.text import scan_text
+
+    sizes = _sizes(walls)
+    with progress_bar("bench scan") as progress:
+        result = bench_scan(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
+    if figure is not None:
+        from lrf3d.study.bench.figure import draw_scan_benchmark
+
+        draw_scan_benchmark(result, figure)
+    if json:
+        print_json(result.as_dict())
+    else:
+        print(scan_text(result) if figure is None else f"{scan_text(result)}\npicture {figure}")
+
+
+def _sizes(text: str) -> list[int]:
+    """Sizes of worlds from numbers with commas between them."""
+    from lrf3d.errors import InputError
+
+    parts = [part.strip().replace("_", "") for part in text.split(",")]
+    if not all(part.isdigit() and int(part) >= 4 for part in parts):
+        raise InputError(f"--walls {text}: expected whole numbers from 4, such as 400,10000")
+    return sorted({int(part) for part in parts})

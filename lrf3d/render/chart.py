@@ -1,0 +1,125 @@
+"""Sheet: a white sheet with panels placed by the inch, in the look of all figures.
+
+On its panels names stand beside the points that they name, clear of each other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
+
+from lrf3d.errors import OutputError
+from lrf3d.output import replacing
+from lrf3d.render.page import DOTS_PER_INCH, FAINT, GRID, INK, LEFT
+
+SPINE = "#c9ced6"
+"""Colour of the frame around a panel."""
+
+HEAD = 0.78
+"""Room that the title and the line below it take [inches]."""
+
+NAME_PLACES = [
+    (9, 0), (-9, 0), (0, 13), (0, -13), (14, 14), (14, -14), (-14, 14), (-14, -14), (0, 26),
+    (0, -26), (22, 28), (-22, 28), (22, -28), (-22, -28), (0, 40), (0, -40), (30, 42), (-30, 42),
+    (0, 54),
+]  # fmt: skip
+"""Where a name may stand, from its point [points]; the first free place is taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """Words that stand beside a point (x, y) of a panel."""
+
+    words: str
+    x: float
+    y: float
+    colour: str
+    bold: bool = False
+
+
+class Sheet:
+    """A figure whose panels are placed in inches from its lower left corner.
+
+    Args:
+        width: Width [inches].
+        height: Height [inches].
+        title: The headline, and the smaller line below it.
+    """
+
+    def __init__(self, width: float, height: float, title: tuple[str, str]) -> None:
+        self.size = (width, height)
+        self.figure = Figure(figsize=self.size, facecolor="white", dpi=DOTS_PER_INCH)
+        FigureCanvasAgg(self.figure)
+        self.text(LEFT, height - 0.22, title[0], size=14, weight="bold", colour=INK)
+        self.text(LEFT, height - 0.56, title[1], size=9.5)
+
+    def panel(self, left: float, bottom: float, width: float, height: float) -> Axes:
+        """Axes at a place, with a light grid below all marks."""
+        across, up = self.size
+        axes = self.figure.add_axes((left / across, bottom / up, width / across, height / up))
+        axes.tick_params(which="both", colors=FAINT, labelsize=8, length=0)
+        axes.grid(color=GRID, linewidth=0.7)
+        axes.set_axisbelow(True)
+        for spine in axes.spines.values():
+            spine.set(color=SPINE, linewidth=0.8)
+        return axes
+
+    def text(
+        self,
+        x: float,
+        y: float,
+        words: str,
+        *,
+        size: float = 9.0,
+        weight: str = "normal",
+        colour: str = FAINT,
+    ) -> None:
+        """Write words whose upper left corner is at a place."""
+        place = x / self.size[0], y / self.size[1]
+        self.figure.text(*place, words, fontsize=size, weight=weight, color=colour, va="top")
+
+    def save(self, path: str | Path | None) -> Figure:
+        """Write the figure, if there is a path, and give it back.
+
+        Raises:
+            OutputError: It cannot be written there, or the ending names no known format.
+        """
+        if path is not None:
+            known = self.figure.canvas.get_supported_filetypes()
+            if Path(path).suffix[1:].lower() not in known:
+                raise OutputError(f"{path}: no picture format of that ending; use .png or .pdf")
+            with replacing(path) as unfinished:
+                self.figure.savefig(unfinished, dpi=DOTS_PER_INCH)
+        return self.figure
+
+
+def write_names(axes: Axes, names: Sequence[Name]) -> None:
+    """Write names beside their points, each where no point and no other name stands yet."""
+    dots = axes.transData.transform(
+        np.vstack([np.asarray(marks.get_offsets()) for marks in axes.collections])
+    )
+    frame = axes.get_window_extent()
+    taken: list[Bbox] = []
+    for name in names:
+        for right, up in NAME_PLACES:
+            text = axes.annotate(
+                name.words, (name.x, name.y), (right, up), textcoords="offset points",
+                fontsize=9, color=name.colour, weight="bold" if name.bold else "normal",
+                ha="left" if right > 0 else "right" if right < 0 else "center", va="center",
+                zorder=8,
+            )  # fmt: skip
+            text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+            box = text.get_window_extent().padded(2.0)
+            inside = frame.containsx(box.x0) and frame.containsx(box.x1)
+            inside &= frame.containsy(box.y0) and frame.containsy(box.y1)
+            if inside and not box.count_overlaps(taken) and not any(box.contains(*d) for d in dots):
+                break
+            if (right, up) != NAME_PLACES[-1]:
+                text.remove()
+        taken.append(box)

@@ -1,0 +1,1 @@
+"""Benchmarks: run time against error, each part a module that measures and reports in one form."""
