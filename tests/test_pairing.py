@@ -281,6 +281,6 @@ def test_what_makes_no_sense_is_refused():
         pair_lines(
             nothing, KnownLines.from_map(LineMap.empty()), Pose(0, 0, 0), PRIOR, strategy="best"
         )
-    for values in ({"sigma": -1.0}, {"sigma": 0.0, "floor": 0.0}, {"range_max": np.nan}):
+    for values in ({"sigma": -1.0}, {"floor": np.inf}, {"range_max": np.nan}):
         with pytest.raises(InputError, match="range noise"):
             RangeNoise(**values)

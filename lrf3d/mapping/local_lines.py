@@ -21,6 +21,11 @@ LEAST_INCIDENCE = 0.05
 errors than that of the range decide."""
 
 
+LEAST_DEVIATION = 1e-5
+"""Deviation of a range [m] that is reckoned with at least, so that lines without noise still have
+a covariance that can be inverted: a hundredth of a millimetre is less than any wall is flat."""
+
+
 @dataclass(frozen=True, slots=True)
 class RangeNoise:
     """How far a range may be off: d / range_max · sigma (Eq. 7), and a floor beside it.
@@ -31,7 +36,7 @@ class RangeNoise:
         range_max: Range [m] that sigma is given at.
 
     Raises:
-        InputError: A number makes no sense, or there is no noise at all.
+        InputError: A number makes no sense.
     """
 
     sigma: float = 0.04
@@ -42,12 +47,11 @@ class RangeNoise:
         values = (self.sigma, self.floor, self.range_max)
         if not (np.isfinite(values).all() and min(values) >= 0.0 and self.range_max > 0.0):
             raise InputError(f"range noise {values}: expected finite numbers of metres, at least 0")
-        if self.sigma == self.floor == 0.0:
-            raise InputError("range noise of 0: no covariance can be computed; give a floor")
 
     def variance(self, ranges: Float) -> Float:
         """Variance [m²] of ranges [m]."""
-        return self.floor**2 + (self.sigma * ranges / self.range_max) ** 2
+        variance = self.floor**2 + (self.sigma * ranges / self.range_max) ** 2
+        return np.maximum(variance, LEAST_DEVIATION**2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
