@@ -127,7 +127,9 @@ def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
 
 
 def test_a_log_without_a_scan_is_refused_in_one_line(tmp_path):
-    with pytest.raises(InputError, match=r"a\.log: no laser scan .* 1 bad lines, first line 1: ") as e:
+    with pytest.raises(
+        InputError, match=r"a\.log: no laser scan .* 1 bad lines, first line 1: "
+    ) as e:
         load_log(write(tmp_path / "a.log", "FLASER 2 1"))
     assert "\n" not in str(e.value)
     with pytest.raises(InputError, match="no laser scan"):

@@ -5,6 +5,8 @@ import sys
 import typer
 
 from lrf3d.cli.crosscheck import crosscheck
+from lrf3d.cli.localise import localise
+from lrf3d.cli.map import map_
 from lrf3d.cli.render import render
 from lrf3d.cli.run import run
 from lrf3d.cli.world import world
@@ -26,6 +28,8 @@ app = typer.Typer(
 app.command(epilog="Example: lrf3d run city --sigma 0.04 --out out/city")(run)
 app.command(epilog="Example: lrf3d render out/city --view top")(render)
 app.command(epilog="Example: lrf3d crosscheck city --json")(crosscheck)
+app.command("map", epilog="Example: lrf3d map drive.log.gz --out out/drive")(map_)
+app.command(epilog="Example: lrf3d localise city --seeds 100 --json")(localise)
 app.add_typer(world, name="world")
 
 
