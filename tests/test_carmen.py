@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from lrf3d.errors import InputError
 from lrf3d.logs import LaserLog, load_log
 from lrf3d.logs.carmen import read_carmen
-from lrf3d.logs.packed import LONGEST_LINE, Line, lines_of
+from lrf3d.logs.packed import BLOCK, Line, lines_of
 
 
 def front(readings, pose=(1.0, -2.0, 0.5), time=3.25):
@@ -162,11 +162,29 @@ def test_a_bomb_is_refused_early(tmp_path):
 
 def test_an_endless_line_is_never_held_whole(tmp_path):
     path = tmp_path / "a.log"
-    path.write_bytes(b"FLASER 2 " + b"1 " * LONGEST_LINE + b"\n" + front([1, 2]).encode())
-    assert max(len(line.text) for line in lines_of(path)) <= LONGEST_LINE
+    path.write_bytes(b"\nFLASER 2 " + b"1 " * 2 * BLOCK + b"\n\n" + front([1, 2]).encode())
+    assert [line.number for line in lines_of(path)] == [2, 4]
     log = load_log(path)
-    assert len(log) == 1
-    assert log.bad_lines[0].number == 1 and "longer" in log.bad_lines[0].reason
+    assert len(log) == 1 and log.bad_count == 1
+    assert log.bad_lines[0].number == 2 and "longer" in log.bad_lines[0].reason
+
+
+@given(st.binary(max_size=200), st.integers(0, 3))
+def test_lines_come_as_they_stand_however_they_are_packed(tmp_path_factory, text, blanks):
+    text += b"\n" * blanks
+    folder = tmp_path_factory.mktemp("lines")
+    (folder / "a.log").write_bytes(b"#" + text)
+    (folder / "b.log").write_bytes(gzip.compress(b"#" + text))
+    expected = [(n, line) for n, line in enumerate((b"#" + text).split(b"\n"), 1) if line]
+    for name in ("a.log", "b.log"):
+        assert [(line.number, line.text) for line in lines_of(folder / name)] == expected
+
+
+def test_a_file_of_other_messages_is_given_up(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_bytes(b"ODOM 1\n" * 1_000_001)
+    with pytest.raises(InputError, match=r"a\.log: line 1000001: no scan in 1,000,000 lines"):
+        load_log(path)
 
 
 @pytest.mark.parametrize("name", ["no.log", "picture.png", "folder.log"])

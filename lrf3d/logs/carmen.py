@@ -29,6 +29,9 @@ NAMED = 5
 MOST_READINGS = 50_000_000
 """Readings that are held at most: 400 MB of them."""
 
+MOST_WITHOUT_SCAN = 1_000_000
+"""Lines in a row without a scan before a file is given up: hours of other messages."""
+
 LONGEST_NAME = 40
 """Letters of the longest name that a message may have."""
 
@@ -53,7 +56,7 @@ def load_carmen(path: str | Path, *, largest_range: float = LARGEST_RANGE) -> La
     scans: list[LaserScan] = []
     named: list[BadLine] = []
     bad = readings = 0
-    for item in read_carmen(lines_of(path), largest_range=largest_range):
+    for item in read_carmen(lines_of(path), largest_range=largest_range, source=str(path)):
         if isinstance(item, BadLine):
             bad += 1
             named += [item] if len(named) < NAMED else []
@@ -71,19 +74,34 @@ def load_carmen(path: str | Path, *, largest_range: float = LARGEST_RANGE) -> La
 
 
 def read_carmen(
-    lines: Iterable[Line], *, largest_range: float = LARGEST_RANGE
+    lines: Iterable[Line], *, largest_range: float = LARGEST_RANGE, source: str = "log"
 ) -> Iterator[LaserScan | BadLine]:
     """Read scans line by line, in constant memory.
 
     A log that tells each scan twice, in the old message and in the new, is read in the one that
     comes first.
 
+    Args:
+        lines: The lines.
+        largest_range: Readings from here on are no return [m].
+        source: What the lines are of, for a message.
+
     Yields:
         A scan for each line that holds one, and a BadLine for each that cannot be read.
+
+    Raises:
+        InputError: A million lines in a row hold no scan.
     """
     fans: dict[tuple[int, float, float], Float] = {}
     chosen = b""
+    idle = 0
     for number, text, fault in lines:
+        idle += 1
+        if idle > MOST_WITHOUT_SCAN:
+            raise InputError(
+                f"{source}: line {number}: no scan in {MOST_WITHOUT_SCAN:,} lines before it;"
+                " expected FLASER or ROBOTLASER1 lines"
+            )
         try:
             if fault:
                 raise _BadMessage(fault)
@@ -93,7 +111,7 @@ def read_carmen(
                 _check_name(name)
             elif chosen in (b"", name):
                 scan = _READERS[name](words, largest_range, fans)
-                chosen = name
+                chosen, idle = name, 0
                 yield scan
         except _BadMessage as error:
             yield BadLine(number, str(error))

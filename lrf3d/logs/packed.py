@@ -8,8 +8,8 @@ from typing import BinaryIO, NamedTuple
 
 from lrf3d.errors import InputError
 
-LONGEST_LINE = 1 << 20
-"""Bytes of a line beyond which it is cut: a scan of 100,000 beams is shorter."""
+BLOCK = 1 << 20
+"""Bytes that are read at a time, and the longest line: a scan of 100,000 beams is shorter."""
 
 LARGEST_RATIO = 100
 """How many times its packed size a file may unpack to: recorded scans come to 5 times, those of
@@ -31,10 +31,10 @@ class Line(NamedTuple):
 
 
 def lines_of(path: Path) -> Iterator[Line]:
-    """Go through the lines of a file without holding more than one of them.
+    """Go through the lines of a file that are not empty, holding a block of it at a time.
 
-    A line that is too long comes cut, with a fault; where packed data are damaged or break off,
-    a last line says so.
+    A line that is too long comes without its text, but with a fault; where packed data are
+    damaged or break off, a last line says so.
 
     Raises:
         InputError: The file cannot be read, or unpacks to far more than a log would.
@@ -44,17 +44,11 @@ def lines_of(path: Path) -> Iterator[Line]:
             packed = file.read(len(GZIP)) == GZIP
             file.seek(0)
             if not packed:
-                yield from _lines(file)
+                yield from _lines(file, path, None)
                 return
             allowed = max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size)
             with gzip.open(file) as unpacked:
-                for line in _lines(unpacked):
-                    if unpacked.tell() > allowed:
-                        raise InputError(
-                            f"{path}: line {line.number}: unpacks to over {LARGEST_RATIO} times"
-                            " its size, which no log does; unpack it first if it is one"
-                        )
-                    yield line
+                yield from _lines(unpacked, path, allowed)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except IsADirectoryError:
@@ -63,23 +57,33 @@ def lines_of(path: Path) -> Iterator[Line]:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
-def _lines(stream: BinaryIO | gzip.GzipFile) -> Iterator[Line]:
-    number, inside = 0, False
+def _lines(stream: BinaryIO | gzip.GzipFile, path: Path, allowed: int | None) -> Iterator[Line]:
+    number, total, rest, long = 1, 0, b"", False
     while True:
+        fault = ""
         try:
-            text = stream.readline(LONGEST_LINE)
+            block = stream.read1(BLOCK) if isinstance(stream, gzip.GzipFile) else stream.read(BLOCK)
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            yield Line(number + 1, b"", f"the packed data are damaged from here on ({error})")
+            block, fault = b"", f"the packed data are damaged from here on ({error})"
+        total += len(block)
+        if allowed is not None and total > allowed:
+            raise InputError(
+                f"{path}: line {number}: unpacks to over {LARGEST_RATIO} times its size, which no"
+                " log does; unpack it first if it is one"
+            )
+        # A line that breaks off with the data is not told apart from that.
+        parts = [b""] if fault else (rest + block).split(b"\n")
+        # The last part goes on in the next block, unless this was the end.
+        rest = parts.pop() if block else b""
+        for text in parts:
+            if long:
+                yield Line(number, b"", f"longer than {BLOCK} bytes")
+            elif text:
+                yield Line(number, text)
+            number, long = number + 1, False
+        if len(rest) > BLOCK:
+            rest, long = b"", True
+        if not block:
+            if fault:
+                yield Line(number, b"", fault)
             return
-        if not text:
-            return
-        whole = text.endswith(b"\n")
-        if inside:
-            # The rest of a line that was cut. It is handed on, so that whoever counts bytes sees
-            # them, but under the same number and with no text.
-            yield Line(number, b"")
-        else:
-            number += 1
-            long = not whole and len(text) == LONGEST_LINE
-            yield Line(number, text, f"longer than {LONGEST_LINE} bytes" if long else "")
-        inside = not whole

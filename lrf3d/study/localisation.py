@@ -37,10 +37,6 @@ MAPS = ("walls", "map")
 USUAL_RANGE = 10.0
 """How far off [m] a wall is when most of the points that a map is fitted to are measured."""
 
-FLOOR = 0.001
-"""Deviation of a simulated range at no distance [m]: Eq. 7 has none, but a scan at a wall must not
-count as infinitely certain."""
-
 CONFIDENCE = 0.95
 """Share of the averages over the seeds that a consistent filter has within the bounds."""
 
@@ -89,10 +85,11 @@ class LocalisationTask:
         covariance = self.odometry.covariance
         # The start is off as a step of odometry is, and known to be.
         start = start.moved(self.odometry(np.zeros((1, 3)), rng)[0], covariance)
+        # Eq. 7 has no floor: with one, near walls would be trusted less than they deserve.
         localiser = Localiser(
             self.known_lines(),
             start,
-            range_noise=RangeNoise(self.sigma, FLOOR, run.lrf.range_max),
+            range_noise=RangeNoise(self.sigma, 0.0, run.lrf.range_max),
             odometry_noise=self.odometry,
             strategy=self.strategy,
         )

@@ -79,7 +79,7 @@ class MappedLog:
                 "odd scans",
                 f"{_share(score.explained)} of {score.returns} returns explained,"
                 f" {_share(score.violation)} violated, median range error"
-                f" {score.median_range_error:.3f} m",
+                f" {_metres(score.median_range_error)}",
             ),
             (
                 "time",
@@ -138,6 +138,10 @@ def draw_mapped_log(mapped: MappedLog, folder: Path) -> dict[str, Path]:
         title=mapped.log.name,
     )
     return files
+
+
+def _metres(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.3f} m"
 
 
 def _share(value: float) -> str:
