@@ -144,6 +144,7 @@ def test_what_stands_before_a_cut_in_packed_data_is_read(tmp_path):
     log = load_log(path)
     assert 100 < len(log) < 300
     assert log.bad_count == 1 and "damaged" in log.bad_lines[0].reason
+    assert log.bad_lines[0].number == len(log) + 1
 
 
 def test_packed_or_not_is_told_by_what_is_in_the_file(tmp_path):

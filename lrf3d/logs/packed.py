@@ -72,7 +72,7 @@ def _lines(stream: BinaryIO | gzip.GzipFile, path: Path, allowed: int | None) ->
                 " log does; unpack it first if it is one"
             )
         # A line that breaks off with the data is not told apart from that.
-        parts = [b""] if fault else (rest + block).split(b"\n")
+        parts = [] if fault else (rest + block).split(b"\n")
         # The last part goes on in the next block, unless this was the end.
         rest = parts.pop() if block else b""
         for text in parts:
