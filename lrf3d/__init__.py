@@ -18,8 +18,16 @@ if TYPE_CHECKING:
         WorldError,
     )
     from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
-    from lrf3d.logs import load_run, save_run
+    from lrf3d.localization import (
+        Localiser,
+        OdometryNoise,
+        PoseEstimate,
+        localise,
+        steps_between,
+    )
+    from lrf3d.logs import load_log, load_run, save_run
     from lrf3d.mapping import LineMap, LineMapper
+    from lrf3d.mapping.known_lines import KnownLines
     from lrf3d.pose import Pose
     from lrf3d.render.video import render_video
     from lrf3d.robot import Trajectory, Unicycle, check_drive, drive, follow_route
@@ -40,8 +48,16 @@ _HOMES = {
         "WorldError",
     ],
     "laser": ["LaserRangeFinder", "LaserScan", "ProportionalNoise"],
-    "logs": ["load_run", "save_run"],
+    "localization": [
+        "Localiser",
+        "OdometryNoise",
+        "PoseEstimate",
+        "localise",
+        "steps_between",
+    ],
+    "logs": ["load_log", "load_run", "save_run"],
     "mapping": ["LineMap", "LineMapper"],
+    "mapping.known_lines": ["KnownLines"],
     "pose": ["Pose"],
     "render.video": ["render_video"],
     "robot": ["Trajectory", "Unicycle", "check_drive", "drive", "follow_route"],
@@ -57,15 +73,19 @@ __all__ = [
     "CollisionError",
     "EmbreeCaster",
     "InputError",
+    "KnownLines",
     "LaserRangeFinder",
     "LaserScan",
     "LineMap",
     "LineMapper",
+    "Localiser",
     "Lrf3dError",
     "MissingLibraryError",
+    "OdometryNoise",
     "OutputError",
     "PlanarCaster",
     "Pose",
+    "PoseEstimate",
     "ProportionalNoise",
     "Run",
     "Scenario",
@@ -77,15 +97,18 @@ __all__ = [
     "crosscheck",
     "drive",
     "follow_route",
+    "load_log",
     "load_run",
     "load_scenario",
     "load_world",
+    "localise",
     "plan_route",
     "render_video",
     "save_run",
     "score_map",
     "score_run",
     "simulate",
+    "steps_between",
     "world_names",
 ]
 

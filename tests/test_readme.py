@@ -26,6 +26,17 @@ def test_the_ten_lines_of_python_run(tmp_path, monkeypatch, capsys):
     assert films == ["city.mp4"]
 
 
+def test_the_robot_of_the_readme_finds_itself(capsys):
+    code = next(
+        code
+        for code in re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+        if "Localiser" in code
+    )
+    exec(compile(code, "README.md", "exec"), {})
+    errors = [float(word) for word in capsys.readouterr().out.strip("[] \n").split()]
+    assert len(errors) == 3 and max(errors) < 0.02
+
+
 def test_the_world_of_the_readme_is_one(tmp_path):
     (tmp_path / "yard.toml").write_text(snippet("toml"))
     scenario = load_scenario(tmp_path / "yard.toml")

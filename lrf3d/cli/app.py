@@ -6,6 +6,8 @@ import typer
 
 from lrf3d.cli.bench import bench
 from lrf3d.cli.crosscheck import crosscheck
+from lrf3d.cli.localise import localise
+from lrf3d.cli.map import map_
 from lrf3d.cli.render import render
 from lrf3d.cli.run import run
 from lrf3d.cli.stress import stress
@@ -30,6 +32,8 @@ app.command(epilog="Example: lrf3d render out/city --view top")(render)
 app.command(epilog="Example: lrf3d crosscheck city --json")(crosscheck)
 app.command(epilog="Example: lrf3d stress --beams 1000000")(stress)
 app.add_typer(bench, name="bench")
+app.command("map", epilog="Example: lrf3d map drive.log.gz --out out/drive")(map_)
+app.command(epilog="Example: lrf3d localise city --seeds 100 --json")(localise)
 app.add_typer(world, name="world")
 
 

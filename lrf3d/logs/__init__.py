@@ -1,5 +1,6 @@
-"""Runs on disk."""
+"""Runs and recorded logs on disk."""
 
+from lrf3d.logs.laser_log import BadLine, LaserLog, load_log
 from lrf3d.logs.run_file import load_run, save_run
 
-__all__ = ["load_run", "save_run"]
+__all__ = ["BadLine", "LaserLog", "load_log", "load_run", "save_run"]

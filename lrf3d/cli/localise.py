@@ -1,0 +1,102 @@
+"""``lrf3d localise``: how well the robot finds itself on a known map."""
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from lrf3d.cli import options
+from lrf3d.cli.console import print_json, print_table, progress_bar, warn
+
+
+class Known(StrEnum):
+    """What is known of the world."""
+
+    WALLS = "walls"
+    MAP = "map"
+
+
+class Strategy(StrEnum):
+    """Which known lines the lines of a scan are compared with."""
+
+    UNIONS_FIRST = "unions-first"
+    ALL = "all"
+
+
+def localise(
+    world: options.WorldArgument,
+    known: Annotated[
+        Known, typer.Option(help="The true walls, or the map that a first run built.")
+    ] = Known.WALLS,
+    strategy: Annotated[
+        Strategy, typer.Option(help="Which known lines are compared with those of a scan.")
+    ] = Strategy.UNIONS_FIRST,
+    seeds: Annotated[int, typer.Option(min=1, help="How many drives, each with its noise.")] = 10,
+    sigma: Annotated[float | None, typer.Option(help="Noise [m] at range_max.")] = None,
+    position: Annotated[
+        float, typer.Option(min=0.0, help="Odometry noise [m] a step, ahead and to the side.")
+    ] = 0.1,
+    heading: Annotated[float, typer.Option(min=0.0, help="Odometry noise [deg] a step.")] = 2.0,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; one a core if not given.")
+    ] = None,
+    ignore_collisions: options.IgnoreCollisions = False,
+    json: options.Json = False,
+) -> None:
+    """Follow the robot over a known map by odometry and scans, and compare with the truth.
+
+    The NEES is the squared error in units of the filter's own covariance, 3 on average.
+    """
+    from math import radians
+
+    from lrf3d.localization import OdometryNoise
+    from lrf3d.scenario import load_scenario
+    from lrf3d.study.experiment import Experiment, trajectory_of, with_route
+    from lrf3d.study.localisation import LocalisationTask, score_localisation
+
+    scenario = with_route(load_scenario(world))
+    experiment = Experiment(scenario, mode="robust", sigma=sigma)
+    odometry = OdometryNoise(position, radians(heading))
+    trajectory = trajectory_of(scenario, ignore_collisions=warn if ignore_collisions else None)
+    with progress_bar("first run") as progress:
+        run = experiment.simulate(trajectory, progress)
+    task = LocalisationTask(run, experiment.noise, odometry, known.value, strategy.value)
+    with progress_bar("seeds") as progress:
+        score = score_localisation(task, seeds=seeds, workers=workers, progress=progress).as_dict()
+    report = {
+        "name": scenario.name,
+        "known": known.value,
+        "lines": len(task.known_lines()),
+        "strategy": strategy.value,
+        "sigma_m": experiment.noise,
+        "odometry_noise": {"position_m": position, "heading_deg": heading},
+        **score,
+    }
+    if json:
+        print_json(report)
+        return
+    nees = score["nees"]
+    low, high = nees["bounds_of_average_over_seeds"]
+    print_table(
+        [
+            ("known", f"{report['lines']} lines: the {known.value} of {scenario.name}"),
+            ("drives", f"{score['seeds']} of {score['scans']} scans"),
+            (
+                "position",
+                f"{score['mean_position_error_m']:.4f} m off on average, RMS"
+                f" {score['rms_position_error_m']:.4f} m, at most"
+                f" {score['largest_position_error_m']:.3f} m",
+            ),
+            ("heading", f"{score['mean_heading_error_deg']:.4f}° off on average"),
+            (
+                "NEES",
+                f"{nees['mean']:.2f} on average; {100 * nees['scans_within_bounds']:.1f} % of the"
+                f" scans within {low:.2f} to {high:.2f}",
+            ),
+            (
+                "lines",
+                f"{score['lines_a_scan']:.1f} a scan, by {score['comparisons_a_scan']:.0f}"
+                " comparisons",
+            ),
+        ]
+    )

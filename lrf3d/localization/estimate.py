@@ -1,0 +1,120 @@
+"""PoseEstimate: a pose with its covariance, and the two steps of the extended Kalman filter.
+
+The prediction moves the pose by a step of odometry; the correction takes in pairs of lines, as in
+the localisation that Teslić et al. build their map for.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Bool, Float, wrap_angle
+from lrf3d.mapping.innovation import Innovation
+from lrf3d.mapping.pairing import GATE
+from lrf3d.pose import Pose, as_pose
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseEstimate:
+    """Where the robot is thought to be, and how well that is known.
+
+    Args:
+        pose: The pose.
+        covariance: (3, 3) of x, y [m] and theta [rad], in the world's directions.
+
+    Raises:
+        InputError: The covariance is not symmetric, or has a negative variance.
+    """
+
+    pose: Pose
+    covariance: Float
+
+    def __post_init__(self) -> None:
+        covariance = np.array(self.covariance, dtype=np.float64)
+        if covariance.shape != (3, 3) or not np.isfinite(covariance).all():
+            raise InputError(f"covariance of shape {covariance.shape}: expected finite (3, 3)")
+        if not np.array_equal(covariance, covariance.T) or (np.diag(covariance) < 0.0).any():
+            raise InputError("covariance: expected a symmetric matrix with variances of at least 0")
+        covariance.flags.writeable = False
+        object.__setattr__(self, "pose", as_pose(self.pose))
+        object.__setattr__(self, "covariance", covariance)
+
+    def moved(self, step: Float, noise: Float) -> "PoseEstimate":
+        """The estimate after a step (3,) of odometry whose noise has a covariance (3, 3)."""
+        ahead, left, turn = step.tolist()
+        x, y, theta = self.pose
+        cos, sin = np.cos(theta), np.sin(theta)
+        dx, dy = cos * ahead - sin * left, sin * ahead + cos * left
+        by_pose = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
+        by_step = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        covariance = by_pose @ self.covariance @ by_pose.T + by_step @ noise @ by_step.T
+        pose = Pose(float(x + dx), float(y + dy), float(wrap_angle(theta + turn)))
+        return PoseEstimate(pose, _symmetric(covariance))
+
+    def corrected(self, pairs: Innovation, *, gate: float = GATE) -> "Correction":
+        """The estimate after pairs of lines (k,), without those that contradict the others.
+
+        A pair is left out, the worst first, while it lies beyond the gate of what the prediction
+        and all other pairs say together. So a wrong pair that the wide gate of the prediction
+        let pass cannot make right ones look wrong, and many lines that agree can outvote a
+        prediction that was far off.
+
+        Args:
+            pairs: Their innovations at this estimate's pose, in which they are linear.
+            gate: Largest squared Mahalanobis distance, of two degrees of freedom.
+        """
+        measured = np.column_stack([pairs.angle, pairs.offset])
+        gradient = np.zeros((len(measured), 2, 3))
+        gradient[:, 0, 2] = -1.0
+        gradient[:, 1, 0], gradient[:, 1, 1] = -pairs.normal_x, -pairs.normal_y
+        noise = np.empty((len(measured), 2, 2))
+        noise[:, 0, 0], noise[:, 1, 1] = pairs.variance_angle, pairs.variance_offset
+        noise[:, 0, 1] = noise[:, 1, 0] = pairs.covariance
+        used = np.ones(len(measured), dtype=np.bool_)
+        while True:
+            change, covariance = _correct(
+                self.covariance, measured[used], gradient[used], noise[used]
+            )
+            left = measured[used] - gradient[used] @ change
+            # What is left over varies by the noise less the share that the correction took; in
+            # these units it is as far off as from a correction made without the pair itself.
+            spread = noise[used] - gradient[used] @ covariance @ gradient[used].transpose(0, 2, 1)
+            weighted = np.linalg.solve(spread, left[:, :, None])[:, :, 0]
+            squares = (left * weighted).sum(axis=1)
+            if squares.max(initial=0.0) <= gate:
+                break
+            used[np.flatnonzero(used)[squares.argmax()]] = False
+        x, y, theta = self.pose
+        pose = Pose(
+            float(x + change[0]), float(y + change[1]), float(wrap_angle(theta + change[2]))
+        )
+        return Correction(PoseEstimate(pose, covariance), used)
+
+
+class Correction(NamedTuple):
+    """A corrected estimate, and which of the pairs (k,) it took in."""
+
+    estimate: PoseEstimate
+    used: Bool
+
+
+def _correct(
+    covariance: Float, measured: Float, gradient: Float, noise: Float
+) -> tuple[Float, Float]:
+    """The change (3,) of a pose by measurements (k, 2), and its covariance (3, 3) then."""
+    size = 2 * len(measured)
+    stacked, spread = gradient.reshape(size, 3), np.zeros((size, size))
+    for row in range(len(noise)):
+        spread[2 * row : 2 * row + 2, 2 * row : 2 * row + 2] = noise[row]
+    across = stacked @ covariance
+    gain = np.linalg.solve(across @ stacked.T + spread, across).T
+    keep = np.eye(3) - gain @ stacked
+    # Joseph's form stays positive whatever is rounded.
+    corrected = keep @ covariance @ keep.T + gain @ spread @ gain.T
+    return gain @ measured.reshape(size), _symmetric(corrected)
+
+
+def _symmetric(matrix: Float) -> Float:
+    return 0.5 * (matrix + matrix.T)

@@ -1,0 +1,146 @@
+"""Localiser: follows the robot over a known map, step by step.
+
+Steps of odometry and scans enter; poses with covariances leave. The pose that a scan brings along
+is never looked at.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import chain
+from typing import Protocol
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.laser import LaserScan
+from lrf3d.localization.estimate import PoseEstimate
+from lrf3d.localization.odometry import OdometryNoise
+from lrf3d.localization.track import Track
+from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.mapping.innovation import innovation
+from lrf3d.mapping.known_lines import KnownLines
+from lrf3d.mapping.local_lines import LocalLines, RangeNoise
+from lrf3d.mapping.pairing import Criterion, Pairs, pair_lines
+from lrf3d.pose import Pose
+
+ROBOT = Pose(0.0, 0.0, 0.0)
+"""The robot's pose in its own frame."""
+
+
+LEAST_FLOOR = 0.001
+"""Floor of the noise [m] that lines are extracted with at least: a wall drawn in whole
+millimetres is no straighter."""
+
+
+class Extractor(Protocol):
+    """Anything that makes a local map of one scan; a LineMapper does."""
+
+    def local_map(self, scan: LaserScan) -> LineMap:
+        """Return the local map, in the frame that the scan's pose is given in."""
+        ...
+
+
+class Localiser:
+    """Extended Kalman filter over the lines of a known map.
+
+    Args:
+        known: The map.
+        start: Where the robot is at the first scan, and how well that is known.
+        range_noise: The noise of the ranges.
+        odometry_noise: The noise of the odometry.
+        extractor: What finds the lines of a scan; a LineMapper with this noise where not given.
+        criterion: What makes a pair; a MahalanobisGate where not given.
+        strategy: ``unions-first`` or ``all``: which lines are compared.
+    """
+
+    def __init__(
+        self,
+        known: KnownLines,
+        start: PoseEstimate,
+        *,
+        range_noise: RangeNoise | None = None,
+        odometry_noise: OdometryNoise | None = None,
+        extractor: Extractor | None = None,
+        criterion: Criterion | None = None,
+        strategy: str = "unions-first",
+    ) -> None:
+        self.known = known
+        self.estimate = start
+        self.pairs: Pairs | None = None
+        self.used = 0
+        self._range_noise = RangeNoise() if range_noise is None else range_noise
+        noise = OdometryNoise() if odometry_noise is None else odometry_noise
+        self._step_covariance = noise.covariance
+        self._extract = extractor or LineMapper(
+            sigma=self._range_noise.sigma, floor=max(self._range_noise.floor, LEAST_FLOOR)
+        )
+        self._criterion, self._strategy = criterion, strategy
+
+    def move(self, step: Float) -> PoseEstimate:
+        """Predict the pose after a step (3,) of odometry: ahead, to the left [m], turn [rad]."""
+        self.estimate = self.estimate.moved(step, self._step_covariance)
+        return self.estimate
+
+    def see(self, scan: LaserScan) -> PoseEstimate:
+        """Correct the pose by what a scan shows."""
+        local_map = self._extract.local_map(replace(scan, pose=ROBOT))
+        local = LocalLines.from_map(local_map, self._range_noise, spacing=_spacing(scan))
+        self.pairs = pair_lines(
+            local,
+            self.known,
+            *(self.estimate.pose, self.estimate.covariance),
+            criterion=self._criterion,
+            strategy=self._strategy,
+            seen=None if self.pairs is None else self.pairs.objects,
+        )
+        difference = innovation(
+            local,
+            self.known,
+            self.estimate.pose,
+            rows=self.pairs.local,
+            known_rows=self.pairs.known,
+        )
+        self.estimate, used = self.estimate.corrected(difference)
+        self.used = int(used.sum())
+        return self.estimate
+
+
+def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: Float) -> Track:
+    """Follow the robot along a drive.
+
+    Args:
+        localiser: The filter at the first scan.
+        scans: The scans (k); a run has them as ``run.scans``.
+        steps: (k − 1, 3) the odometry from each scan to the next.
+
+    Raises:
+        InputError: There is not one step from each scan to the next.
+    """
+    poses, covariances, lines, comparisons = [], [], [], []
+    waiting = chain([None], steps)
+    for scan in scans:
+        try:
+            step = next(waiting)
+        except StopIteration:
+            raise InputError(f"{len(steps)} steps of odometry for more scans than that") from None
+        if step is not None:
+            localiser.move(step)
+        estimate = localiser.see(scan)
+        poses.append(estimate.pose)
+        covariances.append(estimate.covariance)
+        lines.append(localiser.used)
+        comparisons.append(0 if localiser.pairs is None else localiser.pairs.comparisons)
+    if len(poses) != len(steps) + 1:
+        raise InputError(f"{len(steps)} steps of odometry for {len(poses)} scans")
+    return Track(
+        np.array(poses).reshape(-1, 3),
+        np.array(covariances).reshape(-1, 3, 3),
+        np.array(lines),
+        np.array(comparisons),
+    )
+
+
+def _spacing(scan: LaserScan) -> float | None:
+    """The usual angle [rad] between two beams of a scan."""
+    return float(np.median(np.abs(np.diff(scan.angles)))) if len(scan.angles) > 1 else None

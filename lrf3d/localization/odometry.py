@@ -1,0 +1,52 @@
+"""Odometry: what the wheels tell of each step between two scans."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.pose import as_poses
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryNoise:
+    """Gaussian noise of each step, whatever its length.
+
+    Args:
+        position: Standard deviation [m] ahead, and the same to the side.
+        heading: Standard deviation [rad] of the turn.
+
+    Raises:
+        InputError: A number is negative or not finite.
+    """
+
+    position: float = 0.1
+    heading: float = float(np.radians(2.0))
+
+    def __post_init__(self) -> None:
+        values = (self.position, self.heading)
+        if not (np.isfinite(values).all() and min(values) >= 0.0):
+            raise InputError(f"odometry noise {values}: expected finite numbers, at least 0")
+
+    @property
+    def covariance(self) -> Float:
+        """Covariance (3, 3) of a step: ahead, to the left [m], turn [rad]."""
+        return np.diag([self.position**2, self.position**2, self.heading**2])
+
+    def __call__(self, steps: Float, rng: np.random.Generator) -> Float:
+        """Return steps (k, 3) as the wheels would tell them."""
+        deviations = [self.position, self.position, self.heading]
+        return steps + rng.normal(size=steps.shape) * deviations
+
+
+def steps_between(poses: Float) -> Float:
+    """The steps (k − 1, 3) from pose to pose (k, 3): ahead, to the left [m], turn [rad].
+
+    Raises:
+        InputError: The poses are not rows of three finite numbers.
+    """
+    poses = as_poses(poses)
+    (dx, dy, turn), theta = np.diff(poses, axis=0).T, poses[:-1, 2]
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(turn)])

@@ -1,0 +1,156 @@
+"""LocalLines: the lines that one scan shows, in the robot's frame, and how well each is known.
+
+What enters is the local map of a scan; what leaves are (alpha, p) with covariances. All is
+computed around the robot, so that it does not matter where the world has its origin.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Int, lengths, normal_lines
+from lrf3d.mapping.line_map import LineMap
+
+SAMPLES = 16
+"""Beams that stand for all that met a segment when its covariance is computed: with more, the
+covariance changes by less than a percent."""
+
+LEAST_INCIDENCE = 0.05
+"""Smallest cosine of the incidence that a variance is computed with: along grazing beams other
+errors than that of the range decide."""
+
+
+LEAST_DEVIATION = 1e-5
+"""Deviation of a range [m] that is reckoned with at least, so that lines without noise still have
+a covariance that can be inverted: a hundredth of a millimetre is less than any wall is flat."""
+
+
+@dataclass(frozen=True, slots=True)
+class RangeNoise:
+    """How far a range may be off: d / range_max · sigma (Eq. 7), and a floor beside it.
+
+    Args:
+        sigma: Standard deviation [m] at range_max.
+        floor: Standard deviation [m] at no distance.
+        range_max: Range [m] that sigma is given at.
+
+    Raises:
+        InputError: A number makes no sense.
+    """
+
+    sigma: float = 0.04
+    floor: float = 0.01
+    range_max: float = 80.0
+
+    def __post_init__(self) -> None:
+        values = (self.sigma, self.floor, self.range_max)
+        if not (np.isfinite(values).all() and min(values) >= 0.0 and self.range_max > 0.0):
+            raise InputError(f"range noise {values}: expected finite numbers of metres, at least 0")
+
+    def variance(self, ranges: Float) -> Float:
+        """Variance [m²] of ranges [m]."""
+        variance = self.floor**2 + (self.sigma * ranges / self.range_max) ** 2
+        return np.maximum(variance, LEAST_DEVIATION**2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalLines:
+    """Lines that one scan shows, in the frame of the robot.
+
+    Args:
+        segments: (m, 4) x1 y1 x2 y2 [m]; the robot stands on their left.
+        lines: (m, 2) alpha [rad], p [m], the normals pointing away from the robot.
+        covariances: (m, 2, 2) of alpha and p.
+    """
+
+    segments: Float
+    lines: Float
+    covariances: Float
+
+    @classmethod
+    def from_map(
+        cls, local_map: LineMap, noise: RangeNoise, *, spacing: float | None = None
+    ) -> "LocalLines":
+        """The lines of a local map that was made in the robot's frame.
+
+        Args:
+            local_map: The local map.
+            noise: The noise of the ranges.
+            spacing: Angle [rad] between two beams of the scan, where it is known.
+        """
+        segments = local_map.segments.copy()
+        right = segments[:, 0] * segments[:, 3] - segments[:, 1] * segments[:, 2] < 0.0
+        segments[right] = segments[right][:, [2, 3, 0, 1]]
+        usable = (lengths(segments) > 0.0) & (local_map.points >= 2)
+        segments, points = segments[usable], local_map.points[usable]
+        lines = normal_lines(segments)
+        return cls(
+            segments, lines, line_covariances(segments, lines, points, noise, spacing=spacing)
+        )
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def take(self, rows: Int) -> "LocalLines":
+        """Some of the lines."""
+        return LocalLines(self.segments[rows], self.lines[rows], self.covariances[rows])
+
+
+def line_covariances(
+    segments: Float,
+    lines: Float,
+    points: Int,
+    noise: RangeNoise,
+    *,
+    spacing: float | None = None,
+) -> Float:
+    """Covariances (m, 2, 2) of alpha [rad] and p [m] of lines fitted to the points of a scan.
+
+    The points of a segment were met by beams a constant angle apart. One at the distance t
+    along the line from the foot of the robot's perpendicular sees the line move sideways by
+    t·δα − δp, with the variance of its range times the square of the cosine of incidence; the
+    sum of what all tell is the information.
+
+    Args:
+        segments: (m, 4) around the robot [m].
+        lines: (m, 2) alpha [rad], p [m] of the segments.
+        points: (m,) number of points that each was fitted to.
+        noise: The noise of their ranges.
+        spacing: Angle [rad] between two beams; where not given, the ends are taken for points.
+            With it, a segment that was drawn out to a corner counts no longer than its points.
+    """
+    alpha, p = lines[:, :1], lines[:, 1:]
+    along = np.stack([-np.sin(alpha[:, 0]), np.cos(alpha[:, 0])], axis=-1)
+    first = np.einsum("ij,ij->i", segments[:, :2], along)[:, None]
+    last = np.einsum("ij,ij->i", segments[:, 2:], along)[:, None]
+    low, high = np.minimum(first, last), np.maximum(first, last)
+    start, turn = np.arctan2(low, p), np.arctan2(high, p) - np.arctan2(low, p)
+    # Each beam stands for the angle half way to its neighbours, also beyond the outermost.
+    step = turn / (points[:, None] - 1.0)
+    if spacing is not None:
+        step = np.minimum(step, spacing)
+    width = points[:, None] * step
+    angles = start + 0.5 * (turn - width) + width * (np.arange(SAMPLES) + 0.5) / SAMPLES
+    # A wall that points at the robot has beams along it, whose tangent knows no bound.
+    margin = (high - low) / (points[:, None] - 1.0)
+    t = np.clip(p * np.tan(angles), low - margin, high + margin)
+    ranges = np.maximum(np.hypot(p, t), np.finfo(np.float64).tiny)
+    incidence = np.maximum(p / ranges, LEAST_INCIDENCE)
+    weights = points[:, None] / SAMPLES / (noise.variance(ranges) * incidence**2)
+    total, first_moment = weights.sum(axis=1), (weights * t).sum(axis=1)
+    mean = first_moment / total
+    # About the mean, so that a short segment far along its line loses no digits. Points that lie
+    # evenly scatter by (1 − 1/n²)·length²/12; the samples do so with their own number.
+    spread = (weights * (t - mean[:, None]) ** 2).sum(axis=1)
+    share = np.divide(width, turn, out=np.ones_like(turn), where=turn > 0.0)
+    evenly = total * ((high - low) * share)[:, 0] ** 2 / 12.0
+    spread += evenly * (1.0 / SAMPLES**2 - 1.0 / points**2)
+    # Along a wall that points straight at the robot the samples fall on one place.
+    spread = np.maximum(spread, evenly / points**2)
+    sway = 1.0 / spread
+    covariances = np.empty((len(lines), 2, 2))
+    covariances[:, 0, 0] = sway
+    covariances[:, 0, 1] = covariances[:, 1, 0] = mean * sway
+    covariances[:, 1, 1] = 1.0 / total + mean**2 * sway
+    return covariances

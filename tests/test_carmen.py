@@ -1,0 +1,196 @@
+import gzip
+from math import inf, pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrf3d.errors import InputError
+from lrf3d.logs import LaserLog, load_log
+from lrf3d.logs.carmen import read_carmen
+from lrf3d.logs.packed import BLOCK, Line, lines_of
+
+
+def front(readings, pose=(1.0, -2.0, 0.5), time=3.25):
+    x, y, theta = pose
+    ranges = " ".join(map(str, readings))
+    return f"FLASER {len(readings)} {ranges} {x} {y} {theta} 9 9 9 {time} host 7.5"
+
+
+def robot(readings, *, start=-1.0, step=0.5, farthest=30.0, remissions=()):
+    ranges, strengths = " ".join(map(str, readings)), " ".join(map(str, remissions))
+    return (
+        f"ROBOTLASER1 0 {start} 2.0 {step} {farthest} 0.01 0 {len(readings)} {ranges}"
+        f" {len(remissions)} {strengths} 4 5 0.25 8 8 8 0 0 0.3 0.3 0 6.5 host 7.5"
+    )
+
+
+def write(path, *lines):
+    text = "\n".join(lines) + "\n"
+    if path.suffix == ".gz":
+        path.write_bytes(gzip.compress(text.encode("utf-8", "surrogateescape")))
+    else:
+        path.write_text(text, errors="surrogateescape")
+    return path
+
+
+def read(text):
+    lines = (Line(number, line) for number, line in enumerate(text.encode().split(b"\n"), 1))
+    return list(read_carmen(lines))
+
+
+def test_poses_ranges_and_times_are_as_logged(tmp_path):
+    lines = ["# a comment", "PARAM robot_width 0.6 h 0", front([1, 2.5, 81.91, 50, 0])]
+    log = load_log(write(tmp_path / "a.log", *lines, front([2, 2, 2], (0, 0, 4.0), 5)))
+    assert isinstance(log, LaserLog) and log.name == "a"
+    assert log.bad_count == 0 and log.bad_lines == ()
+    assert log.scans[0].ranges.tolist() == [1.0, 2.5, inf, inf, -inf]
+    assert log.scans[0].pose == (1.0, -2.0, 0.5)
+    assert log.scans[1].pose.theta == pytest.approx(4.0 - 2 * pi)
+    assert log.times.tolist() == [3.25, 5.0]
+    assert log.poses.shape == (2, 3)
+
+
+def test_what_is_no_return_can_be_chosen(tmp_path):
+    path = write(tmp_path / "a.log", front([7.9, 8.0, 30]))
+    assert load_log(path, largest_range=8.0).scans[0].ranges.tolist() == [7.9, inf, inf]
+    with pytest.raises(InputError, match="largest range"):
+        load_log(path, largest_range=-1.0)
+
+
+@given(st.integers(2, 400))
+def test_an_odd_fan_reaches_both_sides_and_an_even_one_leaves_the_last_out(count):
+    angles = read(front([1] * count))[0].angles
+    assert angles[0] == -pi / 2
+    if count % 2:
+        assert angles == pytest.approx(np.linspace(-pi / 2, pi / 2, count))
+    else:
+        assert angles == pytest.approx(-pi / 2 + np.arange(count) * pi / count)
+
+
+def test_the_new_message_tells_its_angles_and_its_range():
+    scan = read(robot([1, 29.9, 30.0], remissions=(5, 6)))[0]
+    assert scan.angles.tolist() == [-1.0, -0.5, 0.0]
+    assert scan.ranges.tolist() == [1.0, 29.9, inf]
+    assert scan.pose == (4.0, 5.0, 0.25) and scan.time == 6.5
+
+
+def test_a_scan_that_is_told_twice_is_read_once():
+    text = "\n".join([front([1, 2, 3]), robot([1, 2, 3]), front([4, 5, 6])])
+    assert [scan.ranges[0] for scan in read(text)] == [1.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        (front([1, 2, 3])[:-20], "words"),
+        (front([1, 2, 3]) + " 4", "words"),
+        ("FLASER", "readings"),
+        ("FLASER x 1 2", "readings"),
+        ("FLASER -3 1 2 3", "readings"),
+        ("FLASER 99999999999999999999 1", "readings"),
+        (front([1, "nan", 3]), "reading 2 is 'nan'"),
+        (front([1, 2, "-3"]), "reading 3"),
+        (front([1, "2,5", 3]), "reading 2"),
+        (front([1, 2, 3], pose=("inf", 0, 0)), "x is 'inf'"),
+        (front([1, 2, 3], pose=(0, 0, "nan")), "theta"),
+        (front([1, 2, 3], time="noon"), "time"),
+        (robot([1, 2, 3], step=0.0), "rad apart"),
+        (robot([1, 2, 3], step="nan"), "a value is 'nan'"),
+        (robot([1, 2, 3], farthest="far"), "a value is 'far'"),
+        ("\x00\x01junk", "not a CARMEN message"),
+        ("flaser 3 1 2 3", "not a CARMEN message"),
+    ],
+)
+def test_a_bad_line_is_named_and_the_others_are_read(line, reason):
+    good = robot if line.startswith("ROBOT") else front
+    scan, bad, again = read("\n".join([good([1, 2]), line, good([3, 4])]))
+    assert bad.number == 2 and reason in bad.reason
+    assert scan.ranges[0] == 1.0 and again.ranges[0] == 3.0
+    assert "\n" not in str(bad) and len(str(bad)) < 150
+
+
+@given(st.lists(st.binary(max_size=60), max_size=30))
+def test_no_bytes_whatever_stop_the_reading(junk):
+    good = front([1, 2]).encode()
+    lines = [Line(number, text) for number, text in enumerate([good, *junk, good], 1)]
+    scans = [item for item in read_carmen(lines) if not hasattr(item, "reason")]
+    assert len(scans) >= 2
+
+
+def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
+    lines = [front([1, 2])] + ["FLASER 2 1"] * 100
+    log = load_log(write(tmp_path / "a.log.gz", *lines))
+    assert len(log) == 1 and log.bad_count == 100
+    assert [bad.number for bad in log.bad_lines] == [2, 3, 4, 5, 6]
+
+
+def test_a_log_without_a_scan_is_refused_in_one_line(tmp_path):
+    with pytest.raises(
+        InputError, match=r"a\.log: no laser scan .* 1 bad lines, first line 1: "
+    ) as e:
+        load_log(write(tmp_path / "a.log", "FLASER 2 1"))
+    assert "\n" not in str(e.value)
+    with pytest.raises(InputError, match="no laser scan"):
+        load_log(write(tmp_path / "b.log", ""))
+
+
+def test_what_stands_before_a_cut_in_packed_data_is_read(tmp_path):
+    rng = np.random.default_rng(0)
+    lines = [front(np.round(rng.uniform(1, 9, 90), 3)) for _ in range(400)]
+    path = write(tmp_path / "a.log.gz", *lines)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    log = load_log(path)
+    assert 100 < len(log) < 300
+    assert log.bad_count == 1 and "damaged" in log.bad_lines[0].reason
+    assert log.bad_lines[0].number == len(log) + 1
+
+
+def test_packed_or_not_is_told_by_what_is_in_the_file(tmp_path):
+    packed = write(tmp_path / "a.log.gz", front([1, 2]))
+    plain = write(tmp_path / "b.log", front([1, 2]))
+    assert len(load_log(packed.rename(tmp_path / "c.log"))) == 1
+    assert len(load_log(plain.rename(tmp_path / "d.log.gz"))) == 1
+
+
+def test_a_bomb_is_refused_early(tmp_path):
+    path = tmp_path / "bomb.log.gz"
+    path.write_bytes(gzip.compress(bytes(1 << 25)))
+    with pytest.raises(InputError, match="unpacks to over 100 times"):
+        load_log(path)
+
+
+def test_an_endless_line_is_never_held_whole(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_bytes(b"\nFLASER 2 " + b"1 " * 2 * BLOCK + b"\n\n" + front([1, 2]).encode())
+    assert [line.number for line in lines_of(path)] == [2, 4]
+    log = load_log(path)
+    assert len(log) == 1 and log.bad_count == 1
+    assert log.bad_lines[0].number == 2 and "longer" in log.bad_lines[0].reason
+
+
+@given(st.binary(max_size=200), st.integers(0, 3))
+def test_lines_come_as_they_stand_however_they_are_packed(tmp_path_factory, text, blanks):
+    text += b"\n" * blanks
+    folder = tmp_path_factory.mktemp("lines")
+    (folder / "a.log").write_bytes(b"#" + text)
+    (folder / "b.log").write_bytes(gzip.compress(b"#" + text))
+    expected = [(n, line) for n, line in enumerate((b"#" + text).split(b"\n"), 1) if line]
+    for name in ("a.log", "b.log"):
+        assert [(line.number, line.text) for line in lines_of(folder / name)] == expected
+
+
+def test_a_file_of_other_messages_is_given_up(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_bytes(b"ODOM 1\n" * 1_000_001)
+    with pytest.raises(InputError, match=r"a\.log: line 1000001: no scan in 1,000,000 lines"):
+        load_log(path)
+
+
+@pytest.mark.parametrize("name", ["no.log", "picture.png", "folder.log"])
+def test_a_file_that_is_no_log_is_refused(tmp_path, name):
+    (tmp_path / "folder.log").mkdir()
+    (tmp_path / "picture.png").write_text("")
+    with pytest.raises(InputError, match=name.replace(".", r"\.")):
+        load_log(tmp_path / name)

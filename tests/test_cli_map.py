@@ -1,0 +1,142 @@
+import gzip
+import json
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from synthetic_run import around, box, make_run, make_world
+
+from lrf3d.cli import main
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.logs import load_log
+from lrf3d.mapping import LineMap
+from lrf3d.study.log_mapping import map_log
+
+BEAMS = 180
+
+
+@pytest.fixture(scope="module")
+def text():
+    """The log of a drive around in a room of 10 m by 8 m with a pillar, as a CARMEN log."""
+    world = make_world(box(0, 0, 10, 8), box(4.5, 3.5, 1, 1))
+    lrf = LaserRangeFinder(-np.pi / 2, np.pi / 2 - np.pi / BEAMS, BEAMS, range_max=40.0)
+    run = make_run(world, around(5, 4, 2.5, 40, heading=np.pi / 2), lrf, sigma=0.04)
+    lines = ["# message formats defined: PARAM SYNC ODOM FLASER"]
+    for scan in run.scans:
+        ranges = " ".join(f"{value:.3f}" for value in np.minimum(scan.ranges, 81.91))
+        x, y, theta = scan.pose
+        place = f"{x:.6f} {y:.6f} {theta:.6f}"
+        lines.append(f"FLASER {BEAMS} {ranges} {place} 0 0 0 {scan.time} host {scan.time}")
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def log(text, tmp_path):
+    path = tmp_path / "room.log.gz"
+    path.write_bytes(gzip.compress(text.encode()))
+    return path
+
+
+@pytest.fixture
+def lrf3d(monkeypatch, capsys):
+    """The program within this process, which spares the start of another."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["lrf3d", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        return SimpleNamespace(code=end.value.code or 0, **capsys.readouterr()._asdict())
+
+    return call
+
+
+@pytest.fixture
+def refused(lrf3d):
+    """The one line on stderr with which a command ends that meets a known error."""
+
+    def call(*arguments):
+        done = lrf3d(*arguments)
+        assert (done.code, done.out) == (1, "")
+        assert done.err.count("\n") == 1 and done.err.startswith("lrf3d: ")
+        return done.err
+
+    return call
+
+
+def test_map_writes_its_files_and_json_is_the_only_output(lrf3d, log, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = lrf3d("map", log, "--json")
+    assert (done.code, done.err) == (0, "")
+    summary = json.loads(done.out)
+    folder = tmp_path / "out" / "room"
+    assert summary == json.loads((folder / "summary.json").read_text())
+    written = {path.name for path in folder.iterdir()}
+    assert written == {"map.geojson", "map.png", "summary.json"} == set(summary["files"].values())
+    assert len(LineMap.load(folder / "map.geojson")) == summary["map"]["segments"] == 8
+    assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
+    assert summary["log"] == {"scans": 40, "beams": 180, "bad_lines": 0, "first_bad_lines": []}
+
+
+def test_a_clean_drive_is_explained_and_nothing_violated(log):
+    score = map_log(load_log(log)).score
+    assert score.scans == 20
+    assert score.explained > 0.99 and score.violation < 0.01 and score.median_range_error < 0.02
+    assert score.length == pytest.approx(2 * (10 + 8) + 4, abs=1.0)
+
+
+def test_the_map_is_built_from_the_even_scans_alone(text, log, tmp_path):
+    heading, *scans = text.splitlines()
+    # What the odd scans say is moved a kilometre away: it must not get into the map.
+    away = [
+        line if place % 2 == 0 else " ".join([*line.split()[:182], "1000", *line.split()[183:]])
+        for place, line in enumerate(scans)
+    ]
+    path = tmp_path / "away.log"
+    path.write_text("\n".join([heading, *away]))
+    mixed, clean = map_log(load_log(path)), map_log(load_log(log))
+    assert np.array_equal(mixed.map.segments, clean.map.segments)
+    assert mixed.score.explained == 0.0
+
+
+def test_bad_lines_are_named_and_do_not_stop_the_map(lrf3d, text, tmp_path):
+    path = tmp_path / "room.log"
+    path.write_text(text.replace("\n", "\nFLASER 3 1 nan 2 0 0 0 0 0 0 1 host 1\n", 1))
+    done = lrf3d("map", path, "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    assert "1 bad lines" in done.out
+    assert "line 2: reading 2 is 'nan'" in done.out
+
+
+def test_modes_and_noise_reach_the_mapper(log):
+    drive = load_log(log)
+    assert map_log(drive, mode="paper", sigma=0.02).summary()["mode"] == "paper"
+    assert not np.array_equal(map_log(drive, sigma=5.0).map.segments, map_log(drive).map.segments)
+
+
+def test_a_log_of_one_scan_gives_a_map_and_no_score(lrf3d, text, tmp_path):
+    path = tmp_path / "one.log"
+    path.write_text("\n".join(text.splitlines()[:2]))
+    done = lrf3d("map", path, "--json", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    assert json.loads(done.out)["score"]["explained"] is None
+
+
+def test_what_cannot_be_read_is_refused_in_one_line(refused, tmp_path):
+    assert "no.log" in refused("map", tmp_path / "no.log")
+    (tmp_path / "junk.log").write_bytes(bytes(range(256)) * 10)
+    assert "junk.log: no laser scan" in refused("map", tmp_path / "junk.log")
+    (tmp_path / "world.toml").write_text("")
+    assert ".log.gz" in refused("map", tmp_path / "world.toml")
+
+
+def test_settings_that_make_no_sense_are_refused(lrf3d, refused, log, tmp_path):
+    assert "sigma" in refused("map", log, "--sigma", "-1", "--out", tmp_path / "out")
+    assert "largest range" in refused("map", log, "--largest-range", "0")
+    assert lrf3d("map", log, "--mode", "best").code == 2
+    assert not list(tmp_path.glob("out/*"))
+
+
+def test_help_shows_an_example(lrf3d):
+    done = lrf3d("map", "--help")
+    assert done.code == 0 and "Example: lrf3d map" in done.out

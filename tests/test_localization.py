@@ -1,0 +1,284 @@
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic_run import box, make_run, make_world
+
+from lrf3d.cli import main
+from lrf3d.errors import InputError
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.localization import (
+    Localiser,
+    OdometryNoise,
+    PoseEstimate,
+    localise,
+    steps_between,
+)
+from lrf3d.mapping.innovation import Innovation
+from lrf3d.mapping.known_lines import KnownLines
+from lrf3d.mapping.local_lines import RangeNoise
+from lrf3d.pose import Pose
+from lrf3d.study.localisation import LocalisationTask, score_localisation
+from lrf3d.world import World
+
+ODOMETRY = OdometryNoise()
+NOISE = RangeNoise(0.04, 0.001, 80.0)
+FAR = 1e6
+
+numbers = st.floats(-5.0, 5.0)
+poses = st.builds(Pose, numbers, numbers, st.floats(-3.1, 3.1))
+
+
+def quarter():
+    """A street with buildings of all depths on both sides."""
+    rng = np.random.default_rng(0)
+    blocks = []
+    for x in np.arange(0.0, 60.0, 10.0):
+        width, depth = rng.uniform(4.0, 8.0, 2)
+        blocks += [box(x, 4.0 + rng.uniform(0, 1), width, depth)]
+        blocks += [box(x + 2.0, -4.0 - depth, width, depth - rng.uniform(0, 1))]
+    return make_world(*blocks)
+
+
+@pytest.fixture(scope="module")
+def run():
+    x = np.arange(-4.0, 44.0, 1.5)
+    poses = np.column_stack([x, np.sin(x / 8.0), np.arctan(np.cos(x / 8.0) / 8.0)])
+    return make_run(quarter(), poses, LaserRangeFinder(), sigma=0.04)
+
+
+def follow(run, *, offset=0.0, seed=0, **how):
+    """The track of a run, which is told its start and noisy odometry, in a world moved far away."""
+    rng = np.random.default_rng(seed)
+    world = World(run.world.segments + offset, run.world.objects)
+    x, y, theta = run.trajectory.poses[0]
+    start = PoseEstimate(Pose(x + offset, y + offset, theta), np.zeros((3, 3)))
+    start = start.moved(ODOMETRY(np.zeros((1, 3)), rng)[0], ODOMETRY.covariance)
+    steps = ODOMETRY(steps_between(run.trajectory.poses), rng)
+    localiser = Localiser(KnownLines.from_world(world), start, range_noise=NOISE, **how)
+    return localise(localiser, run.scans, steps)
+
+
+def lines_at(normals, angle=0.0, offset=0.0, deviation=0.01):
+    """Innovations of lines with normals (k,) [rad], all off by the same."""
+    count = len(normals)
+    same = np.full(count, deviation**2)
+    return Innovation(
+        np.full(count, angle),
+        np.broadcast_to(np.asarray(offset, dtype=float), count).copy(),
+        np.cos(normals),
+        np.sin(normals),
+        same,
+        np.zeros(count),
+        same,
+        np.ones(count, dtype=bool),
+    )
+
+
+@given(st.lists(poses, min_size=2, max_size=6))
+def test_steps_lead_from_pose_to_pose(drive):
+    estimate = PoseEstimate(drive[0], np.zeros((3, 3)))
+    for step, pose in zip(steps_between(np.array(drive)), drive[1:], strict=True):
+        estimate = estimate.moved(step, np.zeros((3, 3)))
+        assert estimate.pose[:2] == pytest.approx(pose[:2], abs=1e-9)
+        assert np.cos(estimate.pose.theta - pose.theta) == pytest.approx(1.0)
+    assert (estimate.covariance == 0.0).all()
+
+
+def test_a_prediction_spreads_as_many_noisy_drives_do():
+    rng = np.random.default_rng(0)
+    steps = np.array([[1.0, 0.0, 0.3], [1.0, 0.2, -0.1], [0.5, 0.0, 0.4]])
+    noise = OdometryNoise(0.05, 0.02)
+    certain = PoseEstimate(Pose(1, 2, 0.5), np.zeros((3, 3)))
+    ends = []
+    for _ in range(3000):
+        estimate = certain
+        for step in noise(steps, rng):
+            estimate = estimate.moved(step, np.zeros((3, 3)))
+        ends.append(estimate.pose)
+    predicted = certain
+    for step in steps:
+        predicted = predicted.moved(step, noise.covariance)
+    measured = np.cov(np.array(ends).T)
+    scale = np.sqrt(np.outer(np.diag(measured), np.diag(measured)))
+    assert predicted.covariance / scale == pytest.approx(measured / scale, abs=0.08)
+
+
+@given(poses, st.tuples(*[st.floats(-0.05, 0.05)] * 3))
+def test_exact_lines_bring_the_pose_home(truth, off):
+    normals = np.array([0.1, 1.4, -2.0])
+    dx, dy, turn = off
+    start = Pose(truth.x + dx, truth.y + dy, truth.theta + turn)
+    offsets = np.cos(normals) * dx + np.sin(normals) * dy
+    pairs = lines_at(normals, turn, offsets, deviation=1e-6)
+    estimate, used = PoseEstimate(start, ODOMETRY.covariance).corrected(pairs)
+    assert used.all()
+    assert estimate.pose[:2] == pytest.approx(truth[:2], abs=1e-6)
+    assert np.cos(estimate.pose.theta - truth.theta) == pytest.approx(1.0)
+
+
+@given(st.lists(st.floats(-3, 3), min_size=1, max_size=12), st.floats(1e-6, 1.0))
+def test_a_covariance_stays_symmetric_positive_and_never_grows(normals, deviation):
+    before = PoseEstimate(Pose(0, 0, 0), ODOMETRY.covariance)
+    after, _ = before.corrected(lines_at(np.array(normals), deviation=deviation))
+    assert np.array_equal(after.covariance, after.covariance.T)
+    assert (np.linalg.eigvalsh(after.covariance) >= -1e-18).all()
+    assert (np.linalg.eigvalsh(before.covariance - after.covariance) >= -1e-12).all()
+
+
+def test_headings_are_wrapped_across_the_seam():
+    start = PoseEstimate(Pose(0, 0, np.pi - 0.01), ODOMETRY.covariance)
+    moved = start.moved(np.array([0.0, 0.0, 0.03]), ODOMETRY.covariance)
+    assert moved.pose.theta == pytest.approx(-np.pi + 0.02)
+    pairs = lines_at(np.array([0.0, 1.0]), angle=0.03, deviation=1e-6)
+    assert moved.corrected(pairs).estimate.pose.theta == pytest.approx(np.pi - 0.01, abs=1e-6)
+
+
+def test_a_line_that_contradicts_the_others_is_left_out():
+    normals = np.array([0.0, 0.1, 1.5, 1.6, 0.05])
+    offsets = np.array([0.0, 0.0, 0.0, 0.0, 0.15])
+    before = PoseEstimate(Pose(0, 0, 0), ODOMETRY.covariance)
+    after, used = before.corrected(lines_at(normals, 0.0, offsets))
+    assert used.tolist() == [True] * 4 + [False]
+    assert np.hypot(*after.pose[:2]) < 1e-9
+
+
+def test_many_lines_that_agree_outvote_a_prediction_that_was_far_off():
+    """A prediction four deviations off, and one line that would lead along with it."""
+    normals = np.radians([90.0, 90.0, 90.0, 94.0, 86.0, 0.0])
+    offsets = 0.4 * np.cos(normals)
+    before = PoseEstimate(Pose(0.4, 0, 0), ODOMETRY.covariance)
+    after, used = before.corrected(lines_at(normals, 0.0, offsets, deviation=0.002))
+    assert used.all() and abs(after.pose.x) < 0.01
+
+
+def test_no_pair_changes_nothing():
+    before = PoseEstimate(Pose(1, 2, 3), ODOMETRY.covariance)
+    after, used = before.corrected(lines_at(np.empty(0)))
+    assert after.pose == before.pose and len(used) == 0
+    assert after.covariance == pytest.approx(before.covariance)
+
+
+def test_the_robot_finds_itself_within_centimetres(run):
+    track = follow(run)
+    errors = track.errors(run.trajectory.poses)
+    assert np.hypot(errors[:, 0], errors[:, 1]).mean() < 0.02
+    assert np.abs(errors[:, 2]).max() < np.radians(0.5)
+    assert track.lines.min() >= 2
+
+
+def test_without_scans_it_does_not(run):
+    rng = np.random.default_rng(0)
+    estimate = PoseEstimate(Pose(*run.trajectory.poses[0].tolist()), np.zeros((3, 3)))
+    for step in ODOMETRY(steps_between(run.trajectory.poses), rng):
+        estimate = estimate.moved(step, ODOMETRY.covariance)
+    assert np.hypot(*(np.array(estimate.pose) - run.trajectory.poses[-1])[:2]) > 0.2
+
+
+def test_a_world_a_thousand_kilometres_away_changes_nothing(run):
+    near, far = follow(run), follow(run, offset=FAR)
+    assert far.poses - [FAR, FAR, 0.0] == pytest.approx(near.poses, abs=1e-6)
+    assert far.covariances == pytest.approx(near.covariances, rel=1e-3, abs=1e-12)
+    assert np.array_equal(far.lines, near.lines)
+    assert np.array_equal(far.comparisons, near.comparisons)
+
+
+def test_both_strategies_find_the_same_poses(run):
+    every, first = follow(run, strategy="all"), follow(run, strategy="unions-first")
+    assert first.poses == pytest.approx(every.poses, abs=1e-9)
+    assert first.comparisons.sum() < every.comparisons.sum()
+
+
+def test_the_pose_that_a_scan_brings_along_is_never_looked_at(run):
+    moved = make_run(run.world, run.trajectory.poses[:5], run.lrf, sigma=0.04)
+    told = follow(moved)
+    scans = [replace(scan, pose=Pose(99.0, 99.0, 1.0)) for scan in moved.scans]
+    rng = np.random.default_rng(0)
+    start = PoseEstimate(Pose(*run.trajectory.poses[0].tolist()), np.zeros((3, 3)))
+    start = start.moved(ODOMETRY(np.zeros((1, 3)), rng)[0], ODOMETRY.covariance)
+    steps = ODOMETRY(steps_between(moved.trajectory.poses), rng)
+    known = KnownLines.from_world(run.world)
+    track = localise(Localiser(known, start, range_noise=NOISE), scans, steps)
+    assert np.array_equal(track.poses, told.poses)
+
+
+@pytest.mark.parametrize("known", ["walls", "map"])
+def test_the_filter_is_consistent_over_many_seeds(run, known):
+    """The NEES of a filter that knows how well it does is 3 on average, here over 16 drives."""
+    score = score_localisation(LocalisationTask(run, 0.04, known=known), seeds=16).as_dict()
+    low, high = score["nees"]["bounds_of_average_over_seeds"]
+    assert 1.8 < low < 3.0 < high < 4.4
+    assert low < score["nees"]["mean"] < high
+    assert score["mean_position_error_m"] < 0.02
+
+
+def test_a_filter_that_thinks_too_well_of_its_ranges_is_not_consistent(run):
+    truth = run.trajectory.poses
+    known = KnownLines.from_world(run.world)
+    certain = PoseEstimate(Pose(*truth[0].tolist()), np.zeros((3, 3)))
+    nees = [
+        localise(
+            Localiser(known, certain, range_noise=RangeNoise(sigma, 0.001, 80.0)),
+            run.scans,
+            steps_between(truth),
+        ).nees(truth)
+        for sigma in (0.04, 0.008)
+    ]
+    assert nees[0][0] == nees[1][0] == 0.0
+    assert nees[1].mean() > 3.0 * nees[0].mean()
+
+
+def test_ranges_without_noise_are_no_obstacle(run):
+    quiet = make_run(run.world, run.trajectory.poses[:6], run.lrf)
+    certain = PoseEstimate(Pose(*run.trajectory.poses[0].tolist()), np.zeros((3, 3)))
+    known = KnownLines.from_world(run.world)
+    localiser = Localiser(known, certain, range_noise=RangeNoise(0.0, 0.0))
+    steps = ODOMETRY(steps_between(quiet.trajectory.poses), np.random.default_rng(0))
+    errors = localise(localiser, quiet.scans, steps).errors(quiet.trajectory.poses)
+    assert np.abs(errors).max() < 1e-4
+
+
+def test_a_seed_repeats_whoever_works_on_it(run):
+    task = LocalisationTask(run, 0.04)
+    one, other = task.follow(3), task.follow(3)
+    assert np.array_equal(one.poses, other.poses)
+    assert not np.array_equal(one.poses, task.follow(4).poses)
+
+
+def test_what_makes_no_sense_is_refused(run):
+    with pytest.raises(InputError, match="symmetric"):
+        PoseEstimate(Pose(0, 0, 0), np.array([[1.0, 2, 0], [0, 1, 0], [0, 0, 1]]))
+    with pytest.raises(InputError, match="shape"):
+        PoseEstimate(Pose(0, 0, 0), np.eye(2))
+    with pytest.raises(InputError, match="odometry noise"):
+        OdometryNoise(-0.1)
+    with pytest.raises(InputError, match="walls, map"):
+        LocalisationTask(run, 0.04, known="all")
+    with pytest.raises(InputError, match="seeds"):
+        score_localisation(LocalisationTask(run, 0.04), seeds=0)
+    start = PoseEstimate(Pose(0, 0, 0), np.eye(3))
+    localiser = Localiser(KnownLines.from_world(run.world), start)
+    for count in (2, 9):
+        with pytest.raises(InputError, match="steps of odometry"):
+            localise(localiser, list(run.scans)[:5], np.zeros((count, 3)))
+
+
+def test_localise_prints_one_json_object(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "yard.toml"
+    path.write_text(
+        '[[object]]\nname = "walls"\npoints = [[0, 0], [10, 0], [10, 8], [0, 8]]\nclosed = true\n'
+        "[robot]\nroute = [[2, 2], [8, 2]]\nspeed = 2.0\nscan_interval = 0.5\n"
+    )
+    command = ["localise", path, "--seeds", "2", "--workers", "1", "--known", "map", "--json"]
+    monkeypatch.setattr(sys, "argv", ["lrf3d", *map(str, command)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    out, err = capsys.readouterr()
+    assert (end.value.code or 0, err) == (0, "")
+    report = json.loads(out)
+    assert report["seeds"] == 2 and report["known"] == "map"
+    assert report["mean_position_error_m"] < 0.05

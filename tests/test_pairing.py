@@ -1,0 +1,286 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic_run import box, make_run, make_world
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import lengths, normal_lines, wrap_angle
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.mapping.innovation import innovation
+from lrf3d.mapping.known_lines import KnownLines
+from lrf3d.mapping.local_lines import LocalLines, RangeNoise, line_covariances
+from lrf3d.mapping.pairing import MahalanobisGate, SquaredDifferences, pair_lines
+from lrf3d.pose import Pose
+from lrf3d.world import World
+
+PRIOR = np.diag([0.1**2, 0.1**2, np.radians(2.0) ** 2])
+NOISE = RangeNoise(0.04, 0.001, 80.0)
+FAR = 1e6
+
+angles = st.floats(-np.pi, np.pi)
+places = st.floats(-50.0, 50.0)
+
+
+def town(rows=16, spacing=10.0, seed=0):
+    """A world of 4·rows² walls: buildings of all sizes and turns, a street between any two."""
+    rng = np.random.default_rng(seed)
+    blocks = []
+    for x in range(rows):
+        for y in range(rows):
+            width, depth = rng.uniform(3.5, 6.0, 2)
+            turn = rng.normal(0.0, 0.1)
+            matrix = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+            walls = box(-width / 2, -depth / 2, width, depth).reshape(-1, 2) @ matrix
+            blocks.append((walls + np.array([spacing * x, spacing * y])).reshape(-1, 4))
+    return make_world(*blocks)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """A drive of 80 m through a town of 1,024 walls, and back by another street."""
+    world = town()
+    x = np.arange(15.0, 95.0, 1.0)
+    there = np.column_stack([x, np.full_like(x, 45.0), np.zeros_like(x)])
+    back = np.column_stack([x[::-1], np.full_like(x, 55.0), np.full_like(x, np.pi)])
+    poses = np.vstack([there, back])
+    return make_run(world, poses, LaserRangeFinder(), sigma=0.04)
+
+
+def local_lines(scan, noise=NOISE):
+    mapper = LineMapper(sigma=noise.sigma, floor=noise.floor)
+    return LocalLines.from_map(mapper.local_map(replace(scan, pose=(0, 0, 0))), noise)
+
+
+def predicted(pose, rng):
+    return Pose(*(np.array(pose) + rng.multivariate_normal(np.zeros(3), PRIOR)).tolist())
+
+
+def shifted(world, offset=FAR):
+    return World(world.segments + offset, world.objects)
+
+
+def test_unions_first_finds_the_same_pairs_with_a_third_of_the_comparisons(drive):
+    known = KnownLines.from_world(drive.world)
+    assert len(known) == 1024
+    rng = np.random.default_rng(1)
+    counts, seen = {"all": 0, "unions-first": 0}, None
+    found = 0
+    for scan in drive.scans:
+        local, pose = local_lines(scan), predicted(scan.pose, rng)
+        every = pair_lines(local, known, pose, PRIOR, strategy="all")
+        first = pair_lines(local, known, pose, PRIOR, strategy="unions-first", seen=seen)
+        assert np.array_equal(every.local, first.local)
+        assert np.array_equal(every.known, first.known)
+        counts["all"] += every.comparisons
+        counts["unions-first"] += first.comparisons
+        found += len(first)
+        seen = first.objects
+    assert found > 4 * len(drive)
+    assert counts["unions-first"] <= counts["all"] / 3
+
+
+def test_pairs_are_the_walls_that_the_beams_hit(drive):
+    known = KnownLines.from_world(drive.world)
+    rng = np.random.default_rng(2)
+    right = wrong = 0
+    for scan in list(drive.scans)[::4]:
+        local = local_lines(scan)
+        pairs = pair_lines(local, known, predicted(scan.pose, rng), PRIOR)
+        directions = np.arctan2(local.segments[:, 1::2], local.segments[:, ::2])
+        for row, wall in zip(pairs.local, pairs.known, strict=True):
+            inside = (scan.angles > directions[row, 0]) & (scan.angles < directions[row, 1])
+            hit = scan.walls[inside & (scan.walls >= 0)]
+            right += int(wall == np.bincount(hit).argmax())
+            wrong += int(wall != np.bincount(hit).argmax())
+    assert right > 150 and wrong <= 0.01 * right
+
+
+def test_the_gate_in_the_robots_frame_does_not_depend_on_the_origin(drive):
+    far = KnownLines.from_world(shifted(drive.world))
+    near = KnownLines.from_world(drive.world)
+    rng = np.random.default_rng(3)
+    for scan in list(drive.scans)[::20]:
+        local, pose = local_lines(scan), predicted(scan.pose, rng)
+        away = Pose(pose.x + FAR, pose.y + FAR, pose.theta)
+        one, other = (
+            MahalanobisGate().scores(local, known, np.arange(len(known)), at, PRIOR)
+            for known, at in ((near, pose), (far, away))
+        )
+        assert np.array_equal(np.isfinite(one), np.isfinite(other))
+        paired = np.isfinite(one)
+        assert one[paired] == pytest.approx(other[paired], abs=1e-4)
+
+
+def test_the_papers_squared_differences_pair_near_the_origin_and_fail_far_from_it():
+    world = make_world(box(-4, -3, 8, 6))
+    scan = next(make_run(world, np.array([[0.5, 0.5, 0.3]]), LaserRangeFinder()).scans)
+    local = local_lines(scan)
+    for offset, count in ((0.0, len(local)), (FAR, 0)):
+        known = KnownLines.from_world(shifted(world, offset))
+        pose = Pose(0.55 + offset, 0.45 + offset, 0.31)
+        pairs = pair_lines(local, known, pose, PRIOR, criterion=SquaredDifferences())
+        assert len(pairs) == count
+
+
+def test_squared_differences_see_a_direction_across_the_seam_and_a_line_by_the_origin():
+    known = KnownLines.from_world(World(np.array([[-3.0, -1, -3, 1], [-1, 0.01, 1, -0.01]])))
+    for row, turn in ((0, 0.02), (0, -0.02), (1, 0.02), (1, -0.02)):
+        cos, sin = np.cos(turn), np.sin(turn)
+        turned = (known.segments[row].reshape(2, 2) @ [[cos, sin], [-sin, cos]]).reshape(1, 4)
+        local = LocalLines(turned, normal_lines(turned), np.eye(2)[None])
+        scores = SquaredDifferences().scores(local, known, np.arange(2), Pose(0, 0, 0), PRIOR)
+        assert scores[0, row] < 0.01
+
+
+@given(angles, st.floats(-20, 20), st.floats(1, 20), st.floats(0.5, 10), st.floats(0.01, 0.05))
+def test_a_covariance_turns_with_the_robot(turn, along, away, length, sigma):
+    segment = np.array([[away, along, away, along + length]])
+    cos, sin = np.cos(turn), np.sin(turn)
+    turned = (segment.reshape(-1, 2) @ [[cos, sin], [-sin, cos]]).reshape(1, 4)
+    points, noise = np.array([30]), RangeNoise(sigma)
+    one, other = (
+        line_covariances(each, normal_lines(each), points, noise) for each in (segment, turned)
+    )
+    assert one == pytest.approx(other, rel=1e-6, abs=1e-15)
+    assert (np.linalg.eigvalsh(one[0]) > 0.0).all()
+
+
+@given(angles, st.floats(-1e-3, 1e-3), st.floats(0, 20), st.floats(0.1, 50), st.integers(2, 200))
+def test_a_wall_that_points_at_the_robot_has_a_covariance_too(turn, away, along, length, count):
+    cos, sin = np.cos(turn), np.sin(turn)
+    ends = np.array([[away, along], [away, along + length]]) @ [[cos, sin], [-sin, cos]]
+    segment, points = ends.reshape(1, 4), np.array([count])
+    for spacing in (None, 0.01):
+        covariance = line_covariances(
+            segment, normal_lines(segment), points, NOISE, spacing=spacing
+        )
+        assert np.isfinite(covariance).all() and (np.linalg.eigvalsh(covariance[0]) > 0.0).all()
+
+
+@pytest.mark.parametrize(("away", "first", "last"), [(2.0, -3.0, 5.0), (6.0, 4.0, 9.0)])
+def test_covariances_are_those_of_repeated_measurements(away, first, last):
+    lrf = LaserRangeFinder(beams=361)
+    world = World(np.array([[away, first, away, last]]))
+    run = make_run(world, np.zeros((1, 3)), lrf)
+    scan, rng = next(run.scans), np.random.default_rng(0)
+    hit = scan.hits
+    noise = RangeNoise(0.4, 0.01, 80.0)
+    beam = np.column_stack([np.cos(lrf.angles[hit]), np.sin(lrf.angles[hit])])
+    deviation = np.sqrt(noise.variance(scan.ranges[hit]))
+    weight = 1.0 / (deviation * beam[:, 0]) ** 2
+    samples = []
+    for _ in range(3000):
+        points = (scan.ranges[hit] + rng.normal(0.0, deviation))[:, None] * beam
+        mean = weight @ points / weight.sum()
+        centred = points - mean
+        xx, xy, yy = (weight @ (centred[:, i] * centred[:, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
+        alpha = 0.5 * np.arctan2(2.0 * xy, xx - yy) + 0.5 * np.pi
+        alpha = wrap_angle(alpha - np.pi) if abs(alpha) > 0.5 * np.pi else alpha
+        samples.append([alpha, mean @ [np.cos(alpha), np.sin(alpha)]])
+    segment = np.concatenate([scan.points()[0], scan.points()[-1]])[None]
+    computed = line_covariances(segment, normal_lines(segment), np.array([hit.sum()]), noise)[0]
+    measured = np.cov(np.array(samples).T)
+    scale = np.sqrt(np.outer(np.diag(measured), np.diag(measured)))
+    assert computed / scale == pytest.approx(measured / scale, abs=0.1)
+
+
+@given(angles, places, places, st.floats(1, 20), st.tuples(*[st.floats(-0.1, 0.1)] * 3))
+def test_an_innovation_is_what_the_pose_is_off(alpha, x, y, away, off):
+    normal = np.array([np.cos(alpha), np.sin(alpha)])
+    along = np.array([-normal[1], normal[0]])
+    middle = np.array([x, y]) + away * normal + 0.3 * along
+    known = KnownLines.from_world(World(np.concatenate([middle - along, middle + along])[None]))
+    theta = 0.4
+    lines = np.array([[wrap_angle(alpha - theta), away]])
+    local = LocalLines(np.array([[away, -0.7, away, 1.3]]), lines, np.eye(2)[None])
+    dx, dy, turn = off
+    pose = Pose(x + dx, y + dy, theta + turn)
+    found = innovation(local, known, pose, rows=np.array([0]), known_rows=np.array([0]))
+    assert found.angle[0] == pytest.approx(turn, abs=1e-9)
+    assert found.offset[0] == pytest.approx(normal @ [dx, dy], abs=1e-9)
+    assert [found.normal_x[0], found.normal_y[0]] == pytest.approx(normal.tolist(), abs=1e-9)
+
+
+@settings(max_examples=30)
+@given(st.floats(0.001, 0.02), st.floats(-3, 3))
+def test_a_known_lines_uncertainty_is_that_of_its_ends(deviation, along):
+    """Where a known line turns about its middle, p moves with the lever, and alpha with it."""
+    line_map = LineMap(np.array([[5.0, along + 2, 5, along - 2]]), np.zeros(1, int), np.array([50]))
+    known = KnownLines.from_map(line_map, deviation=deviation)
+    segments = np.array([[5.0, along - 2, 5, along + 2]])
+    local = LocalLines(segments, np.array([[0.0, 5.0]]), np.zeros((1, 2, 2)))
+    found = innovation(local, known, Pose(0, 0, 0), rows=np.array([0]), known_rows=np.array([0]))
+    offset = deviation**2 / 50
+    turn = offset * 12 / 16
+    assert found.variance_angle[0] == pytest.approx(turn)
+    assert found.covariance[0] == pytest.approx(along * turn, abs=1e-12)
+    assert found.variance_offset[0] == pytest.approx(offset + along**2 * turn)
+
+
+def test_a_built_map_has_the_laser_on_the_left_of_every_segment():
+    world = make_world(box(0, 0, 10, 8), box(4.5, 3.5, 1, 1))
+    poses = np.array([[2.0, 2, 0.5], [8, 2, 2], [8, 6, 4], [2, 6, -0.5]])
+    run = make_run(world, poses, LaserRangeFinder(), sigma=0.04)
+    mapper = LineMapper()
+    for scan in run.scans:
+        line_map = mapper.update(scan)
+    x1, y1, x2, y2 = line_map.segments.T
+    inside = np.array([[2.0, 2], [8, 2], [8, 6], [2, 6]])
+    sides = [(x2 - x1) * (y - y1) - (y2 - y1) * (x - x1) for x, y in inside]
+    room = lengths(line_map.segments) > 3.0
+    assert room.sum() == 4
+    assert (np.array(sides)[:, room] > 0.0).all()
+    assert (np.array(sides)[:, ~room] > 0.0).any(axis=0).all()
+
+
+def test_the_two_faces_of_a_thin_wall_are_told_apart():
+    faces = LineMap(
+        np.array([[5.0, 1, 5, -1], [5.02, -1, 5.02, 1]]), np.array([0, 1]), np.array([50, 50])
+    )
+    known = KnownLines.from_map(
+        LineMap(faces.segments[:, [2, 3, 0, 1]], faces.objects, faces.points)
+    )
+    segments = np.array([[5.01, -1, 5.01, 1]])
+    local = LocalLines.from_map(LineMap(segments, np.zeros(1, int), np.array([30])), NOISE)
+    assert pair_lines(local, known, Pose(0, 0, 0), PRIOR).known.tolist() == [0]
+    mirrored = LocalLines.from_map(
+        LineMap(np.array([[4.99, -1, 4.99, 1]]), np.zeros(1, int), np.array([30])), NOISE
+    )
+    back = pair_lines(mirrored, known, Pose(10.0, 0, np.pi), PRIOR)
+    assert back.known.tolist() == [1]
+
+
+def test_among_walls_on_one_line_the_one_alongside_is_the_pair():
+    walls = np.array([[5.0, y, 5.0, y + 3.0] for y in (-8.0, -4.0, 0.0, 4.0)])
+    known = KnownLines.from_world(World(walls))
+    segments = np.array([[5.0, 0.1, 5.0, 2.9]])
+    local = LocalLines.from_map(LineMap(segments, np.zeros(1, int), np.array([30])), NOISE)
+    assert pair_lines(local, known, Pose(0.02, -0.1, 0.01), PRIOR).known.tolist() == [2]
+
+
+@pytest.mark.parametrize("strategy", ["all", "unions-first"])
+def test_nothing_pairs_with_nothing(strategy):
+    nothing = LocalLines.from_map(LineMap.empty(), NOISE)
+    known = KnownLines.from_world(make_world(box(0, 0, 4, 4)))
+    none_known = KnownLines.from_map(LineMap.empty())
+    local = LocalLines.from_map(
+        LineMap(np.array([[5.0, -1, 5, 1]]), np.zeros(1, int), np.array([30])), NOISE
+    )
+    for lines, walls in ((nothing, known), (nothing, none_known), (local, none_known)):
+        pairs = pair_lines(lines, walls, Pose(2, 2, 0), PRIOR, strategy=strategy)
+        assert len(pairs) == 0 and pairs.comparisons == 0
+
+
+def test_what_makes_no_sense_is_refused():
+    nothing = LocalLines.from_map(LineMap.empty(), NOISE)
+    with pytest.raises(InputError, match="unions-first"):
+        pair_lines(
+            nothing, KnownLines.from_map(LineMap.empty()), Pose(0, 0, 0), PRIOR, strategy="best"
+        )
+    for values in ({"sigma": -1.0}, {"floor": np.inf}, {"range_max": np.nan}):
+        with pytest.raises(InputError, match="range noise"):
+            RangeNoise(**values)
