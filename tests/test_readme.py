@@ -37,6 +37,13 @@ def test_the_robot_of_the_readme_finds_itself(capsys):
     assert len(errors) == 3 and max(errors) < 0.02
 
 
+@pytest.mark.parametrize("number", range(1, README.count("```python")))
+def test_every_other_snippet_of_python_runs(number, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code = re.findall(r"```python\n(.*?)```", README, re.DOTALL)[number]
+    exec(compile(code, "README.md", "exec"), {})
+
+
 def test_the_world_of_the_readme_is_one(tmp_path):
     (tmp_path / "yard.toml").write_text(snippet("toml"))
     scenario = load_scenario(tmp_path / "yard.toml")
