@@ -122,8 +122,7 @@ def _time_and_error(
         shelf = floor - 0.35 - (SHELF - 0.35) * (0.3 if key == OWN[0] else 0.72)
         y = [np.log10(errors[k]) if errors[k] > 0.0 else shelf for k in mine]
         _line(axes, x, np.array(y), key, [points[k].walls for k in mine])
-        last = int(np.argmax(x))
-        names.append(_named(key, points[mine[0]].title, x[last], y[last]))
+        names.append(_named(key, points[mine[0]].title, x[-1], y[-1]))
     write_names(axes, names)
 
 

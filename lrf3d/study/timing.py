@@ -54,7 +54,11 @@ class Timing:
 
 
 def take_turns(
-    rivals: Mapping[str, Callable[[int], object]], *, seconds: float, seed: int = 0
+    rivals: Mapping[str, Callable[[int], object]],
+    *,
+    seconds: float,
+    burst_seconds: float = BURST_SECONDS,
+    seed: int = 0,
 ) -> dict[str, Timing]:
     """Time rivals that take turns, each time in another order.
 
@@ -63,6 +67,7 @@ def take_turns(
     Args:
         rivals: What to call for each name, with the number of the call.
         seconds: Time for all together [s].
+        burst_seconds: How long a turn of several calls may take [s].
         seed: Seed of the order.
     """
     rng = np.random.default_rng(seed)
@@ -72,7 +77,7 @@ def take_turns(
     for name, call in rivals.items():
         call(0)
         once = _timed(call, 0)
-        bursts[name] = int(np.clip(BURST_SECONDS / once, 1, BURST))
+        bursts[name] = int(np.clip(burst_seconds / once, 1, BURST))
     collecting = gc.isenabled()
     gc.disable()
     try:

@@ -37,6 +37,10 @@ as on a drive, the same walls come into view again and again."""
 BATCH = 4000
 """Poses of a batch."""
 
+AWAKE = 0.1
+"""How long a turn of several batches may take [s]: cores that a rival left idle take some time to
+be at full speed again."""
+
 JUDGED_SCANS, JUDGED_CORNERS = 200, 20_000
 """Scans, and beams aimed at corners, that rivals are judged by: the slow ones by a part of them."""
 
@@ -200,7 +204,7 @@ class Contest:
             turns[key] = _by_turn([call])
             if isinstance(rival, Planar | Embree):
                 turns[f"{key}, one core"] = _by_turn([_on_one_core(call)])
-        return take_turns(turns, seconds=seconds)
+        return take_turns(turns, seconds=seconds, burst_seconds=AWAKE)
 
     def _judge(
         self, rival: Rival, trials: tuple[Trial, Trial], seconds: float

@@ -4,6 +4,7 @@ Every caster is timed and judged in cities of one density, from a room's number 
 million; in a table and a plot each is a point of run time and largest error.
 """
 
+import os
 import platform
 import subprocess
 import time
@@ -30,6 +31,9 @@ TURNS_SHARE, ABLATION_SHARE = 0.5, 0.12
 STEPS = 3
 """Steps that a contest reports."""
 
+BUSY = 0.5
+"""Processes of others, on average, above which figures of all cores are too low to be trusted."""
+
 PROBED = ("planar", "embree")
 """Casters whose first call and memory are measured in processes of their own."""
 
@@ -44,6 +48,8 @@ class ScanBenchmark:
         memory: For each of lrf3d's casters the bytes of a batch and of its output.
         savings: What skipping work saves; empty where it was not asked for.
         skipped: What was left out, and why.
+        load: How many processes of others waited or ran before, on average; None where the system
+            does not tell.
         took: How long all took [s].
     """
 
@@ -52,7 +58,13 @@ class ScanBenchmark:
     memory: dict[str, dict[str, float]] = field(default_factory=dict)
     savings: list[Saving] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)
+    load: float | None = None
     took: float = 0.0
+
+    @property
+    def busy(self) -> bool:
+        """Whether others used the machine."""
+        return self.load is not None and self.load > BUSY
 
     @property
     def ratios(self) -> list[Ratio]:
@@ -71,7 +83,7 @@ class ScanBenchmark:
         lrf = LaserRangeFinder()
         return {
             "benchmark": "scan",
-            "machine": {"system": platform.platform(), "cores": core_count()},
+            "machine": {"system": platform.platform(), "cores": core_count(), "load": self.load},
             "beams": lrf.beams,
             "range_max_m": lrf.range_max,
             "batch_poses": BATCH,
@@ -102,7 +114,7 @@ def bench_scan(
         progress: Called with the steps done, and of how many.
     """
     start = time.monotonic()
-    result = ScanBenchmark()
+    result = ScanBenchmark(load=os.getloadavg()[0] if hasattr(os, "getloadavg") else None)
     total = STEPS * len(walls) + 2 * len(PROBED) + (1 if with_ablation else 0)
     done = 0
 

@@ -21,6 +21,11 @@ def scan_text(result: ScanBenchmark) -> str:
         parts.append(_savings(result))
     if result.skipped:
         parts.append("\n".join(f"left out: {line}" for line in result.skipped))
+    if result.busy:
+        parts.append(
+            f"Others used this machine (load {result.load:.1f} before the start): the rates on all"
+            " cores are too low."
+        )
     return "\n\n".join([*parts, f"took {result.took:.0f} s"])
 
 
