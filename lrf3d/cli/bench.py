@@ -55,6 +55,35 @@ def scan(
         print(scan_text(result) if figure is None else f"{scan_text(result)}\npicture {figure}")
 
 
+@bench.command(name="map", epilog="Example: lrf3d bench map --seeds 1 --figure map.png")
+def map_(
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds of the noise for each setting.")] = 2,
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Time for all; what needs more is left out.")
+    ] = 125.0,
+    figure: Annotated[Path | None, typer.Option(help="A picture .png of error and time.")] = None,
+    json: options.Json = False,
+) -> None:
+    """Map with many thresholds, beams, noises and map sizes: how far off, how long, how much.
+
+    Also counts the numbers that a map takes to store, and the comparisons that line pairs take.
+    """
+    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.study.bench.map_bench import bench_map
+    from lrf3d.study.bench.map_text import map_text
+
+    with progress_bar("bench map") as progress:
+        result = bench_map(seeds=seeds, seconds=seconds, progress=progress)
+    if figure is not None:
+        from lrf3d.study.bench.map_figure import draw_map_benchmark
+
+        draw_map_benchmark(result, figure)
+    if json:
+        print_json(result.as_dict())
+    else:
+        print(map_text(result) if figure is None else f"{map_text(result)}\npicture {figure}")
+
+
 def _sizes(text: str) -> list[int]:
     """Sizes of worlds from numbers with commas between them."""
     from lrf3d.errors import InputError
