@@ -14,9 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Bbox
 
-from lrf3d.errors import OutputError
-from lrf3d.output import replacing
-from lrf3d.render.page import DOTS_PER_INCH, FAINT, GRID, INK, LEFT
+from lrf3d.render.page import DOTS_PER_INCH, FAINT, GRID, INK, LEFT, save_figure
 
 SPINE = "#c9ced6"
 """Colour of the frame around a panel."""
@@ -90,13 +88,7 @@ class Sheet:
         Raises:
             OutputError: It cannot be written there, or the ending names no known format.
         """
-        if path is not None:
-            known = self.figure.canvas.get_supported_filetypes()
-            if Path(path).suffix[1:].lower() not in known:
-                raise OutputError(f"{path}: no picture format of that ending; use .png or .pdf")
-            with replacing(path) as unfinished:
-                self.figure.savefig(unfinished, dpi=DOTS_PER_INCH)
-        return self.figure
+        return save_figure(self.figure, path)
 
 
 def write_names(axes: Axes, names: Sequence[Name]) -> None:

@@ -153,13 +153,22 @@ class Page:
         Raises:
             OutputError: It cannot be written there, or the ending names no known format.
         """
-        if path is not None:
-            known = self.figure.canvas.get_supported_filetypes()
-            if Path(path).suffix[1:].lower() not in known:
-                raise OutputError(f"{path}: no picture format of that ending; use .png or .pdf")
-            with replacing(path) as unfinished:
-                self.figure.savefig(unfinished, dpi=DOTS_PER_INCH)
-        return self.figure
+        return save_figure(self.figure, path)
+
+
+def save_figure(figure: Figure, path: str | Path | None) -> Figure:
+    """Write a figure, if there is a path, and give it back.
+
+    Raises:
+        OutputError: It cannot be written there, or the ending names no known format.
+    """
+    if path is not None:
+        known = figure.canvas.get_supported_filetypes()
+        if Path(path).suffix[1:].lower() not in known:
+            raise OutputError(f"{path}: no picture format of that ending; use .png or .pdf")
+        with replacing(path) as unfinished:
+            figure.savefig(unfinished, dpi=DOTS_PER_INCH)
+    return figure
 
 
 def _columns(panels: int, width: float, height: float) -> int:
