@@ -81,3 +81,10 @@ def around(x: float, y: float, radius: float, count: int, heading: float = np.pi
     return np.column_stack(
         [x + radius * np.cos(angle), y + radius * np.sin(angle), angle + heading]
     )
+
+
+def as_map(segments: Float, objects: object = None) -> LineMap:
+    """A map of segments (n, 4), all of one union where no labels are given."""
+    count = len(segments)
+    labels = np.zeros(count, np.int64) if objects is None else np.asarray(objects)
+    return LineMap(np.asarray(segments, dtype=np.float64), labels, np.full(count, 2))

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_run import around, box, cast, make_run, make_world, ring
+from synthetic_run import around, as_map, box, make_run, make_world, ring
 
-from lrf3d.errors import InputError
 from lrf3d.geometry import Float
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.scoring import (
@@ -19,7 +18,6 @@ from lrf3d.scoring import (
     buildings_seen,
     match_segments,
     nearness,
-    score_log,
     score_map,
     score_run,
     storage,
@@ -31,12 +29,6 @@ from lrf3d.simulation import Run
 from lrf3d.world import World
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
-
-
-def as_map(segments: Float, objects: object = None) -> LineMap:
-    count = len(segments)
-    labels = np.zeros(count, np.int64) if objects is None else np.asarray(objects)
-    return LineMap(np.asarray(segments, dtype=np.float64), labels, np.full(count, 2))
 
 
 @pytest.fixture(scope="module")
@@ -403,76 +395,3 @@ def test_a_view_that_tells_all_that_others_told_replaces_them():
 def test_no_polylines_at_all_take_no_numbers(blocks):
     count = storage(blocks, [[] for _ in range(len(blocks))])
     assert (count.polylines, count.polyline_lines, count.polyline_numbers) == (0, 0, 0)
-
-
-# Real logs
-
-
-def scans_of(run: Run) -> list[LaserScan]:
-    return list(run.scans)
-
-
-def test_a_perfect_map_explains_all_and_is_never_violated():
-    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]))
-    poses = np.array([[3.0, 3.0, 0.2], [8.0, 5.0, 2.0]])
-    run = make_run(world, poses, ROUND)
-    score = score_log(as_map(world.segments), run.scans)
-    assert (score.explained, score.violation) == (1.0, 0.0)
-    assert score.median_range_error == pytest.approx(0.0, abs=1e-9)
-    assert (score.segments, score.scans, score.returns) == (4, 2, 2 * 721)
-    assert score.length == pytest.approx(40.0)
-
-
-def test_a_wall_in_mid_room_violates_the_beams_that_pass_it():
-    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]))
-    lrf = LaserRangeFinder(-np.pi / 2, np.pi / 2, 181)
-    run = make_run(world, np.array([[6.0, 4.0, 0.0]]), lrf)
-    phantom = np.vstack([world.segments, [[8.0, 2.0, 8.0, 6.0]]])
-    score = score_log(as_map(phantom), run.scans)
-    assert score.violation == pytest.approx(91 / 181, abs=2 / 181)
-    assert score.explained == 1.0
-
-
-def test_returns_that_are_too_near_or_too_far_are_not_judged():
-    angles = np.zeros(6)
-    ranges = np.array([0.1, 0.11, 19.95, 20.0, np.inf, -np.inf])
-    scan = LaserScan(Pose(0, 0, 0), angles, ranges)
-    score = score_log(as_map(np.array([[20.0, -1.0, 20.0, 1.0]])), [scan])
-    assert score.returns == 2
-    assert score.explained == 0.5
-    assert score.violation == 0.0
-    assert score.median_range_error == pytest.approx(0.5 * (0.05 + 19.89))
-
-
-def test_a_log_scores_the_same_far_from_the_origin():
-    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]), box(4, 3, 2, 2))
-    run = make_run(world, np.array([[2.0, 2.0, 0.2], [9.0, 5.0, 2.0]]), ROUND, sigma=0.5)
-    here = score_log(as_map(world.segments), run.scans).as_dict()
-    away = np.array([85000.0, 447500.0])
-    moved = [
-        replace(s, pose=Pose(s.pose.x + away[0], s.pose.y + away[1], s.pose.theta))
-        for s in run.scans
-    ]
-    there = score_log(as_map(world.segments + np.tile(away, 2)), moved).as_dict()
-    assert there == pytest.approx(here, abs=1e-9)
-
-
-def test_a_log_without_map_or_returns_has_no_figures():
-    scan = LaserScan(Pose(0, 0, 0), np.zeros(1), np.array([5.0]))
-    empty = score_log(LineMap.empty(), [scan]).as_dict()
-    assert (empty["explained"], empty["violation"], empty["median_range_error"]) == (0.0, 0.0, None)
-    assert score_log(LineMap.empty(), []).as_dict()["explained"] is None
-
-
-def test_uneven_beams_are_refused():
-    scan = LaserScan(Pose(0, 0, 0), np.array([0.0, 0.1, 0.5]), np.ones(3))
-    with pytest.raises(InputError, match="evenly"):
-        score_log(as_map(np.array([[1.0, -1.0, 1.0, 1.0]])), [scan])
-
-
-def test_the_brute_force_rays_of_these_tests_are_right():
-    world = World(np.array([[2.0, -1.0, 2.0, 1.0], [1.0, 5.0, 1.0, 9.0]]))
-    lrf = LaserRangeFinder(0.0, np.pi / 2, 2)
-    ranges, walls = cast(world, lrf, np.array([0.0, 0.0, 0.0]))
-    assert ranges.tolist() == [2.0, np.inf]
-    assert walls.tolist() == [0, -1]
