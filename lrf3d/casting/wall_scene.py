@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.casting.clusters import narrowest_cluster
 from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
 from lrf3d.casting.embree_walls import all_clear_parts, float32_error, triangles
 from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
@@ -50,7 +51,7 @@ class _Known(NamedTuple):
     walls: Float
     rows: NDArray[np.int32]
     clear: Float
-    local: tuple[float, float, float, float, float, float]
+    local: tuple[float, float, float, float, float, float, float]
 
 
 def _prepare(
@@ -69,7 +70,8 @@ def _prepare(
     # its float32 numbers stay clear of the smallest and of the largest.
     unit = math.ldexp(1.0, -math.frexp(radius)[1])
     x, y = float(centre[0]), float(centre[1])
-    local = (x, y, unit, radius, 1.5 * delta, longest + 8.0 * delta)
+    width = narrowest_cluster(segments)
+    local = (x, y, unit, radius, 1.5 * delta, longest + 8.0 * delta, width)
     known = _Known(*tree, all_clear_parts(tree, delta), local)
     return known, triangles(tree.walls, (x, y), delta, unit)
 

@@ -28,10 +28,11 @@ PARTS = 3
 
 
 @inner
-def prove(
-    boxes, links, walls, index, clear, faces, x, y, theta, middle, half, range_max, dx, dy, hit
-):
-    """From the faces that Embree found to the rows of walls that the beams hit, exactly."""
+def prove(walls, clear, faces, x, y, range_max, dx, dy, hit):
+    """From the faces that Embree found to the rows of walls that the beams hit, exactly.
+
+    Beams for which that does not hold are marked as UNSURE; tells how many.
+    """
     beams = len(hit)
     for i in range(index_of(beams)):
         face = faces[i]
@@ -71,12 +72,11 @@ def prove(
             elif away > limit * slope:
                 # Embree looks beyond the range. To compare these exactly would cost much more.
                 hit[i] = -1
-    if unsure > 0:
-        _cast_again(boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit)
+    return unsure
 
 
 @inner
-def _cast_again(boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit):
+def cast_again(boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit):
     """Cast the unsure beams among the float64 walls; those side by side together."""
     beams = len(hit)
     cos, sin = math.cos(theta), math.sin(theta)

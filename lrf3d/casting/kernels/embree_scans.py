@@ -8,10 +8,11 @@ import math
 import numpy as np
 
 from lrf3d.casting.kernels.compiling import compiled, inner
-from lrf3d.casting.kernels.embree_proof import near_a_wall, prove
+from lrf3d.casting.kernels.embree_proof import cast_again, near_a_wall, prove
 from lrf3d.casting.kernels.fan import trace
 from lrf3d.casting.kernels.measure import PADDING, measure
-from lrf3d.casting.kernels.packets import WIDTH, find, new_packet
+from lrf3d.casting.kernels.packets import COHERENT, SCATTERED, WIDTH, find, new_packet
+from lrf3d.casting.kernels.sparing import find_sparing, stride_for
 
 ROOM = max(PADDING, WIDTH - 1)
 """How many numbers beyond the last beam those may touch that work on several at once."""
@@ -26,11 +27,12 @@ def cast_scan(
     beams = fan.shape[1]
     ranges = np.empty(beams)
     hit = np.empty(beams, np.int64)
-    dx, dy = np.zeros(beams + ROOM), np.zeros(beams + ROOM)
-    faces = np.empty(beams + ROOM, np.int32)
+    room, faces, rows = _new_room(beams)
+    stride = stride_for(beams, half, range_max, local[6])
+    packet = new_packet(COHERENT if stride == 1 else SCATTERED)
     _cast_into(
         intersect, scene, boxes, links, walls, index, clear, local, fan, x, y, theta, middle, half,
-        range_min, range_max, new_packet(), dx, dy, faces, ranges, hit,
+        range_min, range_max, stride, packet, room, faces, rows, ranges, hit,
     )  # fmt: skip
     return ranges, hit
 
@@ -43,39 +45,52 @@ def cast_scans(
     """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty."""
     beams = fan.shape[1]
     own = np.empty(beams, np.int64)
-    dx, dy = np.zeros(beams + ROOM), np.zeros(beams + ROOM)
-    faces = np.empty(beams + ROOM, np.int32)
-    packet = new_packet()
+    room, faces, rows = _new_room(beams)
+    stride = stride_for(beams, half, range_max, local[6])
+    packet = new_packet(COHERENT if stride == 1 else SCATTERED)
     for k in range(len(poses)):
         hit = hits[k] if len(hits) > 0 else own
         _cast_into(
             intersect, scene, boxes, links, walls, index, clear, local, fan, poses[k, 0],
-            poses[k, 1], poses[k, 2], middle, half, range_min, range_max, packet, dx, dy, faces,
-            ranges[k], hit,
+            poses[k, 1], poses[k, 2], middle, half, range_min, range_max, stride, packet, room,
+            faces, rows, ranges[k], hit,
         )  # fmt: skip
+
+
+@inner
+def _new_room(beams):
+    """Room for directions (x, y of all beams and of those cast), for faces, and for two rows."""
+    directions = np.zeros((4, beams + ROOM))
+    return directions, np.empty(beams + ROOM, np.int32), np.empty((2, beams), np.int64)
 
 
 @inner
 def _cast_into(
     intersect, scene, boxes, links, walls, index, clear, local, fan, x, y, theta, middle, half,
-    range_min, range_max, packet, dx, dy, faces, ranges, hit,
+    range_min, range_max, stride, packet, room, faces, rows, ranges, hit,
 ):  # fmt: skip
     """Cast a scan with Embree called from here."""
+    dx, dy = room[0], room[1]
     _aim(fan, theta, dx, dy)
     if near_a_wall(boxes, links, walls, local, x, y):
         _cast_without_embree(
             boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit
         )
     else:
-        centre_x, centre_y, unit = local[0], local[1], local[2]
-        find(
-            intersect, scene, packet, (x - centre_x) * unit, (y - centre_y) * unit, dx, dy,
-            (range_max + local[5]) * unit, len(hit), faces,
-        )  # fmt: skip
-        prove(
-            boxes, links, walls, index, clear, faces, x, y, theta, middle, half, range_max, dx,
-            dy, hit,
-        )  # fmt: skip
+        scene_x, scene_y = (x - local[0]) * local[2], (y - local[1]) * local[2]
+        reach = (range_max + local[5]) * local[2]
+        if stride > 1:
+            unsure = find_sparing(
+                intersect, scene, packet, walls, clear, local[6], stride, x, y, scene_x, scene_y,
+                reach, half, range_max, dx, dy, room[2:], faces, rows[0], rows[1], hit,
+            )  # fmt: skip
+        else:
+            find(intersect, scene, packet, scene_x, scene_y, dx, dy, reach, len(hit), faces)
+            unsure = prove(walls, clear, faces, x, y, range_max, dx, dy, hit)
+        if unsure > 0:
+            cast_again(
+                boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit
+            )
     measure(walls, index, x, y, dx, dy, range_min, range_max, ranges, hit)
 
 
@@ -114,10 +129,11 @@ def prove_scans(
                 boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit
             )
         else:
-            prove(
-                boxes, links, walls, index, clear, found[k * beams : (k + 1) * beams], x, y, theta,
-                middle, half, range_max, dx, dy, hit,
-            )  # fmt: skip
+            faces = found[k * beams : (k + 1) * beams]
+            if prove(walls, clear, faces, x, y, range_max, dx, dy, hit) > 0:
+                cast_again(
+                    boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit
+                )
         measure(walls, index, x, y, dx, dy, range_min, range_max, ranges[k], hit)
 
 

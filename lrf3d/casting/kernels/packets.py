@@ -39,6 +39,9 @@ ALIGNMENT = 64
 COHERENT = 1 << 16
 """Embree's flag for rays that lie close together: a packet goes down its tree as one."""
 
+SCATTERED = 0
+"""The flag for rays that do not: each soon goes its own way."""
+
 ALL = -1
 """All bits: of Embree's features, of the mask of a ray; and as an index, none."""
 
@@ -62,15 +65,18 @@ _call: Any = intrinsic(_call_address)
 
 
 @inner
-def new_packet():
-    """Room for a packet and its arguments, all set that is the same for all packets of a scene."""
+def new_packet(flags):
+    """Room for a packet and its arguments, all set that is the same for all packets of a scene.
+
+    The flags are COHERENT or SCATTERED.
+    """
     room = np.zeros(SPACE + ALIGNMENT // 4, np.int32)
     start = (-room.ctypes.data % ALIGNMENT) // 4
     packet = room[start : start + SPACE]
     packet[MASK : MASK + WIDTH] = ALL
     packet[INSTANCE : INSTANCE + WIDTH] = ALL
     packet[VALID : VALID + WIDTH] = ALL
-    packet[ARGUMENTS], packet[ARGUMENTS + 1] = COHERENT, ALL
+    packet[ARGUMENTS], packet[ARGUMENTS + 1] = flags, ALL
     return packet
 
 
@@ -106,5 +112,5 @@ def find_faces(intersect, scene, x, y, dx, dy, reach):
     wide_dx, wide_dy = np.zeros(beams + WIDTH - 1), np.zeros(beams + WIDTH - 1)
     wide_dx[:beams], wide_dy[:beams] = dx, dy
     faces = np.empty(beams + WIDTH - 1, np.int32)
-    find(intersect, scene, new_packet(), x, y, wide_dx, wide_dy, reach, beams, faces)
+    find(intersect, scene, new_packet(COHERENT), x, y, wide_dx, wide_dy, reach, beams, faces)
     return faces[:beams]

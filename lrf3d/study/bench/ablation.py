@@ -13,6 +13,7 @@ from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.study.bench.determinants import cast_determinants
 from lrf3d.study.bench.probes import probe
 from lrf3d.study.timing import take_turns
+from lrf3d.world import World
 from lrf3d.world.generate import city_crossings, generate_city
 
 FRESH = 3
@@ -73,6 +74,7 @@ def ablate(
         _static,
         _trees,
         _walls,
+        _rays,
     ]
     found: list[Saving] = []
     for number, part in enumerate(parts):
@@ -192,6 +194,23 @@ def _walls(seconds: float) -> list[Saving]:
             f"writing which walls were hit, a batch of {BATCH}",
             lambda turn: caster.cast_batch(lrf, poses),
             lambda turn: caster.scan_batch(lrf, poses),
+            seconds,
+        )
+    ]
+
+
+def _rays(seconds: float) -> list[Saving]:
+    """Rays for beams whose neighbours on both sides end on one wall."""
+    city, lrf = generate_city(QUARTER), LaserRangeFinder()
+    lone = city.segments.max() + np.array([[0.0, 0.0, 1.0, 0.0]])
+    # Where one wall stands alone, anything might stand between two beams.
+    sparing, asking = EmbreeCaster(city), EmbreeCaster(World(np.vstack([city.segments, lone])))
+    poses = city_crossings(QUARTER, BATCH)
+    return [
+        _pair(
+            f"rays between neighbours on one wall, EmbreeCaster, a batch of {BATCH}",
+            lambda turn: sparing.cast_batch(lrf, poses),
+            lambda turn: asking.cast_batch(lrf, poses),
             seconds,
         )
     ]
