@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
 PIECES = 8
@@ -25,14 +25,26 @@ def share(work: Callable[[int, int], None], count: int) -> None:
     if len(starts) < 2 or cores < 2:
         work(0, count)
         return
-    for _ in _pool(cores).map(lambda start: work(start, min(start + size, count)), starts):
-        pass
+    # Python hands out the next piece under its lock, so each goes to one thread alone.
+    rest = iter(starts)
+
+    def work_on() -> None:
+        for start in rest:
+            work(start, min(start + size, count))
+
+    others = [_pool(cores - 1).submit(work_on) for _ in range(min(cores, len(starts)) - 1)]
+    try:
+        work_on()
+    finally:
+        wait(others)
+    for other in others:
+        other.result()
 
 
 @cache
-def _pool(cores: int) -> ThreadPoolExecutor:
+def _pool(threads: int) -> ThreadPoolExecutor:
     """Threads that stay: new ones for each batch would cost a sixth of its time."""
-    return ThreadPoolExecutor(cores, thread_name_prefix="lrf3d")
+    return ThreadPoolExecutor(threads, thread_name_prefix="lrf3d")
 
 
 if hasattr(os, "register_at_fork"):
