@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.casting.clusters import narrowest_cluster
+from lrf3d.casting.clusters import ends_of, narrowest_cluster
 from lrf3d.casting.embree_library import embree_library
 
 pytestmark = pytest.mark.skipif(embree_library() is None, reason="Embree is called by embreex")
@@ -75,13 +75,13 @@ def test_the_narrowest_cluster_is_as_wide_as_its_ends_are(seed, count, offset, c
         steps = (group[:, None] - group)[np.triu_indices(len(group), 1)]
         across = steps[:, ::-1] * [1, -1] / np.hypot(*steps.T)[:, None]
         widths.append(np.ptp((group - group[0]) @ across.T, axis=0).min())
-    found = narrowest_cluster(rng.permutation(walls))
+    found = narrowest_cluster(ends_of(rng.permutation(walls)))
     assert found <= min(widths) * (1 + 1e-9)
     assert found == pytest.approx(min(widths), rel=1e-6, abs=1e-9)
 
 
 def test_a_wall_that_stands_alone_has_no_width():
     block = ring(np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]]))
-    assert narrowest_cluster(block) == pytest.approx(9.0)
-    assert narrowest_cluster(np.vstack([block, [20.0, 0.0, 25.0, 5.0]])) == 0.0
-    assert narrowest_cluster(np.empty((0, 4))) == np.inf
+    assert narrowest_cluster(ends_of(block)) == pytest.approx(9.0)
+    assert narrowest_cluster(ends_of(np.vstack([block, [20.0, 0.0, 25.0, 5.0]]))) == 0.0
+    assert narrowest_cluster(ends_of(np.empty((0, 4)))) == np.inf

@@ -3,13 +3,20 @@
 Embree works in float32: all that it says of a place may be off by an error ε. What it gets for a
 wall is therefore more than the wall (everything upright, the beams at z = 0 horizontal):
 
-- the wall's own plane, longer by 2δ at both ends, where δ = 2ε;
-- across each end, δ before it, a cap that reaches 2δ to both sides.
+- the wall's own plane, longer by 3δ at both ends, where δ = 2ε;
+- across each end, δ before it, a cap that reaches 2δ to both sides, but for square corners.
 
 Let `strip` be all that lies within δ of the wall, squared off. A beam that truly meets the wall
 and starts outside the strip either crosses it from long side to long side, and then float32 has it
 cross the plane; or it passes a short side, and then it has it cross a cap. So Embree finds the
 wall, at some place of the beam's way through the strip, give or take 5δ.
+
+Where another wall begins at the very end, at an angle φ of 45° to 135°, that one is the cap. Its
+line parts the wall from the short side, so a beam that passes both crosses it between them, no
+more than δ / sin φ from the end. If the beam meets the wall under so small an angle that float32
+may have it pass by (by sin 1/6 or less, its plane being 3δ longer), it crosses the other one's
+line under 35° or more, and float32 has it do so no more than ε / sin 35° < δ away: in all less
+than 2.5δ from the end, where the other wall's plane still is.
 
 Say Embree's first hit is on wall w, and the beam does meet w, at a point h and under an angle
 whose sine is at least s. Embree's place is within 5δ / s of h. Any wall that the beam meets before
@@ -27,10 +34,14 @@ range, and 8δ more. No hit at all then means that there is none.
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.casting.clusters import Ends, square_corners
 from lrf3d.casting.kernels.clear_parts import clear_parts
 from lrf3d.casting.kernels.embree_proof import LEAST_SINE, STEEP_SINE
 from lrf3d.casting.wall_tree import WallTree
 from lrf3d.geometry import Float
+
+LONGER, CAP = 3.0, 2.0
+"""How many δ a plane reaches beyond each end of its wall, and a cap to each side."""
 
 APEX = 9.0
 """A wall is one triangle, that stands on its base below the beams; so much more of it is above."""
@@ -61,9 +72,9 @@ def all_clear_parts(tree: WallTree, delta: float) -> Float:
 
 
 def triangles(
-    walls: Float, centre: tuple[float, float], delta: float, unit: float
+    walls: Float, ends: Ends, centre: tuple[float, float], delta: float, unit: float
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Vertices (9 n, 3) float32 and faces (3 n, 3) of the walls (n, 4): each plane and two caps.
+    """Vertices (3 m, 3) float32 of m triangles, and which wall (n, 4) each of these is for.
 
     The vertices are seen from the centre, and so many units long as they are metres.
     """
@@ -72,17 +83,23 @@ def triangles(
     length = np.hypot(along[:, 0], along[:, 1])[:, None]
     along = along / length
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    middles = np.stack([0.5 * (start + end), start - delta * along, end + delta * along], axis=1)
-    sides = np.stack([along, across, across], axis=1)
-    halves = np.stack([0.5 * length + 2.0 * delta, *([np.full_like(length, 2.0 * delta)] * 2)], 1)
+    capped = ~square_corners(walls, ends)
+    near, far = capped.T
+    rows = np.arange(len(walls), dtype=np.int32)
+    owners = np.concatenate([rows, rows[near], rows[far]])
+    middles = np.concatenate(
+        [0.5 * (start + end), (start - delta * along)[near], (end + delta * along)[far]]
+    )
+    sides = np.concatenate([along, across[near], across[far]])
+    caps = np.full((int(capped.sum()), 1), CAP * delta)
+    halves = np.concatenate([0.5 * length + LONGER * delta, caps])
     # At z = 0 a triangle is APEX / (APEX + 1) as wide as its base.
     wide = sides * halves * (1.0 + 1.0 / APEX)
     lean = LEAN * delta * (abs(sides * halves) < THIN * delta)
-    vertices = np.zeros((len(walls), 3, 3, 3))
-    vertices[:, :, 0, :2] = middles - wide + lean
-    vertices[:, :, 1, :2] = middles + wide + lean
-    vertices[:, :, 2, :2] = middles - APEX * lean
-    vertices[:, :, :2, 2] = -2.0 * halves / APEX
-    vertices[:, :, 2, 2] = 2.0 * halves[:, :, 0]
-    faces = np.arange(9 * len(walls), dtype=np.int32).reshape(-1, 3)
-    return (unit * vertices.reshape(-1, 3)).astype(np.float32), faces
+    vertices = np.zeros((len(owners), 3, 3))
+    vertices[:, 0, :2] = middles - wide + lean
+    vertices[:, 1, :2] = middles + wide + lean
+    vertices[:, 2, :2] = middles - APEX * lean
+    vertices[:, :2, 2] = -2.0 * halves / APEX
+    vertices[:, 2, 2:] = 2.0 * halves
+    return (unit * vertices.reshape(-1, 3)).astype(np.float32), owners

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.clusters import narrowest_cluster
+from lrf3d.casting.clusters import ends_of, narrowest_cluster
 from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
 from lrf3d.casting.embree_walls import all_clear_parts, float32_error, triangles
 from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
@@ -51,6 +51,7 @@ class _Known(NamedTuple):
     walls: Float
     rows: NDArray[np.int32]
     clear: Float
+    owners: NDArray[np.int32]
     local: tuple[float, float, float, float, float, float, float]
 
 
@@ -63,17 +64,19 @@ def _prepare(
     centre = np.round(0.5 * (box[:2] + box[2:]))
     # Half as far again: the laser may stand beside the world.
     radius = 1.5 * float(np.abs(box.reshape(2, 2) - centre).max()) + 1e-30
-    ends = segments[:, 2:] - segments[:, :2]
-    longest = float(np.hypot(ends[:, 0], ends[:, 1]).max(initial=0.0))
+    along = segments[:, 2:] - segments[:, :2]
+    longest = float(np.hypot(along[:, 0], along[:, 1]).max(initial=0.0))
     delta = 2.0 * float32_error(radius, min(distance + 2.0 * longest, 4.0 * radius))
     # Embree works in units of about the radius, a power of two that rounds nothing: at any scale
     # its float32 numbers stay clear of the smallest and of the largest.
     unit = math.ldexp(1.0, -math.frexp(radius)[1])
     x, y = float(centre[0]), float(centre[1])
-    width = narrowest_cluster(segments)
+    ends = ends_of(tree.walls)
+    width = narrowest_cluster(ends)
     local = (x, y, unit, radius, 1.5 * delta, longest + 8.0 * delta, width)
-    known = _Known(*tree, all_clear_parts(tree, delta), local)
-    return known, triangles(tree.walls, (x, y), delta, unit)
+    vertices, owners = triangles(tree.walls, ends, (x, y), delta, unit)
+    known = _Known(*tree, all_clear_parts(tree, delta), owners, local)
+    return known, (vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
 
 
 class PacketScene:

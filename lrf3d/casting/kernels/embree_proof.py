@@ -23,20 +23,17 @@ STEEP_SINE = 0.25
 UNSURE = -2
 """What stands for the wall of a beam that is to be cast again."""
 
-PARTS = 3
-"""Triangles of a wall, side by side: its plane and two caps."""
-
 
 @inner
-def prove(walls, clear, faces, x, y, range_max, dx, dy, hit):
+def prove(walls, clear, owners, faces, x, y, range_max, dx, dy, hit):
     """From the faces that Embree found to the rows of walls that the beams hit, exactly.
 
-    Beams for which that does not hold are marked as UNSURE; tells how many.
+    Each face is owned by a wall. Beams that are not proved are marked as UNSURE; tells how many.
     """
     beams = len(hit)
     for i in range(index_of(beams)):
         face = faces[i]
-        hit[i] = np.int64(np.uint32(face) // np.uint32(PARTS)) if face >= 0 else -1
+        hit[i] = owners[face] if face >= 0 else -1
     limit = range_max * ROOM
     unsure = 0
     stop = 0

@@ -20,8 +20,8 @@ ROOM = max(PADDING, WIDTH - 1)
 
 @compiled
 def cast_scan(
-    intersect, scene, boxes, links, walls, index, clear, local, fan, x, y, theta, middle, half,
-    range_min, range_max,
+    intersect, scene, boxes, links, walls, index, clear, owners, local, fan, x, y, theta, middle,
+    half, range_min, range_max,
 ):  # fmt: skip
     """Cast one scan; the ranges and walls, one of each for a beam."""
     beams = fan.shape[1]
@@ -31,15 +31,15 @@ def cast_scan(
     stride = stride_for(beams, half, range_max, local[6])
     packet = new_packet(COHERENT if stride == 1 else SCATTERED)
     _cast_into(
-        intersect, scene, boxes, links, walls, index, clear, local, fan, x, y, theta, middle, half,
-        range_min, range_max, stride, packet, room, faces, rows, ranges, hit,
+        intersect, scene, boxes, links, walls, index, clear, owners, local, fan, x, y, theta,
+        middle, half, range_min, range_max, stride, packet, room, faces, rows, ranges, hit,
     )  # fmt: skip
     return ranges, hit
 
 
 @compiled
 def cast_scans(
-    intersect, scene, boxes, links, walls, index, clear, local, fan, poses, middle, half,
+    intersect, scene, boxes, links, walls, index, clear, owners, local, fan, poses, middle, half,
     range_min, range_max, ranges, hits,
 ):  # fmt: skip
     """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty."""
@@ -51,7 +51,7 @@ def cast_scans(
     for k in range(len(poses)):
         hit = hits[k] if len(hits) > 0 else own
         _cast_into(
-            intersect, scene, boxes, links, walls, index, clear, local, fan, poses[k, 0],
+            intersect, scene, boxes, links, walls, index, clear, owners, local, fan, poses[k, 0],
             poses[k, 1], poses[k, 2], middle, half, range_min, range_max, stride, packet, room,
             faces, rows, ranges[k], hit,
         )  # fmt: skip
@@ -66,8 +66,8 @@ def _new_room(beams):
 
 @inner
 def _cast_into(
-    intersect, scene, boxes, links, walls, index, clear, local, fan, x, y, theta, middle, half,
-    range_min, range_max, stride, packet, room, faces, rows, ranges, hit,
+    intersect, scene, boxes, links, walls, index, clear, owners, local, fan, x, y, theta, middle,
+    half, range_min, range_max, stride, packet, room, faces, rows, ranges, hit,
 ):  # fmt: skip
     """Cast a scan with Embree called from here."""
     dx, dy = room[0], room[1]
@@ -81,12 +81,12 @@ def _cast_into(
         reach = (range_max + local[5]) * local[2]
         if stride > 1:
             unsure = find_sparing(
-                intersect, scene, packet, walls, clear, local[6], stride, x, y, scene_x, scene_y,
-                reach, half, range_max, dx, dy, room[2:], faces, rows[0], rows[1], hit,
+                intersect, scene, packet, walls, clear, owners, local[6], stride, x, y, scene_x,
+                scene_y, reach, half, range_max, dx, dy, room[2:], faces, rows[0], rows[1], hit,
             )  # fmt: skip
         else:
             find(intersect, scene, packet, scene_x, scene_y, dx, dy, reach, len(hit), faces)
-            unsure = prove(walls, clear, faces, x, y, range_max, dx, dy, hit)
+            unsure = prove(walls, clear, owners, faces, x, y, range_max, dx, dy, hit)
         if unsure > 0:
             cast_again(
                 boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit
@@ -113,7 +113,7 @@ def send_rays(fan, poses, local):
 
 @compiled
 def prove_scans(
-    boxes, links, walls, index, clear, local, found, fan, poses, middle, half, range_min,
+    boxes, links, walls, index, clear, owners, local, found, fan, poses, middle, half, range_min,
     range_max, ranges, hits,
 ):  # fmt: skip
     """Fill ranges (k, beams), and hits unless empty, where embreex found these faces (k beams)."""
@@ -130,7 +130,7 @@ def prove_scans(
             )
         else:
             faces = found[k * beams : (k + 1) * beams]
-            if prove(walls, clear, faces, x, y, range_max, dx, dy, hit) > 0:
+            if prove(walls, clear, owners, faces, x, y, range_max, dx, dy, hit) > 0:
                 cast_again(
                     boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit
                 )

@@ -46,8 +46,8 @@ def stride_for(beams, half, range_max, width):
 
 @inner
 def find_sparing(
-    intersect, scene, packet, walls, clear, width, stride, x, y, scene_x, scene_y, reach, half,
-    range_max, dx, dy, room, faces, picked, found, hit,
+    intersect, scene, packet, walls, clear, owners, width, stride, x, y, scene_x, scene_y, reach,
+    half, range_max, dx, dy, room, faces, picked, found, hit,
 ):  # fmt: skip
     """Find the rows of walls that beams hit, or −1; tell how many are UNSURE.
 
@@ -70,7 +70,9 @@ def find_sparing(
             for k in range(count):
                 near_dx[k], near_dy[k] = dx[picked[k]], dy[picked[k]]
             find(intersect, scene, packet, scene_x, scene_y, near_dx, near_dy, reach, count, faces)
-            unsure += prove(walls, clear, faces, x, y, range_max, near_dx, near_dy, found[:count])
+            unsure += prove(
+                walls, clear, owners, faces, x, y, range_max, near_dx, near_dy, found[:count]
+            )
             for k in range(count):
                 hit[picked[k]] = found[k]
         if gap == 1:
