@@ -82,7 +82,7 @@ def find_sparing(
             stop = min(start + gap, beams - 1)
             if hit[start + 1] != OPEN:
                 continue
-            if _nothing_between(walls, width, x, y, dx, dy, half, start, stop, hit):
+            if _nothing_between(walls, clear, width, x, y, dx, dy, half, start, stop, hit):
                 hit[start + 1 : stop] = hit[start]
             elif start + gap // 2 < stop:
                 picked[count] = start + gap // 2
@@ -91,8 +91,8 @@ def find_sparing(
 
 
 @inner
-def _nothing_between(walls, width, x, y, dx, dy, half, start, stop, hit):
-    """Whether two beams end on one wall, and nothing fits between them and it."""
+def _nothing_between(walls, clear, width, x, y, dx, dy, half, start, stop, hit):
+    """Whether two beams end on one clear part of a wall, and nothing fits between them and it."""
     row = hit[start]
     if row < 0 or hit[stop] != row:
         return False
@@ -100,7 +100,14 @@ def _nothing_between(walls, width, x, y, dx, dy, half, start, stop, hit):
     ex, ey = walls[row, 2] - walls[row, 0], walls[row, 3] - walls[row, 1]
     left, right = ax * ey, ay * ex
     area = abs(left - right) + FILTER * (abs(left) + abs(right))
-    slope = max(abs(dx[start] * ey - dy[start] * ex), abs(dx[stop] * ey - dy[stop] * ex))
+    first, last = dx[start] * ey - dy[start] * ex, dx[stop] * ey - dy[stop] * ex
     # The triangle's height over the longer of the two beams, times slope.
     angle = 2.0 * half / (len(hit) - 1) * (stop - start)
-    return area * math.sin(angle) * SPARE < width * slope
+    if area * math.sin(angle) * SPARE >= width * max(abs(first), abs(last)):
+        return False
+    one, other = (dy[start] * ax - dx[start] * ay) / first, (dy[stop] * ax - dx[stop] * ay) / last
+    low, high = min(one, other), max(one, other)
+    # The part that is clear for steep beams may be another one than that for all.
+    return (clear[row, 0] < low and high < clear[row, 1]) or (
+        clear[row, 2] < low and high < clear[row, 3]
+    )

@@ -192,6 +192,19 @@ def on_limits(rng: np.random.Generator, beams: int) -> Batch:
     return Batch(walls, lrf, aims.aimed(rng, lrf, places, away))
 
 
+def by_posts(rng: np.random.Generator, beams: int) -> Batch:
+    """Fans in a room with posts about as wide as the gap between beams some way apart."""
+    scale, offset = SETTINGS[rng.integers(len(SETTINGS))]
+    width = rng.uniform(0.5, 2.0) * np.pi
+    lrf = aims.fan(rng, int(rng.integers(45, 721)), width, scale * rng.uniform(10.0, 40.0))
+    gap = rng.choice([4, 8]) * width / (lrf.beams - 1)
+    size = rng.uniform(0.3, 1.5) * gap * lrf.range_max / scale
+    walls = worlds.posts(rng, int(rng.integers(1, 4 * MOST)), size)
+    walls = worlds.placed(walls, scale, np.full(2, offset))
+    places = aims.anywhere(rng, walls, _poses(beams, lrf.beams))
+    return Batch(walls, lrf, np.column_stack([places, rng.uniform(-np.pi, np.pi, len(places))]))
+
+
 def in_a_city(rng: np.random.Generator, beams: int) -> Batch:
     """Ordinary fans at any place of a city of streets and blocks."""
     walls = _city()

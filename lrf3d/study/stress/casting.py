@@ -51,6 +51,7 @@ _KINDS: dict[str, Maker] = {
     "poses on walls": beams.from_walls,
     "poses on corners": beams.from_corners,
     "limits on the range itself": beams.on_limits,
+    "posts between beams": beams.by_posts,
     "fans in a city": beams.in_a_city,
 }
 

@@ -12,11 +12,14 @@ WorldMaker = Callable[[np.random.Generator, int], Float]
 
 def boxes(rng: np.random.Generator, count: int) -> Float:
     """Rectangles at any angle: walls that share corners."""
-    middle = rng.uniform(-10, 10, (count, 1, 2))
-    angle = rng.uniform(0, np.pi, count)
-    half = rng.uniform(0.3, 2.0, (count, 1, 2)) * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return _closed(middle + np.einsum("jkn,nik->nij", turn, half))
+    return _rectangles(rng, 10.0, rng.uniform(0.3, 2.0, (count, 1, 2)))
+
+
+def posts(rng: np.random.Generator, count: int, width: float) -> Float:
+    """Posts of about a width at any angle in a room of four walls."""
+    room = 12.0 * np.array([[[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]])
+    half = 0.5 * width * rng.uniform(1.0, 1.2, (count, 1, 2))
+    return np.concatenate([_closed(room), _rectangles(rng, 11.0, half)])
 
 
 def blocks(rng: np.random.Generator, count: int) -> Float:
@@ -98,6 +101,16 @@ def placed(segments: Float, scale: float, offset: Float) -> Float:
 def _closed(corners: Float) -> Float:
     """Walls around each ring of corners (rings, corners, 2)."""
     return np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 4)
+
+
+def _rectangles(rng: np.random.Generator, reach: float, half: Float) -> Float:
+    """Rectangles of half sizes (count, 1, 2), in the middle and at any angle."""
+    count = len(half)
+    middle = rng.uniform(-reach, reach, (count, 1, 2))
+    angle = rng.uniform(0, np.pi, count)
+    corners = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return _closed(middle + np.einsum("jkn,nik->nij", turn, corners))
 
 
 def _shuffled(rng: np.random.Generator, walls: Float) -> Float:
