@@ -63,12 +63,17 @@ def float32_error(radius: float, distance: float) -> float:
 
 
 def all_clear_parts(tree: WallTree, delta: float) -> Float:
-    """The clear parts (n, 4) of walls: from where to where, of 0 to 1, for flat and steep beams."""
-    parts = [
-        clear_parts(tree.boxes, tree.links, tree.walls, (7.0 + 5.0 / sine) * delta)
-        for sine in (LEAST_SINE, STEEP_SINE)
-    ]
-    return np.hstack(parts)
+    """The clear parts (n, 4) of walls: from where to where, of 0 to 1, for flat and steep beams.
+
+    Between two places of which each lies in one of a wall's parts, there is no other wall.
+    """
+    part = np.tile([1.0, 0.0], (len(tree.walls), 1))
+    both = []
+    for sine in (LEAST_SINE, STEEP_SINE):
+        reach = (7.0 + 5.0 / sine) * delta
+        part = clear_parts(tree.boxes, tree.links, tree.walls, reach, part)
+        both.append(part)
+    return np.hstack(both)
 
 
 def triangles(

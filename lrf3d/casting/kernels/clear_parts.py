@@ -7,10 +7,11 @@ from lrf3d.casting.kernels.tree import STACK
 
 
 @compiled
-def clear_parts(boxes, links, walls, reach):
+def clear_parts(boxes, links, walls, reach, parts):
     """The part (n, 2) of each wall, from 0 to 1, that has no other wall within reach [m].
 
-    Where it is in pieces the longest is given, where there is none the first number is above.
+    Where it is in pieces, the one is given that holds the part that was found for a larger reach,
+    and if there was none about the longest. Where there is none the first number is above.
     """
     clear = np.empty((len(walls), 2))
     stack = np.empty(STACK, np.int64)
@@ -18,6 +19,8 @@ def clear_parts(boxes, links, walls, reach):
         px, py, qx, qy = walls[row]
         length = np.hypot(qx - px, qy - py)
         low, high = reach / length, 1.0 - reach / length
+        held = parts[row, 0] <= parts[row, 1]
+        middle = 0.5 * (parts[row, 0] + parts[row, 1])
         stack[0] = 0
         top = 1
         while top > 0 and low <= high:
@@ -39,7 +42,7 @@ def clear_parts(boxes, links, walls, reach):
                     continue
                 begin, end = _near_part(px, py, qx, qy, walls[other], reach)
                 if begin <= high and end >= low and begin <= end:
-                    if begin - low > high - end:
+                    if begin > middle if held else begin - low > high - end:
                         high = begin
                     else:
                         low = end

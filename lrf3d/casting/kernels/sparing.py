@@ -9,8 +9,6 @@ empty, and all beams between the two end on the same wall.
 So every few beams one is cast, and between those that differ the one in the middle, and so on.
 """
 
-import math
-
 from lrf3d.casting.kernels.compiling import inner
 from lrf3d.casting.kernels.embree_proof import prove
 from lrf3d.casting.kernels.packets import find
@@ -27,7 +25,7 @@ USUAL_PART = 0.5
 """The stride suits hits at this part of the range; farther ones may need their middle cast."""
 
 SPARE = 1.0 + 1e-6
-"""Room for rounding, in angles and slopes."""
+"""Room for rounding, in slopes."""
 
 LEAST_STEP, WIDEST_GAP = 1e-9, 0.5
 """Angles [rad] from beam to beam that rounding cannot turn round, and of a gap that is flat."""
@@ -82,7 +80,7 @@ def find_sparing(
             stop = min(start + gap, beams - 1)
             if hit[start + 1] != OPEN:
                 continue
-            if _nothing_between(walls, clear, width, x, y, dx, dy, half, start, stop, hit):
+            if _nothing_between(walls, width, x, y, dx, dy, half, start, stop, hit):
                 hit[start + 1 : stop] = hit[start]
             elif start + gap // 2 < stop:
                 picked[count] = start + gap // 2
@@ -91,8 +89,8 @@ def find_sparing(
 
 
 @inner
-def _nothing_between(walls, clear, width, x, y, dx, dy, half, start, stop, hit):
-    """Whether two beams end on one clear part of a wall, and nothing fits between them and it."""
+def _nothing_between(walls, width, x, y, dx, dy, half, start, stop, hit):
+    """Whether two beams end on one wall, and nothing fits between them and it."""
     row = hit[start]
     if row < 0 or hit[stop] != row:
         return False
@@ -100,14 +98,7 @@ def _nothing_between(walls, clear, width, x, y, dx, dy, half, start, stop, hit):
     ex, ey = walls[row, 2] - walls[row, 0], walls[row, 3] - walls[row, 1]
     left, right = ax * ey, ay * ex
     area = abs(left - right) + FILTER * (abs(left) + abs(right))
-    first, last = dx[start] * ey - dy[start] * ex, dx[stop] * ey - dy[stop] * ex
+    slope = max(abs(dx[start] * ey - dy[start] * ex), abs(dx[stop] * ey - dy[stop] * ex))
     # The triangle's height over the longer of the two beams, times slope.
     angle = 2.0 * half / (len(hit) - 1) * (stop - start)
-    if area * math.sin(angle) * SPARE >= width * max(abs(first), abs(last)):
-        return False
-    one, other = (dy[start] * ax - dx[start] * ay) / first, (dy[stop] * ax - dx[stop] * ay) / last
-    low, high = min(one, other), max(one, other)
-    # The part that is clear for steep beams may be another one than that for all.
-    return (clear[row, 0] < low and high < clear[row, 1]) or (
-        clear[row, 2] < low and high < clear[row, 3]
-    )
+    return area * angle * SPARE < width * slope
