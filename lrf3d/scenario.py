@@ -4,8 +4,8 @@ A name or a path enters; all that a run needs leaves. What a file does not say h
 that a file of walls alone serves as well.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -14,10 +14,11 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
-from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser import Imperfections, LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.world import World, load_world
 from lrf3d.world.files import find_world
+from lrf3d.world.settings import read_settings
 from lrf3d.world.toml_file import WorldFile, read_toml
 
 SIGMA = 0.04
@@ -33,6 +34,9 @@ class Scenario:
         lrf: The laser range finder.
         sigmas: Standard deviations of the noise [m]; the first is the one to run with, the
             others stand beside it in figures.
+        imperfections: What the range finder does beside this noise.
+        movers: Tables of what moves beside the robot: route (m, 2) [m], speed [m/s], radius [m]
+            or points (n, 2) [m], and height [m].
         start: Pose x, y [m], theta [rad] where the drive begins; None where nothing is said.
         route: (m, 2) way-points [m], the first at the start; None where the file names none.
         poses: (k, 3) poses x, y [m], theta [rad] to stand and scan at instead of a drive.
@@ -48,6 +52,8 @@ class Scenario:
     world: World
     lrf: LaserRangeFinder = field(default_factory=LaserRangeFinder)
     sigmas: tuple[float, ...] = (SIGMA,)
+    imperfections: Imperfections = field(default_factory=Imperfections)
+    movers: tuple[Mapping[str, Any], ...] = ()
     start: Pose | None = None
     route: Float | None = None
     poses: Float | None = None
@@ -60,16 +66,26 @@ class Scenario:
     name: str = ""
 
 
-def load_scenario(name_or_path: str | Path) -> Scenario:
+def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Scenario:
     """Read a scenario: a built-in one by its name, or a file by its path.
+
+    Args:
+        name_or_path: The name or the path.
+        settings: What holds instead of what the file says: ``laser.range_max=20``.
 
     Raises:
         WorldError: There is no such world, or its file cannot be used.
+        InputError: A setting is none.
     """
     path = find_world(name_or_path)
-    if path.suffix.lower() != ".toml":
-        return Scenario(load_world(path), name=path.stem)
-    return _scenario(read_toml(path))
+    if path.suffix.lower() == ".toml":
+        file = read_toml(path)
+    else:
+        file = WorldFile(load_world(path), path=path)
+    tables = {name: dict(table) for name, table in file.tables.items()}
+    for name, table in read_settings(settings).items():
+        tables.setdefault(name, {}).update(table)
+    return _scenario(replace(file, tables=tables))
 
 
 def start_of(route: Float) -> Pose:
@@ -91,11 +107,14 @@ def _scenario(file: WorldFile) -> Scenario:
         start = robot.setdefault("start", start_of(robot["route"]))
         if tuple(robot["route"][0]) != start[:2]:
             robot["route"] = np.vstack([start[:2], robot["route"]])
-    sigma = file.tables.get("noise", {}).get("sigma", SIGMA)
+    noise = dict(file.tables.get("noise", {}))
+    sigma = noise.pop("sigma", SIGMA)
     return Scenario(
         world=file.world,
         lrf=_range_finder(file),
         sigmas=sigma if isinstance(sigma, tuple) else (sigma,),
+        imperfections=Imperfections(**noise),
+        movers=file.movers,
         mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
         name=file.path.stem,
         **robot,

@@ -1,12 +1,13 @@
 """The simulation: a robot drives, scans and maps, as in Fig. 2 of Teslić et al."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster
+from lrf3d.casting.moving import Caster, Mover, timed
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
 from lrf3d.mapping import LineMap, LineMapper
@@ -17,14 +18,6 @@ from lrf3d.world import World
 MAP_SNAPSHOTS = 100
 """How many stages of the growing map a run keeps at most: enough for a film, and each takes the
 mapper some hundredths of a second to work out."""
-
-
-class Caster(Protocol):
-    """Anything that casts the beams of a laser range finder into a world."""
-
-    def cast(self, lrf: LaserRangeFinder, pose: Float) -> LaserScan:
-        """Return the true scan from a pose."""
-        ...
 
 
 class Mapper(Protocol):
@@ -82,6 +75,7 @@ class Run:
             range_min=self.lrf.range_min,
             range_max=self.lrf.range_max,
             time=float(self.trajectory.times[index]),
+            time_increment=self.lrf.time_increment,
         )
 
     def true_scan(self, index: int) -> LaserScan:
@@ -103,6 +97,7 @@ def simulate(
     noise: Noise | None = None,
     mapper: Mapper | None = None,
     rng: np.random.Generator | int | None = None,
+    movers: Sequence[Mover] = (),
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Run:
     """Drive through a world, scan at every pose, and map.
@@ -115,15 +110,16 @@ def simulate(
         noise: What makes measured ranges of true ones; none where not given.
         mapper: What builds the map, anything with ``update(scan)``; a LineMapper where not given.
         rng: The source of the noise, or a seed of it.
+        movers: What moves in the world beside the robot and is seen by it.
         progress: Called with the scans that are done and all.
 
     Raises:
-        InputError: The trajectory is none.
+        InputError: The trajectory is none, or a scan takes longer than the time to the next.
     """
     if not isinstance(trajectory, Trajectory):
         trajectory = Trajectory(np.arange(len(trajectory)), trajectory)
     lrf = LaserRangeFinder() if lrf is None else lrf
-    caster = EmbreeCaster(world) if caster is None else caster
+    cast = timed(EmbreeCaster(world) if caster is None else caster, lrf, trajectory, movers)
     noise = ProportionalNoise(0.0) if noise is None else noise
     mapper = LineMapper() if mapper is None else mapper
     rng = np.random.default_rng(rng)
@@ -132,7 +128,7 @@ def simulate(
     walls = np.empty((count, lrf.beams), dtype=np.int64)
     stages, maps = [], []
     for index, (time, pose) in enumerate(zip(trajectory.times, trajectory.poses, strict=True)):
-        true_scan = replace(caster.cast(lrf, pose), time=float(time))
+        true_scan = cast.cast_at(lrf, pose, float(time))
         scan = noise(true_scan, rng)
         line_map = mapper.update(scan)
         truth[index], walls[index], ranges[index] = true_scan.ranges, true_scan.walls, scan.ranges

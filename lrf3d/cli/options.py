@@ -35,6 +35,12 @@ WorldArgument = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the noise: the same seed, the same run.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="TABLE.KEY=VALUE", help="Instead of what the world file says; repeatable."
+    ),
+]
 ModeOption = Annotated[Mode | None, typer.Option(help="Mode of the mapper.")]
 IgnoreCollisions = Annotated[
     bool, typer.Option("--ignore-collisions", help="Only warn of a drive into a wall.")

@@ -16,6 +16,7 @@ def run(
         list[float] | None,
         typer.Option(help="Noise [m] at range_max; given again, maps stand side by side."),
     ] = None,
+    settings: options.Settings = None,
     seed: options.Seed = 0,
     caster: Annotated[
         options.CasterName, typer.Option(help="What casts the beams.")
@@ -43,7 +44,7 @@ def run(
     from lrf3d.study.outputs import Results, draw_results
 
     pixels = options.parse_size(size)
-    scenario = with_route(load_scenario(world))
+    scenario = with_route(load_scenario(world, settings or ()))
     folder = make_folder(Path("out") / scenario.name if out is None else out)
     sigmas = tuple(sigma) if sigma else scenario.sigmas
     experiment = Experiment(scenario, mode=mode, sigma=sigmas[0], seed=seed, caster=caster.value)

@@ -1,14 +1,37 @@
 """The laser range finder, its scans and its noise (section 2.3 of Teslić et al.)."""
 
-from lrf3d.laser.noise import Noise, ProportionalNoise
+from lrf3d.laser.angle_noise import AngleNoise
+from lrf3d.laser.drop_outs import DropOuts
+from lrf3d.laser.imperfections import Imperfections
+from lrf3d.laser.mixed_pixels import MixedPixels
+from lrf3d.laser.noise import (
+    Chain,
+    ConstantNoise,
+    Limits,
+    Noise,
+    ProportionalNoise,
+    Quantised,
+)
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions, layer_directions
+from lrf3d.laser.ros_scan import RosHeader, RosScan, Stamp
 from lrf3d.laser.scan import LaserScan, reflection_points
 
 __all__ = [
+    "AngleNoise",
+    "Chain",
+    "ConstantNoise",
+    "DropOuts",
+    "Imperfections",
     "LaserRangeFinder",
     "LaserScan",
+    "Limits",
+    "MixedPixels",
     "Noise",
     "ProportionalNoise",
+    "Quantised",
+    "RosHeader",
+    "RosScan",
+    "Stamp",
     "beam_directions",
     "layer_directions",
     "reflection_points",

@@ -1,11 +1,23 @@
-"""Noise of the laser range finder: what turns a true scan into a measured one."""
+"""Noise of the laser range finder: what turns a true scan into a measured one.
 
-from dataclasses import dataclass, replace
+All of it is off by default. What a range finder has is chained in the order in which it comes
+about: the beam's angle, what it meets, what comes back, what is measured, what is told::
+
+    Chain([AngleNoise(0.002), MixedPixels(0.01), DropOuts(far=0.1), ConstantNoise(0.01),
+           ProportionalNoise(0.04), Quantised(0.01), Limits()])
+
+Each draws as many numbers for a scan as it has beams or a multiple of them, so that a seed gives
+the same noise whatever is seen.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 
 from lrf3d.errors import InputError
+from lrf3d.geometry import Float
 from lrf3d.laser.scan import LaserScan
 
 
@@ -28,8 +40,7 @@ class ProportionalNoise:
     sigma: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.sigma) and self.sigma >= 0.0):
-            raise InputError(f"sigma {self.sigma}: expected a finite number of metres, at least 0")
+        check_sigma(self.sigma, "metres")
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the scan with noise on each range.
@@ -46,3 +57,85 @@ class ProportionalNoise:
         draws = rng.normal(0.0, self.sigma, len(ranges))[finite]
         ranges[finite] += ranges[finite] / scan.range_max * draws
         return replace(scan, ranges=ranges)
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantNoise:
+    """Gaussian noise that is the same at every distance: d + N(0, σ), σ in metres.
+
+    With ProportionalNoise in a chain the variances add up.
+    """
+
+    sigma: float
+
+    def __post_init__(self) -> None:
+        check_sigma(self.sigma, "metres")
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return the scan with noise on each range; a beam without return stays without."""
+        if self.sigma == 0.0:
+            return scan
+        # Adding to an infinity leaves it as it is.
+        return replace(scan, ranges=scan.ranges + rng.normal(0.0, self.sigma, len(scan.ranges)))
+
+
+@dataclass(frozen=True, slots=True)
+class Quantised:
+    """Ranges told in whole steps of a resolution [m], each the multiple that is nearest."""
+
+    step: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.step) and self.step > 0.0):
+            raise InputError(f"resolution {self.step}: expected a positive number of metres")
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return the scan with its ranges rounded; an infinity stays one."""
+        return replace(scan, ranges=np.round(scan.ranges / self.step) * self.step)
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a measured range is told as after REP 117: +inf above range_max, −inf below range_min.
+
+    Noise may carry a range over the limits of the range finder; this comes last in a chain.
+    """
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return the scan with the ranges beyond its limits told as such."""
+        return replace(scan, ranges=within_limits(scan.ranges, scan.range_min, scan.range_max))
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """Noises one after the other; with none the scan is given back as it is.
+
+    Args:
+        noises: The noises, the first to come about first.
+    """
+
+    noises: tuple[Noise, ...] = field(default=())
+
+    def __init__(self, noises: Iterable[Noise] = ()) -> None:
+        object.__setattr__(self, "noises", tuple(noises))
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return what the last noise makes of what the others made."""
+        for noise in self.noises:
+            scan = noise(scan, rng)
+        return scan
+
+
+def within_limits(ranges: Float, range_min: float, range_max: float) -> Float:
+    """Ranges after REP 117: +inf above range_max, −inf below range_min."""
+    return np.where(ranges > range_max, np.inf, np.where(ranges < range_min, -np.inf, ranges))
+
+
+def check_sigma(sigma: float, unit: str) -> None:
+    """See that a standard deviation is one.
+
+    Raises:
+        InputError: It is not.
+    """
+    if not (np.isfinite(sigma) and sigma >= 0.0):
+        raise InputError(f"sigma {sigma}: expected a finite number of {unit}, at least 0")

@@ -22,6 +22,8 @@ class LaserRangeFinder:
         range_min: Nearest distance that is measured [m].
         range_max: Farthest distance that is measured [m], d_max in the paper.
         height: Height of the beams above the ground [m].
+        scan_duration: Time from the first beam of a scan to its last [s]; the robot moves on
+            meanwhile. With 0 all beams are sent at once.
 
     Raises:
         InputError: There are no beams, or a limit is not finite or out of order.
@@ -33,6 +35,7 @@ class LaserRangeFinder:
     range_min: float = 0.0
     range_max: float = 80.0
     height: float = 0.5
+    scan_duration: float = 0.0
 
     def __post_init__(self) -> None:
         if self.beams != int(self.beams) or self.beams < 1:
@@ -50,6 +53,11 @@ class LaserRangeFinder:
                 f"range finder: range_min {self.range_min:g} and range_max {self.range_max:g},"
                 " expected 0 ≤ range_min < range_max"
             )
+        if not (np.isfinite(self.scan_duration) and self.scan_duration >= 0.0):
+            raise InputError(
+                f"range finder: scan_duration {self.scan_duration:g}, expected a finite number of"
+                " seconds, at least 0"
+            )
 
     @cached_property
     def angles(self) -> Float:
@@ -64,6 +72,22 @@ class LaserRangeFinder:
         fan = np.array([np.cos(self.angles), np.sin(self.angles)])
         fan.flags.writeable = False
         return fan
+
+    @cached_property
+    def time_increment(self) -> float:
+        """Time from one beam to the next [s]."""
+        return self.scan_duration / (self.beams - 1) if self.beams > 1 else 0.0
+
+    @cached_property
+    def single_beams(self) -> tuple["LaserRangeFinder", ...]:
+        """A range finder for each of the beams alone, which sends just this beam."""
+        singles = []
+        for beam, angle in enumerate(self.angles.tolist()):
+            single = LaserRangeFinder(angle, angle, 1, self.range_min, self.range_max, self.height)
+            # The very same numbers, so that the beam is the same one to the last bit.
+            single.__dict__["fan"] = self.fan[:, beam : beam + 1]
+            singles.append(single)
+        return tuple(singles)
 
     @cached_property
     def spread(self) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions
 from lrf3d.pose import Pose, as_pose
+
+if TYPE_CHECKING:
+    from lrf3d.laser.ros_scan import RosScan
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,10 +25,12 @@ class LaserScan:
         angles: (beams,) angles of the beams [rad], 0 ahead, counter-clockwise.
         ranges: (beams,) distances [m]; +inf where nothing returned, −inf where the wall is
             nearer than range_min (REP 117).
-        walls: (beams,) index of the segment that was hit, −1 where there is no range.
+        walls: (beams,) index of the segment that was hit, −1 where there is no range and where
+            what was hit is no wall.
         range_min: Nearest distance that the range finder measures [m].
         range_max: Farthest distance that the range finder measures [m].
-        time: When the scan was taken [s].
+        time: When the first beam was sent [s].
+        time_increment: Time from one beam to the next [s].
     """
 
     pose: Pose
@@ -34,6 +40,7 @@ class LaserScan:
     range_min: float = field(default=0.0, kw_only=True)
     range_max: float = field(default=np.inf, kw_only=True)
     time: float = field(default=0.0, kw_only=True)
+    time_increment: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         angles = np.asarray(self.angles, dtype=np.float64)
@@ -61,8 +68,34 @@ class LaserScan:
             range_min=lrf.range_min,
             range_max=lrf.range_max,
             time=0.0,
+            time_increment=lrf.time_increment,
         )
         return scan
+
+    @classmethod
+    def from_ros(cls, message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> "LaserScan":
+        """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`.
+
+        Raises:
+            InputError: The message is none, or its angles and limits make no sense.
+        """
+        from lrf3d.laser.ros_scan import read_ros_scan
+
+        return read_ros_scan(message, pose)
+
+    def as_ros(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> "RosScan":
+        """The scan as a ROS ``sensor_msgs/LaserScan``: see `ros_scan`.
+
+        Args:
+            frame_id: What the frame of the laser is called.
+            scan_time: Time between two scans [s]; 0 where it is not known.
+
+        Raises:
+            InputError: The beams are not evenly spread, which the message cannot tell.
+        """
+        from lrf3d.laser.ros_scan import make_ros_scan
+
+        return make_ros_scan(self, frame_id, scan_time)
 
     @cached_property
     def hits(self) -> Bool:

@@ -7,7 +7,8 @@ version               the version of this format, 1
 world_name            name of the world
 segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
                       object_names (o,) and colours (o, 3) beside them
-lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
+lrf (7,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m],
+                      scan_duration [s], which older files lack
 times (k,)            time of each scan [s]
 poses (k, 3)          x, y [m], theta [rad] of each scan
 ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
@@ -21,6 +22,7 @@ map_segments (…, 4)   the segments of all stages, one after the other; map_obj
 """
 
 import zipfile
+from dataclasses import astuple
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -53,9 +55,7 @@ def save_run(run: Run, path: str | Path) -> None:
         "heights": world.heights,
         "object_names": np.array(world.object_names, dtype=np.str_),
         "colours": world.colours,
-        "lrf": np.array(
-            [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
-        ),
+        "lrf": np.array(astuple(lrf)),
         "times": run.trajectory.times,
         "poses": run.trajectory.poses,
         "ranges": run.ranges,
@@ -107,7 +107,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         object_names=tuple(str(name) for name in arrays["object_names"]),
         colours=arrays["colours"],
     )
-    angle_min, angle_max, beams, range_min, range_max, height = arrays["lrf"].tolist()
+    angle_min, angle_max, beams, *others = arrays["lrf"].tolist()
     bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
     maps = tuple(
         LineMap(
@@ -119,7 +119,7 @@ def _run(arrays: dict[str, Any]) -> Run:
     )
     return Run(
         world,
-        LaserRangeFinder(angle_min, angle_max, int(beams), range_min, range_max, height),
+        LaserRangeFinder(angle_min, angle_max, int(beams), *others),
         Trajectory(arrays["times"], arrays["poses"]),
         arrays["ranges"],
         arrays["truth"],

@@ -15,6 +15,10 @@ from lrf3d.mapping.wall_merging import Rule
 
 MODES = ("paper", "robust")
 
+FLOOR = 0.01
+"""Standard deviation of a range at no distance [m] where none is given: a centimetre, as of the
+usual range finders."""
+
 BEND = 0.4
 """How far a wall may bend where it is continued, as a part of how far two views of it may lie
 apart: views differ by the error of the poses, but next to each other they share it."""
@@ -54,7 +58,7 @@ class LineMapper:
         merge_length: float | None = None,
         merge_distance: float | None = None,
         sigma: float = 0.04,
-        floor: float = 0.01,
+        floor: float = FLOOR,
         min_points: int | None = None,
     ) -> None:
         if mode not in MODES:

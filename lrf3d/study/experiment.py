@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.casting.moving import Caster, Mover, round_outline
 from lrf3d.errors import CollisionError, InputError
-from lrf3d.laser import ProportionalNoise
 from lrf3d.mapping import LineMapper
+from lrf3d.mapping.line_mapper import FLOOR
 from lrf3d.robot import Trajectory, check_drive, follow_route
+from lrf3d.robot.patrol import patrol
 from lrf3d.robot.planner import plan_route
 from lrf3d.scenario import Scenario, start_of
-from lrf3d.simulation import Caster, Run, simulate
+from lrf3d.simulation import Run, simulate
+from lrf3d.world.model import DEFAULT_HEIGHT
 
 Progress = Callable[[int, int], None]
 
@@ -52,10 +55,24 @@ class Experiment:
 
     def mapper(self) -> LineMapper:
         """A new mapper, with the scenario's thresholds and the noise of this run."""
+        constant = self.scenario.imperfections.constant
         settings = {"sigma": self.noise, **self.scenario.mapper}
+        if constant:
+            settings.setdefault("floor", float(np.hypot(FLOOR, constant)))
         if self.mode is not None:
             settings["mode"] = self.mode
         return LineMapper(**settings)
+
+    def movers(self, until: float) -> tuple[Mover, ...]:
+        """What moves beside the robot, on its way there and back up to a time [s]."""
+        return tuple(
+            Mover(
+                table.get("points", round_outline(table.get("radius", self.scenario.radius))),
+                patrol(table["route"], speed=table.get("speed", 1.0), until=until),
+                table.get("height", DEFAULT_HEIGHT),
+            )
+            for table in self.scenario.movers
+        )
 
     def simulate(self, trajectory: Trajectory, progress: Progress = lambda d, t: None) -> Run:
         """Run the simulation along a trajectory."""
@@ -66,9 +83,10 @@ class Experiment:
             trajectory,
             self.scenario.lrf,
             caster=CASTERS[self.caster](self.scenario.world),
-            noise=ProportionalNoise(self.noise),
+            noise=self.scenario.imperfections.noise(self.noise),
             mapper=self.mapper(),
             rng=self.seed,
+            movers=self.movers(float(trajectory.times[-1])),
             progress=progress,
         )
 

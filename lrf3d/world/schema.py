@@ -160,6 +160,7 @@ def several_lines(value: object) -> list[Float]:
 
 _ANGLE = number(least=-3600.0, most=3600.0)
 _LENGTH = number(above=0.0)
+_SHARE = number(least=0.0, most=1.0)
 
 OBJECT: Mapping[str, Check] = {
     "name": text(),
@@ -169,6 +170,14 @@ OBJECT: Mapping[str, Check] = {
     "height": one_or_more(_LENGTH, "a height"),
     "colour": colour,
     "number": integer(least=0),
+}
+
+MOVER: Mapping[str, Check] = {
+    "route": rows("x", "y", least=2),
+    "speed": _LENGTH,
+    "radius": _LENGTH,
+    "points": rows("x", "y", least=3),
+    "height": _LENGTH,
 }
 
 TABLES: Mapping[str, Mapping[str, Check]] = {
@@ -187,8 +196,18 @@ TABLES: Mapping[str, Mapping[str, Check]] = {
         "range_min": number(least=0.0),
         "range_max": _LENGTH,
         "height": number(least=0.0),
+        "scan_duration": number(least=0.0),
     },
-    "noise": {"sigma": one_or_more(number(least=0.0), "a sigma")},
+    "noise": {
+        "sigma": one_or_more(number(least=0.0), "a sigma"),
+        "constant": number(least=0.0),
+        "angle_deg": number(least=0.0, most=90.0),
+        "beam_deg": number(least=0.0, most=90.0),
+        "drop_outs": _SHARE,
+        "drop_outs_far": _SHARE,
+        "drop_outs_grazing": _SHARE,
+        "resolution": number(least=0.0),
+    },
     "mapper": {
         "mode": text("paper", "robust"),
         "gap": _LENGTH,

@@ -19,7 +19,7 @@ from lrf3d.geometry import Float, lengths
 from lrf3d.world.locate import Path, lines_of_keys, nearest_line
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import walls
-from lrf3d.world.schema import OBJECT, TABLES, Check, Invalid, text
+from lrf3d.world.schema import MOVER, OBJECT, TABLES, Check, Invalid, text
 from lrf3d.world.text_file import read_text
 
 
@@ -30,12 +30,14 @@ class WorldFile:
     Args:
         world: The walls.
         tables: The checked values of the tables robot, laser, noise, mapper and camera.
+        movers: The checked values of each table mover.
         path: The file.
         text: Its text, by which :meth:`refuse` finds lines.
     """
 
     world: World
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    movers: tuple[Mapping[str, Any], ...] = ()
     path: FilePath = FilePath()
     text: str = ""
 
@@ -53,14 +55,15 @@ def read_toml(path: FilePath) -> WorldFile:
     """
     document = _Document(path, read_text(path))
     data = document.parse()
-    document.check_keys(data, ["name", "object", *TABLES], ())
+    document.check_keys(data, ["name", "object", "mover", *TABLES], ())
     name = document.check(text(), data.get("name", path.stem), ("name",))
     tables = {
         key: document.check_table(data[key], checks, (key,))
         for key, checks in TABLES.items()
         if key in data
     }
-    return WorldFile(document.world(data.get("object"), name), tables, path, document.text)
+    world = document.world(data.get("object"), name)
+    return WorldFile(world, tables, document.movers(data.get("mover", [])), path, document.text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +110,17 @@ class _Document:
     def check_table(self, table: object, checks: Mapping[str, Check], path: Path) -> dict[str, Any]:
         values = self.check_keys(table, list(checks), path)
         return {key: self.check(checks[key], value, (*path, key)) for key, value in values.items()}
+
+    def movers(self, tables: object) -> tuple[dict[str, Any], ...]:
+        if not isinstance(tables, list):
+            self.refuse(("mover",), "expected tables [[mover]]")
+        movers = [
+            self.check_table(table, MOVER, ("mover", index)) for index, table in enumerate(tables)
+        ]
+        for index, values in enumerate(movers):
+            if "route" not in values or ("radius" in values and "points" in values):
+                self.refuse(("mover", index), "expected a route, and a radius or points")
+        return tuple(movers)
 
     def world(self, tables: object, name: str) -> World:
         if not isinstance(tables, list) or not tables:

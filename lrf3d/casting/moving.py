@@ -1,0 +1,170 @@
+"""What moves while scans are taken: the robot while its beams turn, and others on its way.
+
+Casters know walls and poses, no time. A TimedCaster casts the scan that begins at a time:
+
+- `Still` is the usual one: all beams at once, and only walls;
+- `Sweep` sends each beam at its own time from its own pose;
+- `Among` sees movers between the walls, where they are at the time of the beams.
+
+Each of them wraps the one before it and casts exactly: a beam of a sweep is the caster's own,
+and movers are walls, cast like all others; the nearer of the two is what the beam meets.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from lrf3d.casting.planar import PlanarCaster
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.pose import Pose
+from lrf3d.robot import Trajectory
+from lrf3d.world import World
+from lrf3d.world.model import DEFAULT_HEIGHT
+
+
+class Caster(Protocol):
+    """Anything that casts the beams of a laser range finder into a world."""
+
+    def cast(self, lrf: LaserRangeFinder, pose: Float) -> LaserScan:
+        """Return the true scan from a pose."""
+        ...
+
+
+class TimedCaster(Protocol):
+    """Anything that casts the scan that begins at a time [s] and a pose."""
+
+    def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
+        """Return the true scan."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Still:
+    """All beams at once, among walls that stand."""
+
+    caster: Caster
+
+    def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
+        """The scan of the caster, with its time."""
+        return replace(self.caster.cast(lrf, pose), time=time)
+
+
+@dataclass(frozen=True, eq=False)
+class Mover:
+    """A body that moves along a path: another robot, a person, a car.
+
+    Args:
+        outline: (n, 2) its corners [m] in its own frame, x ahead; the last joins the first.
+        path: Where it is at which time; before the first pose and after the last it stands.
+        height: How tall it is [m].
+
+    Raises:
+        InputError: The outline has fewer than three corners.
+    """
+
+    outline: Float
+    path: Trajectory
+    height: float = DEFAULT_HEIGHT
+
+    def __post_init__(self) -> None:
+        outline = np.asarray(self.outline, dtype=np.float64)
+        if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
+            raise InputError(f"mover with an outline {outline.shape}: expected at least 3 x, y")
+        object.__setattr__(self, "outline", outline)
+
+    def walls(self, time: float) -> Float:
+        """Its sides (n, 4) in the world at a time [s]."""
+        x, y, theta = self.path.at(np.array([time]))[0].tolist()
+        corners = Pose(x, y, theta).apply(self.outline)
+        return np.hstack([corners, np.roll(corners, -1, axis=0)])
+
+
+def round_outline(radius: float, corners: int = 16) -> Float:
+    """Outline (corners, 2) of a body as wide as a circle of a radius [m], about it."""
+    if not (np.isfinite(radius) and radius > 0.0):
+        raise InputError(f"radius {radius}: expected a positive number of metres")
+    turns = 2.0 * np.pi / corners * (np.arange(corners) + 0.5)
+    # The sides touch the circle, so that nothing sees the body narrower than it is.
+    reach = radius / np.cos(np.pi / corners)
+    outline: Float = reach * np.column_stack([np.cos(turns), np.sin(turns)])
+    return outline
+
+
+@dataclass(frozen=True, slots=True)
+class Among:
+    """Movers between what another caster sees; a mover is no wall, and its index is −1."""
+
+    caster: TimedCaster
+    movers: tuple[Mover, ...]
+
+    def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
+        """The scan in which each beam ends at the nearer of a wall and a mover."""
+        scan = self.caster.cast_at(lrf, pose, time)
+        sides = [mover.walls(time) for mover in self.movers]
+        heights = np.repeat([mover.height for mover in self.movers], [len(part) for part in sides])
+        moving = PlanarCaster(World(np.concatenate(sides), heights=heights)).cast(lrf, pose).ranges
+        # Of two beams that are too short, −inf, neither is nearer, and −1 says the same of both.
+        nearer = moving < scan.ranges
+        return replace(
+            scan,
+            ranges=np.where(nearer, moving, scan.ranges),
+            walls=np.where(nearer, -1, scan.walls),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """Beams one after the other while the robot moves along its path.
+
+    The pose of a scan is that of its first beam. A robot that stands has the very scan that the
+    caster would have cast at once.
+    """
+
+    caster: TimedCaster
+    path: Trajectory
+
+    def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
+        """The scan, each beam cast from where the robot is when it is sent."""
+        times: Float = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
+        ways = self.path.at(times)
+        poses = ways + (np.asarray(pose) - ways[0])
+        # What the robot has turned is added to the heading as given, beyond full turns or not.
+        poses[:, 2] = pose[2] + wrap_angle(ways[:, 2] - ways[0, 2])
+        beams = [
+            self.caster.cast_at(single, place, at)
+            for single, place, at in zip(lrf.single_beams, poses, times.tolist(), strict=True)
+        ]
+        first = Pose(float(pose[0]), float(pose[1]), float(pose[2]))
+        scan = LaserScan.measured(
+            lrf,
+            first,
+            np.concatenate([beam.ranges for beam in beams]),
+            np.concatenate([beam.walls for beam in beams]),
+        )
+        return replace(scan, time=time)
+
+
+def timed(
+    caster: Caster, lrf: LaserRangeFinder, path: Trajectory, movers: Sequence[Mover] = ()
+) -> TimedCaster:
+    """The caster for scans along a path, with no more in it than the scans need.
+
+    Raises:
+        InputError: A scan takes longer than the time to the next.
+    """
+    cast: TimedCaster = Still(caster)
+    if movers:
+        cast = Among(cast, tuple(movers))
+    if lrf.time_increment == 0.0:
+        return cast
+    between = float(np.diff(path.times).min(initial=np.inf))
+    if lrf.scan_duration > between:
+        raise InputError(
+            f"scan_duration {lrf.scan_duration:g} s: longer than the {between:g} s between two"
+            " scans; scan less often or faster"
+        )
+    return Sweep(cast, path)

@@ -1,0 +1,181 @@
+"""RosScan: a scan just as ROS has it, ``sensor_msgs/LaserScan``, field by field.
+
+A LaserScan enters and a RosScan leaves, or any object or dict with ROS's fields enters and a
+LaserScan leaves. All numbers but the stamp are float32, and only here: the angles fit together in
+float32, ``angle_max == angle_min + (n − 1) · angle_increment``, the stamp is that of the first
+beam, and after REP 117 a beam without return is +inf, one that met something nearer than
+range_min is −inf.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.laser.noise import within_limits
+from lrf3d.laser.scan import LaserScan
+from lrf3d.pose import as_pose
+
+Float32 = NDArray[np.float32]
+
+WIDEST = 2.1 * math.pi
+"""Largest angle [rad] from the first beam to the last: a full turn, and room for rounding."""
+
+UNEVEN = 1e-3
+"""How far an angle may lie off the even spread, as a part of the step between two beams."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """A time as ROS has it: whole seconds, and nanoseconds from 0 to 999,999,999 beside them."""
+
+    sec: int
+    nanosec: int
+
+    @classmethod
+    def of(cls, time: float) -> "Stamp":
+        """The stamp nearest to a time [s]."""
+        sec = math.floor(time)
+        nanosec = round((time - sec) * 1e9)
+        return cls(sec + 1, 0) if nanosec == 1_000_000_000 else cls(sec, nanosec)
+
+    @classmethod
+    def of_nanoseconds(cls, nanoseconds: int) -> "Stamp":
+        """The stamp of whole nanoseconds."""
+        return cls(*divmod(nanoseconds, 1_000_000_000))
+
+    @property
+    def nanoseconds(self) -> int:
+        """All of it in nanoseconds."""
+        return self.sec * 1_000_000_000 + self.nanosec
+
+    @property
+    def seconds(self) -> float:
+        """The float64 nearest to it [s]."""
+        return self.nanoseconds / 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class RosHeader:
+    """``std_msgs/Header``: the stamp of the first beam, and the frame of the laser."""
+
+    stamp: Stamp
+    frame_id: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RosScan:
+    """``sensor_msgs/LaserScan``; each number is one that float32 holds.
+
+    Args:
+        header: Stamp of the first beam, and frame of the laser.
+        angle_min: Angle of the first beam [rad].
+        angle_max: Angle of the last beam [rad].
+        angle_increment: Angle from one beam to the next [rad].
+        time_increment: Time from one beam to the next [s].
+        scan_time: Time between two scans [s].
+        range_min: Nearest range that counts [m].
+        range_max: Farthest range that counts [m].
+        ranges: (n,) float32 ranges [m]; +inf and −inf after REP 117.
+        intensities: (n,) float32, or none at all.
+    """
+
+    header: RosHeader
+    angle_min: float
+    angle_max: float
+    angle_increment: float
+    time_increment: float
+    scan_time: float
+    range_min: float
+    range_max: float
+    ranges: Float32
+    intensities: Float32
+
+    def as_dict(self) -> dict[str, Any]:
+        """The message as dicts within dicts."""
+        return asdict(self)
+
+
+def make_ros_scan(scan: LaserScan, frame_id: str, scan_time: float) -> RosScan:
+    """A scan as ROS has it.
+
+    Raises:
+        InputError: The beams are not evenly spread, which the message cannot tell.
+    """
+    low, high, step = _even_spread(scan.angles)
+    return RosScan(
+        RosHeader(Stamp.of(scan.time), frame_id),
+        float(low),
+        float(high),
+        float(step),
+        float(np.float32(scan.time_increment)),
+        float(np.float32(scan_time)),
+        float(np.float32(scan.range_min)),
+        float(np.float32(scan.range_max)),
+        within_limits(scan.ranges, scan.range_min, scan.range_max).astype(np.float32),
+        np.empty(0, np.float32),
+    )
+
+
+def read_ros_scan(message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> LaserScan:
+    """The scan of a message: a RosScan, one of rclpy or of rosbags, or dicts within dicts.
+
+    A range that is NaN, which REP 117 calls erroneous, tells as little as one below range_min.
+
+    Raises:
+        InputError: The message is none, or its angles and limits make no sense.
+    """
+    try:
+        low, step, increment, range_min, range_max = (
+            float(_field(message, name))
+            for name in "angle_min angle_increment time_increment range_min range_max".split()
+        )
+        ranges = np.asarray(_field(message, "ranges"), dtype=np.float64)
+        stamp = _field(_field(message, "header"), "stamp")
+        time = Stamp(int(_field(stamp, "sec")), int(_field(stamp, "nanosec"))).seconds
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"message is no sensor_msgs/LaserScan ({error})") from None
+    count = len(ranges) if ranges.ndim == 1 else 0
+    if count == 0:
+        raise InputError("scan without ranges")
+    if not (math.isfinite(low) and abs(step) * (count - 1) <= WIDEST and (step or count == 1)):
+        raise InputError(
+            f"scan of {count} beams {step:g} rad apart from {low:g} rad, expected at most a turn"
+        )
+    if not (0.0 <= range_min < range_max and math.isfinite(range_min)):
+        raise InputError(
+            f"scan with range_min {range_min:g} and range_max {range_max:g} m, expected"
+            " 0 ≤ range_min < range_max"
+        )
+    angles: Float = low + step * np.arange(count, dtype=np.float64)
+    return LaserScan(
+        as_pose(pose),
+        angles,
+        within_limits(np.where(np.isnan(ranges), -np.inf, ranges), range_min, range_max),
+        range_min=range_min,
+        range_max=range_max,
+        time=time,
+        time_increment=increment if math.isfinite(increment) else 0.0,
+    )
+
+
+def _field(message: Any, name: str) -> Any:
+    return message[name] if isinstance(message, Mapping) else getattr(message, name)
+
+
+def _even_spread(angles: Float) -> tuple[np.float32, np.float32, np.float32]:
+    """First angle, last angle and step in float32, that fit together in float32."""
+    low = np.float32(angles[0])
+    if len(angles) == 1:
+        return low, low, np.float32(0.0)
+    step = (angles[-1] - angles[0]) / (len(angles) - 1)
+    even = angles[0] + step * np.arange(len(angles))
+    if step == 0.0 or not (np.abs(angles - even) <= UNEVEN * abs(step)).all():
+        raise InputError("scan with beams at uneven angles: ROS wants them evenly spread")
+    step32 = np.float32(step)
+    return low, low + np.float32(len(angles) - 1) * step32, step32
