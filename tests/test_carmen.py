@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from lrf3d.errors import InputError
 from lrf3d.logs import LaserLog, load_log
-from lrf3d.logs.carmen import read_carmen
+from lrf3d.logs.carmen_messages import read_carmen
 from lrf3d.logs.packed import BLOCK, Line, lines_of
 
 

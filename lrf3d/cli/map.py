@@ -1,5 +1,6 @@
 """``lrf3d map``: the mapper on a recorded log."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -9,9 +10,22 @@ from lrf3d.cli import options
 from lrf3d.cli.console import json_text, print_json, print_table, progress_bar
 
 
+class Poses(StrEnum):
+    """Where the poses of a log may come from."""
+
+    AUTO = "auto"
+    TRUTH = "truth"
+    TF = "tf"
+    ODOM = "odom"
+
+
 def map_(
     log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="A CARMEN log: .log, .clf, packed as .gz or not.")
+        Path,
+        typer.Argument(
+            metavar="LOG",
+            help="A CARMEN log (.log, .clf, .gz), a ROS 2 bag (.mcap, .db3, a folder), or a run.",
+        ),
     ],
     out: options.Out = None,
     mode: options.ModeOption = None,
@@ -19,26 +33,38 @@ def map_(
         float | None, typer.Option(help="Noise [m] of the ranges at the farthest that is measured.")
     ] = None,
     largest_range: Annotated[
-        float | None, typer.Option(help="Readings [m] from here on are no return; 50 if not given.")
+        float | None, typer.Option(help="CARMEN: readings [m] from here on are no return.")
     ] = None,
+    poses: Annotated[
+        Poses, typer.Option(help="Where poses come from; auto is what the log trusts most.")
+    ] = Poses.AUTO,
+    scan_topic: Annotated[
+        str | None, typer.Option(help="Bags: topic of the scans; /scan if not given.")
+    ] = None,
+    all_scans: Annotated[
+        bool, typer.Option("--all", help="Build the map from all scans, and test it on none.")
+    ] = False,
     json: options.Json = False,
 ) -> None:
     """Build a map from the even scans of a log, and test it on the odd ones.
 
-    Poses are taken as logged. Writes map.geojson, map.png and summary.json.
+    Poses are those logged with the scans; in a bag the ground truth, the transforms up to the
+    root, or odometry, whichever is there first. The summary says which.
+
+    Writes map.geojson, map.png and summary.json.
     """
     from lrf3d.logs import load_log
-    from lrf3d.logs.laser_log import LARGEST_RANGE
     from lrf3d.output import make_folder, write_text
     from lrf3d.study.log_mapping import SIGMA, draw_mapped_log, map_log
 
-    drive = load_log(log, largest_range=LARGEST_RANGE if largest_range is None else largest_range)
+    drive = load_log(log, largest_range=largest_range, poses=poses.value, scan_topic=scan_topic)
     folder = make_folder(Path("out") / drive.name if out is None else out)
     with progress_bar("scans") as progress:
         mapped = map_log(
             drive,
             mode=(options.Mode.ROBUST if mode is None else mode).value,
             sigma=SIGMA if sigma is None else sigma,
+            all_scans=all_scans,
             progress=progress,
         )
     files = draw_mapped_log(mapped, folder)

@@ -1,65 +1,53 @@
-"""CARMEN logs: one message a line, as the CARMEN toolkit and its log archives write them.
+"""CARMEN logs: scans and poses of a drive, as the CARMEN toolkit and its log archives write them.
 
-A log enters, packed with gzip or not; its scans leave, with the poses as logged. Of a log from
-which a SLAM has taken the drift, these are the corrected ones. The messages read are::
-
-    FLASER n r1 … rn  x y theta  odom_x odom_y odom_theta  time host logger_time
-    ROBOTLASER1 type start fov step max_range accuracy mode  n r1 … rn  m s1 … sm  x y theta
-                robot_x robot_y robot_theta  v w  safety safety turn  time host logger_time
-
-Lines that cannot be read are counted and named, and the others are read all the same.
+A log enters, packed with gzip or not; its scans leave, with the poses as logged, or those that
+odometry or the truth gives for their times. Of a log from which a SLAM has taken the drift, the
+logged ones are the corrected ones. Lines that cannot be read are counted and named, and the
+others are read all the same; `carmen_messages` tells what is in a line.
 """
 
-from collections.abc import Iterable, Iterator
-from math import inf, isfinite, isnan, nan, pi
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, wrap_angle
 from lrf3d.laser import LaserScan
-from lrf3d.logs.laser_log import LARGEST_RANGE, BadLine, LaserLog
-from lrf3d.logs.packed import Line, lines_of
+from lrf3d.logs.carmen_messages import LoggedPose, read_carmen
+from lrf3d.logs.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
+from lrf3d.logs.packed import lines_of
 from lrf3d.pose import Pose
-
-NAMED = 5
-"""How many bad lines are kept to be named; the others are only counted."""
-
-MOST_READINGS = 50_000_000
-"""Readings that are held at most: 400 MB of them."""
-
-MOST_WITHOUT_SCAN = 1_000_000
-"""Lines in a row without a scan before a file is given up: hours of other messages."""
-
-LONGEST_NAME = 40
-"""Letters of the longest name that a message may have."""
+from lrf3d.robot import Trajectory
 
 
-class _BadMessage(ValueError):
-    """What is wrong with a message."""
-
-
-def load_carmen(path: str | Path, *, largest_range: float = LARGEST_RANGE) -> LaserLog:
+def load_carmen(
+    path: str | Path, *, largest_range: float | None = None, poses: str = "auto"
+) -> LaserLog:
     """Read the scans of a CARMEN log.
 
     Args:
         path: The log, packed with gzip or not.
-        largest_range: Readings from here on are no return [m].
+        largest_range: Readings from here on are no return [m]; where not given the farthest that
+            the message says its range finder sees, or 50 m.
+        poses: ``auto`` for those of the scans, ``odom`` or ``truth`` for those that ODOM or
+            TRUEPOS messages give for the times of the scans, taken as the laser's.
 
     Raises:
-        InputError: The file cannot be read, holds no scan, or more than fit into memory.
+        InputError: The file cannot be read, holds no scan or not the poses that are asked for,
+            or more than fit into memory.
     """
     path = Path(path)
-    if not largest_range > 0.0:
+    if largest_range is not None and not largest_range > 0.0:
         raise InputError(f"largest range {largest_range}: expected metres, more than 0")
     scans: list[LaserScan] = []
+    tracks: dict[str, list[LoggedPose]] = {"odom": [], "truth": []}
     named: list[BadLine] = []
     bad = readings = 0
     for item in read_carmen(lines_of(path), largest_range=largest_range, source=str(path)):
         if isinstance(item, BadLine):
             bad += 1
             named += [item] if len(named) < NAMED else []
+            continue
+        if isinstance(item, LoggedPose):
+            _append(tracks[item.track], item)
             continue
         readings += len(item.ranges)
         if readings > MOST_READINGS:
@@ -70,166 +58,35 @@ def load_carmen(path: str | Path, *, largest_range: float = LARGEST_RANGE) -> La
     if not scans:
         why = f"; {bad} bad lines, first {named[0]}" if named else ""
         raise InputError(f"{path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines{why}")
-    return LaserLog(_name(path), scans, bad, tuple(named))
+    known = {
+        name: Trajectory([row.time for row in rows], [row.pose for row in rows])
+        for name, rows in tracks.items()
+        if rows
+    }
+    log = LaserLog(log_name(path), scans, bad, tuple(named), tracks=known)
+    return log if poses == "auto" else _placed_by(log, poses, path)
 
 
-def read_carmen(
-    lines: Iterable[Line], *, largest_range: float = LARGEST_RANGE, source: str = "log"
-) -> Iterator[LaserScan | BadLine]:
-    """Read scans line by line, in constant memory.
-
-    A log that tells each scan twice, in the old message and in the new, is read in the one that
-    comes first.
-
-    Args:
-        lines: The lines.
-        largest_range: Readings from here on are no return [m].
-        source: What the lines are of, for a message.
-
-    Yields:
-        A scan for each line that holds one, and a BadLine for each that cannot be read.
-
-    Raises:
-        InputError: A million lines in a row hold no scan.
-    """
-    fans: dict[tuple[int, float, float], Float] = {}
-    chosen = b""
-    idle = 0
-    for number, text, fault in lines:
-        idle += 1
-        if idle > MOST_WITHOUT_SCAN:
-            raise InputError(
-                f"{source}: line {number}: no scan in {MOST_WITHOUT_SCAN:,} lines before it;"
-                " expected FLASER or ROBOTLASER1 lines"
-            )
-        try:
-            if fault:
-                raise _BadMessage(fault)
-            words = text.split()
-            name = words[0] if words else b"#"
-            if name not in _READERS:
-                _check_name(name)
-            elif chosen in (b"", name):
-                scan = _READERS[name](words, largest_range, fans)
-                chosen, idle = name, 0
-                yield scan
-        except _BadMessage as error:
-            yield BadLine(number, str(error))
+def _append(rows: list[LoggedPose], row: LoggedPose) -> None:
+    """Add a pose to a track, unless it is no later than the one before."""
+    if not rows or row.time > rows[-1].time:
+        rows.append(row)
 
 
-def _check_name(name: bytes) -> None:
-    """Tell messages that need not be known from what is no message at all."""
-    known = name.replace(b"_", b"").isalnum() and name == name.upper() and name[:1].isalpha()
-    if not (name.startswith(b"#") or (known and len(name) <= LONGEST_NAME)):
-        raise _BadMessage("not a CARMEN message")
-
-
-def _front_laser(
-    words: list[bytes], largest_range: float, fans: dict[tuple[int, float, float], Float]
-) -> LaserScan:
-    """The scan of a FLASER message, 180° wide."""
-    count = _count(words, 1)
-    if len(words) != count + 11:
-        raise _BadMessage(f"{len(words)} words, {count} readings need {count + 11}")
-    # An odd fan looks to both −90° and +90°; an even one leaves +90° out.
-    step = pi / (count - 1) if count % 2 else pi / count
-    return _scan(
-        words[2 : count + 2],
-        words[count + 2 : count + 5],
-        words[count + 8],
-        _fan(fans, count, -0.5 * pi, step),
-        largest_range,
-    )
-
-
-def _robot_laser(
-    words: list[bytes], largest_range: float, fans: dict[tuple[int, float, float], Float]
-) -> LaserScan:
-    """The scan of a ROBOTLASER1 message, which tells its angles and its range."""
-    count = _count(words, 8)
-    remissions = _count(words, count + 9, least=0)
-    tail = count + remissions + 10
-    if len(words) != tail + 14:
-        raise _BadMessage(
-            f"{len(words)} words, {count} readings and {remissions} remissions need {tail + 14}"
-        )
-    start, step, farthest = (_number(words[k]) for k in (2, 4, 5))
-    if not 0.0 < step * (count - 1) < 2.1 * pi:
-        raise _BadMessage(f"{count} beams {step} rad apart, expected at most a full turn")
-    return _scan(
-        words[9 : count + 9],
-        words[tail : tail + 3],
-        words[tail + 11],
-        _fan(fans, count, start, step),
-        min(largest_range, farthest) if farthest > 0.0 else largest_range,
-    )
-
-
-_READERS = {b"FLASER": _front_laser, b"ROBOTLASER1": _robot_laser}
-
-
-def _scan(
-    readings: list[bytes], pose: list[bytes], time: bytes, angles: Float, farthest: float
-) -> LaserScan:
-    try:
-        ranges = np.array([float(word) for word in readings])
-    except ValueError:
-        ranges = np.array([nan])
-    if np.isnan(ranges).any() or (ranges < 0.0).any():
-        # Only here each reading is looked at alone, to name the one that is wrong.
-        for place, word in enumerate(readings, 1):
-            if not _number(word, f"reading {place}", finite=False) >= 0.0:
-                raise _BadMessage(f"reading {place} is {_shown(word)}, expected metres")
-    ranges[ranges >= farthest] = inf
-    # A reading of 0 is how some drivers say that they could not tell.
-    ranges[ranges == 0.0] = -inf
-    x, y, theta = (
-        _number(word, what) for word, what in zip(pose, "x y theta".split(), strict=True)
-    )
-    return LaserScan(
-        Pose(x, y, float(wrap_angle(theta))),
-        angles,
-        ranges,
-        range_max=farthest,
-        time=_number(time, "time"),
-    )
-
-
-def _fan(
-    fans: dict[tuple[int, float, float], Float], count: int, start: float, step: float
-) -> Float:
-    """The angles of a fan (count,) [rad], one array for all scans that share them."""
-    if (count, start, step) not in fans:
-        angles: Float = start + step * np.arange(count, dtype=np.float64)
-        angles.flags.writeable = False
-        fans.clear()
-        fans[count, start, step] = angles
-    return fans[count, start, step]
-
-
-def _count(words: list[bytes], place: int, least: int = 2) -> int:
-    word = words[place] if place < len(words) else b""
-    if not word.isdigit() or len(word) > 7 or int(word) < least:
-        raise _BadMessage(f"{_shown(word)} readings, expected a number from {least}")
-    return int(word)
-
-
-def _number(word: bytes, what: str = "a value", *, finite: bool = True) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        raise _BadMessage(f"{what} is {_shown(word)}, expected a number") from None
-    if isnan(value) or (finite and not isfinite(value)):
-        raise _BadMessage(f"{what} is {_shown(word)}, expected a finite number")
-    return value
-
-
-def _shown(word: bytes) -> str:
-    """A word as it can stand in a message of one line."""
-    return repr(word[:LONGEST_NAME].decode("ascii", "backslashreplace"))
-
-
-def _name(path: Path) -> str:
-    """The name of a log without the endings that tell its format."""
-    name = path.name.removesuffix(".gz")
-    return name.rsplit(".", 1)[0] or name
+def _placed_by(log: LaserLog, name: str, path: Path) -> LaserLog:
+    """The log with the poses of one of its tracks; what lies before or after it is left out."""
+    if name not in log.tracks:
+        there = ", ".join(["auto", *log.tracks])
+        raise InputError(f"{path}: no poses from {name} in it; there are {there}")
+    track = log.tracks[name]
+    inside = (log.times >= track.times[0]) & (log.times <= track.times[-1])
+    placed = track.at(log.times)
+    scans = [
+        replace(scan, pose=Pose(*pose.tolist()))
+        for scan, pose, known in zip(log.scans, placed, inside, strict=True)
+        if known
+    ]
+    if not scans:
+        raise InputError(f"{path}: no scan within the time of the poses from {name}")
+    source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
+    return replace(log, scans=scans, source=source)

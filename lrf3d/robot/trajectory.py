@@ -1,6 +1,7 @@
 """Trajectory: the poses of a drive over time."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +48,18 @@ class Trajectory:
         """Length of the path through all poses [m]."""
         steps = np.diff(self.poses[:, :2], axis=0)
         return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+    @cached_property
+    def speeds(self) -> Float:
+        """Speeds (k, 2) from each pose to the next: ahead [m/s], about itself [rad/s]."""
+        if len(self) < 2:
+            return np.zeros((1, 2))
+        steps = np.diff(self.poses, axis=0)
+        turns = wrap_angle(steps[:, 2])
+        middle = self.poses[:-1, 2] + 0.5 * turns
+        ahead = steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle)
+        speeds = np.column_stack([ahead, turns]) / np.diff(self.times)[:, None]
+        return np.vstack([speeds, speeds[-1:]])
 
     def at(self, times: Float) -> Float:
         """Poses (m, 3) at times (m,) [s].

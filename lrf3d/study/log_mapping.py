@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.laser import LaserScan
 from lrf3d.logs import LaserLog
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.scoring import LogScore, score_log
@@ -33,7 +34,8 @@ class MappedLog:
         sigma: The noise [m] that the mapper reckoned with.
         map: The map.
         score: How well it foretells the odd scans.
-        milliseconds: (k,) what taking in each even scan took.
+        milliseconds: (k,) what taking in each scan took.
+        mapped: The scans that the map was built from.
     """
 
     log: LaserLog
@@ -42,6 +44,7 @@ class MappedLog:
     map: LineMap
     score: LogScore
     milliseconds: tuple[float, ...]
+    mapped: list[LaserScan]
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
@@ -52,9 +55,10 @@ class MappedLog:
             "log": {
                 "scans": len(self.log),
                 "beams": len(self.log.scans[0].ranges),
+                "poses": self.log.source,
                 "bad_lines": self.log.bad_count,
                 "first_bad_lines": [
-                    {"line": bad.number, "reason": bad.reason} for bad in self.log.bad_lines
+                    {bad.kind: bad.number, "reason": bad.reason} for bad in self.log.bad_lines
                 ],
             },
             "map": {"segments": len(self.map), "unions": self.map.object_count},
@@ -67,8 +71,10 @@ class MappedLog:
         """The figures in a few lines for people."""
         score = self.score
         log = f"{len(self.log)} scans of {len(self.log.scans[0].ranges)} beams"
-        rows = [("log", f"{log}, {self.log.bad_count} bad lines")]
+        what = self.log.bad_lines[0].kind if self.log.bad_lines else "line"
+        rows = [("log", f"{log}, {self.log.bad_count} bad {what}s")]
         rows += [("", str(bad)) for bad in self.log.bad_lines]
+        rows.append(("poses", self.log.source))
         rows += [
             (
                 "map",
@@ -95,15 +101,23 @@ def map_log(
     *,
     mode: str = "robust",
     sigma: float = SIGMA,
+    all_scans: bool = False,
     progress: Progress = lambda done, total: None,
 ) -> MappedLog:
     """Build a map from the even scans of a log, counted from 0, and test it on the odd ones.
+
+    Args:
+        log: The log.
+        mode: Mode of the mapper.
+        sigma: Noise of the ranges at the farthest that is measured [m].
+        all_scans: Build it from all scans instead, and test it on none.
+        progress: Called with the scans that are done and all.
 
     Raises:
         InputError: The mapper knows no such mode, or the noise makes no sense.
     """
     mapper = LineMapper(mode, sigma=sigma)
-    even, odd = log.scans[::2], log.scans[1::2]
+    even, odd = (log.scans, []) if all_scans else (log.scans[::2], log.scans[1::2])
     # What is compiled at the first scan is no part of what a scan takes.
     mapper.local_map(even[0])
     line_map, milliseconds = LineMap.empty(), []
@@ -113,7 +127,7 @@ def map_log(
         milliseconds.append(1e3 * (perf_counter() - begin))
         progress(done, len(even))
     score = score_log(line_map, odd)
-    return MappedLog(log, mode, sigma, line_map, score, tuple(milliseconds))
+    return MappedLog(log, mode, sigma, line_map, score, tuple(milliseconds), even)
 
 
 def draw_mapped_log(mapped: MappedLog, folder: Path) -> dict[str, Path]:
@@ -128,13 +142,12 @@ def draw_mapped_log(mapped: MappedLog, folder: Path) -> dict[str, Path]:
     from lrf3d.render.figures import draw_map
 
     files = {"map": folder / "map.geojson", "map picture": folder / "map.png"}
-    even = mapped.log.scans[::2]
     mapped.map.save(files["map"])
     draw_map(
         mapped.map,
         files["map picture"],
-        points=np.vstack([scan.points() for scan in even]),
-        poses=mapped.log.poses[::2],
+        points=np.vstack([scan.points() for scan in mapped.mapped]),
+        poses=np.array([scan.pose for scan in mapped.mapped]),
         title=mapped.log.name,
     )
     return files

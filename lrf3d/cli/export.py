@@ -1,0 +1,41 @@
+"""``lrf3d export``: a run for other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lrf3d.cli import options
+
+
+def export(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run.npz, or its folder.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="The format: carmen, mcap or rosbag2.")],
+    out: Annotated[Path | None, typer.Option(help="The file; beside the run if not given.")] = None,
+    every: Annotated[int, typer.Option(min=1, help="Keep each scan of this many.")] = 1,
+    json: options.Json = False,
+) -> None:
+    """Write a run for another program.
+
+    carmen is a log of one message a line; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2
+    is its folder, for ros2 bag play, rviz and slam_toolbox.
+    """
+    from lrf3d.cli.console import print_json, print_table
+    from lrf3d.errors import InputError
+    from lrf3d.exporting import EXPORTERS, export_run
+    from lrf3d.logs import load_run
+    from lrf3d.output import make_folder
+
+    if to not in EXPORTERS:
+        raise InputError(f"--to {to}: expected one of {', '.join(EXPORTERS)}")
+    kept = load_run(run)
+    folder = run if run.is_dir() else run.parent
+    path = folder / EXPORTERS[to].name if out is None else out
+    make_folder(path.parent)
+    export_run(kept, to, path, every=every)
+    files = [path] if path.is_file() else sorted(path.iterdir())
+    scans, size = len(range(0, len(kept), every)), sum(file.stat().st_size for file in files)
+    if json:
+        print_json({"file": str(path), "format": to, "scans": scans, "bytes": size})
+        return
+    print_table([(to, str(path)), ("scans", str(scans)), ("size", f"{size / 1e6:.1f} MB")])

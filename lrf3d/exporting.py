@@ -1,0 +1,99 @@
+"""Runs in the formats of other programs: one table of all of them.
+
+A run and a path enter; a file, or a folder, that the other program reads leaves, whole or not at
+all.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lrf3d.errors import InputError
+from lrf3d.robot import Trajectory
+from lrf3d.simulation import Run
+
+
+@dataclass(frozen=True, slots=True)
+class Exporter:
+    """A format that runs are written in.
+
+    Args:
+        name: What a file is called where no other name is given; what comes after its first dot
+            is the ending of all of them.
+        about: What it is and who reads it.
+        write: Writes a run to a path, whole or not at all.
+    """
+
+    name: str
+    about: str
+    write: Callable[[Run, Path], None]
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """How names of its files may end; empty for a folder."""
+        _, dot, ending = self.name.partition(".")
+        return (f".{ending}", f".{ending.removesuffix('.gz')}") if dot else ("",)
+
+
+def _write_carmen(run: Run, path: Path) -> None:
+    from lrf3d.logs.carmen_writer import write
+
+    write(run, path)
+
+
+def _write_mcap(run: Run, path: Path) -> None:
+    from lrf3d.logs.ros_bag_writer import write
+
+    write(run, path)
+
+
+def _write_bag_folder(run: Run, path: Path) -> None:
+    from lrf3d.logs.ros_bag_writer import write_folder
+
+    write_folder(run, path)
+
+
+EXPORTERS: dict[str, Exporter] = {
+    "carmen": Exporter("run.log.gz", "a CARMEN log", _write_carmen),
+    "mcap": Exporter("run.mcap", "a ROS 2 bag as one file, for Foxglove", _write_mcap),
+    "rosbag2": Exporter("run_bag", "a ROS 2 bag, for ros2 bag play", _write_bag_folder),
+}
+"""How a run is written, by the name of the format; a new format is one more entry."""
+
+
+def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
+    """Write a run in the format of another program.
+
+    Args:
+        run: The run.
+        to: Name of the format, of :data:`EXPORTERS`.
+        path: The file, or the folder.
+        every: Each scan of this many is kept.
+
+    Raises:
+        InputError: There is no such format, or the name of the file does not end as it should.
+        OutputError: The file cannot be written.
+        MissingLibraryError: The format needs a library that is not installed.
+    """
+    if to not in EXPORTERS:
+        raise InputError(f"--to {to}: expected one of {', '.join(EXPORTERS)}")
+    exporter, path = EXPORTERS[to], Path(path)
+    if not path.name.lower().endswith(exporter.endings):
+        raise InputError(f"--out {path}: expected a name that ends in {exporter.endings[0]}")
+    exporter.write(thinned(run, every), path)
+
+
+def thinned(run: Run, every: int) -> Run:
+    """The run with each scan of a number kept, and the last of its maps."""
+    if every == 1:
+        return run
+    trajectory = Trajectory(run.trajectory.times[::every], run.trajectory.poses[::every])
+    return replace(
+        run,
+        trajectory=trajectory,
+        ranges=run.ranges[::every],
+        truth=run.truth[::every],
+        walls=run.walls[::every],
+        stages=(len(trajectory) - 1,),
+        maps=run.maps[-1:],
+    )

@@ -1,0 +1,125 @@
+"""The messages of a ROS 2 bag: a .mcap or .db3 file, or the folder of a bag with its metadata.
+
+Reading is rosbags' work (extra ``ros``). Only the types named here are ever read, by the
+definitions that rosbags brings along: those in a file are not followed.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
+from lrf3d.logs.bag_bounds import bounded_unpacking, check_packed_files
+from lrf3d.logs.laser_log import BadLine
+
+SCAN = "sensor_msgs/msg/LaserScan"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseStamped"
+UNSURE_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
+"""The types of messages that are read."""
+
+STATIC_FRAMES = "/tf_static"
+"""The topic of transforms that hold at all times."""
+
+FOREIGN = 90
+"""Letters of another's message that are passed on."""
+
+
+class Message(NamedTuple):
+    """A message of a bag: its number from 1, its topic and type, and what it says."""
+
+    number: int
+    topic: str
+    kind: str
+    said: Any
+
+
+class Bag:
+    """An open bag."""
+
+    def __init__(self, path: Path, reader: Any, typestore: Any) -> None:
+        self.path = path
+        self._reader = reader
+        self._typestore = typestore
+        self.topics: dict[str, str] = {
+            connection.topic: connection.msgtype
+            for connection in reader.connections
+            if connection.msgtype in TYPES and connection.ext.serialization_format == "cdr"
+        }
+
+    def messages(self, topics: set[str]) -> Iterator[Message | BadLine]:
+        """The messages of some topics in the order of the bag, or why one cannot be read."""
+        wanted = [
+            c for c in self._reader.connections if c.topic in topics and c.topic in self.topics
+        ]
+        for number, (connection, _, data) in enumerate(self._messages(wanted), 1):
+            try:
+                said = self._typestore.deserialize_cdr(data, connection.msgtype)
+            except Exception as error:
+                yield BadLine(number, _short(error), "message")
+                continue
+            yield Message(number, connection.topic, connection.msgtype, said)
+
+    def _messages(self, wanted: list[Any]) -> Iterator[Any]:
+        if not wanted:
+            return
+        try:
+            yield from self._reader.messages(wanted)
+        except Lrf3dError:
+            raise
+        except Exception as error:
+            raise _damaged(self.path, error) from None
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[Bag]:
+    """Open a bag for reading.
+
+    Raises:
+        InputError: There is none, or it is damaged.
+        MissingLibraryError: rosbags is not installed.
+    """
+    try:
+        from rosbags.rosbag2 import Reader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise missing_rosbags(path) from None
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise InputError(f"{path}: a folder without metadata.yaml or run.npz, expected a log")
+    typestore = get_typestore(Stores.ROS2_HUMBLE)
+    # What a damaged file does to a reader is anyone's guess: any exception says that it is one.
+    with bounded_unpacking():
+        try:
+            check_packed_files(path)
+            reader = Reader(path)
+            reader.open()
+        except Lrf3dError:
+            raise
+        except Exception as error:
+            raise _damaged(path, error) from None
+        try:
+            if reader.compression_mode == "message":
+                raise InputError(f"{path}: each message is packed; unpack it with ros2 bag convert")
+            yield Bag(path, reader, typestore)
+        finally:
+            reader.close()
+
+
+def missing_rosbags(path: Path) -> MissingLibraryError:
+    """The error that says how to get rosbags."""
+    return MissingLibraryError(f"{path}: ROS bags need rosbags; pip install 'lrf3d[ros]'")
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path}: not a ROS 2 bag or damaged ({_short(error)})")
+
+
+def _short(error: Exception) -> str:
+    """What another's error says, in one line."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= FOREIGN else text[: FOREIGN - 1] + "…"

@@ -1,0 +1,239 @@
+"""The messages of CARMEN logs, one a line, as the CARMEN toolkit and its log archives write them.
+
+Lines enter; the scans and poses that they tell leave. The messages read are::
+
+    FLASER n r1 … rn  x y theta  odom_x odom_y odom_theta  time host logger_time
+    ROBOTLASER1 type start fov step max_range accuracy mode  n r1 … rn  m s1 … sm  x y theta
+                robot_x robot_y robot_theta  v w  safety safety turn  time host logger_time
+    ODOM x y theta  v w acceleration  time host logger_time
+    TRUEPOS x y theta  odom_x odom_y odom_theta  time host logger_time
+
+Lines that cannot be read are counted and named, and the others are read all the same.
+"""
+
+from collections.abc import Iterable, Iterator
+from math import inf, isfinite, isnan, nan, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.laser import LaserScan
+from lrf3d.logs.laser_log import LARGEST_RANGE, BadLine
+from lrf3d.logs.packed import Line
+from lrf3d.pose import Pose
+
+MOST_WITHOUT_SCAN = 1_000_000
+"""Lines in a row without a scan before a file is given up: hours of other messages."""
+
+LONGEST_NAME = 40
+"""Letters of the longest name that a message may have."""
+
+
+class _BadMessage(ValueError):
+    """What is wrong with a message."""
+
+
+class LoggedPose(NamedTuple):
+    """A pose of the robot that an ODOM or a TRUEPOS message tells.
+
+    Args:
+        track: ``odom`` or ``truth``.
+        time: When it was there [s].
+        pose: Where.
+    """
+
+    track: str
+    time: float
+    pose: Pose
+
+
+def read_carmen(
+    lines: Iterable[Line], *, largest_range: float | None = None, source: str = "log"
+) -> Iterator[LaserScan | LoggedPose | BadLine]:
+    """Read scans and poses line by line, in constant memory.
+
+    A log that tells each scan twice, in the old message and in the new, is read in the one that
+    comes first.
+
+    Args:
+        lines: The lines.
+        largest_range: Readings from here on are no return [m].
+        source: What the lines are of, for a message.
+
+    Yields:
+        A scan or a pose for each line that holds one, and a BadLine for each that cannot be read.
+
+    Raises:
+        InputError: A million lines in a row hold no scan.
+    """
+    fans: dict[tuple[int, float, float], Float] = {}
+    chosen = b""
+    idle = 0
+    for number, text, fault in lines:
+        idle += 1
+        if idle > MOST_WITHOUT_SCAN:
+            raise InputError(
+                f"{source}: line {number}: no scan in {MOST_WITHOUT_SCAN:,} lines before it;"
+                " expected FLASER or ROBOTLASER1 lines"
+            )
+        try:
+            if fault:
+                raise _BadMessage(fault)
+            words = text.split()
+            name = words[0] if words else b"#"
+            if name in _TRACKS:
+                yield _logged_pose(words)
+            elif name not in _READERS:
+                _check_name(name)
+            elif chosen in (b"", name):
+                scan = _READERS[name](words, largest_range, fans)
+                chosen, idle = name, 0
+                yield scan
+        except _BadMessage as error:
+            yield BadLine(number, str(error))
+
+
+def _check_name(name: bytes) -> None:
+    """Tell messages that need not be known from what is no message at all."""
+    known = name.replace(b"_", b"").isalnum() and name == name.upper() and name[:1].isalpha()
+    if not (name.startswith(b"#") or (known and len(name) <= LONGEST_NAME)):
+        raise _BadMessage("not a CARMEN message")
+
+
+def _logged_pose(words: list[bytes]) -> LoggedPose:
+    """The pose of an ODOM or a TRUEPOS message."""
+    if len(words) != 10:
+        raise _BadMessage(f"{len(words)} words, expected 10")
+    return LoggedPose(_TRACKS[words[0]], _number(words[7], "time"), _pose(words[1:4]))
+
+
+def _front_laser(
+    words: list[bytes], largest_range: float | None, fans: dict[tuple[int, float, float], Float]
+) -> LaserScan:
+    """The scan of a FLASER message, 180° wide."""
+    count = _count(words, 1)
+    if len(words) != count + 11:
+        raise _BadMessage(f"{len(words)} words, {count} readings need {count + 11}")
+    return _scan(
+        words[2 : count + 2],
+        words[count + 2 : count + 5],
+        words[count + 8],
+        _fan(fans, count, *_front(count)),
+        LARGEST_RANGE if largest_range is None else largest_range,
+    )
+
+
+def _front(count: int) -> tuple[float, float]:
+    """First angle and step [rad] of a FLASER message's beams.
+
+    An odd fan looks to both −90° and +90°; an even one leaves +90° out.
+    """
+    return -0.5 * pi, pi / (count - 1) if count % 2 else pi / count
+
+
+def front_angles(count: int) -> Float:
+    """Angles (count,) [rad] of a FLASER message's beams."""
+    start, step = _front(count)
+    angles: Float = start + step * np.arange(count, dtype=np.float64)
+    return angles
+
+
+def _robot_laser(
+    words: list[bytes], largest_range: float | None, fans: dict[tuple[int, float, float], Float]
+) -> LaserScan:
+    """The scan of a ROBOTLASER1 message, which tells its angles and its range."""
+    count = _count(words, 8)
+    remissions = _count(words, count + 9, least=0)
+    tail = count + remissions + 10
+    if len(words) != tail + 14:
+        raise _BadMessage(
+            f"{len(words)} words, {count} readings and {remissions} remissions need {tail + 14}"
+        )
+    start, step, farthest = (_number(words[k]) for k in (2, 4, 5))
+    if not 0.0 < step * (count - 1) < 2.1 * pi:
+        raise _BadMessage(f"{count} beams {step} rad apart, expected at most a full turn")
+    return _scan(
+        words[9 : count + 9],
+        words[tail : tail + 3],
+        words[tail + 11],
+        _fan(fans, count, start, step),
+        _farthest(farthest, largest_range),
+    )
+
+
+def _farthest(said: float, largest_range: float | None) -> float:
+    """From where on a reading is no return: what the message says, if anything, or the user."""
+    if largest_range is None:
+        return said if said > 0.0 else LARGEST_RANGE
+    return min(said, largest_range) if said > 0.0 else largest_range
+
+
+_READERS = {b"FLASER": _front_laser, b"ROBOTLASER1": _robot_laser}
+_TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
+
+
+def _scan(
+    readings: list[bytes], pose: list[bytes], time: bytes, angles: Float, farthest: float
+) -> LaserScan:
+    try:
+        ranges = np.array([float(word) for word in readings])
+    except ValueError:
+        ranges = np.array([nan])
+    if np.isnan(ranges).any() or (ranges < 0.0).any():
+        # Only here each reading is looked at alone, to name the one that is wrong.
+        for place, word in enumerate(readings, 1):
+            if not _number(word, f"reading {place}", finite=False) >= 0.0:
+                raise _BadMessage(f"reading {place} is {_shown(word)}, expected metres")
+    ranges[ranges >= farthest] = inf
+    # A reading of 0 is how some drivers say that they could not tell.
+    ranges[ranges == 0.0] = -inf
+    return LaserScan(
+        _pose(pose),
+        angles,
+        ranges,
+        range_max=farthest,
+        time=_number(time, "time"),
+    )
+
+
+def _pose(words: list[bytes]) -> Pose:
+    x, y, theta = (
+        _number(word, what) for word, what in zip(words, "x y theta".split(), strict=True)
+    )
+    return Pose(x, y, float(wrap_angle(theta)))
+
+
+def _fan(
+    fans: dict[tuple[int, float, float], Float], count: int, start: float, step: float
+) -> Float:
+    """The angles of a fan (count,) [rad], one array for all scans that share them."""
+    if (count, start, step) not in fans:
+        angles: Float = start + step * np.arange(count, dtype=np.float64)
+        angles.flags.writeable = False
+        fans.clear()
+        fans[count, start, step] = angles
+    return fans[count, start, step]
+
+
+def _count(words: list[bytes], place: int, least: int = 2) -> int:
+    word = words[place] if place < len(words) else b""
+    if not word.isdigit() or len(word) > 7 or int(word) < least:
+        raise _BadMessage(f"{_shown(word)} readings, expected a number from {least}")
+    return int(word)
+
+
+def _number(word: bytes, what: str = "a value", *, finite: bool = True) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        raise _BadMessage(f"{what} is {_shown(word)}, expected a number") from None
+    if isnan(value) or (finite and not isfinite(value)):
+        raise _BadMessage(f"{what} is {_shown(word)}, expected a finite number")
+    return value
+
+
+def _shown(word: bytes) -> str:
+    """A word as it can stand in a message of one line."""
+    return repr(word[:LONGEST_NAME].decode("ascii", "backslashreplace"))

@@ -1,0 +1,218 @@
+"""ROS 2 bags in: the scans of a recorded drive, and the poses that the bag knows for them.
+
+The poses come from the first of these that the bag has, or from the one that is asked for:
+
+========  ==================================================================================
+truth     a topic with ``ground_truth`` in its name: Odometry or PoseStamped
+tf        the transforms from the frame of the laser up to the root of its tree, ``map`` where
+          a SLAM ran
+odom      a topic of Odometry, ``/odom`` before others
+========  ==================================================================================
+
+How the laser is mounted is taken from the transforms: its place, its turn, and whether it hangs
+upside down. Each scan has the pose of its stamp, that of its first beam, between the two poses
+next to it; scans before the first pose or after the last are left out and counted.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserScan, Stamp
+from lrf3d.logs.bag_messages import (
+    ODOMETRY,
+    SCAN,
+    STATIC_FRAMES,
+    TRANSFORMS,
+    Bag,
+    Message,
+    open_bag,
+)
+from lrf3d.logs.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
+from lrf3d.logs.tracks import FrameTree, Placed, Track
+from lrf3d.pose import Pose
+
+LEAST_UPRIGHT = np.cos(np.radians(15.0))
+"""A laser that stands more askew than this does not scan in the plane."""
+
+BASE = "base_link"
+"""The robot's frame where a pose does not say whose it is."""
+
+
+@dataclass(slots=True)
+class _Contents:
+    """What was found in a bag."""
+
+    scans: list[LaserScan] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    frame: str = ""
+    rows: dict[str, list[tuple[int, Float]]] = field(default_factory=lambda: defaultdict(list))
+    children: dict[str, str] = field(default_factory=dict)
+    edges: dict[str, tuple[str, list[tuple[int, Float]], bool]] = field(default_factory=dict)
+    bad: list[BadLine] = field(default_factory=list)
+    bad_count: int = 0
+
+    def refuse(self, bad: BadLine) -> None:
+        """Count what cannot be used, and keep the first few of it."""
+        self.bad_count += 1
+        if len(self.bad) < NAMED:
+            self.bad.append(bad)
+
+
+def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = None) -> LaserLog:
+    """Read the scans of a ROS 2 bag.
+
+    Args:
+        path: A .mcap or .db3 file, or the folder of a bag.
+        poses: Where the poses come from: ``auto``, ``truth``, ``tf`` or ``odom``.
+        scan_topic: The topic of the scans; ``/scan``, or the first there is, where not given.
+
+    Raises:
+        InputError: The bag cannot be read, or has no scan or no pose.
+        MissingLibraryError: rosbags is not installed.
+    """
+    path = Path(path)
+    with open_bag(path) as bag:
+        topic = _scan_topic(bag, scan_topic)
+        contents = _read(bag, topic)
+    if not contents.scans:
+        why = f"; first {contents.bad[0]}" if contents.bad else ""
+        raise InputError(f"{path}: no scan on {topic} that can be used{why}")
+    times = np.array(contents.stamps, dtype=np.int64)
+    source, placed = _placed(path, contents, times, poses)
+    return _log(path, contents, times, placed, source)
+
+
+def _scan_topic(bag: Bag, wanted: str | None) -> str:
+    topics = sorted(topic for topic, kind in bag.topics.items() if kind == SCAN)
+    if not topics:
+        raise InputError(f"{bag.path}: no topic of {SCAN} in it")
+    if wanted is None:
+        return "/scan" if "/scan" in topics else topics[0]
+    if wanted not in topics:
+        raise InputError(f"{bag.path}: no scans on {wanted}; there are {', '.join(topics)}")
+    return wanted
+
+
+def _read(bag: Bag, scan_topic: str) -> _Contents:
+    contents, readings = _Contents(), 0
+    topics = {topic for topic, kind in bag.topics.items() if kind != SCAN} | {scan_topic}
+    for message in bag.messages(topics):
+        if isinstance(message, BadLine):
+            contents.refuse(message)
+            continue
+        try:
+            if message.kind == SCAN:
+                _take_scan(contents, message.said)
+                readings += len(contents.scans[-1].ranges)
+            elif message.kind == TRANSFORMS:
+                _take_transforms(contents, message)
+            else:
+                _take_pose(contents, message)
+        except (InputError, OverflowError) as error:
+            contents.refuse(BadLine(message.number, str(error), "message"))
+        if readings > MOST_READINGS:
+            raise InputError(f"{bag.path}: more than {MOST_READINGS:,} readings; cut it into parts")
+    return contents
+
+
+def _take_scan(contents: _Contents, said: Any) -> None:
+    scan = LaserScan.from_ros(said)
+    contents.frame = contents.frame or _frame(said.header.frame_id)
+    contents.scans.append(scan)
+    contents.stamps.append(_stamp(said.header))
+
+
+def _take_transforms(contents: _Contents, message: Message) -> None:
+    stands = message.topic == STATIC_FRAMES
+    for said in message.said.transforms:
+        child, parent = _frame(said.child_frame_id), _frame(said.header.frame_id)
+        rows = contents.edges.setdefault(child, (parent, [], stands))[1]
+        row = _row(said.transform.translation, said.transform.rotation)
+        rows.append((_stamp(said.header), row))
+
+
+def _take_pose(contents: _Contents, message: Message) -> None:
+    said = message.said
+    child = _frame(said.child_frame_id) if message.kind == ODOMETRY else ""
+    pose = said.pose.pose if hasattr(said.pose, "pose") else said.pose
+    row = _row(pose.position, pose.orientation)
+    contents.rows[message.topic].append((_stamp(said.header), row))
+    contents.children[message.topic] = child or BASE
+
+
+def _row(place: Any, turn: Any) -> Float:
+    """Numbers x, y, z and the quaternion x, y, z, w of a pose or a transform."""
+    row = np.array([place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w])
+    if not np.isfinite(row).all() or not 0.5 < np.linalg.norm(row[3:]) < 2.0:
+        raise InputError(f"pose {row.tolist()}: expected finite numbers and a unit quaternion")
+    return row
+
+
+def _stamp(header: Any) -> int:
+    return Stamp(int(header.stamp.sec), int(header.stamp.nanosec)).nanoseconds
+
+
+def _frame(name: str) -> str:
+    """A frame as ROS 2 calls it; ROS 1 put a stroke before it."""
+    return name.removeprefix("/")
+
+
+def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> tuple[str, Placed]:
+    """Where the laser was at the times, and what says so."""
+    tree = FrameTree(
+        {
+            child: (parent, Track.of(rows, stands=stands))
+            for child, (parent, rows, stands) in contents.edges.items()
+            if rows
+        }
+    )
+    truths = [topic for topic in sorted(contents.rows) if "ground_truth" in topic]
+    drives = sorted(set(contents.rows) - set(truths), key=lambda topic: (topic != "/odom", topic))
+    root = tree.chain(contents.frame)[-1]
+    ways = {"truth": truths[:1], "tf": [root] if tree.moves(contents.frame) else []}
+    ways["odom"] = drives[:1]
+    there = [name for name, topics in ways.items() if topics]
+    if wanted not in ("auto", *ways):
+        raise InputError(f"poses from {wanted!r}: expected auto, {', '.join(ways)}")
+    if not there:
+        raise InputError(f"{path}: no poses in it: no ground truth, no transforms, no odometry")
+    if wanted != "auto" and wanted not in there:
+        raise InputError(f"{path}: no poses from {wanted} in it; there are {', '.join(there)}")
+    chosen = there[0] if wanted == "auto" else wanted
+    if chosen == "tf":
+        source = f"/tf, {contents.frame} in {root}"
+        return source, tree.placed(contents.frame, root, times)
+    topic = ways[chosen][0]
+    base = contents.children[topic]
+    robot = Track.of(contents.rows[topic]).at(times)
+    if base in tree.chain(contents.frame):
+        return f"{topic}", robot @ tree.placed(contents.frame, base, times)
+    return f"{topic}, with the laser in the middle of {base} for want of a transform", robot
+
+
+def _log(path: Path, contents: _Contents, times: Int, placed: Placed, source: str) -> LaserLog:
+    poses, upright = placed.in_the_plane()
+    askew = np.flatnonzero(placed.known & ~(np.abs(upright) >= LEAST_UPRIGHT))
+    if len(askew):
+        tilt = np.degrees(np.arccos(np.clip(np.abs(upright[askew[0]]), 0.0, 1.0)))
+        raise InputError(
+            f"{path}: the laser {contents.frame} is tilted by {tilt:.0f}°, expected one that scans"
+            " in the plane"
+        )
+    scans = []
+    for number, scan in enumerate(contents.scans):
+        if not placed.known[number]:
+            why = f"scan {number + 1} lies outside the time that poses are known for"
+            contents.refuse(BadLine(number + 1, why, "scan"))
+            continue
+        angles = scan.angles if upright[number] > 0.0 else -scan.angles
+        scans.append(replace(scan, pose=Pose(*poses[number].tolist()), angles=angles))
+    if not scans:
+        raise InputError(f"{path}: no scan within the time of the poses from {source}")
+    return LaserLog(log_name(path), scans, contents.bad_count, tuple(contents.bad), source)
