@@ -75,7 +75,13 @@ def test_map_writes_its_files_and_json_is_the_only_output(lrf3d, log, tmp_path, 
     assert written == {"map.geojson", "map.png", "summary.json"} == set(summary["files"].values())
     assert len(LineMap.load(folder / "map.geojson")) == summary["map"]["segments"] == 8
     assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
-    assert summary["log"] == {"scans": 40, "beams": 180, "bad_lines": 0, "first_bad_lines": [], "poses": "as logged"}
+    assert summary["log"] == {
+        "scans": 40,
+        "beams": 180,
+        "bad_lines": 0,
+        "first_bad_lines": [],
+        "poses": "as logged",
+    }
 
 
 def test_a_clean_drive_is_explained_and_nothing_violated(log):

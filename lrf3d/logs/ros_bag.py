@@ -40,6 +40,9 @@ from lrf3d.pose import Pose
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
 """A laser that stands more askew than this does not scan in the plane."""
 
+FARTHEST = 1e9
+"""Largest coordinate [m] of a pose: above it float64 no longer resolves a micrometre."""
+
 BASE = "base_link"
 """The robot's frame where a pose does not say whose it is."""
 
@@ -149,8 +152,9 @@ def _take_pose(contents: _Contents, message: Message) -> None:
 def _row(place: Any, turn: Any) -> Float:
     """Numbers x, y, z and the quaternion x, y, z, w of a pose or a transform."""
     row = np.array([place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w])
-    if not np.isfinite(row).all() or not 0.5 < np.linalg.norm(row[3:]) < 2.0:
-        raise InputError(f"pose {row.tolist()}: expected finite numbers and a unit quaternion")
+    # Asked so that a number that is none is refused as well.
+    if not (np.abs(row).max() <= FARTHEST and 0.25 < row[3:] @ row[3:] < 4.0):
+        raise InputError(f"pose {row.tolist()}: expected numbers and a unit quaternion")
     return row
 
 

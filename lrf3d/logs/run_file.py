@@ -21,7 +21,6 @@ map_segments (…, 4)   the segments of all stages, one after the other; map_obj
 ====================  =================================================================
 """
 
-import zipfile
 from dataclasses import astuple
 from itertools import pairwise
 from pathlib import Path
@@ -31,6 +30,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.logs.arrays import DAMAGES, read_arrays
 from lrf3d.mapping import LineMap
 from lrf3d.output import replacing
 from lrf3d.robot import Trajectory
@@ -80,8 +80,7 @@ def load_run(path: str | Path) -> Run:
     path = Path(path)
     path = path / "run.npz" if path.is_dir() else path
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = read_arrays(path)
         if int(arrays["version"]) != VERSION:
             raise InputError(
                 f"{path}: version {int(arrays['version'])} of the run format, this lrf3d reads"
@@ -94,11 +93,16 @@ def load_run(path: str | Path) -> Run:
         raise InputError(f"{path}: no such file; `lrf3d run WORLD` writes one") from None
     except KeyError as error:
         raise InputError(f"{path}: not a run of lrf3d, it holds no {error}") from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a run of lrf3d or damaged ({error})") from None
+    except DAMAGES as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: not a run of lrf3d or damaged ({reason})") from None
 
 
 def _run(arrays: dict[str, Any]) -> Run:
+    scans = len(arrays["times"]), int(arrays["lrf"][2])
+    for name in ("ranges", "truth", "walls"):
+        if arrays[name].shape != scans:
+            raise ValueError(f"{name} of shape {arrays[name].shape}, expected {scans}")
     world = World(
         arrays["segments"],
         arrays["objects"],

@@ -1,0 +1,61 @@
+"""Arrays of a .npz file, read within bounds of memory and never unpickled."""
+
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from lrf3d.logs.packed import LARGEST_RATIO
+
+UNSUSPICIOUS = 1 << 28
+"""Bytes that any file may unpack to, however small."""
+
+DAMAGES = (
+    OSError,
+    ValueError,
+    TypeError,
+    IndexError,
+    OverflowError,
+    EOFError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What reading a damaged file may raise."""
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
+    """The arrays of a .npz file by their names.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It holds what is no array, or unpacks to far more than a run does; or one of
+            the others of :data:`DAMAGES`.
+    """
+    with zipfile.ZipFile(path) as file:
+        total = sum(entry.file_size for entry in file.infolist())
+        if total > max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size):
+            raise ValueError(f"it unpacks to {total:,} bytes, over {LARGEST_RATIO} times its size")
+        return {
+            entry.filename.removesuffix(".npy"): _read(file, entry) for entry in file.infolist()
+        }
+
+
+def _read(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[np.generic]:
+    with file.open(entry) as stream:
+        version = npy.read_magic(stream)
+        if version > (2, 0):
+            raise ValueError(f"{entry.filename} is of version {version} of its format")
+        read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        shape, _, dtype = read(stream)
+        # Room is made for all of an array before any of it is read.
+        size = dtype.itemsize
+        for length in shape:
+            size *= length
+        if dtype.hasobject or size > entry.file_size:
+            raise ValueError(f"{entry.filename} is no plain array, or shorter than it says")
+    with file.open(entry) as stream:
+        return npy.read_array(stream, allow_pickle=False)
