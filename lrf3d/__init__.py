@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
+    from lrf3d.casting.moving import Mover
     from lrf3d.errors import (
         CollisionError,
         InputError,
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
         OutputError,
         WorldError,
     )
+    from lrf3d.exporting import export_run
+    from lrf3d.fleet import simulate_fleet
     from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
     from lrf3d.localization import (
         Localiser,
@@ -39,6 +42,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "casting": ["EmbreeCaster", "PlanarCaster", "crosscheck"],
+    "casting.moving": ["Mover"],
     "errors": [
         "CollisionError",
         "InputError",
@@ -47,6 +51,8 @@ _HOMES = {
         "OutputError",
         "WorldError",
     ],
+    "exporting": ["export_run"],
+    "fleet": ["simulate_fleet"],
     "laser": ["LaserRangeFinder", "LaserScan", "ProportionalNoise"],
     "localization": [
         "Localiser",
@@ -81,6 +87,7 @@ __all__ = [
     "Localiser",
     "Lrf3dError",
     "MissingLibraryError",
+    "Mover",
     "OdometryNoise",
     "OutputError",
     "PlanarCaster",
@@ -96,6 +103,7 @@ __all__ = [
     "check_drive",
     "crosscheck",
     "drive",
+    "export_run",
     "follow_route",
     "load_log",
     "load_run",
@@ -108,6 +116,7 @@ __all__ = [
     "score_map",
     "score_run",
     "simulate",
+    "simulate_fleet",
     "steps_between",
     "world_names",
 ]

@@ -5,9 +5,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.errors import InputError
-from lrf3d.logs import LaserLog, load_log
+from lrf3d.exporting import export_run
+from lrf3d.geometry import wrap_angle
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.logs import BadLine, LaserLog, load_log
 from lrf3d.logs.carmen_messages import read_carmen
 from lrf3d.logs.packed import BLOCK, Line, lines_of
 
@@ -194,3 +198,103 @@ def test_a_file_that_is_no_log_is_refused(tmp_path, name):
     (tmp_path / "picture.png").write_text("")
     with pytest.raises(InputError, match=name.replace(".", r"\.")):
         load_log(tmp_path / name)
+
+
+@pytest.fixture(scope="module")
+def run():
+    world = make_world(box(0, 0, 10, 8), box(4.5, 3.5, 1, 1))
+    lrf = LaserRangeFinder(range_min=0.05, range_max=5.3, beams=91)
+    return make_run(world, around(5, 4, 2.5, 12, heading=np.pi / 2), lrf, sigma=0.02)
+
+
+@pytest.mark.parametrize("name", ["run.log", "run.log.gz"])
+@pytest.mark.parametrize("poses", ["auto", "odom", "truth"])
+def test_what_goes_out_comes_back_to_the_last_bit(run, name, poses, tmp_path):
+    export_run(run, "carmen", tmp_path / name)
+    log = load_log(tmp_path / name, poses=poses)
+    assert log.bad_count == 0 and np.array_equal(log.times, run.trajectory.times)
+    for before, after in zip(run.scans, log.scans, strict=True):
+        heading = wrap_angle(before.pose.theta)
+        assert after.pose[:2] == before.pose[:2]
+        assert after.pose.theta == pytest.approx(heading, abs=0 if poses == "auto" else 1e-15)
+        told = np.where(before.ranges > 5.3, inf, before.ranges)
+        assert np.array_equal(after.ranges, told)
+        assert after.angles == pytest.approx(before.angles, abs=1e-15)
+        assert after.range_max == 5.3
+    assert set(log.tracks) == {"odom", "truth"}
+    assert np.array_equal(log.tracks["odom"].times, run.trajectory.times)
+
+
+def test_a_run_is_told_in_all_four_messages_each_well_formed(run, tmp_path):
+    export_run(run, "carmen", tmp_path / "run.log", every=5)
+    lines = (tmp_path / "run.log").read_text().splitlines()
+    told = [line.split()[0] for line in lines if not line.startswith("#")]
+    assert told == ["TRUEPOS", "ODOM", "ROBOTLASER1", "FLASER"] * 3
+    items = read("\n".join(lines))
+    assert not any(isinstance(item, BadLine) for item in items)
+    old = read("\n".join(line for line in lines if line.startswith("FLASER")))
+    new = [item for item in items if hasattr(item, "ranges")]
+    for one, other in zip(old, new, strict=True):
+        assert one.pose == other.pose and one.time == other.time
+        assert np.array_equal(one.ranges[one.ranges < 5.3], other.ranges[other.ranges < 5.3])
+
+
+def test_a_fan_that_flaser_does_not_know_is_told_by_robotlaser_alone(tmp_path):
+    world, lrf = make_world(box(0, 0, 10, 8)), LaserRangeFinder(-2.0, 2.0, 31, range_max=30.0)
+    run = make_run(world, around(5, 4, 2.0, 3), lrf)
+    export_run(run, "carmen", tmp_path / "run.log")
+    assert "FLASER" not in (tmp_path / "run.log").read_text()
+    assert load_log(tmp_path / "run.log").scans[0].angles == pytest.approx(lrf.angles)
+
+
+def test_the_same_run_is_the_same_file(run, tmp_path):
+    for name in ("a.log.gz", "b.log.gz"):
+        export_run(run, "carmen", tmp_path / name)
+    assert (tmp_path / "a.log.gz").read_bytes() == (tmp_path / "b.log.gz").read_bytes()
+    with pytest.raises(InputError, match=r"ends in \.log\.gz"):
+        export_run(run, "carmen", tmp_path / "run.txt")
+    with pytest.raises(InputError, match="expected one of carmen"):
+        export_run(run, "bag", tmp_path / "run.bag")
+
+
+def test_poses_of_odometry_and_of_the_truth_are_taken_at_the_time_of_the_scan(tmp_path):
+    lines = [
+        "ODOM 1 2 0.5 0.1 0.2 0 2.0 host 2.0",
+        "TRUEPOS 5 6 0.25 0 0 0 2.0 host 2.0",
+        front([1, 2, 3], time=3.0),
+        front([1, 2, 3], time=9.0),
+        "TRUEPOS 6 7 0.75 0 0 0 4.0 host 4.0",
+        "ODOM 3 2 0.5 0.1 0.2 0 4.0 host 4.0",
+        "ODOM 9 9 9 0 0 0 4.0 host 4.0",
+    ]
+    path = write(tmp_path / "a.log", *lines)
+    assert len(load_log(path)) == 2 and load_log(path).scans[0].pose == (1.0, -2.0, 0.5)
+    odometry, truth = load_log(path, poses="odom"), load_log(path, poses="truth")
+    assert odometry.poses == pytest.approx(np.array([[2, 2, 0.5]]))
+    assert truth.poses == pytest.approx(np.array([[5.5, 6.5, 0.5]]))
+    assert odometry.source == "ODOM messages" and truth.source == "TRUEPOS messages"
+    with pytest.raises(InputError, match="no poses from tf in it; there are auto, odom, truth"):
+        load_log(path, poses="tf")
+    with pytest.raises(InputError, match="no scan within the time"):
+        load_log(write(tmp_path / "b.log", *lines[:2], lines[3]), poses="odom")
+    with pytest.raises(InputError, match="expected one of auto"):
+        load_log(path, poses="gps")
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("ODOM 1 2 0.5 0 0 0 2.0 host", "9 words"),
+        ("ODOM 1 nan 0.5 0 0 0 2.0 host 1", "y is 'nan'"),
+        ("TRUEPOS 1 2 3 0 0 0 late host 1", "time is 'late'"),
+    ],
+)
+def test_a_pose_that_is_none_is_counted_and_named(line, reason):
+    bad = read("\n".join([front([1, 2]), line]))[1]
+    assert bad.number == 2 and reason in bad.reason
+
+
+def test_what_the_new_message_says_of_its_range_holds_unless_more_is_said(tmp_path):
+    path = write(tmp_path / "a.log", robot([60.0, 79.0, 80.0], farthest=80.0))
+    assert load_log(path).scans[0].ranges.tolist() == [60.0, 79.0, inf]
+    assert load_log(path, largest_range=70.0).scans[0].ranges.tolist() == [60.0, inf, inf]

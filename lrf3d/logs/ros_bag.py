@@ -135,9 +135,11 @@ def _take_transforms(contents: _Contents, message: Message) -> None:
     stands = message.topic == STATIC_FRAMES
     for said in message.said.transforms:
         child, parent = _frame(said.child_frame_id), _frame(said.header.frame_id)
-        rows = contents.edges.setdefault(child, (parent, [], stands))[1]
+        hangs_on, rows, _ = contents.edges.setdefault(child, (parent, [], stands))
         row = _row(said.transform.translation, said.transform.rotation)
-        rows.append((_stamp(said.header), row))
+        # A frame hangs on one other; where two programs quarrel about it, the first is heard.
+        if hangs_on == parent:
+            rows.append((_stamp(said.header), row))
 
 
 def _take_pose(contents: _Contents, message: Message) -> None:

@@ -1,0 +1,74 @@
+"""Several robots at once: each drives, scans and maps, and sees the others as they pass.
+
+A world and the trajectories of the robots enter; a run of each leaves.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from lrf3d.casting import EmbreeCaster
+from lrf3d.casting.moving import Caster, Mover, round_outline
+from lrf3d.laser import LaserRangeFinder, Noise
+from lrf3d.mapping import LineMapper
+from lrf3d.robot import Trajectory
+from lrf3d.simulation import Mapper, Run, simulate
+from lrf3d.world import World
+
+RADIUS, HEIGHT = 0.35, 1.0
+"""How wide and how tall a robot is where nothing is said [m]."""
+
+
+def simulate_fleet(
+    world: World,
+    trajectories: Sequence[Trajectory],
+    lrf: LaserRangeFinder | None = None,
+    *,
+    radius: float = RADIUS,
+    height: float = HEIGHT,
+    caster: Caster | None = None,
+    noise: Noise | None = None,
+    mapper: Callable[[], Mapper] = LineMapper,
+    seed: int = 0,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Run]:
+    """Drive several robots through a world at the same time.
+
+    Args:
+        world: The walls.
+        trajectories: The drive of each robot; before and after it the robot stands.
+        lrf: The laser range finder of each of them; it does not see its own robot.
+        radius: How wide the robots are as others see them [m].
+        height: How tall they are [m].
+        caster: What casts the beams; Embree where not given.
+        noise: What makes measured ranges of true ones; none where not given.
+        mapper: Makes the mapper of each robot; a LineMapper where not given.
+        seed: Seed of the noise; each robot has its own.
+        progress: Called with the scans that are done and all.
+
+    Raises:
+        InputError: There is a scan that takes longer than the time to the next.
+    """
+    caster = EmbreeCaster(world) if caster is None else caster
+    outline = round_outline(radius)
+    bodies = [Mover(outline, trajectory, height) for trajectory in trajectories]
+    total, done, runs = sum(map(len, trajectories)), 0, []
+    for robot, (trajectory, rng) in enumerate(
+        zip(trajectories, np.random.default_rng(seed).spawn(len(trajectories)), strict=True)
+    ):
+        before = done
+        runs.append(
+            simulate(
+                world,
+                trajectory,
+                lrf,
+                caster=caster,
+                noise=noise,
+                mapper=mapper(),
+                rng=rng,
+                movers=bodies[:robot] + bodies[robot + 1 :],
+                progress=lambda scans, _, before=before: progress(before + scans, total),
+            )
+        )
+        done += len(trajectory)
+    return runs

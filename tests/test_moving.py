@@ -1,0 +1,159 @@
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world, simulate
+from lrf3d.casting import EmbreeCaster
+from lrf3d.casting.exact import ExactWorld
+from lrf3d.casting.moving import Among, Mover, Still, Sweep, round_outline, timed
+from lrf3d.errors import InputError
+from lrf3d.fleet import simulate_fleet
+from lrf3d.laser import LaserScan
+from lrf3d.robot.patrol import patrol
+
+CITY = load_world("city")
+CASTERS = pytest.mark.parametrize("make", [PlanarCaster, EmbreeCaster])
+TURNING = LaserRangeFinder(beams=45, scan_duration=0.2)
+DRIVE = Trajectory([0.0, 0.5, 1.0], [(50, 31, 0.1), (51.5, 31.2, 0.4), (53, 32.5, 3.5)])
+SQUARE = [(-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)]
+
+
+class Mapless:
+    def update(self, scan):
+        return None
+
+
+@CASTERS
+def test_a_robot_that_stands_has_the_scan_of_one_moment_to_the_last_bit(make):
+    pose = np.array([50.1, 30.7, 7.3])
+    stand = Trajectory([3.0, 4.0], [pose, pose])
+    caster = make(CITY)
+    swept = Sweep(Still(caster), stand).cast_at(TURNING, pose, 3.0)
+    plain = caster.cast(TURNING, pose)
+    assert np.array_equal(swept.ranges, plain.ranges)
+    assert np.array_equal(swept.walls, plain.walls)
+    assert swept.time == 3.0 and swept.time_increment == 0.2 / 44
+
+
+@CASTERS
+def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make):
+    swept = Sweep(Still(make(CITY)), DRIVE).cast_at(TURNING, DRIVE.poses[1], 0.5)
+    times = 0.5 + TURNING.time_increment * np.arange(45)
+    poses = DRIVE.at(times)
+    assert (np.diff(poses[:, 0]) > 0.0).all()
+    exact = ExactWorld(CITY.segments, poses[:, :2])
+    for beam, pose in enumerate(poses):
+        row, distance = exact.cast(beam, TURNING.directions(pose)[beam])
+        wanted = np.inf if distance is None or distance > Fraction(80) else float(distance)
+        assert swept.ranges[beam] == pytest.approx(wanted, rel=1e-15)
+        assert swept.walls[beam] == (row if np.isfinite(wanted) else -1)
+    assert swept.pose == tuple(DRIVE.poses[1])
+    plain = make(CITY).cast(TURNING, DRIVE.poses[1])
+    assert not np.allclose(swept.ranges, plain.ranges)
+
+
+def test_what_is_off_is_not_there():
+    still, among = LaserRangeFinder(), [Mover(SQUARE, DRIVE)]
+    caster = PlanarCaster(CITY)
+    assert timed(caster, still, DRIVE) == Still(caster)
+    assert isinstance(timed(caster, still, DRIVE, among), Among)
+    assert isinstance(timed(caster, TURNING, DRIVE), Sweep)
+    assert isinstance(timed(caster, TURNING, DRIVE, among).caster, Among)
+
+
+def test_a_scan_that_takes_longer_than_the_time_to_the_next_is_refused():
+    with pytest.raises(InputError, match=r"scan_duration 0\.6 s: longer than the 0\.5 s"):
+        timed(PlanarCaster(CITY), LaserRangeFinder(scan_duration=0.6), DRIVE)
+    with pytest.raises(InputError, match="scan_duration"):
+        LaserRangeFinder(scan_duration=-1.0)
+
+
+@CASTERS
+def test_movers_are_cast_as_exactly_as_walls(make):
+    movers = (Mover(SQUARE, DRIVE), Mover(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])))
+    lrf, pose = LaserRangeFinder(-np.pi, np.pi, 361), np.array([49.0, 32.0, 0.2])
+    scan = Among(Still(make(CITY)), movers).cast_at(lrf, pose, 0.75)
+    sides = np.concatenate([mover.walls(0.75) for mover in movers])
+    together = PlanarCaster(World(np.concatenate([CITY.segments, sides]))).cast(lrf, pose)
+    assert np.array_equal(scan.ranges, together.ranges)
+    moving = together.walls >= len(CITY.segments)
+    assert np.array_equal(scan.walls, np.where(moving, -1, together.walls))
+    assert 10 < moving.sum() < 361
+
+
+def test_a_mover_lower_than_the_beams_is_not_seen():
+    lrf, pose = LaserRangeFinder(height=0.5), np.array([49.0, 31.0, 0.0])
+    low, high = (Mover(SQUARE, DRIVE, height) for height in (0.4, 0.6))
+    plain = PlanarCaster(CITY).cast(lrf, pose)
+    seen = [
+        Among(Still(PlanarCaster(CITY)), (each,)).cast_at(lrf, pose, 0.0) for each in (low, high)
+    ]
+    assert np.array_equal(seen[0].ranges, plain.ranges)
+    assert (seen[1].ranges < plain.ranges).sum() > 5
+
+
+def test_what_is_too_near_is_told_so_whoever_it_is():
+    lrf = LaserRangeFinder(0.0, 0.0, 1, range_min=2.0, range_max=20.0)
+    world = World([[10.0, -5, 10, 5], [-1.0, -5, -1, 5]])
+    near = Mover(SQUARE, Trajectory([0.0], [(1.0, 0, 0)]))
+    caster = Among(Still(PlanarCaster(world)), (near,))
+    assert caster.cast_at(lrf, np.array([0.0, 0, 0]), 0.0).ranges[0] == -np.inf
+    assert caster.cast_at(lrf, np.array([0.0, 0, np.pi]), 0.0).ranges[0] == -np.inf
+    far = Among(Still(PlanarCaster(world)), (Mover(SQUARE, Trajectory([0.0], [(5.0, 0, 0)])),))
+    scan = far.cast_at(lrf, np.array([0.0, 0, 0]), 0.0)
+    assert scan.ranges[0] == 4.6 and scan.walls[0] == -1
+
+
+def test_movers_move_while_the_beams_of_a_sweep_turn():
+    # It passes as fast as the beam turns: each beam sees it, though it is a metre wide.
+    lrf = LaserRangeFinder(-1.0, 1.0, 21, range_max=30.0, scan_duration=1.0)
+    angles = np.linspace(-1, 1, 21)
+    path = Trajectory(
+        np.linspace(0, 1, 21), np.column_stack([8 * np.cos(angles), 8 * np.sin(angles), angles])
+    )
+    stand = Trajectory([0.0, 2.0], np.zeros((2, 3)))
+    world = World([[20.0, -40, 20, 40]])
+    caster = timed(PlanarCaster(world), lrf, stand, [Mover(SQUARE, path)])
+    assert caster.cast_at(lrf, stand.poses[0], 0.0).ranges == pytest.approx(np.full(21, 7.6))
+
+
+def test_a_simulation_sweeps_and_sees_movers():
+    mover = Mover(round_outline(0.4), Trajectory([0.0, 1.0], [(52.0, 31, 0), (55.0, 31, 0)]))
+    run = simulate(CITY, DRIVE, TURNING, mapper=Mapless(), movers=[mover])
+    plain = simulate(CITY, DRIVE, LaserRangeFinder(beams=45), mapper=Mapless())
+    assert (run.truth < plain.truth - 1.0).sum() > 3
+    assert run.scan(1).time_increment == TURNING.time_increment
+    assert isinstance(run.scan(1), LaserScan) and ((run.walls == -1) & np.isfinite(run.truth)).any()
+
+
+def test_robots_see_each_other_and_not_themselves():
+    apart = [Trajectory([0.0, 1.0], [(x, 31, 0), (x, 31, 0.2)]) for x in (50.0, 53.0)]
+    lrf = LaserRangeFinder(-np.pi, np.pi, 721)
+    one, other = simulate_fleet(CITY, apart, lrf, radius=0.5, mapper=Mapless)
+    ahead, behind = one.truth[0, 360], other.truth[0, 0]
+    assert ahead == pytest.approx(2.5) and behind == pytest.approx(2.5)
+    assert one.walls[0, 360] == -1 and one.truth.min() > 2.49
+    # As wide as a circle, and at most as wide as its corners.
+    seen = np.count_nonzero((one.truth[0] < 3.0) & (one.walls[0] == -1)) * np.pi / 360
+    assert 2 * np.arcsin(0.5 / 3) - 0.02 < seen < 2 * np.arcsin(0.52 / 3) + 0.02
+
+
+def test_a_patrol_goes_there_and_back_at_its_speed():
+    path = patrol([(0, 0), (4, 0), (4, 0), (4, 2)], speed=2.0, until=20.0)
+    assert path.at(np.array([1.0]))[0] == pytest.approx([2, 0, 0])
+    assert path.at(np.array([2.5]))[0] == pytest.approx([4, 0, np.pi / 2])
+    assert path.at(np.array([3.5]))[0] == pytest.approx([4, 2, np.pi / 2])
+    assert path.at(np.array([4.5]))[0] == pytest.approx([4, 1, -np.pi / 2])
+    assert path.at(np.array([7.5 + 1.0]))[0] == pytest.approx([2, 0, 0], abs=2.1)
+    assert path.times[-1] >= 20.0
+    steps = np.hypot(*np.diff(path.poses[:, :2], axis=0).T) / np.diff(path.times)
+    assert set(np.round(steps, 9)) == {0.0, 2.0}
+    with pytest.raises(InputError, match="two different"):
+        patrol([(1, 1), (1, 1)], speed=1.0, until=1.0)
+
+
+@pytest.mark.parametrize("outline", [[(0, 0), (1, 0)], [0.0, 1.0, 2.0]])
+def test_a_mover_without_an_area_is_refused(outline):
+    with pytest.raises(InputError, match="outline"):
+        Mover(outline, DRIVE)

@@ -1,0 +1,126 @@
+import math
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrf3d import LaserRangeFinder, LaserScan
+from lrf3d.errors import InputError
+from lrf3d.laser import RosScan, Stamp
+
+FANS = st.tuples(st.floats(-math.pi, math.pi), st.floats(0.01, math.pi), st.integers(2, 4000)).map(
+    lambda fan: LaserRangeFinder(fan[0], fan[0] + fan[1], fan[2])
+)
+
+
+def scan_of(ranges, **settings):
+    angles = np.linspace(-1, 1, len(ranges))
+    return LaserScan((0, 0, 0), angles, ranges, **{"range_max": 20.0, **settings})
+
+
+RANGES = st.one_of(st.floats(0.125, 20, width=32), st.sampled_from([np.inf, -np.inf]))
+
+
+@given(FANS)
+def test_the_angles_fit_together_in_float32(lrf):
+    told = LaserScan((0, 0, 0), lrf.angles, np.ones(lrf.beams)).as_ros()
+    low, high, step = map(np.float32, (told.angle_min, told.angle_max, told.angle_increment))
+    assert (float(low), float(high), float(step)) == (
+        told.angle_min,
+        told.angle_max,
+        told.angle_increment,
+    )
+    assert high == low + np.float32(lrf.beams - 1) * step
+    # slam_toolbox and its like count the beams from the angles.
+    assert round((told.angle_max - told.angle_min) / told.angle_increment) + 1 == lrf.beams
+    assert told.angle_max == pytest.approx(lrf.angle_max, abs=1e-7 * lrf.beams)
+
+
+def test_the_fields_are_those_of_ros():
+    names = (
+        "header angle_min angle_max angle_increment time_increment scan_time range_min"
+        " range_max ranges intensities"
+    )
+    assert [field.name for field in fields(RosScan)] == names.split()
+    told = scan_of([1.0, 2.0], time=3.25, time_increment=0.001, range_min=0.1)
+    message = told.as_ros("front", scan_time=0.1).as_dict()
+    assert message["header"] == {"stamp": {"sec": 3, "nanosec": 250_000_000}, "frame_id": "front"}
+    assert message["ranges"].dtype == message["intensities"].dtype == np.float32
+    assert message["scan_time"] == float(np.float32(0.1))
+    assert message["range_min"] == float(np.float32(0.1))
+
+
+def test_no_return_is_told_after_rep_117():
+    told = scan_of([0.05, 0.1, 20.0, 20.5, np.inf, -np.inf], range_min=0.1).as_ros()
+    assert told.ranges.tolist() == [-np.inf, np.float32(0.1), 20.0, np.inf, np.inf, -np.inf]
+
+
+@given(st.lists(RANGES, min_size=2))
+def test_what_goes_out_comes_back(ranges):
+    scan = scan_of(ranges, range_min=0.0625, time=12.125, time_increment=0.25)
+    for message in (scan.as_ros(), scan.as_ros().as_dict()):
+        back = LaserScan.from_ros(message, pose=(1, 2, 3))
+        assert np.array_equal(back.ranges, scan.ranges)
+        assert back.angles == pytest.approx(scan.angles, abs=1e-6)
+        assert (back.range_min, back.range_max) == (0.0625, 20.0)
+        assert (back.time, back.time_increment) == (12.125, 0.25)
+        assert back.pose == (1, 2, 3)
+        again = back.as_ros()
+        assert np.array_equal(again.ranges, scan.as_ros().ranges)
+        assert again.header == scan.as_ros().header
+
+
+def test_a_range_that_is_none_tells_nothing():
+    message = scan_of([1.0, 2.0, 3.0], range_min=0.1).as_ros().as_dict()
+    message["ranges"] = [float("nan"), 0.0, 25.0]
+    assert LaserScan.from_ros(message).ranges.tolist() == [-np.inf, -np.inf, np.inf]
+
+
+def test_one_beam_has_no_increment():
+    told = scan_of([1.0]).as_ros()
+    assert told.angle_increment == 0.0 and told.angle_max == told.angle_min
+    assert LaserScan.from_ros(told).ranges.tolist() == [1.0]
+
+
+@given(st.integers(-(2**40), 2**40), st.integers(0, 10**9 - 1))
+def test_a_stamp_of_nanoseconds_is_split_and_put_together(sec, nanosec):
+    stamp = Stamp.of_nanoseconds(sec * 10**9 + nanosec)
+    assert stamp == Stamp(sec, nanosec)
+
+
+@given(st.floats(0, 1e6))
+def test_a_time_is_told_to_the_nanosecond(time):
+    stamp = Stamp.of(time)
+    assert 0 <= stamp.nanosec < 10**9
+    assert abs(stamp.seconds - time) <= 1e-9
+    assert Stamp.of(stamp.seconds) == stamp
+
+
+def test_beams_that_are_not_evenly_spread_are_refused():
+    with pytest.raises(InputError, match="evenly"):
+        LaserScan((0, 0, 0), [0.0, 0.1, 0.3], [1, 1, 1]).as_ros()
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "said"),
+    [
+        ("angle_increment", 0.0, "apart"),
+        ("angle_increment", float("nan"), "apart"),
+        ("angle_increment", 100.0, "apart"),
+        ("angle_min", float("inf"), "apart"),
+        ("range_max", 0.0, "range_max"),
+        ("range_min", float("nan"), "range_min"),
+        ("range_max", "far", "LaserScan"),
+        ("ranges", [], "without ranges"),
+        ("ranges", None, "without ranges"),
+        ("header", {}, "LaserScan"),
+    ],
+)
+def test_a_message_that_makes_no_sense_is_refused(field, value, said):
+    message = {**scan_of([1.0, 2.0]).as_ros().as_dict(), field: value}
+    with pytest.raises(InputError, match=said):
+        LaserScan.from_ros(message)
+    with pytest.raises(InputError, match="LaserScan"):
+        LaserScan.from_ros(object())

@@ -1,0 +1,161 @@
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from lrf3d import load_scenario
+from lrf3d.casting.moving import Sweep
+from lrf3d.cli import main
+from lrf3d.errors import InputError
+from lrf3d.laser import Imperfections
+from lrf3d.study.experiment import Experiment, trajectory_of
+from lrf3d.world.settings import read_settings
+
+ROOM = """\
+[[object]]
+points = [[0, 0], [10, 0], [10, 8], [0, 8]]
+closed = true
+
+[robot]
+route = [[2, 2], [8, 2]]
+speed = 2.0
+scan_interval = 0.5
+
+[laser]
+beams = 61
+range_max = 20.0
+range_min = 0.2
+scan_duration = 0.1
+
+[noise]
+sigma = 0.05
+constant = 0.02
+resolution = 0.01
+drop_outs = 0.1
+
+[[mover]]
+route = [[5, 4], [9, 4]]
+speed = 1.5
+radius = 0.3
+"""
+
+
+@pytest.fixture
+def room(tmp_path):
+    path = tmp_path / "room.toml"
+    path.write_text(ROOM)
+    return path
+
+
+def test_a_file_says_what_the_range_finder_does_and_what_moves(room):
+    scenario = load_scenario(room)
+    assert scenario.lrf.range_min == 0.2 and scenario.lrf.scan_duration == 0.1
+    assert scenario.sigmas == (0.05,)
+    assert scenario.imperfections == Imperfections(constant=0.02, resolution=0.01, drop_outs=0.1)
+    experiment = Experiment(scenario)
+    trajectory = trajectory_of(scenario)
+    (mover,) = experiment.movers(float(trajectory.times[-1]))
+    assert np.hypot(*mover.outline.T).min() >= 0.3
+    assert mover.path.at(np.array([1.0]))[0] == pytest.approx([6.5, 4, 0])
+    run = experiment.simulate(trajectory)
+    returned = np.isfinite(run.ranges)
+    assert run.ranges[returned] == pytest.approx(np.round(run.ranges[returned], 2), abs=1e-9)
+    assert 0.05 < 1.0 - returned.mean() < 0.15
+    assert ((run.walls == -1) & np.isfinite(run.truth)).any()
+
+
+def test_settings_hold_instead_of_what_the_file_says(room):
+    scenario = load_scenario(
+        room, ["laser.range_max=12", "noise.resolution=0.0", "noise.sigma=[0.01, 0.02]"]
+    )
+    assert scenario.lrf.range_max == 12.0 and scenario.lrf.beams == 61
+    assert scenario.imperfections.resolution == 0.0 and scenario.imperfections.constant == 0.02
+    assert scenario.sigmas == (0.01, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("laser.range_mx=2", "did you mean 'range_max'"),
+        ("lasr.range_max=2", "did you mean 'laser'"),
+        ("noise.dropouts=0.1", "did you mean 'drop_outs'"),
+        ("range_max=2", "TABLE.KEY=VALUE"),
+        ("laser.range_max", "TABLE.KEY=VALUE"),
+        ("laser.range_max=far", "no value of TOML"),
+        ("laser.range_max=-1", "above 0"),
+        ("noise.drop_outs=2", "at most 1"),
+        ('laser.beams="many"', "whole number"),
+    ],
+)
+def test_a_setting_that_is_none_is_answered_with_what_is_meant(text, said):
+    with pytest.raises(InputError, match="setting") as error:
+        read_settings([text])
+    assert said in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("scan_duration = 0.1", "scan_durtion = 0.1", "did you mean 'scan_duration'"),
+        ("drop_outs = 0.1", "drop_outs = 1.5", "at most 1"),
+        ("radius = 0.3", "raduis = 0.3", "did you mean 'radius'"),
+        ("route = [[5, 4], [9, 4]]", "", "expected a route"),
+        ("route = [[5, 4], [9, 4]]", "route = [[5, 4]]", "at least 2"),
+        ("[[mover]]", "[mover]", "expected tables"),
+        ("radius = 0.3", "radius = 0.3\npoints = [[0,0],[1,0],[1,1]]", "a radius or points"),
+    ],
+)
+def test_a_slip_in_the_file_is_named_with_its_line(room, old, new, said):
+    room.write_text(ROOM.replace(old, new))
+    with pytest.raises(InputError, match=r"room\.toml:\d+") as error:
+        load_scenario(room)
+    assert said in str(error.value)
+
+
+@pytest.fixture
+def program(monkeypatch, capsys):
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["lrf3d", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        return end.value.code or 0, *capsys.readouterr()
+
+    return call
+
+
+def test_a_run_goes_out_in_every_format_and_comes_back_as_the_same_map(room, tmp_path, program):
+    out = tmp_path / "out"
+    code, _, err = program(
+        "run", room, "--no-video", "--out", out, "--set", "laser.scan_duration=0.0"
+    )
+    assert (code, err) == (0, "")
+    maps = []
+    for kind in ("carmen", "mcap", "rosbag2"):
+        code, said, err = program("export", out, "--to", kind, "--json")
+        assert (code, err) == (0, "")
+        report = json.loads(said)
+        assert report["format"] == kind and report["bytes"] > 1000
+        maps.append(program("map", report["file"], "--all", "--json", "--out", tmp_path / kind))
+    maps.append(program("map", out, "--all", "--json", "--out", tmp_path / "npz"))
+    summaries = [json.loads(said) for _, said, _ in maps]
+    assert all(each["map"] == summaries[0]["map"] for each in summaries)
+    assert all(each["score"]["scans"] == 0 for each in summaries)
+    assert [each["log"]["poses"] for each in summaries] == [
+        "as logged",
+        "/ground_truth",
+        "/ground_truth",
+        "the run",
+    ]
+
+
+def test_a_format_that_is_none_is_answered_with_those_there_are(room, program):
+    code, out, err = program("export", room, "--to", "bag")
+    assert (code, out) == (1, "") and "carmen, mcap, rosbag2" in err
+
+
+def test_scans_take_time_only_where_they_are_said_to(room):
+    scenario = load_scenario(room)
+    from lrf3d.casting.moving import timed
+
+    assert isinstance(timed(None, scenario.lrf, trajectory_of(scenario)), Sweep)
