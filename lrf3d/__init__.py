@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
-    from lrf3d.casting.moving import Mover
+    from lrf3d.casting.mover import Mover
     from lrf3d.errors import (
         CollisionError,
         InputError,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "casting": ["EmbreeCaster", "PlanarCaster", "crosscheck"],
-    "casting.moving": ["Mover"],
+    "casting.mover": ["Mover"],
     "errors": [
         "CollisionError",
         "InputError",

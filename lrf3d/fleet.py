@@ -4,11 +4,13 @@ A world and the trajectories of the robots enter; a run of each leaves.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster
-from lrf3d.casting.moving import Caster, Mover, round_outline
+from lrf3d.casting.mover import Mover, round_outline
+from lrf3d.casting.timed import Caster
 from lrf3d.laser import LaserRangeFinder, Noise
 from lrf3d.mapping import LineMapper
 from lrf3d.robot import Trajectory
@@ -56,7 +58,6 @@ def simulate_fleet(
     for robot, (trajectory, rng) in enumerate(
         zip(trajectories, np.random.default_rng(seed).spawn(len(trajectories)), strict=True)
     ):
-        before = done
         runs.append(
             simulate(
                 world,
@@ -67,8 +68,15 @@ def simulate_fleet(
                 mapper=mapper(),
                 rng=rng,
                 movers=bodies[:robot] + bodies[robot + 1 :],
-                progress=lambda scans, _, before=before: progress(before + scans, total),
+                progress=partial(_report, progress, done, total),
             )
         )
         done += len(trajectory)
     return runs
+
+
+def _report(
+    progress: Callable[[int, int], None], before: int, total: int, done: int, _: int
+) -> None:
+    """Report the scans of one robot as part of all."""
+    progress(before + done, total)

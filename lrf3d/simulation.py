@@ -7,7 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster
-from lrf3d.casting.moving import Caster, Mover, timed
+from lrf3d.casting.mover import Mover
+from lrf3d.casting.timed import Caster, timed
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
 from lrf3d.mapping import LineMap, LineMapper

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from lrf3d import load_scenario
-from lrf3d.casting.moving import Sweep
+from lrf3d.casting.timed import Sweep
 from lrf3d.cli import main
 from lrf3d.errors import InputError
 from lrf3d.laser import Imperfections
@@ -156,6 +156,6 @@ def test_a_format_that_is_none_is_answered_with_those_there_are(room, program):
 
 def test_scans_take_time_only_where_they_are_said_to(room):
     scenario = load_scenario(room)
-    from lrf3d.casting.moving import timed
+    from lrf3d.casting.timed import timed
 
     assert isinstance(timed(None, scenario.lrf, trajectory_of(scenario)), Sweep)

@@ -72,6 +72,12 @@ class LaserScan:
         )
         return scan
 
+    def at_time(self, time: float) -> "LaserScan":
+        """The same scan with another time of its first beam [s]; nothing is checked or copied."""
+        scan = object.__new__(type(self))
+        scan.__dict__.update(self.__dict__, time=time)
+        return scan
+
     @classmethod
     def from_ros(cls, message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> "LaserScan":
         """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`.

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
-from lrf3d.casting.moving import Caster, Mover, round_outline
+from lrf3d.casting.mover import Mover, round_outline
+from lrf3d.casting.timed import Caster
 from lrf3d.errors import CollisionError, InputError
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.line_mapper import FLOOR

@@ -1,4 +1,4 @@
-"""What moves while scans are taken: the robot while its beams turn, and others on its way.
+"""Timed casters: the robot moves while its beams turn, and others move on its way.
 
 Casters know walls and poses, no time. A TimedCaster casts the scan that begins at a time:
 
@@ -16,6 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
+from lrf3d.casting.mover import Mover
 from lrf3d.casting.planar import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, wrap_angle
@@ -23,7 +24,6 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
-from lrf3d.world.model import DEFAULT_HEIGHT
 
 
 class Caster(Protocol):
@@ -50,48 +50,7 @@ class Still:
 
     def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
         """The scan of the caster, with its time."""
-        return replace(self.caster.cast(lrf, pose), time=time)
-
-
-@dataclass(frozen=True, eq=False)
-class Mover:
-    """A body that moves along a path: another robot, a person, a car.
-
-    Args:
-        outline: (n, 2) its corners [m] in its own frame, x ahead; the last joins the first.
-        path: Where it is at which time; before the first pose and after the last it stands.
-        height: How tall it is [m].
-
-    Raises:
-        InputError: The outline has fewer than three corners.
-    """
-
-    outline: Float
-    path: Trajectory
-    height: float = DEFAULT_HEIGHT
-
-    def __post_init__(self) -> None:
-        outline = np.asarray(self.outline, dtype=np.float64)
-        if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
-            raise InputError(f"mover with an outline {outline.shape}: expected at least 3 x, y")
-        object.__setattr__(self, "outline", outline)
-
-    def walls(self, time: float) -> Float:
-        """Its sides (n, 4) in the world at a time [s]."""
-        x, y, theta = self.path.at(np.array([time]))[0].tolist()
-        corners = Pose(x, y, theta).apply(self.outline)
-        return np.hstack([corners, np.roll(corners, -1, axis=0)])
-
-
-def round_outline(radius: float, corners: int = 16) -> Float:
-    """Outline (corners, 2) of a body as wide as a circle of a radius [m], about it."""
-    if not (np.isfinite(radius) and radius > 0.0):
-        raise InputError(f"radius {radius}: expected a positive number of metres")
-    turns = 2.0 * np.pi / corners * (np.arange(corners) + 0.5)
-    # The sides touch the circle, so that nothing sees the body narrower than it is.
-    reach = radius / np.cos(np.pi / corners)
-    outline: Float = reach * np.column_stack([np.cos(turns), np.sin(turns)])
-    return outline
+        return self.caster.cast(lrf, pose).at_time(time)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +63,11 @@ class Among:
     def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
         """The scan in which each beam ends at the nearer of a wall and a mover."""
         scan = self.caster.cast_at(lrf, pose, time)
-        sides = [mover.walls(time) for mover in self.movers]
-        heights = np.repeat([mover.height for mover in self.movers], [len(part) for part in sides])
+        met = [mover for mover in self.movers if mover.may_meet(lrf, pose, time)]
+        if not met:
+            return scan
+        sides = [mover.walls(time) for mover in met]
+        heights = np.repeat([mover.height for mover in met], [len(part) for part in sides])
         moving = PlanarCaster(World(np.concatenate(sides), heights=heights)).cast(lrf, pose).ranges
         # Of two beams that are too short, −inf, neither is nearer, and −1 says the same of both.
         nearer = moving < scan.ranges
@@ -145,7 +107,7 @@ class Sweep:
             np.concatenate([beam.ranges for beam in beams]),
             np.concatenate([beam.walls for beam in beams]),
         )
-        return replace(scan, time=time)
+        return scan.at_time(time)
 
 
 def timed(

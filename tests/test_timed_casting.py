@@ -6,7 +6,8 @@ import pytest
 from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world, simulate
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.exact import ExactWorld
-from lrf3d.casting.moving import Among, Mover, Still, Sweep, round_outline, timed
+from lrf3d.casting.mover import Mover, round_outline
+from lrf3d.casting.timed import Among, Still, Sweep, timed
 from lrf3d.errors import InputError
 from lrf3d.fleet import simulate_fleet
 from lrf3d.laser import LaserScan
@@ -157,3 +158,20 @@ def test_a_patrol_goes_there_and_back_at_its_speed():
 def test_a_mover_without_an_area_is_refused(outline):
     with pytest.raises(InputError, match="outline"):
         Mover(outline, DRIVE)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_mover_that_a_beam_meets_is_passed_over(seed):
+    rng = np.random.default_rng(seed)
+    lrf, world = LaserRangeFinder(-0.7, 1.1, 61, range_max=12.0), World([[90.0, 90, 91, 90]])
+    still = Still(PlanarCaster(world))
+    seen = 0
+    for _ in range(150):
+        place = Trajectory([0.0], [(*rng.uniform(-15, 15, 2), rng.uniform(-9, 9))])
+        mover, pose = Mover(SQUARE, place), np.array([*rng.uniform(-2, 2, 2), rng.uniform(-9, 9)])
+        met = PlanarCaster(World(mover.walls(0.0))).cast(lrf, pose).ranges
+        scan = Among(still, (mover,)).cast_at(lrf, pose, 0.0)
+        assert np.array_equal(scan.ranges, met)
+        seen += bool(np.isfinite(met).any())
+        assert mover.may_meet(lrf, pose, 0.0) or not np.isfinite(met).any()
+    assert 10 < seen < 140

@@ -1,0 +1,79 @@
+"""Mover: a body that moves among the walls, another robot, a person or a car."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.pose import Pose
+from lrf3d.robot import Trajectory
+from lrf3d.world.model import DEFAULT_HEIGHT
+
+ROOM = 1.0 + 1e-6
+"""How much wider a mover is taken to be before it is passed over."""
+
+ROUNDING = 1e-12
+"""What rounding may do to a place, as a part of its coordinates, before one is passed over."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mover:
+    """A body that moves along a path: another robot, a person, a car.
+
+    Args:
+        outline: (n, 2) its corners [m] in its own frame, x ahead; the last joins the first.
+        path: Where it is at which time; before the first pose and after the last it stands.
+        height: How tall it is [m].
+
+    Raises:
+        InputError: The outline has fewer than three corners.
+    """
+
+    outline: Float
+    path: Trajectory
+    height: float = DEFAULT_HEIGHT
+
+    def __post_init__(self) -> None:
+        outline = np.asarray(self.outline, dtype=np.float64)
+        if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
+            raise InputError(f"mover with an outline {outline.shape}: expected at least 3 x, y")
+        object.__setattr__(self, "outline", outline)
+
+    @cached_property
+    def reach(self) -> float:
+        """How far its corners lie from its middle at most [m]."""
+        return float(np.hypot(self.outline[:, 0], self.outline[:, 1]).max())
+
+    def may_meet(self, lrf: LaserRangeFinder, pose: Float, time: float) -> bool:
+        """Whether a beam may meet it; never wrongly no, so that what is passed over is unseen."""
+        x, y, _ = self.path.at(np.array([time]))[0].tolist()
+        ahead, left = x - float(pose[0]), y - float(pose[1])
+        distance = math.hypot(ahead, left)
+        reach = ROOM * self.reach + ROUNDING * (abs(x) + abs(y))
+        if distance <= reach:
+            return True
+        middle, half = lrf.spread
+        bearing = abs(wrap_angle(math.atan2(left, ahead) - float(pose[2]) - middle))
+        beside = half + ROOM * math.asin(reach / distance)
+        return bool(distance - reach <= lrf.range_max and bearing <= beside)
+
+    def walls(self, time: float) -> Float:
+        """Its sides (n, 4) in the world at a time [s]."""
+        x, y, theta = self.path.at(np.array([time]))[0].tolist()
+        corners = Pose(x, y, theta).apply(self.outline)
+        return np.hstack([corners, np.roll(corners, -1, axis=0)])
+
+
+def round_outline(radius: float, corners: int = 16) -> Float:
+    """Outline (corners, 2) of a body as wide as a circle of a radius [m], about it."""
+    if not (np.isfinite(radius) and radius > 0.0):
+        raise InputError(f"radius {radius}: expected a positive number of metres")
+    turns = 2.0 * np.pi / corners * (np.arange(corners) + 0.5)
+    # The sides touch the circle, so that nothing sees the body narrower than it is.
+    reach = radius / np.cos(np.pi / corners)
+    outline: Float = reach * np.column_stack([np.cos(turns), np.sin(turns)])
+    return outline
