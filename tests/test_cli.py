@@ -96,7 +96,9 @@ def test_world_show_lists_and_describes(room, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("command", [[], ["run"], ["render"], ["crosscheck"], ["world", "show"]])
+@pytest.mark.parametrize(
+    "command", [[], ["run"], ["export"], ["render"], ["crosscheck"], ["world", "show"]]
+)
 def test_help_shows_an_example(command):
     done = lrf3d(*command, "--help")
     assert done.returncode == 0

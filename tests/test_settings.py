@@ -147,6 +147,9 @@ def test_a_run_goes_out_in_every_format_and_comes_back_as_the_same_map(room, tmp
         "/ground_truth",
         "the run",
     ]
+    # Not where the map of the run itself would be.
+    assert {each["name"] for each in summaries} == {"run", "run_bag"}
+    assert "a run knows the truth alone" in program("map", out, "--poses", "odom")[2]
 
 
 def test_a_format_that_is_none_is_answered_with_those_there_are(room, program):

@@ -119,8 +119,10 @@ def load_log(
     if ending.endswith(".npz") or (path / "run.npz").is_file():
         from lrf3d.logs.run_file import load_run
 
-        run = load_run(path)
-        return LaserLog(run.world.name or log_name(path), list(run.scans), source="the run")
+        if poses not in ("auto", "truth"):
+            raise InputError(f"{path}: no poses from {poses} in it; a run knows the truth alone")
+        # Not called like the run, so that its map does not take the place of the run's own.
+        return LaserLog("run", list(load_run(path).scans), source="the run")
     if ending.endswith(BAG_ENDINGS) or path.is_dir():
         from lrf3d.logs.ros_bag import load_bag
 

@@ -14,6 +14,7 @@ upside down. Each scan has the pose of its stamp, that of its first beam, betwee
 next to it; scans before the first pose or after the last are left out and counted.
 """
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Int
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.logs.bag_messages import (
     ODOMETRY,
@@ -34,7 +35,7 @@ from lrf3d.logs.bag_messages import (
     open_bag,
 )
 from lrf3d.logs.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
-from lrf3d.logs.tracks import FrameTree, Placed, Track
+from lrf3d.logs.tracks import FrameTree, Placed, Rows, Track
 from lrf3d.pose import Pose
 
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
@@ -54,9 +55,9 @@ class _Contents:
     scans: list[LaserScan] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
     frame: str = ""
-    rows: dict[str, list[tuple[int, Float]]] = field(default_factory=lambda: defaultdict(list))
+    rows: dict[str, Rows] = field(default_factory=lambda: defaultdict(Rows))
     children: dict[str, str] = field(default_factory=dict)
-    edges: dict[str, tuple[str, list[tuple[int, Float]], bool]] = field(default_factory=dict)
+    edges: dict[str, tuple[str, Rows, bool]] = field(default_factory=dict)
     bad: list[BadLine] = field(default_factory=list)
     bad_count: int = 0
 
@@ -126,6 +127,9 @@ def _read(bag: Bag, scan_topic: str) -> _Contents:
 
 def _take_scan(contents: _Contents, said: Any) -> None:
     scan = LaserScan.from_ros(said)
+    if contents.scans and np.array_equal(contents.scans[-1].angles, scan.angles):
+        # One array for all scans that share it.
+        scan = replace(scan, angles=contents.scans[-1].angles)
     contents.frame = contents.frame or _frame(said.header.frame_id)
     contents.scans.append(scan)
     contents.stamps.append(_stamp(said.header))
@@ -135,11 +139,11 @@ def _take_transforms(contents: _Contents, message: Message) -> None:
     stands = message.topic == STATIC_FRAMES
     for said in message.said.transforms:
         child, parent = _frame(said.child_frame_id), _frame(said.header.frame_id)
-        hangs_on, rows, _ = contents.edges.setdefault(child, (parent, [], stands))
+        hangs_on, rows, _ = contents.edges.setdefault(child, (parent, Rows(), stands))
         row = _row(said.transform.translation, said.transform.rotation)
         # A frame hangs on one other; where two programs quarrel about it, the first is heard.
         if hangs_on == parent:
-            rows.append((_stamp(said.header), row))
+            rows.add(_stamp(said.header), row)
 
 
 def _take_pose(contents: _Contents, message: Message) -> None:
@@ -147,16 +151,16 @@ def _take_pose(contents: _Contents, message: Message) -> None:
     child = _frame(said.child_frame_id) if message.kind == ODOMETRY else ""
     pose = said.pose.pose if hasattr(said.pose, "pose") else said.pose
     row = _row(pose.position, pose.orientation)
-    contents.rows[message.topic].append((_stamp(said.header), row))
+    contents.rows[message.topic].add(_stamp(said.header), row)
     contents.children[message.topic] = child or BASE
 
 
-def _row(place: Any, turn: Any) -> Float:
+def _row(place: Any, turn: Any) -> tuple[float, ...]:
     """Numbers x, y, z and the quaternion x, y, z, w of a pose or a transform."""
-    row = np.array([place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w])
+    row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
     # Asked so that a number that is none is refused as well.
-    if not (np.abs(row).max() <= FARTHEST and 0.25 < row[3:] @ row[3:] < 4.0):
-        raise InputError(f"pose {row.tolist()}: expected numbers and a unit quaternion")
+    if not (all(abs(value) <= FARTHEST for value in row) and 0.5 < math.hypot(*row[3:]) < 2.0):
+        raise InputError(f"pose {row}: expected numbers and a unit quaternion")
     return row
 
 
@@ -175,7 +179,7 @@ def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> tuple[s
         {
             child: (parent, Track.of(rows, stands=stands))
             for child, (parent, rows, stands) in contents.edges.items()
-            if rows
+            if len(rows)
         }
     )
     truths = [topic for topic in sorted(contents.rows) if "ground_truth" in topic]

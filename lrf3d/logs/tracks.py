@@ -4,6 +4,7 @@ Stamped places and turns in space enter, as ROS's tf has them; what leaves is in
 whole nanoseconds, so that at a stamp it is just what was said for it.
 """
 
+from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -50,6 +51,22 @@ class Placed:
         return np.column_stack([self.places[:, :2], theta]), matrices[:, 2, 2]
 
 
+class Rows:
+    """Stamped places and turns as they come, packed: transforms come by the million."""
+
+    def __init__(self) -> None:
+        self.stamps = array("q")
+        self.values = array("d")
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    def add(self, stamp: int, values: Iterable[float]) -> None:
+        """Add a stamp [ns] with x, y, z [m] and a quaternion x, y, z, w."""
+        self.stamps.append(stamp)
+        self.values.extend(values)
+
+
 @dataclass(frozen=True, eq=False)
 class Track:
     """A frame in another one over time.
@@ -67,14 +84,12 @@ class Track:
     stands: bool = False
 
     @classmethod
-    def of(cls, rows: Iterable[tuple[int, Float]], *, stands: bool = False) -> "Track":
-        """The track of rows of a stamp [ns] with x, y, z [m] and a quaternion x, y, z, w.
-
-        They may come in any order; of two at the same time the later counts.
-        """
-        by_time = dict(rows)
-        times = np.array(sorted(by_time), dtype=np.int64)
-        values = np.array([by_time[time] for time in times.tolist()])
+    def of(cls, rows: "Rows", *, stands: bool = False) -> "Track":
+        """The track of rows in any order; of two at the same time the later counts."""
+        stamps = np.array(rows.stamps, dtype=np.int64)
+        values = np.array(rows.values, dtype=np.float64).reshape(-1, 7)
+        times, last = np.unique(stamps[::-1], return_index=True)
+        values = values[::-1][last]
         return cls(times, values[:, :3], Rotation.from_quat(values[:, 3:]), stands)
 
     def at(self, times: Int) -> Placed:

@@ -55,7 +55,7 @@ def read_toml(path: FilePath) -> WorldFile:
     """
     document = _Document(path, read_text(path))
     data = document.parse()
-    document.check_keys(data, ["name", "object", "mover", *TABLES], ())
+    document.check_keys(data, ["name", "object", *TABLES, "mover"], ())
     name = document.check(text(), data.get("name", path.stem), ("name",))
     tables = {
         key: document.check_table(data[key], checks, (key,))
