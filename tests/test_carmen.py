@@ -100,6 +100,8 @@ def test_a_scan_that_is_told_twice_is_read_once():
         (front([1, 2, 3], pose=("inf", 0, 0)), "x is 'inf'"),
         (front([1, 2, 3], pose=(0, 0, "nan")), "theta"),
         (front([1, 2, 3], time="noon"), "time"),
+        (front([1, 2, 3], pose=("1e300", 0, 0)), "at most 1e+09"),
+        (robot([1, 2, 3], farthest="1e308"), "at most 1e+09"),
         (robot([1, 2, 3], step=0.0), "rad apart"),
         (robot([1, 2, 3], step="nan"), "a value is 'nan'"),
         (robot([1, 2, 3], farthest="far"), "a value is 'far'"),

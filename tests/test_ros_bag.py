@@ -309,6 +309,20 @@ def test_a_chunk_is_unpacked_to_the_size_that_it_claims_and_no_farther(kind):
     assert storage_mcap.DECOMPRESSORS[kind] is before
 
 
+def test_metadata_without_end_are_refused(mcap, tmp_path):
+    (tmp_path / "metadata.yaml").write_text("x: y\n" * 100_000)
+    with pytest.raises(InputError, match="longer than"):
+        load_log(tmp_path)
+
+
+def test_a_range_without_end_is_no_return(tmp_path):
+    endless = scan(0.5, ranges=[1.0, 3e38, 2.0])
+    endless.range_max = float("inf")
+    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
+    log = load_log(write(tmp_path / "bag", mounted(), *moves, ("/scan", 0.5, SCAN, endless)))
+    assert log.scans[0].ranges.tolist() == [1.0, np.inf, 2.0]
+
+
 def test_a_run_before_time_0_is_refused(run, tmp_path):
     early = SimpleNamespace(trajectory=SimpleNamespace(times=np.array([-1.0])))
     from lrf3d.logs.ros_bag_writer import write as write_run

@@ -11,6 +11,9 @@ from lrf3d.logs.packed import BLOCK, LARGEST_RATIO, UNSUSPICIOUS
 LARGEST_CHUNK = 1 << 27
 """Bytes that a chunk of an MCAP file may unpack to: recorders write chunks of some megabytes."""
 
+LONGEST_METADATA = 1 << 17
+"""Bytes of metadata that are read: those of a bag cut into a thousand files, in two seconds."""
+
 
 @contextmanager
 def bounded_unpacking() -> Iterator[None]:
@@ -28,6 +31,19 @@ def bounded_unpacking() -> Iterator[None]:
         yield
     finally:
         DECOMPRESSORS.update(before)
+
+
+def check_metadata(folder: Path) -> None:
+    """See that what a folder says of its bag is not longer than takes a second to read.
+
+    Raises:
+        InputError: It is.
+    """
+    path = folder / "metadata.yaml"
+    if path.is_file() and path.stat().st_size > LONGEST_METADATA:
+        raise InputError(
+            f"{path}: longer than {LONGEST_METADATA:,} bytes; read its files one by one"
+        )
 
 
 def check_packed_files(folder: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
-from lrf3d.logs.bag_bounds import bounded_unpacking, check_packed_files
+from lrf3d.logs.bag_bounds import bounded_unpacking, check_metadata, check_packed_files
 from lrf3d.logs.laser_log import BadLine
 
 SCAN = "sensor_msgs/msg/LaserScan"
@@ -95,6 +95,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
     # What a damaged file does to a reader is anyone's guess: any exception says that it is one.
     with bounded_unpacking():
         try:
+            check_metadata(path)
             check_packed_files(path)
             reader = Reader(path)
             reader.open()

@@ -37,12 +37,10 @@ from lrf3d.logs.bag_messages import (
 from lrf3d.logs.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
 from lrf3d.logs.tracks import FrameTree, Placed, Rows, Track
 from lrf3d.pose import Pose
+from lrf3d.world.schema import FARTHEST
 
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
 """A laser that stands more askew than this does not scan in the plane."""
-
-FARTHEST = 1e9
-"""Largest coordinate [m] of a pose: above it float64 no longer resolves a micrometre."""
 
 BASE = "base_link"
 """The robot's frame where a pose does not say whose it is."""
@@ -127,6 +125,8 @@ def _read(bag: Bag, scan_topic: str) -> _Contents:
 
 def _take_scan(contents: _Contents, said: Any) -> None:
     scan = LaserScan.from_ros(said)
+    # A range finder that says it sees without end has not seen as far as that.
+    scan = replace(scan, ranges=np.where(scan.ranges > FARTHEST, np.inf, scan.ranges))
     if contents.scans and np.array_equal(contents.scans[-1].angles, scan.angles):
         # One array for all scans that share it.
         scan = replace(scan, angles=contents.scans[-1].angles)
