@@ -238,6 +238,13 @@ def odometry(time, where, child="base_link"):
     )
 
 
+def test_a_fixed_joint_that_is_told_again_and_again_is_no_drive(tmp_path):
+    joint = drives("base_link", "laser", [(0.2, 0, 0)] * 3)
+    wheels = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(3)]
+    log = load_log(write(tmp_path / "bag", *joint, *wheels, *scans(1.0)))
+    assert log.source == "/odom" and log.poses[0] == pytest.approx([1.2, 0, 0])
+
+
 def test_headings_are_interpolated_the_shorter_way(tmp_path):
     moves = drives("odom", "base_link", [(0, 0, 3.0), (1, 0, -3.0)])
     log = load_log(write(tmp_path / "bag", mounted(), *moves, *scans(0.25)))

@@ -202,7 +202,7 @@ def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> tuple[s
     base = contents.children[topic]
     robot = Track.of(contents.rows[topic]).at(times)
     if base in tree.chain(contents.frame):
-        return f"{topic}", robot @ tree.placed(contents.frame, base, times)
+        return topic, robot @ tree.placed(contents.frame, base, times)
     return f"{topic}, with the laser in the middle of {base} for want of a transform", robot
 
 

@@ -7,8 +7,8 @@ version               the version of this format, 1
 world_name            name of the world
 segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
                       object_names (o,) and colours (o, 3) beside them
-lrf (7,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m],
-                      scan_duration [s], which older files lack
+lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
+scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
 times (k,)            time of each scan [s]
 poses (k, 3)          x, y [m], theta [rad] of each scan
 ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
@@ -21,7 +21,6 @@ map_segments (…, 4)   the segments of all stages, one after the other; map_obj
 ====================  =================================================================
 """
 
-from dataclasses import astuple
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -55,7 +54,10 @@ def save_run(run: Run, path: str | Path) -> None:
         "heights": world.heights,
         "object_names": np.array(world.object_names, dtype=np.str_),
         "colours": world.colours,
-        "lrf": np.array(astuple(lrf)),
+        "lrf": np.array(
+            [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
+        ),
+        "scan_duration": np.array(lrf.scan_duration),
         "times": run.trajectory.times,
         "poses": run.trajectory.poses,
         "ranges": run.ranges,
@@ -111,7 +113,16 @@ def _run(arrays: dict[str, Any]) -> Run:
         object_names=tuple(str(name) for name in arrays["object_names"]),
         colours=arrays["colours"],
     )
-    angle_min, angle_max, beams, *others = arrays["lrf"].tolist()
+    angle_min, angle_max, beams, range_min, range_max, height = arrays["lrf"].tolist()
+    lrf = LaserRangeFinder(
+        angle_min,
+        angle_max,
+        int(beams),
+        range_min,
+        range_max,
+        height,
+        float(arrays.get("scan_duration", 0.0)),
+    )
     bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
     maps = tuple(
         LineMap(
@@ -123,7 +134,7 @@ def _run(arrays: dict[str, Any]) -> Run:
     )
     return Run(
         world,
-        LaserRangeFinder(angle_min, angle_max, int(beams), *others),
+        lrf,
         Trajectory(arrays["times"], arrays["poses"]),
         arrays["ranges"],
         arrays["truth"],

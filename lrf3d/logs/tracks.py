@@ -92,6 +92,13 @@ class Track:
         values = values[::-1][last]
         return cls(times, values[:, :3], Rotation.from_quat(values[:, 3:]), stands)
 
+    @property
+    def moves(self) -> bool:
+        """Whether it is ever elsewhere than at first; fixed joints are told again and again too."""
+        turns = self.turns.as_matrix()
+        same = (self.places == self.places[0]).all() and (turns == turns[0]).all()
+        return not (self.stands or same)
+
     def at(self, times: Int) -> Placed:
         """Where it was at times (n,) [ns]: straight and evenly turning between two stamps.
 
@@ -129,7 +136,7 @@ class FrameTree:
 
     def moves(self, frame: str) -> bool:
         """Whether the frame moves against the root of its chain."""
-        return any(not self._edges[child][1].stands for child in self.chain(frame)[:-1])
+        return any(self._edges[child][1].moves for child in self.chain(frame)[:-1])
 
     def placed(self, frame: str, above: str, times: Int) -> Placed:
         """The frame in one of those that it hangs on, at times (n,) [ns]."""
