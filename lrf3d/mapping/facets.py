@@ -15,6 +15,9 @@ PASS = 0.07
 """What a beam that passed weighs against one that ended: poses and edges are a little wrong, so a
 wall that one beam in fifteen met is still more than nothing."""
 
+OPEN = 0.5
+"""What a beam that passed weighs where none ended."""
+
 RIVAL = 0.2
 """What a beam weighs that ended nearer to another wall: a second copy of a wall is not kept."""
 
@@ -37,23 +40,30 @@ def choose(counts: Int) -> Int:  # pragma: no cover
     ended on it, and each change from one to the other costs something too.
     """
     count = len(counts)
-    came = np.zeros((count, 2), np.int64)
-    gone, stands = 0.0, 0.0
+    # Before the wall, on it, in a gap of it, behind it: where it begins and where it ends is free.
+    costs = np.array([0.0, 0.0, np.inf, np.inf])
+    following = np.empty(4)
+    came = np.zeros((count, 4), np.int64)
     for i in range(count):
-        next_gone, next_stands = gone, stands
-        if stands + CHANGE < gone:
-            next_gone = stands + CHANGE
-            came[i, 0] = 1
-        if stands <= gone + CHANGE:
-            came[i, 1] = 1
-        else:
-            next_stands = gone + CHANGE
-        gone = next_gone + counts[i, 0]
-        stands = next_stands + PASS * counts[i, 1] + RIVAL * counts[i, 2] + TOLL
+        following[:] = costs
+        came[i] = (0, 1, 2, 3)
+        if costs[0] < following[1]:
+            following[1], came[i, 1] = costs[0], 0
+        if costs[2] + CHANGE < following[1]:
+            following[1], came[i, 1] = costs[2] + CHANGE, 2
+        if costs[1] + CHANGE < following[2]:
+            following[2], came[i, 2] = costs[1] + CHANGE, 1
+        if costs[1] < following[3]:
+            following[3], came[i, 3] = costs[1], 1
+        ended, passed, rivals = counts[i]
+        weight = PASS if ended else OPEN
+        following += ended
+        following[1] += weight * passed + RIVAL * rivals + TOLL - ended
+        costs, following = following, costs
     states = np.zeros(count, np.int64)
-    state = 1 if stands <= gone else 0
+    state = np.argmin(costs)
     for i in range(count - 1, -1, -1):
-        states[i] = state
+        states[i] = state == 1
         state = came[i, state]
     return states
 
