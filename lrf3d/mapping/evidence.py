@@ -40,7 +40,7 @@ def beams_between(
 
 @njit(cache=True, nogil=True)
 def weigh(
-    ends: Float, first: Int, beams: Beams, near: float, floor: float, growth: float
+    ends: Float, first: Int, beams: Beams, near: float, floor: float, growth: float, margin: float
 ) -> tuple[Int, Float]:  # pragma: no cover
     """Count the beams that ended on each piece of each wall, and those that passed.
 
@@ -53,6 +53,7 @@ def weigh(
         near: How far from a wall [m] a return may lie, beside what noise explains.
         floor: Deviation of a range at no distance [m].
         growth: What a deviation grows by with the range.
+        margin: How much of each wall [m], at either end, only continues what was seen.
 
     Returns:
         (pieces, 3) how many beams ended, how many passed, and how many ended nearer to other walls;
@@ -104,6 +105,9 @@ def weigh(
                         # A wall seen from its back does not end a beam.
                         if aside < 0.0:
                             away += off
+                        # What only continues a wall takes what no wall has.
+                        if place < margin or place > length - margin:
+                            away += 2.0 * off
                         if away < least[beam]:
                             least[beam] = away
                             met[beam] = piece

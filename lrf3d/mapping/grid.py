@@ -158,3 +158,45 @@ def near(
                         count += 1
                     entry = grid.following[entry]
     return count
+
+
+@njit(cache=True, nogil=True)
+def pairs_within(segments: Float, reach: float) -> Int:  # pragma: no cover
+    """Pairs (k, 2) of rows of segments (n, 4), the greater first, that come within reach [m].
+
+    Some may lie farther apart.
+    """
+    count = len(segments)
+    room = 64
+    while room < 8 * count:
+        room *= 2
+    grid = _empty(room)
+    row = 0
+    while row < count:
+        if insert(grid, row, segments[row], reach):
+            row += 1
+        else:
+            room *= 2
+            grid = _empty(room)
+            row = 0
+    stamps = np.full(count, -1)
+    found = np.empty(count, np.int64)
+    pairs = np.empty((64, 2), np.int64)
+    kept = 0
+    for row in range(count):
+        for other in found[: near(grid, segments[row], reach, reach, stamps, row, found)]:
+            if other >= row:
+                continue
+            if kept == len(pairs):
+                pairs = np.concatenate((pairs, np.empty_like(pairs)))
+            pairs[kept, 0], pairs[kept, 1] = row, other
+            kept += 1
+    return pairs[:kept]
+
+
+@njit(cache=True, nogil=True)
+def _empty(room: int) -> Grid:  # pragma: no cover
+    """An empty grid with room for some entries (a power of two), in compiled code."""
+    keys, heads = np.full(2 * room, -(2**62)), np.full(2 * room, -1)
+    rows, following = np.empty(room, np.int64), np.empty(room, np.int64)
+    return Grid(keys, heads, rows, following, np.array([0, 0, -1]))

@@ -10,7 +10,7 @@ from numba import njit
 
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.evidence import PASSED, SIGMAS, beams_between
-from lrf3d.mapping.grid import Grid, insert, near
+from lrf3d.mapping.grid import pairs_within
 from lrf3d.mapping.scan_archive import Beams
 
 TOUCH = 0.1
@@ -49,7 +49,7 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
         one, other = _root(parents, pairs[place, 0]), _root(parents, pairs[place, 1])
         if one == other:
             continue
-        if links[place, 4] <= TOUCH or not _passed(links[place], beams, floor, growth):
+        if links[place, 4] <= TOUCH or not _parted(links[place], beams, floor, growth):
             parents[max(one, other)] = min(one, other)
     for wall in range(len(ends)):
         parents[wall] = _root(parents, wall)
@@ -67,49 +67,25 @@ def _root(parents: Int, wall: int) -> int:  # pragma: no cover
 @njit(cache=True, nogil=True)
 def _find_links(ends: Float) -> tuple[Int, Float]:  # pragma: no cover
     """Pairs (k, 2) of walls that a link may join, and the links (k, 5) x1 y1 x2 y2, length [m]."""
-    count = len(ends)
-    room = 64
-    while room < 8 * count:
-        room *= 2
-    grid = _empty_grid(room)
-    wall = 0
-    while wall < count:
-        if insert(grid, wall, ends[wall], FAR):
-            wall += 1
-        else:
-            room *= 2
-            grid = _empty_grid(room)
-            wall = 0
-    stamps = np.full(count, -1)
-    found = np.empty(count, np.int64)
+    candidates = pairs_within(ends, FAR)
     pairs, links = np.empty((64, 2), np.int64), np.empty((64, 5))
     kept = 0
-    for wall in range(count):
-        for other in found[: near(grid, ends[wall], FAR, FAR, stamps, wall, found)]:
-            if other >= wall:
-                continue
-            link = _shortest_link(ends[wall], ends[other])
-            length = np.hypot(link[2] - link[0], link[3] - link[1])
-            if length > FAR or (
-                length > SHORT
-                and max(_before(ends[wall], link), _before(ends[other], link)) > BEHIND * length
-            ):
-                continue
-            if kept == len(pairs):
-                pairs = np.concatenate((pairs, np.empty_like(pairs)))
-                links = np.concatenate((links, np.empty_like(links)))
-            pairs[kept, 0], pairs[kept, 1] = wall, other
-            links[kept, :4] = link
-            links[kept, 4] = length
-            kept += 1
+    for wall, other in candidates:
+        link = _shortest_link(ends[wall], ends[other])
+        length = np.hypot(link[2] - link[0], link[3] - link[1])
+        if length > FAR or (
+            length > SHORT
+            and max(_before(ends[wall], link), _before(ends[other], link)) > BEHIND * length
+        ):
+            continue
+        if kept == len(pairs):
+            pairs = np.concatenate((pairs, np.empty_like(pairs)))
+            links = np.concatenate((links, np.empty_like(links)))
+        pairs[kept, 0], pairs[kept, 1] = wall, other
+        links[kept, :4] = link
+        links[kept, 4] = length
+        kept += 1
     return pairs[:kept], links[:kept]
-
-
-@njit(cache=True, nogil=True)
-def _empty_grid(room: int) -> Grid:  # pragma: no cover
-    keys, heads = np.full(2 * room, -(2**62)), np.full(2 * room, -1)
-    rows, following = np.empty(room, np.int64), np.empty(room, np.int64)
-    return Grid(keys, heads, rows, following, np.array([0, 0, -1]))
 
 
 @njit(cache=True, nogil=True)
@@ -143,13 +119,24 @@ def _before(wall: Float, link: Float) -> float:  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def _passed(link: Float, beams: Beams, floor: float, growth: float) -> bool:  # pragma: no cover
-    """Whether beams have passed a link (5,), and gone on."""
-    x1, y1, x2, y2, length = link
+def _parted(link: Float, beams: Beams, floor: float, growth: float) -> bool:  # pragma: no cover
+    """Whether beams have passed a link (5,), and gone on far enough to part what it joins."""
+    if link[4] <= SHORT:
+        depth = max(PASSED, NICHE * link[4])
+        return passed(link[:4], beams, floor, growth, depth, STRAY)
+    return passed(link[:4], beams, floor, growth, PASSED, 0)
+
+
+@njit(cache=True, nogil=True)
+def passed(
+    link: Float, beams: Beams, floor: float, growth: float, depth: float, spare: int
+) -> bool:  # pragma: no cover
+    """Whether more beams than are to spare have passed a link (4,) and gone on by a depth [m]."""
+    x1, y1, x2, y2 = link
+    length = np.hypot(x2 - x1, y2 - y1)
+    if length == 0.0:
+        return False
     ux, uy = (x2 - x1) / length, (y2 - y1) / length
-    depth, spare = PASSED, 0
-    if length <= SHORT:
-        depth, spare = max(PASSED, NICHE * length), STRAY
     for scan in range(len(beams.places)):
         ox, oy = beams.places[scan]
         ax, ay, bx, by = x1 - ox, y1 - oy, x2 - ox, y2 - oy

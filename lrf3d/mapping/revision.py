@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import lengths
+from lrf3d.geometry import directions, lengths
+from lrf3d.mapping.bridges import bridge_walls
+from lrf3d.mapping.wall_rows import Walls
 from lrf3d.mapping.corners import close_corners
 from lrf3d.mapping.evidence import PIECE, weigh
 from lrf3d.mapping.facets import PASS, cut
@@ -26,6 +28,9 @@ ROUNDS = 2
 SHORT_WALL = 0.5
 """Walls shorter than this [m] need twice the beams: clutter makes short ones of any few returns."""
 
+
+REACH = 2.0
+"""How far [m] a wall is followed beyond what one scan showed of it, to what single beams met."""
 
 class Noise(NamedTuple):
     """Deviation of a range: the root of floor² + (growth · range)².
@@ -52,11 +57,18 @@ def revise(table: SegmentTable, beams: Beams, noise: Noise, rule: Rule, least: i
     for turn in range(ROUNDS):
         if turn:
             table = _united(table, rule)
+            if len(table):
+                walls = Walls(table.ends, table.moments, table.points, table.unions)
+                bridge_walls(walls, rule, beams, *noise)
+                table = table.take(np.flatnonzero(table.points))
         if not len(table):
             return table
+        if not turn:
+            units = directions(table.ends)
+            table = replace(table, ends=table.ends + np.hstack([-REACH * units, REACH * units]))
         pieces = np.maximum(np.ceil(lengths(table.ends) / PIECE).astype(np.int64), 1)
         first = np.concatenate([[0], np.cumsum(pieces)])
-        counts, sums = weigh(table.ends, first, beams, rule.distance, *noise)
+        counts, sums = weigh(table.ends, first, beams, rule.distance, *noise, 0.0 if turn else REACH)
         ends, moments, labels = cut(table.ends, first, counts, sums)
         ended, passed = labels[:, 1], labels[:, 2]
         needed = np.where(lengths(ends) < SHORT_WALL, 2 * least, least)

@@ -94,7 +94,7 @@ def unite_walls(
                 _remember(walls, changes, kept, update)
                 _remember(walls, changes, gone, update)
                 remove(grid, gone, walls.ends[gone], cell)
-                _merge(walls, kept, gone)
+                merge(walls, kept, gone)
                 if walls.unions[kept] != walls.unions[gone]:
                     bond = changes.number[1]
                     changes.bonds[bond, 0] = walls.unions[kept]
@@ -202,7 +202,7 @@ def misfit(
 
 
 @njit(cache=True, nogil=True)
-def _merge(walls: Walls, kept: int, gone: int) -> None:  # pragma: no cover
+def merge(walls: Walls, kept: int, gone: int) -> None:  # pragma: no cover
     """Make the first row the exact fit to the points of both, as long as both reach."""
     ends, moments = walls.ends, walls.moments
     total = moments[kept, 0] + moments[gone, 0]
