@@ -2,7 +2,9 @@
 
 Walls are of one object where a link between them exists that no beam has passed. What lies behind
 the faces of both walls is taken for solid until a beam passes through it. A link that runs before
-one of them, across a niche or a corner, must be short, and beams may reach into the niche.
+one of them, across a niche or a corner, must be short, and beams may reach into the niche. A long
+one says something only where all sight from wall to wall is barred, and two objects of several
+walls are one only by two such links: a single one may be a lane that no beam happened to find.
 """
 
 import numpy as np
@@ -19,14 +21,23 @@ TOUCH = 0.1
 SHORT = 4.0
 """Longest link [m] that may run before a wall: less than a lane between buildings."""
 
-FAR = 10.0
-"""Longest link [m] behind two walls: as deep as buildings are that were seen from one side."""
+FAR = 15.0
+"""Longest link [m] behind two walls: as deep as most buildings are."""
 
 BEHIND = 0.3
 """Sine of the angle by which a link may run before a wall and still count as behind it."""
 
+SPREAD = (0.1, 0.5, 0.9)
+"""Where on two walls the lines of sight between them begin and end, as parts of their lengths."""
+
 NICHE = 0.5
 """How deep a niche may be, as a part of its width, that beams reach into across a link."""
+
+SEVERAL = 3
+"""Walls from which on an object is joined to another such by two long links and not by one."""
+
+ALIKE = 1.0
+"""How much longer [m] the second of them may be: what is much longer leads past more walls."""
 
 STRAY = 1
 """Beams that may pass a short link: noise that lets one pass is rare, but links are many."""
@@ -43,14 +54,45 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
         growth: What a deviation grows by with the range.
     """
     parents = np.arange(len(ends))
+    sizes = np.ones(len(ends), np.int64)
     pairs, links = _find_links(ends)
+    order = np.argsort(links[:, 4], kind="mergesort")
+    waiting = np.empty(len(order), np.int64)
+    strong = np.zeros(len(order), np.bool_)
+    kept_back = 0
     # The shortest links come first; most others join what is one object by then.
-    for place in np.argsort(links[:, 4], kind="mergesort"):
+    for place in order:
         one, other = _root(parents, pairs[place, 0]), _root(parents, pairs[place, 1])
         if one == other:
             continue
-        if links[place, 4] <= TOUCH or not _parted(links[place], beams, floor, growth):
-            parents[max(one, other)] = min(one, other)
+        length = links[place, 4]
+        if length > TOUCH and length <= SHORT:
+            if _short_parted(links[place], beams, floor, growth):
+                continue
+        elif length > SHORT:
+            if passed(links[place, :4], beams, floor, growth, PASSED, 0):
+                continue
+            barred = _barred(ends[pairs[place, 0]], ends[pairs[place, 1]], beams, floor, growth)
+            if min(sizes[one], sizes[other]) >= SEVERAL:
+                joins = False
+                for k in range(kept_back):
+                    before = waiting[k]
+                    own, across = _root(parents, pairs[before, 0]), _root(parents, pairs[before, 1])
+                    if (own == one and across == other) or (own == other and across == one):
+                        if barred or (strong[k] and links[before, 4] >= length - ALIKE):
+                            joins = True
+                            break
+                if not joins:
+                    waiting[kept_back], strong[kept_back] = place, barred
+                    kept_back += 1
+                    continue
+            elif not barred:
+                waiting[kept_back], strong[kept_back] = place, False
+                kept_back += 1
+                continue
+        kept, gone = min(one, other), max(one, other)
+        parents[gone] = kept
+        sizes[kept] += sizes[gone]
     for wall in range(len(ends)):
         parents[wall] = _root(parents, wall)
     return parents
@@ -119,12 +161,28 @@ def _before(wall: Float, link: Float) -> float:  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def _parted(link: Float, beams: Beams, floor: float, growth: float) -> bool:  # pragma: no cover
-    """Whether beams have passed a link (5,), and gone on far enough to part what it joins."""
-    if link[4] <= SHORT:
-        depth = max(PASSED, NICHE * link[4])
-        return passed(link[:4], beams, floor, growth, depth, STRAY)
-    return passed(link[:4], beams, floor, growth, PASSED, 0)
+def _short_parted(
+    link: Float, beams: Beams, floor: float, growth: float
+) -> bool:  # pragma: no cover
+    """Whether beams have passed a short link (5,), and gone on deeper than into a niche."""
+    return passed(link[:4], beams, floor, growth, max(PASSED, NICHE * link[4]), STRAY)
+
+
+@njit(cache=True, nogil=True)
+def _barred(
+    one: Float, other: Float, beams: Beams, floor: float, growth: float
+) -> bool:  # pragma: no cover
+    """Whether no beam has passed any line of sight that runs behind both of two walls."""
+    line = np.empty(4)
+    for own in SPREAD:
+        line[:2] = one[:2] + own * (one[2:] - one[:2])
+        for across in SPREAD:
+            line[2:] = other[:2] + across * (other[2:] - other[:2])
+            length = np.hypot(line[2] - line[0], line[3] - line[1])
+            if max(_before(one, line), _before(other, line)) <= BEHIND * length:
+                if passed(line, beams, floor, growth, PASSED, 0):
+                    return False
+    return True
 
 
 @njit(cache=True, nogil=True)
