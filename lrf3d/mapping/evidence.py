@@ -16,6 +16,9 @@ PIECE = 0.1
 PASSED = 0.2
 """A beam that ends no farther than this [m] behind a wall may have met it."""
 
+STRICT = 0.5
+"""How far off a return may lie that makes a wall longer, as a part of what is usual."""
+
 SIGMAS = 3.0
 """How many deviations of its range a return may lie off a wall that it met."""
 
@@ -100,14 +103,16 @@ def weigh(
                     piece = first[wall] + min(max(piece, 0), pieces - 1)
                     off = near + SIGMAS * deviation * slope
                     away = abs(behind) * slope
-                    if reading > 0.0 and away <= off and abs(behind) < 5.0 * off:
+                    # What continues a wall lies on its line, and takes what no wall has.
+                    continues = place < margin or place > length - margin
+                    allowed = STRICT * off if continues else off
+                    if reading > 0.0 and away <= allowed and abs(behind) < 5.0 * allowed:
                         counts[piece, 2] += 1
+                        if continues:
+                            away += 2.0 * off
                         # A wall seen from its back does not end a beam.
                         if aside < 0.0:
                             away += off
-                        # What only continues a wall takes what no wall has.
-                        if place < margin or place > length - margin:
-                            away += 2.0 * off
                         if away < least[beam]:
                             least[beam] = away
                             met[beam] = piece
