@@ -42,7 +42,7 @@ def scan(
     from lrf3d.study.bench.scan import bench_scan
     from lrf3d.study.bench.text import scan_text
 
-    sizes = _sizes(walls)
+    sizes = sorted(set(_numbers("--walls", walls, least=4)))
     with progress_bar("bench scan") as progress:
         result = bench_scan(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
     if figure is not None:
@@ -84,11 +84,63 @@ def map_(
         print(map_text(result) if figure is None else f"{map_text(result)}\npicture {figure}")
 
 
-def _sizes(text: str) -> list[int]:
-    """Sizes of worlds from numbers with commas between them."""
+@bench.command(epilog="Example: lrf3d bench score footprints.geojson --beams 181 --seeds 2")
+def score(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A world or its file; a CARMEN log; or an .npz of single scans.",
+        ),
+    ],
+    mode: options.ModeOption = None,
+    sigma: Annotated[float, typer.Option(help="Noise [m] at the farthest range.")] = 0.04,
+    seeds: Annotated[int, typer.Option(min=1, help="A world: seeds of poses and noise.")] = 6,
+    poses: Annotated[int, typer.Option(min=1, help="A world: random poses in the open.")] = 200,
+    beams: Annotated[
+        str, typer.Option(metavar="N,N,…", help="A world: beams of a scan.")
+    ] = "721,181",
+    simplify: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="GeoJSON: corners up to this [m] off a façade are left out."),
+    ] = None,
+    vertices: Annotated[
+        str, typer.Option(metavar="N,N,…", help="Single scans: vertices of a scan's lines.")
+    ] = "10,20,30,50",
+    json: options.Json = False,
+) -> None:
+    """Score maps of a world or a log in both modes side by side, or the lines of single scans.
+
+    A world is seen from random poses, 1 m off all walls, and its map is compared with the walls
+    that were visible. The even scans of a log build a map and the odd ones test it.
+    """
+    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.study.bench.score_bench import ScoreChoice, bench_score
+    from lrf3d.study.bench.score_text import score_text
+
+    chosen = {} if mode is None else {"modes": (mode.value,)}
+    choice = ScoreChoice(
+        **chosen,
+        sigma=sigma,
+        seeds=seeds,
+        poses=poses,
+        beams=tuple(_numbers("--beams", beams, least=3)),
+        simplify=simplify,
+        vertices=tuple(_numbers("--vertices", vertices, least=2)),
+    )
+    with progress_bar("bench score") as progress:
+        result = bench_score(source, choice, progress=progress)
+    if json:
+        print_json(result.as_dict())
+    else:
+        print(score_text(result))
+
+
+def _numbers(option: str, text: str, *, least: int) -> list[int]:
+    """Whole numbers from a text with commas between them."""
     from lrf3d.errors import InputError
 
     parts = [part.strip().replace("_", "") for part in text.split(",")]
-    if not all(part.isdigit() and int(part) >= 4 for part in parts):
-        raise InputError(f"--walls {text}: expected whole numbers from 4, such as 400,10000")
-    return sorted({int(part) for part in parts})
+    if not all(part.isdigit() and int(part) >= least for part in parts):
+        raise InputError(f"{option} {text}: expected whole numbers from {least}, such as 400,10000")
+    return [int(part) for part in parts]

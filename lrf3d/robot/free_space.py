@@ -177,13 +177,13 @@ def _best_part(
         walls.append(weights[np.isfinite(gap)].sum())
     # Both sides of one wall look alike, so a room goes before the land around it; what is inside
     # a building stays out unless little else is there.
-    inside = _inside_buildings(world, cells[[int(np.argmax(label == part)) for part in largest]])
+    inside = inside_buildings(world, cells[[int(np.argmax(label == part)) for part in largest]])
     outside = largest == label[int(np.argmin(cells.sum(axis=1)))]
     worth = np.array(walls) * np.where(inside, 0.3, np.where(outside, 0.95, 1.0))
     return int(largest[np.argmax(worth)])
 
 
-def _inside_buildings(world: World, points: Float) -> Any:
+def inside_buildings(world: World, points: Float) -> Any:
     """Which of the points (k, 2) lie in a closed object that holds no other object."""
     import shapely
 
