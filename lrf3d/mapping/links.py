@@ -18,8 +18,15 @@ from lrf3d.mapping.scan_archive import Beams
 TOUCH = 0.1
 """Walls that come nearer than this [m] touch: no beam that passes between them need be trusted."""
 
-SHORT = 4.0
+SHORT = 3.0
 """Longest link [m] that may run before a wall: less than a lane between buildings."""
+
+FACING = 1.0
+"""Longest link [m] between the faces of two walls, across a niche: where such walls are farther
+apart, a bottom that joins them is wide enough to be seen."""
+
+ACROSS = 0.5
+"""Sine of the angle by which a link runs before a wall that it leads to the face of."""
 
 FAR = 15.0
 """Longest link [m] behind two walls: as deep as most buildings are."""
@@ -115,9 +122,11 @@ def _find_links(ends: Float) -> tuple[Int, Float]:  # pragma: no cover
     for wall, other in candidates:
         link = _shortest_link(ends[wall], ends[other])
         length = np.hypot(link[2] - link[0], link[3] - link[1])
-        if length > FAR or (
-            length > SHORT
-            and max(_before(ends[wall], link), _before(ends[other], link)) > BEHIND * length
+        one, another = _before(ends[wall], link), _before(ends[other], link)
+        if (
+            length > FAR
+            or (length > SHORT and max(one, another) > BEHIND * length)
+            or (length > FACING and min(one, another) > ACROSS * length)
         ):
             continue
         if kept == len(pairs):
