@@ -84,3 +84,61 @@ def test_beams_that_return_nothing_are_free_as_far_as_they_reach():
     archive.add(PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0)), (0, 0))
     ranges = archive.beams(1).ranges
     assert set(ranges[ranges < 0]) == {-30.0} and (ranges[ranges > 0] < 5.2).all()
+
+
+def test_stretches_of_one_wall_are_bridged_where_no_beam_passed():
+    # A post hides part of the wall; beside an open gap of the same width there is none.
+    post = [[3, -0.35, 3, 0.35]]
+    whole, open_ = [[6, -4, 6, 4.0], *post], [[6, -4, 6, -0.7], [6, 0.7, 6, 4.0], *post]
+    for walls, count in ((whole, 1), (open_, 2)):
+        poses = [(0, 0, 0), (0.3, 0, 0)] if walls is whole else [(0, y, 0) for y in (-1, 0, 1)]
+        line_map = drive(LineMapper(), [World(np.array(walls))] * len(poses), poses)
+        assert (line_map.segments[:, 0] > 5.0).sum() == count
+
+
+def test_single_beams_make_a_wall_longer():
+    # From each place one beam or two reach the far half of the wall, through a slit.
+    walls = World(np.array([[8, -6, 8, 6.0], [4, -6, 4, -0.8], [4, 0.8, 4, 0.9], [4, 1.0, 4, 9]]))
+    poses = [(0.25 * k, 0.1 * k - 0.5, 0.0) for k in range(12)]
+    line_map = drive(LineMapper(), [walls] * 12, poses, lrf=LRF)
+    far = line_map.segments[line_map.segments[:, 0] > 7.0]
+    met = [
+        8.0 * np.tan(angle)
+        for pose in poses
+        for angle, wall in zip(LRF.angles, PlanarCaster(walls).cast(LRF, pose).walls, strict=True)
+        if wall == 0
+    ]
+    assert len(far) == 1 and len(met) > 100
+    assert far[0, [1, 3]].max() > 1.3
+
+
+def test_a_wall_ends_where_nothing_was_met_and_beams_passed():
+    # Two houses in one line, and a lane between them that a few beams went into.
+    houses = World(
+        np.array([[6, -5, 6, -0.3], [6, 0.3, 6, 5], [6, -0.3, 9, -0.3], [6, 0.3, 9, 0.3]])
+    )
+    poses = [(0.0, y, 0.0) for y in (-2.0, -0.1, 0.1, 2.0)]
+    line_map = drive(LineMapper(), [houses] * 4, poses, lrf=LaserRangeFinder(beams=721))
+    fronts = line_map.segments[lengths(line_map.segments) > 3.0]
+    assert len(fronts) == 2
+    assert np.sort(np.abs(fronts[:, [1, 3]]), axis=1)[:, 0] == pytest.approx([0.3, 0.3], abs=0.1)
+
+
+def test_faces_across_a_lane_are_two_objects_though_its_end_was_never_seen():
+    # No beam went beyond what was seen of the two faces, so none passed between their far ends.
+    lane, seen = [[5, -1, 12, -1.0], [12, 1, 5, 1.0]], [[5, -1, 6, -1.0], [6, 1, 5, 1.0]]
+    beams = seen_from(lane, [(4, -3, 0), (4, 3, 0)])
+    assert len(set(join_objects(np.array(seen), beams, 0.01, 0.0))) == 2
+
+
+def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
+    rows = [[0, y, 0, top] for y, top in ((0, 2), (2, 4.5), (5.5, 6))]
+    rows += [[8, top, 8, y] for _, y, _, top in rows]
+    walls = np.array(rows, dtype=np.float64)
+    nothing = seen_from([[50.0, 50.0, 51.0, 51.0]], [(-60.0, 0.0, 0.0)])
+    assert len(set(join_objects(walls, nothing, 0.01, 0.0))) == 1
+    # The beams between the rows end short of their last walls, which alone stay linked.
+    around = [[0, 0, 0, 6], [8, 6, 8, 0], [0, 5.4, 8, 5.4]]
+    between = seen_from(np.array(around), [(4.0, -3.0, 0.0)])
+    assert len(set(join_objects(walls, between, 0.01, 0.0))) == 2
+    assert len(set(join_objects(walls[[2, 5]], between, 0.01, 0.0))) == 1

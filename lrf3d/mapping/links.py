@@ -64,39 +64,36 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
     sizes = np.ones(len(ends), np.int64)
     pairs, links = _find_links(ends)
     order = np.argsort(links[:, 4], kind="mergesort")
-    waiting = np.empty(len(order), np.int64)
-    strong = np.zeros(len(order), np.bool_)
-    kept_back = 0
+    waiting, strong = np.empty(len(order), np.int64), np.zeros(len(order), np.bool_)
+    count = 0
     # The shortest links come first; most others join what is one object by then.
     for place in order:
         one, other = _root(parents, pairs[place, 0]), _root(parents, pairs[place, 1])
         if one == other:
             continue
         length = links[place, 4]
-        if length > TOUCH and length <= SHORT:
-            if _short_parted(links[place], beams, floor, growth):
-                continue
-        elif length > SHORT:
+        if length > SHORT:
             if passed(links[place, :4], beams, floor, growth, PASSED, 0):
                 continue
             barred = _barred(ends[pairs[place, 0]], ends[pairs[place, 1]], beams, floor, growth)
-            if min(sizes[one], sizes[other]) >= SEVERAL:
-                joins = False
-                for k in range(kept_back):
+            if not barred or min(sizes[one], sizes[other]) >= SEVERAL:
+                seconded = False
+                for k in range(count):
                     before = waiting[k]
-                    own, across = _root(parents, pairs[before, 0]), _root(parents, pairs[before, 1])
-                    if (own == one and across == other) or (own == other and across == one):
-                        if barred or (strong[k] and links[before, 4] >= length - ALIKE):
-                            joins = True
-                            break
-                if not joins:
-                    waiting[kept_back], strong[kept_back] = place, barred
-                    kept_back += 1
+                    # One of the two says that all sight is barred; the other is about as long.
+                    if not (barred or (strong[k] and links[before, 4] >= length - ALIKE)):
+                        continue
+                    first, second = pairs[before]
+                    first, second = _root(parents, first), _root(parents, second)
+                    if (first, second) == (one, other) or (second, first) == (one, other):
+                        seconded = True
+                        break
+                if not seconded:
+                    waiting[count], strong[count] = place, barred
+                    count += 1
                     continue
-            elif not barred:
-                waiting[kept_back], strong[kept_back] = place, False
-                kept_back += 1
-                continue
+        elif length > TOUCH and _short_parted(links[place], beams, floor, growth):
+            continue
         kept, gone = min(one, other), max(one, other)
         parents[gone] = kept
         sizes[kept] += sizes[gone]

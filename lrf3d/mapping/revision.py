@@ -11,7 +11,6 @@ import numpy as np
 
 from lrf3d.geometry import directions, lengths
 from lrf3d.mapping.bridges import bridge_walls
-from lrf3d.mapping.wall_rows import Walls
 from lrf3d.mapping.corners import close_corners
 from lrf3d.mapping.evidence import PIECE, weigh
 from lrf3d.mapping.facets import PASS, cut
@@ -19,18 +18,18 @@ from lrf3d.mapping.links import join_objects
 from lrf3d.mapping.scan_archive import Beams
 from lrf3d.mapping.table import SegmentTable
 from lrf3d.mapping.wall_merging import Rule
+from lrf3d.mapping.wall_rows import Walls
 from lrf3d.mapping.wall_store import WallStore
 
 ROUNDS = 2
 """How often walls are cut and united again: what the first round frees, the second gathers."""
 
-
 SHORT_WALL = 0.5
 """Walls shorter than this [m] need twice the beams: clutter makes short ones of any few returns."""
 
-
 REACH = 2.0
 """How far [m] a wall is followed beyond what one scan showed of it, to what single beams met."""
+
 
 class Noise(NamedTuple):
     """Deviation of a range: the root of floor² + (growth · range)².
@@ -55,20 +54,17 @@ def revise(table: SegmentTable, beams: Beams, noise: Noise, rule: Rule, least: i
         least: Walls on which fewer beams than this ended are left out.
     """
     for turn in range(ROUNDS):
+        # Scans show parts of walls; what single beams met beyond them counts in the first round.
+        reach = 0.0 if turn else REACH
         if turn:
-            table = _united(table, rule)
-            if len(table):
-                walls = Walls(table.ends, table.moments, table.points, table.unions)
-                bridge_walls(walls, rule, beams, *noise)
-                table = table.take(np.flatnonzero(table.points))
+            table = _bridged(_united(table, rule), rule, beams, noise)
         if not len(table):
             return table
-        if not turn:
-            units = directions(table.ends)
-            table = replace(table, ends=table.ends + np.hstack([-REACH * units, REACH * units]))
+        units = directions(table.ends)
+        table = replace(table, ends=table.ends + np.hstack([-reach * units, reach * units]))
         pieces = np.maximum(np.ceil(lengths(table.ends) / PIECE).astype(np.int64), 1)
         first = np.concatenate([[0], np.cumsum(pieces)])
-        counts, sums = weigh(table.ends, first, beams, rule.distance, *noise, 0.0 if turn else REACH)
+        counts, sums = weigh(table.ends, first, beams, rule.distance, *noise, reach)
         ends, moments, labels = cut(table.ends, first, counts, sums)
         ended, passed = labels[:, 1], labels[:, 2]
         needed = np.where(lengths(ends) < SHORT_WALL, 2 * least, least)
@@ -87,3 +83,11 @@ def _united(table: SegmentTable, rule: Rule) -> SegmentTable:
     labels = np.column_stack([table.points, np.arange(len(table))])
     store.add(table.ends, table.moments, labels, (0.0, 0.0))
     return store.table(store.version)
+
+
+def _bridged(table: SegmentTable, rule: Rule, beams: Beams, noise: Noise) -> SegmentTable:
+    """The walls of a table, with stretches of one wall made one."""
+    walls = Walls(table.ends, table.moments, table.points.copy(), table.unions)
+    bridge_walls(walls, rule, beams, *noise)
+    kept = SegmentTable(*walls)
+    return kept.take(np.flatnonzero(kept.points))

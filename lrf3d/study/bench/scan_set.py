@@ -15,6 +15,7 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan
+from lrf3d.pose import as_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ def _scan_set(kind: str, columns: dict[str, Any]) -> ScanSet:
         columns[f"{kind}_pose"], columns[f"{kind}_rlim"], azimuths, ranges, strict=True
     ):
         valid = np.where((measured <= low) | (measured >= high), np.inf, measured)
-        scans.append(LaserScan(tuple(pose.tolist()), angles, valid, range_max=float(high)))
+        scans.append(LaserScan(as_pose(pose), angles, valid, range_max=float(high)))
     polygons = []
     if f"{kind}_poly_n" in columns:
         corners = np.cumsum(columns[f"{kind}_poly_n"])[:-1]

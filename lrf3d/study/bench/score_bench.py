@@ -98,7 +98,9 @@ def bench_score(
     path = Path(source)
     if path.suffix.lower() == SCAN_ENDING:
         sets = load_scan_sets(path)
-        return ScoreBenchmark(source, lines=score_vertices(sets, choice.vertices, progress=progress))
+        return ScoreBenchmark(
+            source, lines=score_vertices(sets, choice.vertices, progress=progress)
+        )
     if path.suffix.lower() in LOG_ENDINGS:
         log = load_log(path)
         logs = [

@@ -131,7 +131,7 @@ def _foretold(scan: LaserScan, polylines: Sequence[Float]) -> Float:
 
 
 def _closed(line: Float) -> bool:
-    return len(line) > 2 and np.array_equal(line[0], line[-1])
+    return len(line) > 2 and bool(np.allclose(line[0], line[-1]))
 
 
 def _wrong_area(line: Float, polygon: Float) -> float:
