@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
 from lrf3d.geometry import lengths
+from lrf3d.mapping.facets import choose
 from lrf3d.mapping.links import join_objects
 from lrf3d.mapping.scan_archive import ScanArchive
 
@@ -97,31 +100,33 @@ def test_stretches_of_one_wall_are_bridged_where_no_beam_passed():
 
 
 def test_single_beams_make_a_wall_longer():
-    # From each place one beam or two reach the far half of the wall, through a slit.
-    walls = World(np.array([[8, -6, 8, 6.0], [4, -6, 4, -0.8], [4, 0.8, 4, 0.9], [4, 1.0, 4, 9]]))
-    poses = [(0.25 * k, 0.1 * k - 0.5, 0.0) for k in range(12)]
-    line_map = drive(LineMapper(), [walls] * 12, poses, lrf=LRF)
-    far = line_map.segments[line_map.segments[:, 0] > 7.0]
-    met = [
-        8.0 * np.tan(angle)
-        for pose in poses
-        for angle, wall in zip(LRF.angles, PlanarCaster(walls).cast(LRF, pose).walls, strict=True)
-        if wall == 0
-    ]
-    assert len(far) == 1 and len(met) > 100
-    assert far[0, [1, 3]].max() > 1.3
+    # One scan shows half of the wall; of the other half each scan meets one place.
+    wall = World(np.array([[5, -3, 5, 3.0]]))
+    mapper, ends = LineMapper(), []
+    for k in range(12):
+        scan = PlanarCaster(wall).cast(CIRCLE, (0.0, 0.3 * k, 0.0))
+        places = scan.pose.y + 5.0 * np.tan(scan.angles)
+        kept = places < 0.0 if k == 0 else np.abs(places - 0.16 * k) < 0.04
+        # Too near to be measured: nothing is known along these beams.
+        mapper.update(replace(scan, ranges=np.where(kept, scan.ranges, -np.inf)))
+        ends.append(mapper.map.segments[:, [1, 3]].max())
+    assert len(mapper.map) == 1
+    assert ends[0] < 0.0 and ends[-1] > 1.3
 
 
-def test_a_wall_ends_where_nothing_was_met_and_beams_passed():
-    # Two houses in one line, and a lane between them that a few beams went into.
-    houses = World(
-        np.array([[6, -5, 6, -0.3], [6, 0.3, 6, 5], [6, -0.3, 9, -0.3], [6, 0.3, 9, 0.3]])
-    )
-    poses = [(0.0, y, 0.0) for y in (-2.0, -0.1, 0.1, 2.0)]
-    line_map = drive(LineMapper(), [houses] * 4, poses, lrf=LaserRangeFinder(beams=721))
-    fronts = line_map.segments[lengths(line_map.segments) > 3.0]
-    assert len(fronts) == 2
-    assert np.sort(np.abs(fronts[:, [1, 3]]), axis=1)[:, 0] == pytest.approx([0.3, 0.3], abs=0.1)
+def test_a_wall_ends_and_opens_where_beams_passed_and_none_ended():
+    def pieces(*runs):
+        return np.array([row for row, times in runs for _ in range(times)])
+
+    # Rows: beams that ended on a piece, passed it, and ended nearer to another wall.
+    met, passed, unseen = [2, 0, 0], [0, 2, 0], [0, 0, 0]
+    ends = choose(pieces((passed, 8), (met, 20), (unseen, 9)))
+    assert np.flatnonzero(ends).tolist() == list(range(8, 28))
+    lane = choose(pieces((met, 20), (passed, 12), (met, 20)))
+    assert np.flatnonzero(lane == 0).tolist() == list(range(20, 32))
+    # What nobody looked at stays closed, and so does what a few beams slipped through.
+    assert choose(pieces((met, 20), (unseen, 12), (met, 20))).all()
+    assert choose(pieces((met, 20), (passed, 3), (met, 20))).all()
 
 
 def test_faces_across_a_lane_are_two_objects_though_its_end_was_never_seen():
