@@ -147,3 +147,13 @@ def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
     between = seen_from(np.array(around), [(4.0, -3.0, 0.0)])
     assert len(set(join_objects(walls, between, 0.01, 0.0))) == 2
     assert len(set(join_objects(walls[[2, 5]], between, 0.01, 0.0))) == 1
+
+
+def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
+    # The corner of a room, 3.2 m of one wall hidden, and the same as an open door.
+    ends = np.array([[0, 8, 0, 3.2], [0, 0, 8, 0]])
+    corner = [*ends.tolist(), [0, 3.2, 0, 0], [0.5, 3.1, 0.5, 0.2]]
+    door = [*ends.tolist(), [-3, 8, -3, 0]]
+    for walls, count in ((corner, 1), (door, 2)):
+        beams = seen_from(np.array(walls, dtype=np.float64), [(6, 5, 0), (5, 2, 0)])
+        assert len(set(join_objects(ends, beams, 0.01, 0.0))) == count

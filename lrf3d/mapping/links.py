@@ -21,6 +21,13 @@ TOUCH = 0.1
 SHORT = 3.0
 """Longest link [m] that may run before a wall: less than a lane between buildings."""
 
+HIDDEN = 4.0
+"""Longest link [m] along which a wall may go on, unseen, to the face of another: a corner that
+something hid."""
+
+ALONG = 0.1
+"""Sine of the angle by which such a link may stray before the wall that it continues."""
+
 FACING = 1.0
 """Longest link [m] between the faces of two walls, across a niche: where such walls are farther
 apart, a bottom that joins them is wide enough to be seen."""
@@ -75,8 +82,11 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
         if length > SHORT:
             if passed(links[place, :4], beams, floor, growth, PASSED, 0):
                 continue
-            barred = _barred(ends[pairs[place, 0]], ends[pairs[place, 1]], beams, floor, growth)
-            if not barred or min(sizes[one], sizes[other]) >= SEVERAL:
+            corner = links[place, 5] > 0.0
+            barred = corner or _barred(
+                ends[pairs[place, 0]], ends[pairs[place, 1]], beams, floor, growth
+            )
+            if not corner and (not barred or min(sizes[one], sizes[other]) >= SEVERAL):
                 seconded = False
                 for k in range(count):
                     before = waiting[k]
@@ -112,18 +122,25 @@ def _root(parents: Int, wall: int) -> int:  # pragma: no cover
 
 @njit(cache=True, nogil=True)
 def _find_links(ends: Float) -> tuple[Int, Float]:  # pragma: no cover
-    """Pairs (k, 2) of walls that a link may join, and the links (k, 5) x1 y1 x2 y2, length [m]."""
+    """Pairs (k, 2) of walls that a link may join, and the links (k, 6).
+
+    A link is x1 y1 x2 y2, its length [m], and 1 where it runs before a wall.
+    """
     candidates = pairs_within(ends, FAR)
-    pairs, links = np.empty((64, 2), np.int64), np.empty((64, 5))
+    pairs, links = np.empty((64, 2), np.int64), np.empty((64, 6))
     kept = 0
     for wall, other in candidates:
         link = _shortest_link(ends[wall], ends[other])
         length = np.hypot(link[2] - link[0], link[3] - link[1])
         one, another = _before(ends[wall], link), _before(ends[other], link)
+        before, less = max(one, another), min(one, another)
         if (
             length > FAR
-            or (length > SHORT and max(one, another) > BEHIND * length)
-            or (length > FACING and min(one, another) > ACROSS * length)
+            or (length > FACING and less > ACROSS * length)
+            or (
+                (length > SHORT and before > BEHIND * length)
+                and (length > HIDDEN or less > ALONG * length)
+            )
         ):
             continue
         if kept == len(pairs):
@@ -132,6 +149,7 @@ def _find_links(ends: Float) -> tuple[Int, Float]:  # pragma: no cover
         pairs[kept, 0], pairs[kept, 1] = wall, other
         links[kept, :4] = link
         links[kept, 4] = length
+        links[kept, 5] = before > BEHIND * length
         kept += 1
     return pairs[:kept], links[:kept]
 
@@ -170,7 +188,7 @@ def _before(wall: Float, link: Float) -> float:  # pragma: no cover
 def _short_parted(
     link: Float, beams: Beams, floor: float, growth: float
 ) -> bool:  # pragma: no cover
-    """Whether beams have passed a short link (5,), and gone on deeper than into a niche."""
+    """Whether beams have passed a short link (6,), and gone on deeper than into a niche."""
     return passed(link[:4], beams, floor, growth, max(PASSED, NICHE * link[4]), STRAY)
 
 
