@@ -31,6 +31,9 @@ _RAMP = np.array(
 _TRACE_GAP = 0.6
 """Neighbouring hits farther apart [m] than this, of which no wall is known, are not joined."""
 
+_WEDGE = 0.1
+"""Widest triangle of the fan [rad]: its chord is off the circle by a thousandth of the range."""
+
 LINE_SIZES = (3, 3, 1, 4, 2)
 """Floats of a corner of a line: here, there, turn, colour, side of the wall."""
 
@@ -55,6 +58,7 @@ class Beams:
         hits: (beams,) which beams returned.
         sides: (hits, 2) where the face of the wall looks that each point lies on; 0 where no wall
             is known.
+        beam_angle: Angle from one beam to the next [rad].
     """
 
     apex: Float
@@ -65,6 +69,7 @@ class Beams:
     joined: Bool
     hits: Bool
     sides: Float
+    beam_angle: float
 
     @classmethod
     def from_scan(cls, scan: LaserScan, walls: Float, objects: Int, apex: Float) -> "Beams":
@@ -91,17 +96,22 @@ class Beams:
             else:
                 apex = origin
         reached = np.hypot(*(ends - apex).T)
-        return cls(apex, ends, reached, points, scan.ranges[scan.hits], joined, scan.hits, sides)
+        step = float(scan.angles[1] - scan.angles[0]) if len(scan.angles) > 1 else 0.0
+        measured = scan.ranges[scan.hits]
+        return cls(apex, ends, reached, points, measured, joined, scan.hits, sides, step)
 
     def fan(self, height: float) -> Single:
         """Triangles (3 · n, 4) of the fan: position and range of each corner [m]."""
-        first, second = self.ends[:-1], self.ends[1:]
-        near = np.minimum(self.ranges[:-1], self.ranges[1:])[:, None]
         both_open = ~self.hits[:-1] & ~self.hits[1:]
         # Between two beams that ended on different walls the fan goes as far as the shorter.
-        whole = (self.joined | both_open)[:, None]
-        first = np.where(whole, first, self._at(first, near, self.ranges[:-1]))
-        second = np.where(whole, second, self._at(second, near, self.ranges[1:]))
+        kind = np.where(self.joined, 1, np.where(both_open, 2, 0))
+        start = _wedges(kind, self.beam_angle)
+        stop = np.append(start[1:], len(kind))
+        near = np.minimum(self.ranges[start], self.ranges[stop])[:, None]
+        whole = (kind[start] > 0)[:, None]
+        first, second = self.ends[start], self.ends[stop]
+        first = np.where(whole, first, self._at(first, near, self.ranges[start]))
+        second = np.where(whole, second, self._at(second, near, self.ranges[stop]))
         rows = np.zeros((len(first), 3, 4), np.float32)
         rows[:, 0, :2] = self.apex
         rows[:, 1, :2] = first
@@ -174,6 +184,20 @@ def line_quads(
     if sides is not None:
         rows[:, :, 11:13] = sides[:, None, :]
     return rows.reshape(-1, 13)
+
+
+def _wedges(kind: Int, beam_angle: float) -> Int:
+    """The beams that triangles of the fan begin at: beams that end on one wall share some.
+
+    Many narrow triangles take longer to draw than a few wide ones of the same area.
+    """
+    if not len(kind):
+        return np.zeros(0, dtype=np.int64)
+    most = max(1, int(_WEDGE / beam_angle)) if beam_angle > 0.0 else 1
+    changes = np.append(True, (kind[1:] != kind[:-1]) | (kind[1:] == 0))
+    begins = np.flatnonzero(changes)
+    place = np.arange(len(kind)) - begins[np.cumsum(changes) - 1]
+    return np.flatnonzero(changes | (place % most == 0))
 
 
 def _sides(origin: Float, points: Float, walls: Float, numbers: Int) -> Float:

@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.geometry import Float
 from lrf3d.render.bindings import pyrender
 from lrf3d.render.camera import make_camera
 from lrf3d.render.hud import Hud, scale_of
 from lrf3d.render.inset import Inset
+from lrf3d.render.look import Look
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Primitive
 from lrf3d.render.renderer import Renderer
@@ -56,24 +58,32 @@ class Film:
         self._hud = Hud(self.scenery, size) if "hud" in self._layers else None
         lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=_FARTHEST)
         self._eye = self.scenery.scene.add(lens)
+        self._shown: tuple[Any, ...] | None = None
+        self._picture: Picture = np.zeros((0, 0, 4), np.uint8)
 
     def draw(self, time: float) -> Picture:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         width, height = self._size
         look = self.camera.look(time, width / height)
+        words = self._hud.lines(moment) if self._hud is not None else ()
+        shown = (moment.scan, moment.scanning, moment.pose.tobytes(), look.key, words)
+        if shown == self._shown:
+            # Nothing has moved, no word has changed: the last picture is this one.
+            return self._picture
+        self._shown = shown
         self._eye.camera.yfov, self._eye.camera.znear = look.field, look.near
         self._eye.camera.zfar = max(_FARTHEST, 3.0 * float(look.eye[2]))
         self.scenery.scene.set_pose(self._eye, look.pose)
         self.renderer.begin(self.scenery.scene)
         matrix, eye = self.renderer.camera_matrices(self.scenery.scene)
+        self.scenery.look_from(matrix, eye)
         # Pixels that a metre takes at a distance of one metre.
         focus = 0.5 * height / np.tan(0.5 * look.field)
         metre = focus / float(np.linalg.norm(look.eye - look.target))
         shared: dict[str, Any] = {
             **self.scenery.show(moment),
             "view_projection": matrix,
-            "ray_from_corner": np.linalg.inv(matrix),
             "eye": tuple(eye.tolist()),
             "viewport": (float(width), float(height)),
             "half_width": max(0.5 * TRAIL_WIDTH, 1.2 * self._scale / metre),
@@ -85,25 +95,38 @@ class Film:
         shared["slack"] = 0.0 if look.clear else 0.002
         if look.clear:
             shared["haze"] = (*shared["haze"][:3], 0.0)
-        for primitive, special in self._seen(look.shows_map):
+        for primitive, special in self._solid(look, matrix):
+            self.renderer.draw(primitive, {**shared, **special})
+        self.renderer.flatten()
+        for primitive, special in self._translucent(look):
             self.renderer.draw(primitive, {**shared, **special})
         if self._inset is not None and not look.shows_map:
             self._inset.draw(self.renderer, moment, shared)
         if self._hud is not None:
-            self._hud.draw(self.renderer, moment)
-        return self.renderer.finish()
+            self._hud.draw(self.renderer, words)
+        self._picture = self.renderer.finish()
+        return self._picture
 
     def close(self) -> None:
         """Free what the driver holds."""
         self.renderer.delete()
 
-    def _seen(self, shows_map: bool) -> Iterator[tuple[Primitive, dict[str, Any]]]:
-        """What is drawn, in order: what hides much, what is hidden, then the translucent."""
-        scenery, on = self.scenery, self._layers
+    def _solid(self, look: Look, matrix: Float) -> Iterator[tuple[Primitive, dict[str, Any]]]:
+        """What hides what is behind it, in order: first what hides much, the sky last."""
+        scenery = self.scenery
         yield scenery.robot, {}
-        yield scenery.walls, {}
-        yield scenery.ground, {}
-        yield scenery.sky, {}
+        yield scenery.walls.facades, {}
+        yield scenery.walls.plain, {}
+        yield from scenery.ground.draws()
+        horizon = look.horizon
+        if horizon < 1.0:
+            # The picture is drawn upside down, so that the sky begins at the row of −1.
+            band = (-1.0, -max(horizon, -1.0))
+            yield scenery.sky, {"band": band, "ray_from_corner": np.linalg.inv(matrix)}
+
+    def _translucent(self, look: Look) -> Iterator[tuple[Primitive, dict[str, Any]]]:
+        """What is laid over the scene, with soft edges of its own."""
+        scenery, on = self.scenery, self._layers
         if "shadow" in on:
             yield scenery.blob, {}
         if "trail" in on:
@@ -113,8 +136,8 @@ class Film:
         if "beams" in on:
             yield scenery.lines, {"width": 1.1 * self._scale, "nearer": 0.02}
         # Seen from straight above, the tops of walls would hide the map and the points on them.
-        over = 1e6 if shows_map else 0.12
-        if shows_map:
+        over = 1e6 if look.shows_map else 0.12
+        if look.shows_map:
             yield scenery.map, {"width": 4.0 * self._scale, "nearer": over}
         if "trace" in on:
             yield scenery.trace, {"width": 2.2 * self._scale, "nearer": over}

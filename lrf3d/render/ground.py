@@ -24,6 +24,9 @@ _PIXELS = 2048
 _FINEST = 0.06
 """Smallest size of a pixel [m]: below, a small room would be blown up for nothing."""
 
+_COARSE = 0.25
+"""Size of a pixel [m] above which marks and lines would be too wide, and are left out."""
+
 _MARGIN = 6.0
 """How far the picture reaches past walls and their shadows [m]: farther than pavements go."""
 
@@ -63,20 +66,36 @@ class Ground:
 
 
 def paint_ground(structures: Structures) -> Ground:
-    """Paint the ground of a world."""
+    """Paint the ground of a world, coarser the larger it is."""
     ends = structures.segments.reshape(-1, 2)
     if not len(ends):
         ends = np.zeros((1, 2))
-    shadow = float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
-    margin = 2.0 if structures.indoor else _MARGIN + shadow
+    margin = 2.0 if structures.indoor else _MARGIN + _reach(structures)
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
     pixel = max(float((high - low).max()) / _PIXELS, 0.02 if structures.indoor else _FINEST)
     width, height = (np.ceil((high - low) / pixel).astype(int) + 1).tolist()
-    brush = _Brush(width, height, low, pixel)
+    return _paint(structures, _Brush(width, height, low, pixel))
+
+
+def paint_window(structures: Structures, middle: Float, side: float) -> Ground:
+    """Paint the ground of a large world in a square of a side [m] round a middle (2,), finely."""
+    pixel = side / _PIXELS
+    low, high = middle - 0.5 * side, middle + 0.5 * side
+    # What stands outside may throw its shadow in, and has a say in where the streets are.
+    margin = 2.0 if structures.indoor else 30.0 + _reach(structures)
+    return _paint(structures.within(low - margin, high + margin), _Brush(*2 * (_PIXELS,), low, pixel))
+
+
+def _paint(structures: Structures, brush: "_Brush") -> Ground:
     paint = _paint_floor if structures.indoor else _paint_streets
     picture = np.asarray(paint(structures, brush))
     beyond = _BEYOND_INDOOR if structures.indoor else _BEYOND
-    return Ground(picture, low, np.array([width, height]) * pixel, beyond)
+    return Ground(picture, brush.corner, np.array(brush.size) * brush.pixel, beyond)
+
+
+def _reach(structures: Structures) -> float:
+    """How far the longest shadow reaches [m], along x or y."""
+    return float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
 
 
 class _Brush:
@@ -142,12 +161,13 @@ def _paint_streets(structures: Structures, brush: _Brush) -> Image.Image:
     brush.polygons(foot, structures.solids)
     pavement, marks, lines = brush.blank(), brush.blank(), brush.blank()
     kerb = shapely.buffer(structures.solids, _PAVEMENT, quad_segs=4)
-    # Rounding the kerb outward and inward again closes alleys that are narrower than a car.
-    kerb = shapely.buffer(shapely.union_all(kerb), 1.2, quad_segs=4)
-    kerb = shapely.buffer(kerb, -1.2, quad_segs=4)
+    if brush.pixel <= _COARSE:
+        # Rounding the kerb outward and inward again closes alleys that are narrower than a car.
+        kerb = shapely.buffer(shapely.union_all(kerb), 1.2, quad_segs=4)
+        kerb = shapely.buffer(kerb, -1.2, quad_segs=4)
+        brush.lines(marks, dashes(centre_lines(structures, kerb)), 0.16)
+        brush.grid(lines, 5.0, 0.07, _GRID_STRENGTH)
     brush.polygons(pavement, kerb)
-    brush.lines(marks, dashes(centre_lines(structures, kerb)), 0.16)
-    brush.grid(lines, 5.0, 0.07, _GRID_STRENGTH)
     ground = Image.new("RGB", brush.size, _ASPHALT)
     # Polygons are painted with hard edges, which show as steps from near.
     ground.paste(_STONE, mask=pavement.filter(ImageFilter.BoxBlur(1)))

@@ -6,7 +6,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.laser import LaserScan
@@ -60,7 +59,7 @@ class Panel:
     def __init__(
         self, lines: tuple[Line, ...], scale: float, back: tuple[int, int, int, int] = _BACK
     ) -> None:
-        self._back = np.array(back, np.float32)
+        self._back = back
         self._sizes = [round((_TITLE if line.bold else _TEXT) * scale) for line in lines]
         self._pad = round(12 * scale)
         self._tops = np.cumsum([self._pad, *(round(1.36 * size) for size in self._sizes)]).tolist()
@@ -80,7 +79,7 @@ class Panel:
             if row < len(self._lines) and self._lines[row] == line:
                 continue
             top, bottom = self._tops[row : row + 2]
-            cover = np.zeros((bottom - top, self.size[0]), np.float32)
+            cover = np.zeros((bottom - top, self.size[0]), np.uint8)
             for start, words in line.words:
                 x = self._pad + start * self._sizes[row]
                 for letter in words:
@@ -89,24 +88,30 @@ class Panel:
                     area = cover[: mask.shape[0], left : left + mask.shape[1]]
                     np.maximum(area, mask[: area.shape[0], : area.shape[1]], out=area)
                     x += advance
-            ink = np.array(line.colour, np.float32)
-            blend = self._back + cover[:, :, None] * (ink - self._back)
-            if self._back[3] == 0.0:
-                # On nothing, letters keep their colour to the rim.
-                blend[:, :, :3] = ink[:3]
-            self._picture[top:bottom] = blend + 0.5
+            np.take(_shades(line.colour, self._back), cover, axis=0, out=self._picture[top:bottom])
         self._lines = lines
         return self._picture
 
 
 @cache
-def glyph(letter: str, size: int, *, bold: bool) -> tuple[NDArray[np.float32], float]:
-    """How much of each pixel (h, w) a letter covers, 0…1, and how far the next one is [pixels]."""
+def _shades(ink: tuple[int, ...], back: tuple[int, ...]) -> Picture:
+    """The colour (256, 4) of a pixel that letters cover by 0…255."""
+    cover = np.arange(256)[:, None] / 255.0
+    blend = np.array(back) + cover * (np.array(ink) - np.array(back))
+    if back[3] == 0:
+        # On nothing, letters keep their colour to the rim.
+        blend[:, :3] = ink[:3]
+    return (blend + 0.5).astype(np.uint8)
+
+
+@cache
+def glyph(letter: str, size: int, *, bold: bool) -> tuple[Picture, float]:
+    """How much of each pixel (h, w) a letter covers, 0…255, and how far the next one is [pixels]."""
     letters = font(size, bold=bold)
     advance = letters.getlength(letter)
     picture = Image.new("L", (int(advance) + 2 + size // 4, round(1.36 * size)), 0)
     ImageDraw.Draw(picture).text((0, 0), letter, font=letters, fill=255)
-    return np.asarray(picture, np.float32) / 255.0, advance
+    return np.asarray(picture), advance
 
 
 class Label:
@@ -168,10 +173,14 @@ class Hud:
         gap = round(16 * scale)
         self._label.place(size, gap, gap)
 
-    def draw(self, renderer: Renderer, moment: Moment) -> None:
+    def lines(self, moment: Moment) -> tuple[Line, ...]:
+        """What it says of a moment."""
+        return hud_lines(self._run, moment, self._run.scan(moment.scan))
+
+    def draw(self, renderer: Renderer, lines: tuple[Line, ...]) -> None:
         """Draw it over the picture."""
         renderer.overlay(None)
-        self._label.show(hud_lines(self._run, moment, self._run.scan(moment.scan)))
+        self._label.show(lines)
         self._label.draw(renderer)
 
 

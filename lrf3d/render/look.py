@@ -8,6 +8,9 @@ from scipy.ndimage import gaussian_filter1d
 from lrf3d.geometry import Float
 from lrf3d.render.timeline import Timeline
 
+_LAND = 2500.0
+"""How far the ground reaches at the least [m]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Look:
@@ -32,6 +35,25 @@ class Look:
     clear: bool = False
     fan: float = 1.0
     shows_map: bool = False
+
+    @property
+    def key(self) -> tuple[bytes, bytes, float]:
+        """What tells this look from others of its camera."""
+        return self.eye.tobytes(), self.target.tobytes(), self.field
+
+    @property
+    def horizon(self) -> float:
+        """Height in the picture, −1…1 from the bottom up, under which there is no sky."""
+        ahead = self.target - self.eye
+        level = float(np.hypot(ahead[0], ahead[1]))
+        if level < 1e-6 * abs(float(ahead[2])):
+            return np.inf
+        # The ground ends before the horizon: by so much the sky is seen below it.
+        dip = np.arctan2(abs(float(self.eye[2])), _LAND)
+        angle = np.arctan2(-float(ahead[2]), level) - dip
+        if angle >= 0.5 * np.pi:
+            return np.inf
+        return float(np.tan(angle) / np.tan(0.5 * self.field)) - 0.01
 
     @property
     def pose(self) -> Float:

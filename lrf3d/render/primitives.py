@@ -57,6 +57,7 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
         self.cull = cull
         self.texture: Texture | None = None
         self.count = len(vertices) if indices is None else len(indices)
+        self._room = self.count
 
     def update(self, vertices: Single) -> None:
         """Rewrite a dynamic primitive in place; what it draws is just these vertices."""
@@ -71,6 +72,14 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             size = self.capacity * sum(self.sizes) * _FLOAT
             GL.glBufferData(GL.GL_ARRAY_BUFFER, size, None, GL.GL_DYNAMIC_DRAW)
         GL.glBufferSubData(GL.GL_ARRAY_BUFFER, 0, vertices.nbytes, vertices)
+
+    def choose(self, indices: NDArray[np.uint32]) -> None:
+        """Draw only these of its triangles, which are at most as many as there are."""
+        self.elements = indices
+        self.count = len(indices)
+        if self._in_context() and len(indices):
+            GL.glBindVertexArray(self._vaid)
+            GL.glBufferSubData(GL.GL_ELEMENT_ARRAY_BUFFER, 0, indices.nbytes, indices)
 
     def draw(self) -> None:
         """Draw it with the program in use."""
@@ -109,9 +118,9 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             buffer = GL.glGenBuffers(1)
             self._buffers.append(buffer)
             GL.glBindBuffer(GL.GL_ELEMENT_ARRAY_BUFFER, buffer)
-            GL.glBufferData(
-                GL.GL_ELEMENT_ARRAY_BUFFER, elements.nbytes, elements, GL.GL_STATIC_DRAW
-            )
+            size = self._room * _FLOAT
+            GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, size, None, GL.GL_STATIC_DRAW)
+            GL.glBufferSubData(GL.GL_ELEMENT_ARRAY_BUFFER, 0, elements.nbytes, elements)
         GL.glBindVertexArray(0)
 
 

@@ -35,25 +35,35 @@ class Program:
             raise RuntimeError(f"shader {name} does not link: {log!r}")
         for shader in shaders:
             GL.glDeleteShader(shader)
-        self._places: dict[str, int] = {}
+        self._places = _uniforms(self._id)
+        self._values: dict[str, Uniform] = {}
 
     def use(self, uniforms: Mapping[str, Uniform]) -> None:
-        """Make this the program to draw with, and set uniforms of it.
+        """Make this the program to draw with, and set those of its uniforms that have changed.
 
-        A uniform that the shader does not have is passed over, so that all programs of a picture
-        can be given the same camera and light.
+        What the shader does not ask for is passed over, so that all programs of a picture can be
+        given the same camera and light.
         """
         GL.glUseProgram(self._id)
-        for name, value in uniforms.items():
-            place = self._places.get(name)
-            if place is None:
-                place = self._places[name] = GL.glGetUniformLocation(self._id, name)
-            if place >= 0:
-                _set(place, value)
+        for name, place in self._places.items():
+            value, known = uniforms[name], self._values.get(name)
+            if value is known or (not isinstance(value, np.ndarray) and value == known):
+                continue
+            self._values[name] = value
+            _set(place, value)
 
     def delete(self) -> None:
         """Free what the driver holds of it."""
         GL.glDeleteProgram(self._id)
+
+
+def _uniforms(program: int) -> dict[str, int]:
+    """The names of a program's uniforms but its picture, and their places."""
+    count = GL.glGetProgramiv(program, GL.GL_ACTIVE_UNIFORMS)
+    names = [GL.glGetActiveUniform(program, number)[0] for number in range(count)]
+    places = {name.decode(): GL.glGetUniformLocation(program, name.decode()) for name in names}
+    places.pop("picture", None)
+    return places
 
 
 def _set(place: int, value: Uniform) -> None:

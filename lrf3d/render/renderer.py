@@ -99,6 +99,20 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
             primitive.texture.bind()
         primitive.draw()
 
+    def flatten(self) -> None:
+        """Go on with one sample a pixel: what comes has soft edges of its own.
+
+        Translucent layers and panels cost some times as much on several samples a pixel.
+        """
+        if not self._samples:
+            return
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
+        GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
+        box = (0, 0, self.viewport_width, self.viewport_height)
+        both = GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT
+        GL.glBlitFramebuffer(*box, *box, both, GL.GL_NEAREST)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._main_fb)
+
     def overlay(self, box: tuple[int, int, int, int] | None) -> None:
         """Go on without depth, in a box left, top, width, height [pixels] or in the whole."""
         GL.glDisable(GL.GL_DEPTH_TEST)
@@ -114,11 +128,6 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         """The picture (h, w, 4) uint8; it is written over by the next one."""
         self.overlay(None)
         width, height = self.viewport_width, self.viewport_height
-        if self._samples:
-            GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
-            GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
-            box = (0, 0, width, height)
-            GL.glBlitFramebuffer(*box, *box, GL.GL_COLOR_BUFFER_BIT, GL.GL_NEAREST)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         place = ctypes.c_void_p(self._picture.ctypes.data)

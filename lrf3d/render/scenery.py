@@ -9,18 +9,15 @@ from lrf3d.geometry import Bool, Float
 from lrf3d.mapping import LineMap
 from lrf3d.render.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
 from lrf3d.render.bindings import GL, pyrender
-from lrf3d.render.ground import SUN, paint_ground
+from lrf3d.render.ground import SUN
+from lrf3d.render.ground_layer import GroundLayer
 from lrf3d.render.palette import union_colours
 from lrf3d.render.primitives import Mesh, Primitive, Single
 from lrf3d.render.robot_model import robot_primitive, world_from_robot
 from lrf3d.render.structures import Structures
-from lrf3d.render.textures import Texture
 from lrf3d.render.timeline import Moment, Timeline
-from lrf3d.render.walls import wall_primitive
+from lrf3d.render.walls import build_walls
 from lrf3d.simulation import Run
-
-_FARTHEST = 3000.0
-"""How far the ground goes [m]: to the horizon."""
 
 _FAN_REACH = 42.0
 """Range [m] at which the fan has faded to nothing: farther, it would only tint the street."""
@@ -48,10 +45,10 @@ class Scenery:
         self.reach = min(run.lrf.range_max, _FAN_REACH)
         self.scene = pyrender.Scene()
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
-        self.walls = wall_primitive(self.structures)
+        self.walls = build_walls(self.structures)
         self.robot = robot_primitive(run.lrf.height)
-        self.ground = Primitive("ground", (2,), corners * _FARTHEST)
-        self.sky = Primitive("sky", (2,), _mesh(12, 48))
+        self.ground = GroundLayer(self.structures)
+        self.sky = Primitive("sky", (2,), _mesh(10, 10))
         self.blob = Primitive("blob", (2,), corners, blend=True)
         self.trail = _trail(run, self.origin, timeline.jumps)
         self.fan = _dynamic("fan", (3, 1))
@@ -64,8 +61,6 @@ class Scenery:
         self.beams: Beams | None = None
         for primitive in self.all:
             self.scene.add(Mesh([primitive]))
-        ground = paint_ground(self.structures)
-        self.ground.texture = Texture(ground.picture, far=True)
         self._constant = {
             "sun": tuple(SUN.tolist()),
             "haze": self.haze,
@@ -73,15 +68,14 @@ class Scenery:
             "lift": 0.0,
             "reach": self.reach,
             "strength": 0.42,
-            "beyond": (*ground.beyond, 12.0 if self.structures.indoor else 60.0),
-            "area": (*ground.corner.tolist(), *ground.size.tolist()),
         }
 
     @property
     def all(self) -> tuple[Primitive, ...]:
         """All primitives."""
-        solid = (self.walls, self.robot, self.ground, self.sky, self.blob, self.trail)
-        return (*solid, self.fan, self.lines, self.trace, self.dots, self.map)
+        walls = (self.walls.facades, self.walls.plain)
+        solid = (self.robot, *walls, *self.ground.primitives, self.sky)
+        return (*solid, self.blob, self.trail, self.fan, self.lines, self.trace, self.dots, self.map)
 
     @property
     def haze(self) -> tuple[float, float, float, float]:
@@ -107,6 +101,11 @@ class Scenery:
             self._map_shown = stage
             self.map.update(_map_lines(stage, self.origin, self.run.lrf.height))
         return moved
+
+    def look_from(self, matrix: Float, eye: Float) -> None:
+        """Choose what can be seen in a picture of a matrix (4, 4) from an eye (3,)."""
+        self.walls.look_from(matrix, eye)
+        self.ground.look_from(eye)
 
     def driven(self, moment: Moment) -> float:
         """The time of the trajectory at which the robot is where the moment has it [s]."""

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Bool, Float, directions
+from lrf3d.geometry import Bool, Float, Int, directions
 from lrf3d.render.palette import object_colours
 from lrf3d.simulation import Run
 
@@ -28,22 +28,26 @@ class Structures:
 
     Args:
         segments: (n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left.
+        objects: (n,) the object that each wall belongs to.
         heights: (n,) heights [m].
         colours: (n, 3) red, green, blue in 0…1.
         seeds: (n,) a number in 0…1 for each wall, the same for all walls of an object.
         closed: (n,) whether the wall belongs to a solid and so has one visible side.
         solids: (k,) polygons of the solids.
+        solid_objects: (k,) the object that each solid is.
         solid_heights: (k,) heights of their roofs [m].
         solid_colours: (k, 3) colours of their walls.
         indoor: Whether this is the inside of a house.
     """
 
     segments: Float
+    objects: Int
     heights: Float
     colours: Float
     seeds: Float
     closed: Bool
     solids: NDArray[Any]
+    solid_objects: Int
     solid_heights: Float
     solid_colours: Float
     indoor: bool
@@ -73,14 +77,37 @@ class Structures:
         np.maximum.at(tops, world.objects, world.heights)
         return cls(
             segments=facing,
+            objects=world.objects,
             heights=world.heights,
             colours=colours[world.objects].reshape(-1, 3),
             seeds=np.modf(world.objects * 0.7548776662 + 0.11)[0],
             closed=closed,
             solids=areas[found],
+            solid_objects=found,
             solid_heights=tops[found],
             solid_colours=colours[found].reshape(-1, 3),
             indoor=indoor,
+        )
+
+    def within(self, low: Float, high: Float) -> "Structures":
+        """The walls and solids that reach into a box from low (2,) to high (2,) [m]."""
+        least = np.minimum(self.segments[:, :2], self.segments[:, 2:])
+        most = np.maximum(self.segments[:, :2], self.segments[:, 2:])
+        walls = ((least <= high) & (most >= low)).all(axis=1)
+        bounds = shapely.bounds(self.solids).reshape(-1, 4)
+        solids = ((bounds[:, :2] <= high) & (bounds[:, 2:] >= low)).all(axis=1)
+        return Structures(
+            segments=self.segments[walls],
+            objects=self.objects[walls],
+            heights=self.heights[walls],
+            colours=self.colours[walls],
+            seeds=self.seeds[walls],
+            closed=self.closed[walls],
+            solids=self.solids[solids],
+            solid_objects=self.solid_objects[solids],
+            solid_heights=self.solid_heights[solids],
+            solid_colours=self.solid_colours[solids],
+            indoor=self.indoor,
         )
 
 

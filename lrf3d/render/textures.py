@@ -17,15 +17,16 @@ class Texture:
     def __init__(self, picture: NDArray[np.uint8], *, far: bool = False) -> None:
         height, width, channels = picture.shape
         self._format = GL.GL_RGB if channels == 3 else GL.GL_RGBA
-        inside = GL.GL_RGB8 if channels == 3 else GL.GL_RGBA8
         self.id: int = GL.glGenTextures(1)
         self.size = (width, height)
+        self._far = far
         GL.glBindTexture(GL.GL_TEXTURE_2D, self.id)
-        # Rows of three bytes a pixel do not fill whole words.
+        # Rows of three bytes a pixel do not fill whole words. Software OpenGL reads pixels of four
+        # bytes several times as fast as those of three.
         GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
         data = np.ascontiguousarray(picture)
         GL.glTexImage2D(
-            GL.GL_TEXTURE_2D, 0, inside, width, height, 0, self._format, GL.GL_UNSIGNED_BYTE, data
+            GL.GL_TEXTURE_2D, 0, GL.GL_RGBA8, width, height, 0, self._format, GL.GL_UNSIGNED_BYTE, data
         )
         smaller = GL.GL_LINEAR_MIPMAP_NEAREST if far else GL.GL_LINEAR
         GL.glTexParameteri(GL.GL_TEXTURE_2D, GL.GL_TEXTURE_MIN_FILTER, smaller)
@@ -43,6 +44,8 @@ class Texture:
         GL.glTexSubImage2D(
             GL.GL_TEXTURE_2D, 0, 0, 0, width, height, self._format, GL.GL_UNSIGNED_BYTE, data
         )
+        if self._far:
+            GL.glGenerateMipmap(GL.GL_TEXTURE_2D)
 
     def bind(self) -> None:
         """Make it the picture that shaders read."""

@@ -1,13 +1,16 @@
-"""Walls and roofs as one primitive: faces with a place in metres, from which shaders paint."""
+"""Walls and roofs as two primitives: faces with a place in metres, from which shaders paint."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Float, directions, lengths
-from lrf3d.render.primitives import Primitive, Single, quad_indices
+from lrf3d.geometry import Float, Int, directions, lengths
+from lrf3d.render.parts import Boxes, PartedPrimitive, Parts
+from lrf3d.render.primitives import Single, quad_indices
+from lrf3d.render.skyline import Skyline
 from lrf3d.render.structures import Structures
 
 FACADE, PLAIN, ROOF, CAP = 0.0, 1.0, 2.0, 3.0
@@ -23,20 +26,105 @@ _LOWEST_FACADE = 3.0
 """Walls below this height [m] are fences and garden walls: no windows."""
 
 
-def wall_primitive(structures: Structures) -> Primitive:
+_LONGEST = 60.0
+"""Side of a square [m] that a part is cut to: a block of a mile is not drawn for its corner."""
+
+
+@dataclass(frozen=True, slots=True)
+class Walls:
+    """What can be seen of a world's walls, in parts that are drawn only where they are in sight.
+
+    Args:
+        facades: Walls with windows.
+        plain: Walls without, roofs, and the tops of free walls.
+        parts: Where the parts of both stand.
+    """
+
+    facades: PartedPrimitive
+    plain: PartedPrimitive
+    parts: Parts
+
+    def look_from(self, matrix: Float, eye: Float) -> None:
+        """Choose what a picture of a matrix (4, 4) from an eye (3,) may show."""
+        seen = self.parts.seen(matrix, eye)
+        self.facades.select(seen)
+        self.plain.select(seen)
+
+
+def build_walls(structures: Structures) -> Walls:
     """Build the faces of all walls, the roofs of solids and the tops of free walls."""
-    closed = structures.closed
-    faces = [
-        _wall_faces(structures, np.flatnonzero(closed), turned=False),
-        _wall_faces(structures, np.flatnonzero(~closed), turned=False),
-        _wall_faces(structures, np.flatnonzero(~closed), turned=True),
-        _caps(structures, np.flatnonzero(~closed)),
-    ]
-    quads = np.concatenate(faces)
-    roofs, roof_indices = _roofs(structures)
-    vertices = np.concatenate([quads.reshape(-1, sum(_SIZES)), roofs])
-    indices = np.concatenate([quad_indices(len(quads)), roof_indices + 4 * len(quads)])
-    return Primitive("walls", _SIZES, vertices, indices=indices.astype(np.uint32), cull=True)
+    solid, free = np.flatnonzero(structures.closed), np.flatnonzero(~structures.closed)
+    quads = np.concatenate(
+        [
+            _wall_faces(structures, solid, turned=False),
+            _wall_faces(structures, free, turned=False),
+            _wall_faces(structures, free, turned=True),
+            _caps(structures, free),
+        ]
+    )
+    roofs, roof_objects = _roofs(structures)
+    windows = quads[:, 0, 13] < PLAIN
+    objects = structures.objects[np.concatenate([solid, free, free, free])]
+    quad_parts, roof_parts, parts = _parts(structures, quads, objects, roofs, roof_objects)
+    size = sum(_SIZES)
+    pieces = []
+    for program, chosen, triangles in (
+        ("facade", windows, np.zeros((0, 3, size), np.float32)),
+        ("walls", ~windows, roofs),
+    ):
+        count = int(chosen.sum())
+        corners = 4 * count + np.arange(3 * len(triangles), dtype=np.uint32)
+        pieces.append(
+            PartedPrimitive(
+                program,
+                _SIZES,
+                np.concatenate([quads[chosen].reshape(-1, size), triangles.reshape(-1, size)]),
+                np.concatenate([quad_indices(count), corners]).reshape(-1, 3).astype(np.uint32),
+                np.concatenate([np.repeat(quad_parts[chosen], 2), roof_parts[: len(triangles)]]),
+                len(parts.boxes.low),
+            )
+        )
+    return Walls(pieces[0], pieces[1], parts)
+
+
+def _parts(
+    structures: Structures, quads: Single, quad_objects: Int, roofs: Single, roof_objects: Int
+) -> tuple[Int, Int, Parts]:
+    """The part of each quad and of each roof triangle, and the parts: objects, or pieces of them."""
+    middles = np.concatenate([quads[:, :, :2].mean(axis=1), roofs[:, :, :2].mean(axis=1)])
+    cells = np.floor(middles / _LONGEST).astype(np.int64)
+    objects = np.concatenate([quad_objects, roof_objects])
+    keys = np.column_stack([objects, cells])
+    # Small objects are one part wherever they stand.
+    small = _sizes_of(structures)[objects] <= _LONGEST
+    keys[small, 1:] = 0
+    _, owners = np.unique(keys, axis=0, return_inverse=True)
+    owners = owners.reshape(-1)
+    points = np.concatenate([quads[:, :, :3].reshape(-1, 3), roofs[:, :, :3].reshape(-1, 3)])
+    point_owners = np.concatenate(
+        [np.repeat(owners[: len(quads)], 4), np.repeat(owners[len(quads) :], 3)]
+    )
+    boxes = Boxes.around(points.astype(np.float64), point_owners, int(owners.max(initial=-1)) + 1)
+    return owners[: len(quads)], owners[len(quads) :], Parts(boxes, _skyline(structures))
+
+
+def _sizes_of(structures: Structures) -> Float:
+    """The longer side (objects,) of the box around each object [m]."""
+    count = int(structures.objects.max(initial=-1)) + 1
+    ends = structures.segments.reshape(-1, 2)
+    flat = np.column_stack([ends, np.zeros(len(ends))])
+    boxes = Boxes.around(flat, np.repeat(structures.objects, 2), count)
+    return np.asarray((boxes.high - boxes.low).max(axis=1))
+
+
+def _skyline(structures: Structures) -> Skyline:
+    """What hides parts: the solids, as high as their lowest walls."""
+    solid = np.flatnonzero(structures.closed)
+    order = solid[np.argsort(structures.objects[solid], kind="stable")]
+    _, starts, sizes = np.unique(structures.objects[order], return_index=True, return_counts=True)
+    lows = structures.heights[order]
+    heights = np.minimum.reduceat(lows, starts) if len(starts) else np.zeros(0)
+    return Skyline(structures.segments[order, :2], sizes, heights)
 
 
 def _wall_faces(structures: Structures, walls: NDArray[Any], *, turned: bool) -> Single:
@@ -89,10 +177,10 @@ def _flat(corners: Float, heights: Float, colours: Float, kind: float) -> Single
     return faces
 
 
-def _roofs(structures: Structures) -> tuple[Single, NDArray[Any]]:
-    """Triangles of the roofs: vertices (v, 14) and indices (3 · t,)."""
+def _roofs(structures: Structures) -> tuple[Single, Int]:
+    """Triangles (t, 3, 14) of the roofs, and the object (t,) of each."""
     if not len(structures.solids):
-        return np.zeros((0, sum(_SIZES)), np.float32), np.zeros(0, np.uint32)
+        return np.zeros((0, 3, sum(_SIZES)), np.float32), np.zeros(0, np.int64)
     triangles, solid = shapely.get_parts(
         shapely.constrained_delaunay_triangles(structures.solids), return_index=True
     )
@@ -101,4 +189,4 @@ def _roofs(structures: Structures) -> tuple[Single, NDArray[Any]]:
     clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0.0
     corners[clockwise] = corners[clockwise][:, ::-1]
     faces = _flat(corners, structures.solid_heights[solid], structures.solid_colours[solid], ROOF)
-    return faces.reshape(-1, sum(_SIZES)), np.arange(3 * len(faces), dtype=np.uint32)
+    return faces, structures.solid_objects[solid]

@@ -30,6 +30,9 @@ bool shown(vec3 place, vec2 side, float metres) {
     return metres > 1e3 || dot(eye.xy - place.xy, side) >= 0.0;
 }
 
+// A number in 0…1 for a cell, without a sine.
 float chance(vec2 cell) {
-    return fract(sin(dot(cell, vec2(12.9898, 78.233))) * 43758.5453);
+    vec2 mixed = fract(cell * vec2(0.1031, 0.1137));
+    mixed += dot(mixed, mixed.yx + 33.33);
+    return fract((mixed.x + mixed.y) * mixed.x);
 }

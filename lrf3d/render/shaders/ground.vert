@@ -1,6 +1,10 @@
 layout(location = 0) in vec2 corner;
-out vec2 place;
+uniform vec4 area;      // lower left corner of the picture [m], and one over its size [1/m]
+out vec2 uv;
+out vec3 way;           // from the eye, in units of the haze
 void main() {
-    place = corner;
-    gl_Position = view_projection * vec4(corner, 0.0, 1.0);
+    uv = (corner - area.xy) * area.zw;
+    vec3 place = vec3(corner, 0.0);
+    way = (place - eye) * haze.a;
+    gl_Position = view_projection * vec4(place, 1.0);
 }

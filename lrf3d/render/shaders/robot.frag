@@ -1,13 +1,17 @@
-in vec3 world;
+in vec3 to_eye;
 in vec3 facing;
-in vec3 paint;
+flat in vec3 paint;
 out vec4 colour;
 void main() {
     vec3 up = normalize(facing);
-    vec3 to_eye = normalize(eye - world);
+    vec3 back = normalize(to_eye);
     float light = 0.56 + 0.36 * max(dot(up, sun), 0.0) + 0.06 * up.z;
-    float shine = pow(max(dot(up, normalize(sun + to_eye)), 0.0), 40.0);
-    float rim = pow(1.0 - max(dot(up, to_eye), 0.0), 3.0);
-    vec3 shaded = paint * light + 0.22 * shine + 0.07 * rim;
-    colour = vec4(hazed(shaded, world), 1.0);
+    float shine = max(dot(up, normalize(sun + back)), 0.0);
+    // Powers by squaring: 32 and 3.
+    shine *= shine; shine *= shine; shine *= shine; shine *= shine; shine *= shine;
+    float rim = 1.0 - max(dot(up, back), 0.0);
+    vec3 shaded = paint * light + 0.22 * shine + 0.07 * rim * rim * rim;
+    vec3 way = to_eye * haze.a;
+    float far = dot(way, way);
+    colour = vec4(mix(shaded, haze.rgb, far / (1.0 + far)), 1.0);
 }

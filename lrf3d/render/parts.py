@@ -1,0 +1,138 @@
+"""Parts: which pieces of a large scene stand in the picture, near ones first.
+
+In go the triangles of static primitives, each owned by a part such as a building; for a camera
+the parts leave that it may see. What is left out is not on the graphics side's mind at all, and
+what is drawn from near to far is painted once: the farther pixels fail their depth test.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.geometry import Float, Int
+from lrf3d.render.primitives import Primitive, Single
+from lrf3d.render.skyline import Skyline
+
+TILE = 160.0
+"""Side of a tile [m]: parts are looked at one by one only in tiles that are in sight."""
+
+FEW = 48
+"""So few parts in the picture are drawn without asking which of them hide others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """Boxes around things.
+
+    Args:
+        low: (n, 3) least x, y, z [m].
+        high: (n, 3) largest x, y, z [m].
+    """
+
+    low: Float
+    high: Float
+
+    @classmethod
+    def around(cls, points: Float, owners: Int, count: int) -> "Boxes":
+        """Boxes around the points (m, 3) of each owner; each of the owners has some."""
+        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        np.minimum.at(low, owners, points)
+        np.maximum.at(high, owners, points)
+        return cls(low, high)
+
+    def inside(self, matrix: Float, chosen: Int) -> Int:
+        """Those of the chosen boxes that a picture may show, by its matrix (4, 4)."""
+        low, high = self.low[chosen], self.high[chosen]
+        seen = np.ones(len(chosen), dtype=bool)
+        for plane in (
+            matrix[3], matrix[3] + matrix[0], matrix[3] - matrix[0], matrix[3] + matrix[1],
+            matrix[3] - matrix[1],
+        ):  # fmt: skip
+            # The corner that lies farthest on the inner side of the plane.
+            corner = np.where(plane[:3] > 0.0, high, low)
+            seen &= corner @ plane[:3] + plane[3] > 0.0
+        return np.asarray(chosen[seen])
+
+    def nearest(self, eye: Float, chosen: Int) -> Float:
+        """How far off the nearest point of each of the chosen boxes is, seen from above [m]."""
+        gap = np.maximum(self.low[chosen, :2] - eye[:2], eye[:2] - self.high[chosen, :2])
+        return np.hypot(*np.maximum(gap, 0.0).T)
+
+
+class Parts:
+    """The parts of a scene.
+
+    Args:
+        boxes: Where each part stands.
+        skyline: What hides parts from low eyes.
+    """
+
+    def __init__(self, boxes: Boxes, skyline: Skyline) -> None:
+        self.boxes = boxes
+        self._skyline = skyline
+        middles = 0.5 * (boxes.low + boxes.high)[:, :2]
+        cells = np.floor(middles / TILE).astype(np.int64)
+        _, tiles = np.unique(cells, axis=0, return_inverse=True)
+        tiles = tiles.reshape(-1)
+        count = int(tiles.max(initial=-1)) + 1
+        both = np.concatenate([boxes.low, boxes.high])
+        self._tiles = Boxes.around(both, np.concatenate([tiles, tiles]), count)
+        self._by_tile = np.argsort(tiles, kind="stable")
+        self._sizes = np.bincount(tiles, minlength=count)
+        self._starts = np.cumsum(self._sizes) - self._sizes
+
+    def seen(self, matrix: Float, eye: Float) -> Int:
+        """The parts that a picture of a matrix (4, 4) from an eye (3,) may show, near ones first."""
+        tiles = self._tiles.inside(matrix, np.arange(len(self._sizes)))
+        inside = self.boxes.inside(matrix, self._by_tile[ranges(self._starts, self._sizes, tiles)])
+        away = self.boxes.nearest(eye, inside)
+        order = np.argsort(away, kind="stable")
+        inside, away = inside[order], away[order]
+        if len(inside) <= FEW:
+            return inside
+        # The row of the matrix that gives depth tells where the eye looks.
+        return self._skyline.unhidden(inside, away, self.boxes.low, self.boxes.high, eye, matrix[3])
+
+
+class PartedPrimitive(Primitive):
+    """A static primitive of which only chosen parts are drawn.
+
+    Args:
+        program: Name of the program.
+        sizes: Number of floats of each vertex attribute.
+        vertices: (n, sum of sizes) the vertices.
+        triangles: (m, 3) which vertices make the triangles.
+        owners: (m,) the part that each triangle belongs to.
+        parts: How many parts there are.
+    """
+
+    def __init__(
+        self,
+        program: str,
+        sizes: tuple[int, ...],
+        vertices: Single,
+        triangles: NDArray[np.uint32],
+        owners: Int,
+        parts: int,
+    ) -> None:
+        order = np.argsort(owners, kind="stable")
+        self._all = np.ascontiguousarray(triangles[order], dtype=np.uint32)
+        self._sizes = np.bincount(owners, minlength=parts)
+        self._starts = np.cumsum(self._sizes) - self._sizes
+        self._shown: Int = np.zeros(0, dtype=np.int64)
+        super().__init__(program, sizes, vertices, indices=self._all.ravel(), cull=True)
+
+    def select(self, parts: Int) -> None:
+        """Draw these parts from now on, in their order."""
+        if np.array_equal(parts, self._shown):
+            return
+        self._shown = parts
+        self.choose(self._all[ranges(self._starts, self._sizes, parts)].ravel())
+
+
+def ranges(starts: Int, sizes: Int, chosen: Int) -> Int:
+    """The numbers from each chosen start on, as many as its size, one range after the other."""
+    counts = sizes[chosen]
+    before = np.cumsum(counts) - counts
+    return np.repeat(starts[chosen] - before, counts) + np.arange(int(counts.sum()))
