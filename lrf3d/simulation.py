@@ -2,19 +2,20 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from lrf3d.casting import EmbreeCaster
-from lrf3d.casting.mover import Mover
-from lrf3d.casting.timed import Caster, timed
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
-from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
+
+if TYPE_CHECKING:
+    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.timed import Caster
 
 MAP_SNAPSHOTS = 100
 """How many stages of the growing map a run keeps at most: enough for a film, and each takes the
@@ -94,11 +95,11 @@ def simulate(
     trajectory: Trajectory | Float,
     lrf: LaserRangeFinder | None = None,
     *,
-    caster: Caster | None = None,
+    caster: "Caster | None" = None,
     noise: Noise | None = None,
     mapper: Mapper | None = None,
     rng: np.random.Generator | int | None = None,
-    movers: Sequence[Mover] = (),
+    movers: "Sequence[Mover]" = (),
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Run:
     """Drive through a world, scan at every pose, and map.
@@ -120,9 +121,16 @@ def simulate(
     if not isinstance(trajectory, Trajectory):
         trajectory = Trajectory(np.arange(len(trajectory)), trajectory)
     lrf = LaserRangeFinder() if lrf is None else lrf
+    # Films and figures read runs without casting a beam; they need not wait for compilers.
+    from lrf3d.casting import EmbreeCaster
+    from lrf3d.casting.timed import timed
+
     cast = timed(EmbreeCaster(world) if caster is None else caster, lrf, trajectory, movers)
     noise = ProportionalNoise(0.0) if noise is None else noise
-    mapper = LineMapper() if mapper is None else mapper
+    if mapper is None:
+        from lrf3d.mapping import LineMapper
+
+        mapper = LineMapper()
     rng = np.random.default_rng(rng)
     count = len(trajectory)
     ranges, truth = np.empty((count, lrf.beams)), np.empty((count, lrf.beams))

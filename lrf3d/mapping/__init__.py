@@ -1,7 +1,27 @@
-"""Mapping: from scans to a map of line segments in unions (section 3 of Teslić et al.)."""
+"""Mapping: from scans to a map of line segments in unions (section 3 of Teslić et al.).
+
+The mapper is compiled, which takes a library that readers of finished maps need not wait for: it
+is loaded when it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.line_mapper import LineMapper
-from lrf3d.mapping.vertex_fit import fit_vertices
+
+if TYPE_CHECKING:
+    from lrf3d.mapping.line_mapper import LineMapper
+    from lrf3d.mapping.vertex_fit import fit_vertices
+
+_HOME = {"LineMapper": "line_mapper", "fit_vertices": "vertex_fit"}
 
 __all__ = ["LineMap", "LineMapper", "fit_vertices"]
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name from its module at its first use."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'lrf3d.mapping' has no attribute {name!r}")
+    value = getattr(import_module(f"lrf3d.mapping.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
