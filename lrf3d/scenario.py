@@ -17,6 +17,7 @@ from lrf3d.geometry import Float
 from lrf3d.laser import Imperfections, LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.world import World, load_world
+from lrf3d.world.cameras import check_view
 from lrf3d.world.files import find_world
 from lrf3d.world.settings import read_settings
 from lrf3d.world.toml_file import WorldFile, read_toml
@@ -44,7 +45,8 @@ class Scenario:
         scan_interval: Time between two scans [s].
         radius: Radius of the robot [m].
         mapper: Keyword arguments for the mapper.
-        view: Where the film is seen from: ``chase``, ``top`` or ``orbit``.
+        view: Where the film is seen from: ``chase``, ``first``, ``orbit``,
+            ``top``, or the name of one of the world's cameras.
         playback: Simulated seconds in a second of film.
         name: What the scenario is called in files and pictures.
     """
@@ -118,8 +120,17 @@ def _scenario(file: WorldFile) -> Scenario:
         mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
         name=file.path.stem,
         **robot,
-        **file.tables.get("camera", {}),
+        **_film(file),
     )
+
+
+def _film(file: WorldFile) -> Mapping[str, Any]:
+    values = file.tables.get("film", {})
+    try:
+        check_view(values.get("view", "chase"), file.world.cameras)
+    except InputError as error:
+        file.refuse(("film", "view"), str(error))
+    return values
 
 
 def _range_finder(file: WorldFile) -> LaserRangeFinder:

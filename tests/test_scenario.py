@@ -66,7 +66,7 @@ def test_every_table_reaches_the_scenario_with_angles_in_radians(tmp_path: Path)
         mode = "paper"
         min_points = 5
         merge_distance = 0.3
-        [camera]
+        [film]
         view = "top"
         playback = 2
         """,
@@ -98,6 +98,7 @@ def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path: Path) -
             "[robot]\nroute = [[0, 1], [0, 5]]\nposes = [[0, 0, 0]]\n",
             "w.toml:5: robot.poses: stand beside a route",
         ),
+        ("[film]\nview = 'x'\n", "w.toml:4: film.view: view 'x': expected one of chase, first"),
         ("[laser]\nrange_min = 3\nrange_max = 2\n", "w.toml:3: laser: range finder: range_min 3"),
         ("[laser]\nangle_min_deg = 90\nangle_max_deg = 0\n", "w.toml:3: laser: .*swap them"),
     ],

@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from lrf3d.errors import OutputError, WorldError
 from lrf3d.world import World, load_world, world_names
+from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.files import save_world
 
 
@@ -22,6 +23,19 @@ coordinates = st.one_of(
     st.floats(447_000.0, 448_000.0),
 )
 names = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
+
+
+places = st.tuples(coordinates, coordinates, st.floats(-10.0, 50.0))
+cameras = st.lists(
+    st.builds(
+        lambda name, place, field: FixedCamera(f"c{name}", place, (*place[:2], 1e9), field),
+        names,
+        places,
+        st.floats(0.1, 160.0),
+    ),
+    max_size=2,
+    unique_by=lambda camera: camera.name,
+).map(tuple)
 
 
 @st.composite
@@ -65,6 +79,7 @@ def worlds(draw: st.DrawFn) -> World:
         draw(names),
         object_names=tuple(called) if any(called) else (),
         colours=colours,
+        cameras=draw(cameras),
     )
 
 
@@ -85,6 +100,7 @@ def test_a_world_comes_back_from_a_file_as_it_was(
         assert np.array_equal(back.colours, world.colours, equal_nan=True)
         assert back.object_names == world.object_names
         assert back.name == world.name
+        assert back.cameras == world.cameras
 
     check()
 

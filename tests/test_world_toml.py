@@ -15,6 +15,14 @@ closed = true
 """
 
 
+GATE = """\
+[[camera]]
+name = "gate"
+position = [1, 2, 3]
+target = [9, 9, 1]
+"""
+
+
 def read(text: str, folder: Path):
     path = folder / "w.toml"
     path.write_text(text, encoding="utf-8")
@@ -87,7 +95,14 @@ def test_objects_may_be_an_array_of_inline_tables(tmp_path: Path) -> None:
         (HOUSE + "[noise]\nsigma = [0.1, -1]\n", "w.toml:6: noise.sigma[1]: expected a finite"),
         (HOUSE + "[noise]\nsigma = []\n", "w.toml:6: noise.sigma: expected a sigma or a list"),
         (HOUSE + "[mapper]\nmode = 'x'\n", "w.toml:6: mapper.mode: expected one of paper, robust"),
-        (HOUSE + "[camera]\nview = 'x'\n", "w.toml:6: camera.view: expected one of chase, top"),
+        (HOUSE + "[camera]\nview = 'x'\n", "w.toml:5: camera: expected tables [[camera]]"),
+        (HOUSE + "[[camera]]\nnam = 'x'\n", "w.toml:6: camera[0].nam: unknown key; did you mean"),
+        (HOUSE + "[[camera]]\nname = 'x'\n", "w.toml:5: camera[0]: expected a position"),
+        (HOUSE + GATE.replace("2, 3]", "2]"), "w.toml:7: camera[0].position: expected [x, y, z]"),
+        (HOUSE + GATE.replace("[9, 9, 1]", "[1, 2, 3]"), "w.toml:5: camera[0]: camera 'gate': pos"),
+        (HOUSE + GATE.replace("gate", "top"), "w.toml:5: camera[0]: camera name 'top': expected"),
+        (HOUSE + GATE + "field_deg = 0\n", "w.toml:9: camera[0].field_deg: expected a finite"),
+        (HOUSE + 2 * GATE, "w.toml:10: camera[1].name: a second camera 'gate'"),
         (HOUSE + "[robot]\nstart = [1, 2]\n", "w.toml:6: robot.start: expected [x, y, degrees]"),
         (HOUSE + "name = 'b'\n", "w.toml:5: not TOML: Cannot overwrite a value"),
         (HOUSE + "x = \n", "w.toml:5: not TOML: Invalid value at column 5"),

@@ -21,15 +21,6 @@ class CasterName(StrEnum):
     PLANAR = "planar"
 
 
-class View(StrEnum):
-    """Where a film is seen from."""
-
-    CHASE = "chase"
-    FIRST = "first"
-    ORBIT = "orbit"
-    TOP = "top"
-
-
 WorldArgument = Annotated[
     str, typer.Argument(metavar="WORLD", help="A built-in world, or a file: .toml, .geojson.")
 ]
@@ -46,7 +37,10 @@ IgnoreCollisions = Annotated[
     bool, typer.Option("--ignore-collisions", help="Only warn of a drive into a wall.")
 ]
 Out = Annotated[Path | None, typer.Option(help="Folder for what comes out; out/NAME if not given.")]
-ViewOption = Annotated[View | None, typer.Option(help="Where the film is seen from.")]
+ViewOption = Annotated[
+    str | None,
+    typer.Option(help="Where the film is seen from: chase, first, orbit, top, or a camera's name."),
+]
 Size = Annotated[str, typer.Option(metavar="WxH", help="Size of the film [pixels].")]
 Fps = Annotated[int, typer.Option(min=1, max=240, help="Frames a second of the film.")]
 Playback = Annotated[

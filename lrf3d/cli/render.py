@@ -38,7 +38,7 @@ def render(
     if path.suffix.lower() != ending:
         raise InputError(f"--out {path}: expected a name that ends in {ending}")
     make_folder(path.parent)
-    seen = options.View.CHASE if view is None else view
+    seen = "chase" if view is None else view
     pace = 1.0 if playback is None else playback
     if at is None:
         with progress_bar("film") as progress:
@@ -48,7 +48,7 @@ def render(
                 size=pixels,
                 fps=fps,
                 playback=pace,
-                view=seen.value,
+                view=seen,
                 samples=samples,
                 workers=workers,
                 progress=progress,
@@ -57,7 +57,7 @@ def render(
         return
     from PIL import Image
 
-    pixelmap = frame(kept, at, size=pixels, view=seen.value, samples=samples, playback=pace)
+    pixelmap = frame(kept, at, size=pixels, view=seen, samples=samples, playback=pace)
     picture = Image.fromarray(pixelmap)
     with replacing(path) as unfinished:
         picture.save(unfinished)

@@ -42,9 +42,12 @@ def run(
     from lrf3d.scenario import load_scenario
     from lrf3d.study.experiment import Experiment, with_route
     from lrf3d.study.outputs import Results, draw_results
+    from lrf3d.world.cameras import check_view
 
     pixels = options.parse_size(size)
     scenario = with_route(load_scenario(world, settings or ()))
+    seen = scenario.view if view is None else view
+    check_view(seen, scenario.world.cameras)
     folder = make_folder(Path("out") / scenario.name if out is None else out)
     sigmas = tuple(sigma) if sigma else scenario.sigmas
     experiment = Experiment(scenario, mode=mode, sigma=sigmas[0], seed=seed, caster=caster.value)
@@ -64,7 +67,7 @@ def run(
             size=pixels,
             fps=fps,
             playback=scenario.playback if playback is None else playback,
-            view=scenario.view if view is None else view.value,
+            view=seen,
             samples=samples,
             workers=workers,
         )

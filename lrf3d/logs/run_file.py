@@ -7,6 +7,8 @@ version               the version of this format, 1
 world_name            name of the world
 segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
                       object_names (o,) and colours (o, 3) beside them
+camera_names (c,)     names of the cameras that stand in the world; cameras (c, 7) their
+                      position and target x, y, z [m] and angle of view [degrees]
 lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
 scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
 times (k,)            time of each scan [s]
@@ -35,6 +37,7 @@ from lrf3d.output import replacing
 from lrf3d.robot import Trajectory
 from lrf3d.simulation import Run
 from lrf3d.world import World
+from lrf3d.world.cameras import FixedCamera
 
 VERSION = 1
 
@@ -54,6 +57,10 @@ def save_run(run: Run, path: str | Path) -> None:
         "heights": world.heights,
         "object_names": np.array(world.object_names, dtype=np.str_),
         "colours": world.colours,
+        "camera_names": np.array([camera.name for camera in world.cameras], dtype=np.str_),
+        "cameras": np.array(
+            [(*c.position, *c.target, c.field_deg) for c in world.cameras], dtype=np.float64
+        ).reshape(-1, 7),
         "lrf": np.array(
             [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
         ),
@@ -100,6 +107,15 @@ def load_run(path: str | Path) -> Run:
         raise InputError(f"{path}: not a run of lrf3d or damaged ({reason})") from None
 
 
+def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
+    # Runs that were kept before there were such cameras have none.
+    names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 7)))
+    return tuple(
+        FixedCamera(str(name), (x, y, z), (u, v, w), field)
+        for name, (x, y, z, u, v, w, field) in zip(names, rows.tolist(), strict=True)
+    )
+
+
 def _run(arrays: dict[str, Any]) -> Run:
     scans = len(arrays["times"]), int(arrays["lrf"][2])
     for name in ("ranges", "truth", "walls"):
@@ -112,6 +128,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         str(arrays["world_name"]),
         object_names=tuple(str(name) for name in arrays["object_names"]),
         colours=arrays["colours"],
+        cameras=_cameras(arrays),
     )
     angle_min, angle_max, beams, range_min, range_max, height = arrays["lrf"].tolist()
     lrf = LaserRangeFinder(

@@ -10,11 +10,11 @@ import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
-from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.render.look import Look, SmoothPath
 from lrf3d.render.structures import Structures
 from lrf3d.render.timeline import Timeline
+from lrf3d.world.cameras import FixedCamera, check_view
 
 
 class Camera(Protocol):
@@ -195,6 +195,23 @@ class First:
         return Look(eye, eye + ahead, float(self.FIELD), fan=0.45)
 
 
+class Fixed:
+    """Stands where the world says, and looks where it says."""
+
+    def __init__(self, camera: FixedCamera, origin: Float) -> None:
+        place = np.array([*origin, 0.0])
+        eye, target = np.array(camera.position) - place, np.array(camera.target) - place
+        ahead = target - eye
+        # Straight down or up there is no side that is up but the north.
+        level = np.hypot(ahead[0], ahead[1]) > 1e-6 * abs(ahead[2])
+        up = (0.0, 0.0, 1.0) if level else (0.0, 1.0, 0.0)
+        self._look = Look(eye, target, float(np.radians(camera.field_deg)), up=up)
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look, at any time."""
+        return self._look
+
+
 CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
     "chase": Chase,
     "first": First,
@@ -209,6 +226,8 @@ def make_camera(view: str, timeline: Timeline, structures: Structures) -> Camera
     Raises:
         InputError: There is no camera of that name.
     """
-    if view not in CAMERAS:
-        raise InputError(f"view {view!r}: expected one of {', '.join(sorted(CAMERAS))}")
-    return CAMERAS[view](timeline, structures)
+    world = timeline.run.world
+    check_view(view, world.cameras)
+    if view in CAMERAS:
+        return CAMERAS[view](timeline, structures)
+    return Fixed(next(c for c in world.cameras if c.name == view), world.origin)

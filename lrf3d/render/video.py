@@ -22,12 +22,13 @@ from lrf3d.render.gl import require_gl
 from lrf3d.render.timeline import Timeline
 from lrf3d.render.worker import Job
 from lrf3d.simulation import Run
+from lrf3d.world.cameras import MOVING_VIEWS, check_view
 
 Progress = Callable[[int, int], None]
 """Called with the number of frames done and the number of all."""
 
-VIEWS = ("chase", "first", "orbit", "top")
-"""Names of the cameras."""
+VIEWS = MOVING_VIEWS
+"""Names of the cameras that every world has."""
 
 SAMPLES = (0, 4)
 """Samples a pixel that can be asked for."""
@@ -59,7 +60,7 @@ def render_video(
         size: Width and height [pixels], both even.
         fps: Frames a second.
         playback: Seconds of the run in a second of the film.
-        view: Name of the camera: ``chase``, ``first``, ``orbit`` or ``top``.
+        view: Name of the camera: ``chase``, ``first``, ``orbit``, ``top``, or one of the world's.
         samples: Samples a pixel against jagged edges: 4, or 0 for none.
         workers: Number of processes; as many as there are cores where not given.
         progress: Called with frames done and frames in all, as the film grows.
@@ -69,7 +70,7 @@ def render_video(
         MissingLibraryError: There is no OpenGL on this machine.
         OutputError: The file cannot be written.
     """
-    _check(size, view, samples)
+    _check(run, size, view, samples)
     if size[0] % 2 or size[1] % 2:
         raise InputError(f"size {size[0]}x{size[1]}: H.264 needs even numbers")
     if not (fps > 0.0 and math.isfinite(fps) and playback > 0.0 and math.isfinite(playback)):
@@ -107,7 +108,7 @@ def frame(
         InputError: An argument is out of its range.
         MissingLibraryError: There is no OpenGL on this machine.
     """
-    _check(size, view, samples)
+    _check(run, size, view, samples)
     if not (math.isfinite(time) and math.isfinite(playback) and playback > 0.0):
         raise InputError(f"time {time} and playback {playback}: expected finite numbers of seconds")
     require_gl()
@@ -122,13 +123,12 @@ def _film(run: Run, size: tuple[int, int], view: str, samples: int, playback: fl
     return Film(run, size=size, view=view, samples=samples, playback=playback)
 
 
-def _check(size: tuple[int, int], view: str, samples: int) -> None:
+def _check(run: Run, size: tuple[int, int], view: str, samples: int) -> None:
     if not all(_SMALLEST <= side <= _LARGEST for side in size):
         raise InputError(
             f"size {size[0]}x{size[1]}: expected {_SMALLEST} to {_LARGEST} pixels a side"
         )
-    if view not in VIEWS:
-        raise InputError(f"view {view!r}: expected one of {', '.join(VIEWS)}")
+    check_view(view, run.world.cameras)
     if samples not in SAMPLES:
         raise InputError(f"samples {samples}: expected 0 or 4")
 

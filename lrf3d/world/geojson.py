@@ -6,6 +6,7 @@ its ``crs`` or by its size and laid flat about its middle. Heights above ground 
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -13,11 +14,13 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
+from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.dissolve import STRAIGHT, Block, Footprint, dissolve
 from lrf3d.world.geographic import centre_of, lay_flat, looks_geographic
 from lrf3d.world.geojson_features import Feature, features_of
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import walls
+from lrf3d.world.schema import Invalid, place
 from lrf3d.world.text_file import read_text
 
 DEFAULT_BUILDING_HEIGHT = 8.0
@@ -48,7 +51,8 @@ def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
         features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
     name = data.get("name")
     try:
-        return _world(features, name if isinstance(name, str) else path.stem, simplify)
+        world = _world(features, name if isinstance(name, str) else path.stem, simplify)
+        return replace(world, cameras=_cameras(data.get("cameras", [])))
     except WorldError as error:
         raise WorldError(f"{path}: {error}") from None
 
@@ -67,6 +71,24 @@ def _parse(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise WorldError(f"{path}: expected a GeoJSON object, found a JSON {type(data).__name__}")
     return data
+
+
+def _cameras(members: object) -> tuple[FixedCamera, ...]:
+    """The cameras that ``World.save`` wrote."""
+    try:
+        return tuple(
+            FixedCamera(
+                str(member["name"]),
+                place()(member["position"]),  # type: ignore[arg-type]
+                place()(member["target"]),  # type: ignore[arg-type]
+                float(member["field_deg"]),
+            )
+            for member in members  # type: ignore[attr-defined]
+        )
+    except (KeyError, TypeError, ValueError, Invalid) as error:
+        raise WorldError(
+            f"cameras: expected a list of name, position, target and field_deg ({error})"
+        ) from None
 
 
 def _refuse_constant(constant: str) -> NoReturn:

@@ -4,6 +4,7 @@ Walls are written as lines and not as polygons, which a reader would dissolve in
 """
 
 import json
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,12 @@ def geojson_text(world: World) -> str:
     bare = sorted(set(range(world.object_count)) - set(world.objects.tolist()))
     parts = [*(Part(number, (), np.empty(0)) for number in bare), *parts_of(world)]
     features = ",\n".join(json.dumps(_feature(part, world)) for part in parts)
+    # A member of our own, which other readers pass over as the standard tells them.
+    members = json.dumps([asdict(camera) for camera in world.cameras])
+    cameras = f' "cameras": {members},' if world.cameras else ""
     return (
         f'{{"type": "FeatureCollection", "name": {json.dumps(world.name)}, "units": "m",'
-        f' "features": [\n{features}\n]}}\n'
+        f'{cameras} "features": [\n{features}\n]}}\n'
     )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int, lengths, normal_lines
+from lrf3d.world.cameras import FixedCamera
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] where none is given: a room's storey."""
@@ -27,6 +28,7 @@ class World:
         heights: (n,) heights of the walls above the ground [m]; 2.5 where not given.
         name: What the world is called in pictures and files.
         object_names: A name for each object, or none at all.
+        cameras: Cameras that stand still in the world, each with a name of its own.
         colours: (objects, 3) red, green, blue in 0…1 for each object; NaN where none is given.
 
     Raises:
@@ -39,6 +41,7 @@ class World:
     name: str = ""
     object_names: tuple[str, ...] = field(default=(), kw_only=True)
     colours: Float = field(default=None, kw_only=True)  # type: ignore[arg-type]
+    cameras: tuple[FixedCamera, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         segments = _rows(self.segments, 4, "segments")
@@ -57,6 +60,7 @@ class World:
         colours = np.full((self.object_count, 3), np.nan) if self.colours is None else self.colours
         _set(self, "colours", _rows(colours, 3, "colours"))
         object.__setattr__(self, "object_names", tuple(self.object_names))
+        object.__setattr__(self, "cameras", tuple(self.cameras))
         names = len(self.object_names)
         if len(self.colours) != self.object_count or names not in (0, self.object_count):
             raise WorldError(

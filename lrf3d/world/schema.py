@@ -11,6 +11,7 @@ from typing import cast
 import numpy as np
 
 from lrf3d.geometry import Float
+from lrf3d.world.cameras import WIDEST
 from lrf3d.world.colours import parse_colour
 from lrf3d.world.locate import Path
 
@@ -136,6 +137,17 @@ def row(*names: str) -> Check:
     return check
 
 
+def place() -> Check:
+    """A check for a place; it returns a tuple x, y, z."""
+    check_row = row("x", "y", "z")
+
+    def check(value: object) -> tuple[float, float, float]:
+        x, y, z = cast(Float, check_row(value)).tolist()
+        return x, y, z
+
+    return check
+
+
 def rows(*names: str, least: int = 1) -> Check:
     """A check for a list of rows of finite numbers; it returns an array (k, names)."""
     check_row = row(*names)
@@ -217,5 +229,12 @@ TABLES: Mapping[str, Mapping[str, Check]] = {
         "merge_distance": _LENGTH,
         "floor": _LENGTH,
     },
-    "camera": {"view": text("chase", "top", "orbit"), "playback": _LENGTH},
+    "film": {"view": text(), "playback": _LENGTH},
+}
+
+CAMERA: Mapping[str, Check] = {
+    "name": text(),
+    "position": place(),
+    "target": place(),
+    "field_deg": number(above=0.0, most=WIDEST),
 }

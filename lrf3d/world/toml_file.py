@@ -1,7 +1,7 @@
 """World files in TOML: what a person writes, checked, with the line of whatever is wrong.
 
 A path enters; a :class:`WorldFile` leaves: the walls, and the tables on the robot, the laser,
-the noise, the mapper and the camera that :mod:`lrf3d.scenario` turns into a scenario.
+the noise, the mapper and the film that :mod:`lrf3d.scenario` turns into a scenario.
 """
 
 import re
@@ -16,10 +16,11 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, lengths
+from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.locate import Path, lines_of_keys, nearest_line
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import walls
-from lrf3d.world.schema import MOVER, OBJECT, TABLES, Check, Invalid, text
+from lrf3d.world.schema import CAMERA, MOVER, OBJECT, TABLES, Check, Invalid, text
 from lrf3d.world.text_file import read_text
 
 
@@ -29,7 +30,7 @@ class WorldFile:
 
     Args:
         world: The walls.
-        tables: The checked values of the tables robot, laser, noise, mapper and camera.
+        tables: The checked values of the tables robot, laser, noise, mapper and film.
         movers: The checked values of each table mover.
         path: The file.
         text: Its text, by which :meth:`refuse` finds lines.
@@ -55,14 +56,15 @@ def read_toml(path: FilePath) -> WorldFile:
     """
     document = _Document(path, read_text(path))
     data = document.parse()
-    document.check_keys(data, ["name", "object", *TABLES, "mover"], ())
+    document.check_keys(data, ["name", "object", *TABLES, "mover", "camera"], ())
     name = document.check(text(), data.get("name", path.stem), ("name",))
     tables = {
         key: document.check_table(data[key], checks, (key,))
         for key, checks in TABLES.items()
         if key in data
     }
-    world = document.world(data.get("object"), name)
+    cameras = document.cameras(data.get("camera", []))
+    world = document.world(data.get("object"), name, cameras)
     return WorldFile(world, tables, document.movers(data.get("mover", [])), path, document.text)
 
 
@@ -122,7 +124,29 @@ class _Document:
                 self.refuse(("mover", index), "expected a route, and a radius or points")
         return tuple(movers)
 
-    def world(self, tables: object, name: str) -> World:
+    def cameras(self, tables: object) -> tuple[FixedCamera, ...]:
+        if not isinstance(tables, list):
+            self.refuse(
+                ("camera",),
+                "expected tables [[camera]], each a camera that stands still; view and playback"
+                " stand in [film]",
+            )
+        cameras: list[FixedCamera] = []
+        for index, table in enumerate(tables):
+            path: Path = ("camera", index)
+            values = self.check_table(table, CAMERA, path)
+            for key in ("name", "position", "target"):
+                if key not in values:
+                    self.refuse(path, f"expected a {key}")
+            if values["name"] in [camera.name for camera in cameras]:
+                self.refuse((*path, "name"), f"a second camera {values['name']!r}")
+            try:
+                cameras.append(FixedCamera(**values))
+            except WorldError as error:
+                self.refuse(path, str(error))
+        return tuple(cameras)
+
+    def world(self, tables: object, name: str, cameras: tuple[FixedCamera, ...]) -> World:
         if not isinstance(tables, list) or not tables:
             self.refuse(("object",), "expected at least one table [[object]] with points")
         objects = [_Object(self, table, index) for index, table in enumerate(tables)]
@@ -152,6 +176,7 @@ class _Document:
             name,
             object_names=tuple(names) if any(names) else (),
             colours=colours,
+            cameras=cameras,
         )
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from lrf3d.geometry import Float
+from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.colours import colour_value
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, parts_of
@@ -25,7 +26,16 @@ def toml_text(world: World) -> str:
         if len(part.heights) and part.height_value != DEFAULT_HEIGHT:
             lines.append(f"height = {part.height_value!r}")
         blocks.append("\n".join(lines) + "\n")
+    blocks += [_camera(camera) for camera in world.cameras]
     return "\n".join(blocks)
+
+
+def _camera(camera: FixedCamera) -> str:
+    return (
+        f"[[camera]]\nname = {_quoted(camera.name)}\n"
+        f"position = {list(camera.position)!r}\ntarget = {list(camera.target)!r}\n"
+        f"field_deg = {camera.field_deg!r}\n"
+    )
 
 
 def _objects_without_walls(world: World) -> list[Part]:

@@ -1,0 +1,63 @@
+"""Fixed cameras: places in a world that a film can be seen from, by name."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from lrf3d.errors import InputError, WorldError
+
+MOVING_VIEWS = ("chase", "first", "orbit", "top")
+"""Names of the cameras that every world has; they move with the robot or see all."""
+
+DEFAULT_FIELD = 50.0
+"""Angle of view from the bottom to the top of the picture [degrees] where none is given."""
+
+WIDEST = 170.0
+"""Angles of view are less than this [degrees]."""
+
+
+@dataclass(frozen=True, slots=True)
+class FixedCamera:
+    """A camera that stands still.
+
+    Args:
+        name: What it is chosen by; none of the names that every world has.
+        position: x, y, z of the eye [m].
+        target: x, y, z of what stands in the middle of the picture [m].
+        field_deg: Angle of view from the bottom to the top of the picture [degrees].
+
+    Raises:
+        WorldError: The name is taken or empty, or it looks nowhere.
+    """
+
+    name: str
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+    field_deg: float = DEFAULT_FIELD
+
+    def __post_init__(self) -> None:
+        if not self.name or self.name in MOVING_VIEWS:
+            raise WorldError(
+                f"camera name {self.name!r}: expected one of its own, other than"
+                f" {', '.join(MOVING_VIEWS)}"
+            )
+        if self.position == self.target:
+            raise WorldError(f"camera {self.name!r}: position and target are the same point")
+        if not 0.0 < self.field_deg < WIDEST:
+            raise WorldError(
+                f"camera {self.name!r}: field_deg {self.field_deg:g}, expected more than 0 and"
+                f" less than {WIDEST:g}"
+            )
+
+
+def check_view(view: str, cameras: Sequence[FixedCamera]) -> None:
+    """See that a view is one that every world has, or one of the cameras.
+
+    Raises:
+        InputError: It is not.
+    """
+    known = [*MOVING_VIEWS, *(camera.name for camera in cameras)]
+    if view not in known:
+        near = get_close_matches(view, known, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise InputError(f"view {view!r}: expected one of {', '.join(known)}{hint}")
