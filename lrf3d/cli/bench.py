@@ -136,6 +136,41 @@ def score(
         print(score_text(result))
 
 
+@bench.command(epilog="Example: lrf3d bench render --figure render.png")
+def render(
+    buildings: Annotated[
+        str, typer.Option(metavar="N,N,…", help="Sizes of the generated cities [buildings].")
+    ] = "40,400,4000",
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Time for all; what has begun is finished.")
+    ] = 90.0,
+    ablate: Annotated[
+        bool, typer.Option("--ablate", help="Also time each piece of skipped work on and off.")
+    ] = False,
+    figure: Annotated[Path | None, typer.Option(help="A picture .png of time and error.")] = None,
+    json: options.Json = False,
+) -> None:
+    """Draw frames with lrf3d and with stock pyrender: how long it takes, and how clean they are."""
+    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.render.gl import require_gl
+
+    require_gl()
+    from lrf3d.study.bench.render_bench import bench_render
+    from lrf3d.study.bench.render_text import render_text
+
+    sizes = sorted(set(_numbers("--buildings", buildings, least=4)))
+    with progress_bar("bench render") as progress:
+        result = bench_render(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
+    if figure is not None:
+        from lrf3d.study.bench.render_figure import draw_render_benchmark
+
+        draw_render_benchmark(result, figure)
+    if json:
+        print_json(result.as_dict())
+    else:
+        print(render_text(result) if figure is None else f"{render_text(result)}\npicture {figure}")
+
+
 def _numbers(option: str, text: str, *, least: int) -> list[int]:
     """Whole numbers from a text with commas between them."""
     from lrf3d.errors import InputError

@@ -107,6 +107,10 @@ class Film:
         self._picture = self.renderer.finish()
         return self._picture
 
+    def forget(self) -> None:
+        """Draw the next picture even where it is the last one again."""
+        self._shown = None
+
     def close(self) -> None:
         """Free what the driver holds."""
         self.renderer.delete()

@@ -14,7 +14,7 @@ void main() {
     vec3 paint = colour_kind.rgb;
     float bright = dot(normal, sun);
     float light = 0.73 + 0.52 * max(bright, 0.0) + 0.10 * min(bright, 0.0);
-    foot = vec3(-1.0, 0.0, 0.0);
+    foot = vec3(-1e9, 0.0, 0.0);
     if (kind < 1.5) {
         light = mix(light, 0.90 + 0.16 * bright, indoor);
         foot = vec3(indoor > 0.5 ? 0.09 : 0.0, 0.16, 3.5);

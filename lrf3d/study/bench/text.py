@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.study.bench.ablation import Saving
 from lrf3d.study.bench.contest import BATCH, Entry
+from lrf3d.study.bench.ratios import Ratio
 from lrf3d.study.bench.scan import ScanBenchmark
 
 EXACT = "exact"
@@ -16,9 +18,9 @@ def scan_text(result: ScanBenchmark) -> str:
     if result.memory or result.first_calls:
         parts.append(_processes(result))
     if result.ratios:
-        parts.append(_ratios(result))
+        parts.append(ratio_table(result.ratios))
     if result.savings:
-        parts.append(_savings(result))
+        parts.append(saving_table(result.savings))
     if result.skipped:
         parts.append("\n".join(f"left out: {line}" for line in result.skipped))
     if result.busy:
@@ -95,7 +97,8 @@ def _processes(result: ScanBenchmark) -> str:
     return table(head, rows)
 
 
-def _ratios(result: ScanBenchmark) -> str:
+def ratio_table(ratios: Sequence[Ratio]) -> str:
+    """What a benchmark promises, as measured."""
     rows = [
         (
             ratio.name,
@@ -103,12 +106,13 @@ def _ratios(result: ScanBenchmark) -> str:
             f"{'≥' if ratio.at_least else '≤'} {ratio.bound:g}",
             "" if ratio.kept else "missed",
         )
-        for ratio in result.ratios
+        for ratio in ratios
     ]
     return table(("ratio", "measured", "meant", ""), rows)
 
 
-def _savings(result: ScanBenchmark) -> str:
+def saving_table(savings: Sequence[Saving]) -> str:
+    """What skipping work saves."""
     rows = [
         (
             saving.name,
@@ -116,7 +120,7 @@ def _savings(result: ScanBenchmark) -> str:
             duration(saving.done),
             f"{saving.done / saving.skipped:.3g} ×",
         )
-        for saving in result.savings
+        for saving in savings
     ]
     return table(("work that is skipped", "skipped", "done", "saves"), rows)
 

@@ -1,0 +1,131 @@
+"""Ablation of drawing: each piece of work that films skip, timed with it skipped and done."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.geometry import Float, Int
+from lrf3d.render.film import Film
+from lrf3d.render.parts import Parts
+from lrf3d.render.skyline import Skyline
+from lrf3d.simulation import Run
+from lrf3d.study.bench.ablation import Saving
+from lrf3d.study.bench.render_scenes import generated_run
+from lrf3d.study.timing import take_turns
+
+BUILDINGS = 1000
+"""Buildings of the city in which most are out of sight or hidden."""
+
+
+def ablate_render(
+    run: Run, times: Float, *, size: tuple[int, int], seconds: float
+) -> list[Saving]:
+    """Time frames of the city, and of a large one, with each piece of skipped work done again."""
+    large = generated_run(BUILDINGS)
+    large_times = np.linspace(*large.trajectory.times[[0, -1]], len(times))
+    caster = PlanarCaster(run.world)
+    usual, smooth, huge = (
+        _film(run, size, 0),
+        _film(run, size, 4),
+        _film(large, size, 0),
+    )
+    films = {
+        "far": _with_parts(_film(run, size, 0), _FarFirst),
+        "all": _with_parts(_film(large, size, 0), _Everything),
+        "unhidden": _with_parts(_film(large, size, 0), _NoSkyline),
+        "late": _flattened_late(_film(run, size, 4)),
+    }
+    calls: dict[str, Callable[[int], object]] = {
+        "usual": _fresh(usual, times),
+        "smooth": _fresh(smooth, times),
+        "huge": _fresh(huge, large_times),
+        "same": lambda number: usual.draw(float(times[0])),
+        "flip": lambda number: np.ascontiguousarray(usual.draw(float(times[0]))[::-1, :, :3]),
+        "scan": lambda number: run.scan(number % len(run)),
+        "cast": lambda number: caster.cast(run.lrf, run.trajectory.poses[number % len(run)]),
+        "far": _fresh(films["far"], times),
+        "all": _fresh(films["all"], large_times),
+        "unhidden": _fresh(films["unhidden"], large_times),
+        "late": _fresh(films["late"], times),
+    }
+    took = {name: timing.median for name, timing in take_turns(calls, seconds=seconds).items()}
+    # The picture that does not change is drawn by the same film, whose frames are in between.
+    for film in (usual, smooth, huge, *films.values()):
+        film.close()
+    frame = took["usual"]
+    return [
+        Saving(f"parts out of sight, {BUILDINGS:,} buildings", took["huge"], took["all"]),
+        Saving(f"parts hidden by others, {BUILDINGS:,} buildings", took["huge"], took["unhidden"]),
+        Saving("pixels behind others: near parts first", frame, took["far"]),
+        Saving("4 samples for layers that are soft", took["smooth"], took["late"]),
+        Saving("a frame in which nothing changed", took["same"], frame),
+        Saving("turning the picture over, without alpha", frame, frame + took["flip"]),
+        Saving("casting a scan again for the film", took["scan"], took["cast"]),
+    ]
+
+
+def _film(run: Run, size: tuple[int, int], samples: int) -> Film:
+    return Film(run, size=size, view="chase", samples=samples, playback=4.0)
+
+
+def _fresh(film: Film, times: Float) -> Callable[[int], object]:
+    def draw(number: int) -> object:
+        film.forget()
+        return film.draw(float(times[number % len(times)]))
+
+    return draw
+
+
+class _Everything:
+    """All parts, in no order."""
+
+    def __init__(self, parts: Parts) -> None:
+        self.boxes = parts.boxes
+        self._all = np.arange(len(parts.boxes.low))
+
+    def seen(self, matrix: Float, eye: Float) -> Int:
+        return self._all
+
+
+class _FarFirst:
+    """The parts in sight, far ones first."""
+
+    def __init__(self, parts: Parts) -> None:
+        self.boxes = parts.boxes
+        self._parts = parts
+
+    def seen(self, matrix: Float, eye: Float) -> Int:
+        return self._parts.seen(matrix, eye)[::-1]
+
+
+class _NoSkyline(Parts):
+    """The parts in the picture, also where others hide them."""
+
+    def __init__(self, parts: Parts) -> None:
+        super().__init__(
+            parts.boxes, Skyline(np.zeros((0, 2)), np.zeros(0, dtype=np.int64), np.zeros(0))
+        )
+
+
+def _with_parts(film: Film, kind: Callable[[Parts], Any]) -> Film:
+    walls = film.scenery.walls
+    film.scenery.walls = replace(walls, parts=kind(walls.parts))
+    return film
+
+
+def _flattened_late(film: Film) -> Film:
+    """A film whose soft layers are drawn with several samples a pixel too."""
+    renderer: Any = film.renderer
+    flatten, finish = renderer.flatten, renderer.finish
+    renderer.flatten = lambda: None
+
+    def flatten_and_finish() -> Any:
+        renderer.overlay(None)
+        flatten()
+        return finish()
+
+    renderer.finish = flatten_and_finish
+    return film

@@ -1,0 +1,289 @@
+"""``bench render``: what does a picture cost, beside stock pyrender, and how clean is it?
+
+The city is drawn at both kinds of smoothing, layer by layer, with its floor and with stock
+pyrender beside it; generated cities show how the time grows with the buildings. The error of a
+picture is its distance from the same picture drawn at 16 times the pixels and averaged.
+"""
+
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from lrf3d.casting.threads import core_count
+from lrf3d.geometry import Float
+from lrf3d.render.film import LAYERS, Film
+from lrf3d.render.stock import StockFilm
+from lrf3d.simulation import Run
+from lrf3d.study.bench.ablation import Saving
+from lrf3d.study.bench.ratios import Ratio
+from lrf3d.study.bench.render_ablation import ablate_render
+from lrf3d.study.bench.render_error import REFERENCE, picture_error, supersampled
+from lrf3d.study.bench.render_scenes import city_run, generated_run
+from lrf3d.study.timing import Timing, take_turns
+
+SIZES = (40, 400, 4000)
+"""Buildings of the generated cities."""
+
+PICTURE = (1280, 720)
+"""Width and height of the pictures [pixels]."""
+
+FRAMES = 24
+"""Moments of a run that are drawn in turn."""
+
+PLAYBACK = 4.0
+"""Seconds of a run in a second of its film."""
+
+SECONDS = 90.0
+"""Time for all [s], where none is given."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """One way to draw one world.
+
+    Args:
+        world: Name of the world.
+        buildings: How many there are in it.
+        title: What draws it.
+        samples: Samples a pixel.
+        timing: Time of a frame.
+        error: Root mean square error of its picture, of 255; None where it was not measured.
+    """
+
+    world: str
+    buildings: int
+    title: str
+    samples: int
+    timing: Timing
+    error: float | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The entry in JSON's types."""
+        return {
+            "world": self.world,
+            "buildings": self.buildings,
+            "title": self.title,
+            "samples": self.samples,
+            "frame": self.timing.as_dict(),
+            "error_rms": self.error,
+        }
+
+
+@dataclass
+class RenderBenchmark:
+    """What was measured.
+
+    Args:
+        entries: Each way to draw each world.
+        layers: What each layer of the full look costs in the city, without smoothing [s].
+        savings: What skipping work saves; empty where it was not asked for.
+        load: Processes of others that waited or ran before, on average; None where unknown.
+        took: How long all took [s].
+    """
+
+    entries: list[Drawn] = field(default_factory=list)
+    layers: dict[str, float] = field(default_factory=dict)
+    savings: list[Saving] = field(default_factory=list)
+    load: float | None = None
+    took: float = 0.0
+
+    def median(self, title: str, world: str, samples: int) -> float:
+        """Median time [s] of an entry; NaN where there is none."""
+        found = [
+            entry.timing.median
+            for entry in self.entries
+            if (entry.title, entry.world, entry.samples) == (title, world, samples)
+        ]
+        return found[0] if found else float("nan")
+
+    @property
+    def ratios(self) -> list[Ratio]:
+        """What is promised of the city on four cores, and of growth."""
+        ours, full = self.median("lrf3d", "city", 0), self.median("lrf3d", "city", 4)
+        stock = self.median("stock pyrender", "city", 4)
+        found = [
+            Ratio("frame without smoothing, city [ms]", 1e3 * ours, 12.0),
+            Ratio("frame with 4 samples, city [ms]", 1e3 * full, 25.0),
+            Ratio("stock pyrender / lrf3d, city, both 4 samples", stock / full, 8.0, True),
+            Ratio("stock pyrender / lrf3d without smoothing, city", stock / ours, 8.0, True),
+        ]
+        grown = sorted(
+            (entry.buildings, entry.timing.median)
+            for entry in self.entries
+            if entry.title == "lrf3d" and entry.world != "city"
+        )
+        if len(grown) > 1:
+            (few, small), (many, large) = grown[0], grown[-1]
+            found.append(Ratio(f"frame of {many:,} buildings / of {few:,}", large / small, 1.5))
+        return [ratio for ratio in found if np.isfinite(ratio.value)]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The benchmark in JSON's types."""
+        return {
+            "benchmark": "render",
+            "machine": {"system": platform.platform(), "cores": core_count(), "load": self.load},
+            "size": list(PICTURE),
+            "entries": [entry.as_dict() for entry in self.entries],
+            "layers_s": self.layers,
+            "ratios": [ratio.as_dict() for ratio in self.ratios],
+            "savings": [saving.as_dict() for saving in self.savings],
+            "took_s": self.took,
+        }
+
+
+def bench_render(
+    sizes: Sequence[int] = SIZES,
+    *,
+    seconds: float = SECONDS,
+    size: tuple[int, int] = PICTURE,
+    scans: int = 60,
+    with_ablation: bool = False,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> RenderBenchmark:
+    """Draw the city and generated cities in all ways, and time them by turns.
+
+    Args:
+        sizes: Buildings of the generated cities.
+        seconds: Time for all [s]; what has begun is finished.
+        size: Width and height of the pictures [pixels].
+        scans: Scans of each run.
+        with_ablation: Also time each piece of skipped work on and off.
+        progress: Called with the steps done, and of how many.
+
+    Raises:
+        MissingLibraryError: There is no OpenGL on this machine.
+    """
+    begin = time.monotonic()
+    result = RenderBenchmark(load=os.getloadavg()[0] if hasattr(os, "getloadavg") else None)
+    total = 3 + len(sizes) + (1 if with_ablation else 0)
+    share = seconds / (total + 1)
+    steps = iter(range(1, total + 1))
+    city = city_run(scans)
+    _city(result, city, size, 2.0 * share)
+    progress(next(steps), total)
+    _layers(result, city, size, share)
+    progress(next(steps), total)
+    for buildings in sorted(sizes):
+        run = generated_run(buildings, scans)
+        film = Film(run, size=size, view="chase", samples=0, playback=PLAYBACK)
+        times = _times(run)
+        timing = take_turns({"lrf3d": _frames(film, times)}, seconds=share)["lrf3d"]
+        film.close()
+        result.entries.append(Drawn(run.world.name, buildings, "lrf3d", 0, timing))
+        progress(next(steps), total)
+    if with_ablation:
+        result.savings = ablate_render(city, _times(city), size=size, seconds=share)
+        progress(next(steps), total)
+    progress(total, total)
+    result.took = time.monotonic() - begin
+    return result
+
+
+def _city(result: RenderBenchmark, run: Run, size: tuple[int, int], seconds: float) -> None:
+    """All ways to draw the city, with their errors."""
+    times = _times(run)
+    films: dict[tuple[str, int], Film | StockFilm] = {
+        ("lrf3d", 0): _film(run, size, 0),
+        ("lrf3d", 4): _film(run, size, 4),
+        ("lrf3d, twice the size", 0): _film(run, (2 * size[0], 2 * size[1]), 0),
+        ("stock pyrender", 4): StockFilm(run, size=size, playback=PLAYBACK),
+        ("stock, merged meshes", 4): StockFilm(run, size=size, playback=PLAYBACK, merged=True),
+        ("stock, no shadows", 4): StockFilm(run, size=size, playback=PLAYBACK, shadows=False),
+    }
+    floors = {("floor: clear and read", samples): _film(run, size, samples) for samples in (0, 4)}
+    calls = {str(key): _frames(film, times) for key, film in films.items()}
+    calls |= {str(key): _floor(film) for key, film in floors.items()}
+    timings = take_turns(calls, seconds=seconds)
+    errors = _errors(run, size, float(times[len(times) // 2]))
+    buildings = run.world.object_count
+    for key in [*films, *floors]:
+        result.entries.append(
+            Drawn("city", buildings, *key, timings[str(key)], errors.get(key))
+        )
+    for film in (*films.values(), *floors.values()):
+        film.close()
+
+
+def _errors(run: Run, size: tuple[int, int], time: float) -> dict[tuple[str, int], float]:
+    """How far a picture of each way is off its own at 16 times the pixels; words are left out."""
+    layers = [layer for layer in LAYERS if layer not in ("hud", "inset")]
+
+    def own(samples: int) -> Callable[[tuple[int, int]], Film]:
+        return lambda size: Film(
+            run, size=size, view="chase", samples=samples, playback=PLAYBACK, layers=layers
+        )
+
+    def stock(size: tuple[int, int]) -> StockFilm:
+        return StockFilm(run, size=size, playback=PLAYBACK)
+
+    ours = supersampled(own(0), size, time, REFERENCE)
+    theirs = picture_error(
+        supersampled(stock, size, time, 1), supersampled(stock, size, time, REFERENCE)
+    )
+    return {
+        ("lrf3d", 0): picture_error(supersampled(own(0), size, time, 1), ours),
+        ("lrf3d", 4): picture_error(supersampled(own(4), size, time, 1), ours),
+        ("lrf3d, twice the size", 0): picture_error(supersampled(own(0), size, time, 2), ours),
+        ("stock pyrender", 4): theirs,
+        ("stock, merged meshes", 4): theirs,
+    }
+
+
+def _layers(result: RenderBenchmark, run: Run, size: tuple[int, int], seconds: float) -> None:
+    """What each layer costs: the full look without it, taken from the full look."""
+    times = _times(run)
+    films = {
+        layer: Film(
+            run,
+            size=size,
+            view="chase",
+            samples=0,
+            playback=PLAYBACK,
+            layers=[other for other in LAYERS if other != layer],
+        )
+        for layer in (*LAYERS, "")
+    }
+    calls = {layer: _frames(film, times) for layer, film in films.items()}
+    timings = take_turns(calls, seconds=seconds)
+    full = timings[""].median
+    result.layers = {layer: full - timings[layer].median for layer in LAYERS}
+    result.layers["solids, and all else"] = full - sum(result.layers.values())
+    for film in films.values():
+        film.close()
+
+
+def _film(run: Run, size: tuple[int, int], samples: int) -> Film:
+    return Film(run, size=size, view="chase", samples=samples, playback=PLAYBACK)
+
+
+def _times(run: Run) -> Float:
+    """Moments of a run [s] that are drawn in turn; no two are alike."""
+    ends = run.trajectory.times[[0, -1]]
+    return np.linspace(*ends, FRAMES)
+
+
+def _frames(film: Film | StockFilm, times: Float) -> Callable[[int], object]:
+    """What draws the frame of a number."""
+
+    def draw(number: int) -> object:
+        if isinstance(film, Film):
+            film.forget()
+        return film.draw(float(times[number % len(times)]))
+
+    return draw
+
+
+def _floor(film: Film) -> Callable[[int], object]:
+    """What clears and reads a picture, and draws nothing."""
+
+    def draw(number: int) -> object:
+        film.renderer.begin(film.scenery.scene)
+        film.renderer.flatten()
+        return film.renderer.finish()
+
+    return draw
