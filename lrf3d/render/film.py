@@ -75,9 +75,11 @@ class Film:
         self._eye.camera.yfov, self._eye.camera.znear = look.field, look.near
         self._eye.camera.zfar = max(_FARTHEST, 3.0 * float(look.eye[2]))
         self.scenery.scene.set_pose(self._eye, look.pose)
-        self.renderer.begin(self.scenery.scene)
         matrix, eye = self.renderer.camera_matrices(self.scenery.scene)
-        self.scenery.look_from(matrix, eye)
+        # What comes into sight is put into the scene before the scene is uploaded.
+        down = np.tan(0.5 * look.field) * float(eye[2]) * max(1.0, width / height)
+        self.scenery.look_from(matrix, eye, float(down) if look.clear else 0.0)
+        self.renderer.begin(self.scenery.scene)
         # Pixels that a metre takes at a distance of one metre.
         focus = 0.5 * height / np.tan(0.5 * look.field)
         metre = focus / float(np.linalg.norm(look.eye - look.target))

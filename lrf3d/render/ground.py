@@ -27,6 +27,12 @@ _FINEST = 0.06
 _COARSE = 0.25
 """Size of a pixel [m] above which marks and lines would be too wide, and are left out."""
 
+_TILE_PIXELS, _OVERLAP = 1024, 16
+"""Side of the picture of a tile, and how far it reaches past the tile [pixels]."""
+
+_STREETS = 30.0
+"""Houses up to this far off a tile [m] have a say in where its streets are."""
+
 _MARGIN = 6.0
 """How far the picture reaches past walls and their shadows [m]: farther than pavements go."""
 
@@ -77,13 +83,14 @@ def paint_ground(structures: Structures) -> Ground:
     return _paint(structures, _Brush(width, height, low, pixel))
 
 
-def paint_window(structures: Structures, middle: Float, side: float) -> Ground:
-    """Paint the ground of a large world in a square of a side [m] round a middle (2,), finely."""
-    pixel = side / _PIXELS
-    low, high = middle - 0.5 * side, middle + 0.5 * side
-    # What stands outside may throw its shadow in, and has a say in where the streets are.
-    margin = 2.0 if structures.indoor else 30.0 + _reach(structures)
-    return _paint(structures.within(low - margin, high + margin), _Brush(*2 * (_PIXELS,), low, pixel))
+def paint_tile(structures: Structures, corner: Float, side: float) -> Ground:
+    """Paint a square of a side [m] of a large world's ground finely, from its lower left corner."""
+    pixel = side / (_TILE_PIXELS - 2 * _OVERLAP)
+    # The picture goes past the tile, so that blurs and smaller copies match those of neighbours.
+    low = corner - _OVERLAP * pixel
+    reach = 2.0 if structures.indoor else _STREETS + _reach(structures)
+    near = structures.within(low - reach, low + side + reach)
+    return _paint(near, _Brush(_TILE_PIXELS, _TILE_PIXELS, low, pixel))
 
 
 def _paint(structures: Structures, brush: "_Brush") -> Ground:

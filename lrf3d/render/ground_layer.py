@@ -1,17 +1,19 @@
-"""The ground of a film: one picture of a small world; of a large one a fine piece round the eye.
+"""The ground of a film: one picture of a small world; of a large one fine tiles round the eye.
 
-The fine piece moves in steps with the eye, so that what is drawn depends on the eye alone and not
-on the frames before. Round it lies the coarse picture of the whole, and round that plain land.
+A tile is painted when the eye first comes near it and kept for a while. Which tiles are seen hangs
+on the eye alone, so that every process that draws a part of a film sees the same ground. Under
+the tiles lies the coarse picture of the whole, and round that plain land.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lrf3d.geometry import Float
-from lrf3d.render.ground import Ground, paint_ground, paint_window
-from lrf3d.render.primitives import Primitive, Single
+from lrf3d.render.ground import Ground, paint_ground, paint_tile
+from lrf3d.render.primitives import Mesh, Primitive, Single
 from lrf3d.render.structures import Structures
 from lrf3d.render.textures import Texture
 
@@ -19,13 +21,30 @@ _FARTHEST = 3000.0
 """How far the ground goes [m]: to the horizon."""
 
 _LARGE, _LARGE_INDOOR = 220.0, 60.0
-"""Worlds longer than this [m] get a fine piece: one picture of the whole would be blurred."""
+"""Worlds longer than this [m] get fine tiles: one picture of the whole would be blurred."""
 
-_WINDOW, _WINDOW_INDOOR = 180.0, 50.0
-"""Side of the fine piece [m]."""
+_TILE, _TILE_INDOOR = 80.0, 25.0
+"""Side of a tile [m]."""
 
-_STEP = 0.25
-"""By how much of its side the fine piece moves."""
+_NEAR = 0.5
+"""Tiles nearer to the eye than this many of their sides are shown."""
+
+_WIDEST = 160.0
+"""Where more than this [m] is seen to each side, tiles show no more than the whole picture."""
+
+_KEPT = 12
+"""Tiles that are kept; each takes some five megabytes."""
+
+_BELOW = -0.02
+"""Height [m] of what lies under the tiles."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Tile:
+    """A painted tile, ready to be drawn."""
+
+    primitive: Primitive
+    area: tuple[float, ...]
 
 
 class GroundLayer:
@@ -33,63 +52,69 @@ class GroundLayer:
 
     Args:
         structures: What stands on it.
+        scene: pyrender's scene, which new tiles are put into.
     """
 
-    def __init__(self, structures: Structures) -> None:
+    def __init__(self, structures: Structures, scene: Any) -> None:
         self._structures = structures
+        self._scene = scene
         whole = paint_ground(structures)
-        self._whole = whole
         self._low, self._high = whole.corner, whole.corner + whole.size
         indoor = structures.indoor
-        self._side = _WINDOW_INDOOR if indoor else _WINDOW
+        self._side = _TILE_INDOOR if indoor else _TILE
         self._large = float(whole.size.max()) > (_LARGE_INDOOR if indoor else _LARGE)
-        self._middle: Float | None = None
-        self._near = Primitive("ground", (2,), np.zeros((0, 2), np.float32), capacity=6)
-        self._far = Primitive("ground", (2,), _square(self._low, self._high), capacity=24)
+        self._tiles: dict[tuple[int, int], tuple[_Tile, Any]] = {}
+        self._shown: list[_Tile] = []
+        self._whole = Primitive("ground", (2,), _square(self._low, self._high))
         middle = 0.5 * (self._low + self._high)
         size = max(_FARTHEST, float(whole.size.max()))
         land = _ring(middle - size, middle + size, self._low, self._high)
         self._land = Primitive("beyond", (2,), land)
-        self._far.texture = self._land.texture = Texture(whole.picture, far=True)
+        self._whole.texture = self._land.texture = Texture(whole.picture, far=True)
         self._area = _area(whole)
-        self._near_area = self._area
         self._beyond = (*whole.beyond, 12.0 if indoor else 60.0)
+        scene.add(Mesh([self._whole, self._land]))
 
-    @property
-    def primitives(self) -> tuple[Primitive, ...]:
-        """All that it may draw."""
-        return (self._near, self._far, self._land)
-
-    def look_from(self, eye: Float) -> None:
-        """Put the fine piece under an eye (3,)."""
+    def look_from(self, eye: Float, reach: float) -> None:
+        """Lay out the tiles round an eye (3,) that looks down at so much to each side [m]."""
         if not self._large:
             return
-        step = _STEP * self._side
-        middle = np.round(eye[:2] / step) * step
-        if self._middle is not None and np.array_equal(middle, self._middle):
+        self._shown = []
+        if reach > _WIDEST:
             return
-        self._middle = middle
-        low = np.clip(middle - 0.5 * self._side, self._low, self._high)
-        high = np.clip(middle + 0.5 * self._side, self._low, self._high)
-        if (low >= high).any():
-            # Far outside there is nothing but plain land.
-            self._near.update(np.zeros(0, np.float32))
-            self._far.update(_square(self._low, self._high))
-            return
-        piece = paint_window(self._structures, middle, self._side)
-        self._near_area = _area(piece)
-        if self._near.texture is None:
-            self._near.texture = Texture(piece.picture, far=True)
-        else:
-            self._near.texture.update(piece.picture)
-        self._near.update(_square(low, high))
-        self._far.update(_ring(self._low, self._high, low, high))
+        reach = max(reach, _NEAR * self._side)
+        first = np.floor((np.maximum(eye[:2] - reach, self._low)) / self._side).astype(int)
+        last = np.floor((np.minimum(eye[:2] + reach, self._high)) / self._side).astype(int)
+        for column in range(first[0], last[0] + 1):
+            for row in range(first[1], last[1] + 1):
+                self._shown.append(self._tile(column, row))
 
     def draws(self) -> Iterator[tuple[Primitive, dict[str, Any]]]:
         """What is drawn, each with its own uniforms."""
-        yield self._near, {"area": self._near_area}
-        yield self._far, {"area": self._area}
-        yield self._land, {"area": self._area, "beyond": self._beyond}
+        for tile in self._shown:
+            yield tile.primitive, {"area": tile.area, "below": 0.0}
+        under = _BELOW if self._shown else 0.0
+        yield self._whole, {"area": self._area, "below": under}
+        yield self._land, {"area": self._area, "below": under, "beyond": self._beyond}
+
+    def _tile(self, column: int, row: int) -> _Tile:
+        place = column, row
+        if place in self._tiles:
+            # Those asked for last stand last.
+            self._tiles[place] = self._tiles.pop(place)
+            return self._tiles[place][0]
+        low = self._side * np.array([column, row], dtype=np.float64)
+        ground = paint_tile(self._structures, low, self._side)
+        primitive = Primitive("ground", (2,), _square(low, low + self._side))
+        primitive.texture = Texture(ground.picture, far=True)
+        tile = _Tile(primitive, _area(ground))
+        self._tiles[place] = tile, self._scene.add(Mesh([primitive]))
+        if len(self._tiles) > _KEPT:
+            oldest, node = self._tiles.pop(next(iter(self._tiles)))
+            self._scene.remove_node(node)
+            assert oldest.primitive.texture is not None
+            oldest.primitive.texture.delete()
+        return tile
 
 
 def _area(ground: Ground) -> tuple[float, ...]:

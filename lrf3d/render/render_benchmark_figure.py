@@ -22,6 +22,9 @@ OWN, STOCK, FLOOR = "#d6361f", "#2f6fb3", "#68727f"
 PANEL, TALL, GAP, FOOT = 4.6, 3.9, 0.9, 0.62
 """Width and height of a panel, room to its left and below it [inches]."""
 
+NAMES = 0.75
+"""Room for the names of layers [inches]."""
+
 TIMES = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 """Times that axes name [ms]."""
 
@@ -59,8 +62,9 @@ def draw_render_benchmark_figure(
     Raises:
         OutputError: The picture cannot be written.
     """
-    sheet = Sheet(3 * (GAP + PANEL) + 0.3, HEAD + 0.3 + TALL + FOOT, titles)
-    axes = [sheet.panel(GAP + k * (GAP + PANEL), FOOT, PANEL, TALL) for k in range(3)]
+    sheet = Sheet(3 * (GAP + PANEL) + NAMES + 0.3, HEAD + 0.3 + TALL + FOOT, titles)
+    lefts = [GAP, GAP + PANEL + GAP, 2 * (GAP + PANEL) + GAP + NAMES]
+    axes = [sheet.panel(left, FOOT, PANEL, TALL) for left in lefts]
     for panel, name in zip(
         axes, ("time and error, city", "time by buildings", "layers, city"), strict=True
     ):

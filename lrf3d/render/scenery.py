@@ -47,7 +47,7 @@ class Scenery:
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
         self.walls = build_walls(self.structures)
         self.robot = robot_primitive(run.lrf.height)
-        self.ground = GroundLayer(self.structures)
+        self.ground = GroundLayer(self.structures, self.scene)
         self.sky = Primitive("sky", (2,), _mesh(10, 10))
         self.blob = Primitive("blob", (2,), corners, blend=True)
         self.trail = _trail(run, self.origin, timeline.jumps)
@@ -74,7 +74,7 @@ class Scenery:
     def all(self) -> tuple[Primitive, ...]:
         """All primitives."""
         walls = (self.walls.facades, self.walls.plain)
-        solid = (self.robot, *walls, *self.ground.primitives, self.sky)
+        solid = (self.robot, *walls, self.sky)
         return (*solid, self.blob, self.trail, self.fan, self.lines, self.trace, self.dots, self.map)
 
     @property
@@ -102,10 +102,16 @@ class Scenery:
             self.map.update(_map_lines(stage, self.origin, self.run.lrf.height))
         return moved
 
-    def look_from(self, matrix: Float, eye: Float) -> None:
-        """Choose what can be seen in a picture of a matrix (4, 4) from an eye (3,)."""
+    def look_from(self, matrix: Float, eye: Float, reach: float) -> None:
+        """Choose what can be seen in a picture of a matrix (4, 4) from an eye (3,).
+
+        Args:
+            matrix: From the scene to the picture.
+            eye: Where the eye is [m].
+            reach: How much is seen to each side by an eye that looks down [m], else 0.
+        """
         self.walls.look_from(matrix, eye)
-        self.ground.look_from(eye)
+        self.ground.look_from(eye, reach)
 
     def driven(self, moment: Moment) -> float:
         """The time of the trajectory at which the robot is where the moment has it [s]."""

@@ -1,5 +1,5 @@
 in vec4 paint;
-in float off;
+noperspective in float off;
 uniform float width;
 out vec4 colour;
 void main() {

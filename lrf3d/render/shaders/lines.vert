@@ -7,13 +7,14 @@ uniform vec2 viewport;  // [pixels]
 uniform float width;    // [pixels]
 uniform float nearer;   // how much nearer to the eye its depth is [m]
 out vec4 paint;
-out float off;
-const float NEAR = 0.05;
+noperspective out float off;  // from the middle of the line [pixels]
+const float NEAR = 0.25;  // no less than that of the camera [m]
 void main() {
-    vec4 a = raised(here, nearer);
-    vec4 b = view_projection * vec4(there, 1.0);
     // What lies behind the eye is cut off before the division turns it round.
-    if (a.w < NEAR && b.w > NEAR) a = mix(a, b, (NEAR - a.w) / (b.w - a.w));
+    float w = (view_projection * vec4(here, 1.0)).w;
+    vec4 b = view_projection * vec4(there, 1.0);
+    bool crosses = w < NEAR && b.w > NEAR;
+    vec4 a = raised(crosses ? mix(here, there, (NEAR - w) / (b.w - w)) : here, nearer);
     if (b.w < NEAR && a.w > NEAR) b = mix(b, a, (NEAR - b.w) / (a.w - b.w));
     vec2 way = (b.xy / b.w - a.xy / a.w) * viewport;
     vec2 across = normalize(vec2(-way.y, way.x) + vec2(1e-9, 0.0)) * sign(turn);

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -72,9 +73,12 @@ def _film(run: Run, size: tuple[int, int], samples: int) -> Film:
 
 
 def _fresh(film: Film, times: Float) -> Callable[[int], object]:
+    order = cycle(times.tolist())
+
     def draw(number: int) -> object:
+        # As in a film, one moment after the other.
         film.forget()
-        return film.draw(float(times[number % len(times)]))
+        return film.draw(next(order))
 
     return draw
 
