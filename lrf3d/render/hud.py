@@ -101,12 +101,12 @@ def _shades(ink: tuple[int, ...], back: tuple[int, ...]) -> Picture:
     if back[3] == 0:
         # On nothing, letters keep their colour to the rim.
         blend[:, :3] = ink[:3]
-    return (blend + 0.5).astype(np.uint8)
+    return np.asarray(blend + 0.5, np.uint8)
 
 
 @cache
 def glyph(letter: str, size: int, *, bold: bool) -> tuple[Picture, float]:
-    """How much of each pixel (h, w) a letter covers, 0…255, and how far the next one is [pixels]."""
+    """How much of each pixel (h, w) a letter covers, 0…255, and the way to the next [pixels]."""
     letters = font(size, bold=bold)
     advance = letters.getlength(letter)
     picture = Image.new("L", (int(advance) + 2 + size // 4, round(1.36 * size)), 0)

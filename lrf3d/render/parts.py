@@ -57,7 +57,8 @@ class Boxes:
     def nearest(self, eye: Float, chosen: Int) -> Float:
         """How far off the nearest point of each of the chosen boxes is, seen from above [m]."""
         gap = np.maximum(self.low[chosen, :2] - eye[:2], eye[:2] - self.high[chosen, :2])
-        return np.hypot(*np.maximum(gap, 0.0).T)
+        gap = np.maximum(gap, 0.0)
+        return np.asarray(np.hypot(gap[:, 0], gap[:, 1]), dtype=np.float64)
 
 
 class Parts:
@@ -83,7 +84,7 @@ class Parts:
         self._starts = np.cumsum(self._sizes) - self._sizes
 
     def seen(self, matrix: Float, eye: Float) -> Int:
-        """The parts that a picture of a matrix (4, 4) from an eye (3,) may show, near ones first."""
+        """Parts that a picture of a matrix (4, 4) from an eye (3,) may show, near ones first."""
         tiles = self._tiles.inside(matrix, np.arange(len(self._sizes)))
         inside = self.boxes.inside(matrix, self._by_tile[ranges(self._starts, self._sizes, tiles)])
         away = self.boxes.nearest(eye, inside)

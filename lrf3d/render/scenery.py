@@ -75,7 +75,16 @@ class Scenery:
         """All primitives."""
         walls = (self.walls.facades, self.walls.plain)
         solid = (self.robot, *walls, self.sky)
-        return (*solid, self.blob, self.trail, self.fan, self.lines, self.trace, self.dots, self.map)
+        return (
+            *solid,
+            self.blob,
+            self.trail,
+            self.fan,
+            self.lines,
+            self.trace,
+            self.dots,
+            self.map,
+        )
 
     @property
     def haze(self) -> tuple[float, float, float, float]:

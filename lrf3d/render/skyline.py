@@ -1,8 +1,8 @@
 """Skyline: which buildings the nearer ones hide from an eye in the street.
 
 For each of many narrow columns of the view the height of the skyline is kept, as a slope from
-the eye. Buildings raise it as they are passed on the way out; what stays below it everywhere is hidden.
-All of it is on the safe side: what may be seen by a hand's breadth is drawn.
+the eye. Buildings raise it as they are passed on the way out; what stays below it everywhere is
+hidden. All of it is on the safe side: what may be seen by a hand's breadth is drawn.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ COLUMNS = 512
 FARTHEST = 200.0
 """Solids farther off [m] hide too little to be looked at."""
 
-FIRST = 32
+FIRST = 8
 """Parts that are looked at together at first; then twice as many each time."""
 
 

@@ -146,6 +146,7 @@ def _ground(structures: Structures) -> Mesh:
 
 def _robot(laser_height: float) -> Mesh:
     own = robot_primitive(laser_height)
+    assert own.elements is not None
     rows, corners = own.vertices, own.elements.reshape(-1, 3)
     colour = np.column_stack([rows[:, 6:9], np.ones(len(rows))])
     return Mesh(

@@ -26,7 +26,15 @@ class Texture:
         GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
         data = np.ascontiguousarray(picture)
         GL.glTexImage2D(
-            GL.GL_TEXTURE_2D, 0, GL.GL_RGBA8, width, height, 0, self._format, GL.GL_UNSIGNED_BYTE, data
+            GL.GL_TEXTURE_2D,
+            0,
+            GL.GL_RGBA8,
+            width,
+            height,
+            0,
+            self._format,
+            GL.GL_UNSIGNED_BYTE,
+            data,
         )
         smaller = GL.GL_LINEAR_MIPMAP_NEAREST if far else GL.GL_LINEAR
         GL.glTexParameteri(GL.GL_TEXTURE_2D, GL.GL_TEXTURE_MIN_FILTER, smaller)

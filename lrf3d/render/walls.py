@@ -90,7 +90,7 @@ def build_walls(structures: Structures) -> Walls:
 def _parts(
     structures: Structures, quads: Single, quad_objects: Int, roofs: Single, roof_objects: Int
 ) -> tuple[Int, Int, Parts]:
-    """The part of each quad and of each roof triangle, and the parts: objects, or pieces of them."""
+    """The part of each quad and roof triangle, and the parts: objects, or pieces of them."""
     middles = np.concatenate([quads[:, :, :2].mean(axis=1), roofs[:, :, :2].mean(axis=1)])
     cells = np.floor(middles / _LONGEST).astype(np.int64)
     objects = np.concatenate([quad_objects, roof_objects])

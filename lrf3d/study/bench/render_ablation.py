@@ -22,11 +22,11 @@ BUILDINGS = 1000
 
 
 def ablate_render(
-    run: Run, times: Float, *, size: tuple[int, int], seconds: float
+    run: Run, times: Float, *, size: tuple[int, int], seconds: float, buildings: int = BUILDINGS
 ) -> list[Saving]:
     """Time frames of the city, and of a large one, with each piece of skipped work done again."""
-    large = generated_run(BUILDINGS)
-    large_times = np.linspace(*large.trajectory.times[[0, -1]], len(times))
+    large = generated_run(buildings)
+    large_times = np.linspace(large.trajectory.times[0], large.trajectory.times[-1], len(times))
     caster = PlanarCaster(run.world)
     usual, smooth, huge = (
         _film(run, size, 0),
@@ -58,8 +58,8 @@ def ablate_render(
         film.close()
     frame = took["usual"]
     return [
-        Saving(f"parts out of sight, {BUILDINGS:,} buildings", took["huge"], took["all"]),
-        Saving(f"parts hidden by others, {BUILDINGS:,} buildings", took["huge"], took["unhidden"]),
+        Saving(f"parts out of sight, {buildings:,} buildings", took["huge"], took["all"]),
+        Saving(f"parts hidden by others, {buildings:,} buildings", took["huge"], took["unhidden"]),
         Saving("pixels behind others: near parts first", frame, took["far"]),
         Saving("4 samples for layers that are soft", took["smooth"], took["late"]),
         Saving("a frame in which nothing changed", took["same"], frame),

@@ -203,9 +203,7 @@ def _city(result: RenderBenchmark, run: Run, size: tuple[int, int], seconds: flo
     errors = _errors(run, size, float(times[len(times) // 2]))
     buildings = run.world.object_count
     for key in [*films, *floors]:
-        result.entries.append(
-            Drawn("city", buildings, *key, timings[str(key)], errors.get(key))
-        )
+        result.entries.append(Drawn("city", buildings, *key, timings[str(key)], errors.get(key)))
     for film in (*films.values(), *floors.values()):
         film.close()
 
@@ -267,13 +265,12 @@ def _film(run: Run, size: tuple[int, int], samples: int) -> Film:
 
 def _times(run: Run) -> Float:
     """Moments of a run [s] that are drawn in turn; no two are alike."""
-    ends = run.trajectory.times[[0, -1]]
-    return np.linspace(*ends, FRAMES)
+    first, last = run.trajectory.times[[0, -1]].tolist()
+    return np.linspace(first, last, FRAMES)
 
 
 def _frames(film: Film | StockFilm, times: Float) -> Callable[[int], object]:
     """What draws the frame of a number."""
-
     order = cycle(times.tolist())
 
     def draw(number: int) -> object:

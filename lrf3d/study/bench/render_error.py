@@ -25,7 +25,8 @@ def supersampled(
     film = make((factor * size[0], factor * size[1]))
     picture = np.asarray(film.draw(time)[:, :, :3], dtype=np.float64)
     film.close()
-    return picture.reshape(size[1], factor, size[0], factor, 3).mean(axis=(1, 3))
+    pixels = picture.reshape(size[1], factor, size[0], factor, 3)
+    return np.asarray(pixels.mean(axis=(1, 3)), dtype=np.float64)
 
 
 def picture_error(picture: Float, reference: Float) -> float:

@@ -34,7 +34,7 @@ def generated_run(buildings: int, scans: int = SCANS) -> Run:
     heights = np.random.default_rng(0).uniform(LOWEST, HIGHEST, buildings)
     world = replace(generate_city(4 * buildings), heights=np.repeat(heights, 4))
     middle = BLOCK * ((np.array(city_blocks(4 * buildings)) - 1) // 2 + 0.5)
-    route = np.array([middle - [BLOCK, 0.0], middle, middle + [0.0, BLOCK]])
+    route = middle + BLOCK * np.array([[-1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
     drive = follow_route(route, speed=4.0, dt=0.2)
     return _run(world, Trajectory(drive.times[:scans], drive.poses[:scans]), LaserRangeFinder())
 
