@@ -258,6 +258,26 @@ def test_the_chase_camera_looks_over_the_walls_of_rooms():
 
 
 @needs_gl
+def test_the_orbit_camera_sees_the_robot_over_the_roofs():
+    from lrf3d.render.camera import Orbit
+    from lrf3d.render.structures import Structures
+
+    run = city_run(seconds=12.0)
+    timeline = Timeline(run)
+    camera = Orbit(timeline, Structures.from_run(run))
+    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=100.0)
+    for time in np.arange(0.0, 12.0, 0.5):
+        look = camera.look(time, 16 / 9)
+        robot = timeline.poses(np.array([time]))[0, :2]
+        way = look.eye[:2] + run.world.origin - robot
+        free, walls = ranges_of(run.world, lrf, np.array([*robot, math.atan2(way[1], way[0])]))
+        if free[0] < np.hypot(*way):
+            # Where a house is in between, the eye looks over the edge of its roof.
+            level = look.eye[2] * free[0] / np.hypot(*way)
+            assert level > run.world.heights[walls[0]]
+
+
+@needs_gl
 def test_the_chase_camera_comes_nearer_where_a_house_is_behind_the_robot():
     from lrf3d.render.camera import Chase
     from lrf3d.render.structures import Structures

@@ -213,6 +213,7 @@ def test_the_skyline_hides_nothing_that_a_ray_can_reach():
                 assert (
                     level[crossed] < heights[world.objects[world.objects != hidden]][crossed]
                 ).any()
+    assert left_out > 20
 
 
 @needs_gl

@@ -8,13 +8,14 @@ from typing import Protocol
 
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from lrf3d.geometry import Float
+from lrf3d.render.fixed_camera import Fixed
 from lrf3d.render.look import Look, SmoothPath
 from lrf3d.render.structures import Structures
 from lrf3d.render.timeline import Timeline
-from lrf3d.world.cameras import FixedCamera, check_view
+from lrf3d.world.cameras import check_view
 
 
 class Camera(Protocol):
@@ -152,29 +153,57 @@ class Top:
 
 
 class Orbit:
-    """Goes slowly round the robot, from high above."""
+    """Goes slowly round the robot, from high above, and higher where a house is in between."""
 
     FIELD = np.radians(42.0)
     TURN = np.radians(9.0)
     """Angle per second of the film [rad/s]."""
+    STEEPEST = np.radians(80.0)
+    """How steeply it looks down at the most [rad]."""
+    MARGIN = np.radians(4.0)
+    """How far above the edge of a roof it keeps [rad]."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._path = SmoothPath(timeline)
         self._timeline = timeline
         tallest = float(structures.heights.max(initial=0.0))
+        height = 8.0 if structures.indoor else max(30.0, 1.7 * tallest)
         # High enough to look down into a street between its houses.
-        self._height = 8.0 if structures.indoor else max(30.0, 1.7 * tallest)
-        self._away = (0.9 if structures.indoor else 0.62) * self._height
+        level = (0.9 if structures.indoor else 0.62) * height
+        self._away = float(np.hypot(height, level))
+        least = float(np.arctan2(height, level))
+        needed = self._free_angles(structures, level)
+        width = self._path.width
+        # The most over the filter's reach comes first: its mean is then never too low.
+        most = maximum_filter1d(needed, 2 * int(2.0 * width) + 1, mode="nearest")
+        smooth = gaussian_filter1d(most, width, mode="nearest", truncate=2.0)
+        self._angles = np.clip(smooth, least, self.STEEPEST)
+
+    def _free_angles(self, structures: Structures, level: float) -> Float:
+        """How steeply (k,) the eye must look down at each time to see the robot [rad]."""
+        places, turns = self._path.places, self._turns(self._path.times)
+        sides = np.column_stack([np.cos(turns), np.sin(turns)])
+        ways = shapely.linestrings(np.stack([places, places + level * sides], axis=1))
+        tree = shapely.STRtree(shapely.linestrings(structures.segments.reshape(-1, 2, 2)))
+        point, wall = tree.query(ways, predicate="intersects")
+        cuts = shapely.intersection(ways[point], tree.geometries[wall])
+        gap = np.maximum(shapely.distance(shapely.points(places[point]), cuts), 1e-3)
+        angles = np.zeros(len(places))
+        np.maximum.at(angles, point, np.arctan2(structures.heights[wall], gap) + self.MARGIN)
+        return angles
+
+    def _turns(self, times: Float) -> Float:
+        """Where the eye stands round the robot at times [rad]."""
+        passed = (times - self._timeline.start) / self._timeline.playback
+        return np.asarray(self.TURN * passed - 2.2)
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
-        passed = (time - self._timeline.start) / self._timeline.playback
-        angle = self.TURN * passed - 2.2
+        turn = self._turns(np.array([time]))[0]
+        steep = float(np.interp(time, self._path.times, self._angles))
         middle = np.array([*self._path.place(time), 0.5])
-        side = np.array([np.cos(angle), np.sin(angle), 0.0])
-        return Look(
-            middle + self._away * side + [0.0, 0.0, self._height], middle, float(self.FIELD)
-        )
+        side = np.array([np.cos(turn) * np.cos(steep), np.sin(turn) * np.cos(steep), np.sin(steep)])
+        return Look(middle + self._away * side, middle, float(self.FIELD))
 
 
 class First:
@@ -193,23 +222,6 @@ class First:
         eye = np.array([x - origin[0], y - origin[1], self._height])
         ahead = np.array([np.cos(theta), np.sin(theta), -0.10])
         return Look(eye, eye + ahead, float(self.FIELD), fan=0.45)
-
-
-class Fixed:
-    """Stands where the world says, and looks where it says."""
-
-    def __init__(self, camera: FixedCamera, origin: Float) -> None:
-        place = np.array([*origin, 0.0])
-        eye, target = np.array(camera.position) - place, np.array(camera.target) - place
-        ahead = target - eye
-        # Straight down or up there is no side that is up but the north.
-        level = np.hypot(ahead[0], ahead[1]) > 1e-6 * abs(ahead[2])
-        up = (0.0, 0.0, 1.0) if level else (0.0, 1.0, 0.0)
-        self._look = Look(eye, target, float(np.radians(camera.field_deg)), up=up)
-
-    def look(self, time: float, aspect: float) -> Look:
-        """The look, at any time."""
-        return self._look
 
 
 CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
