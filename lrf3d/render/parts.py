@@ -17,7 +17,7 @@ from lrf3d.render.skyline import Skyline
 TILE = 160.0
 """Side of a tile [m]: parts are looked at one by one only in tiles that are in sight."""
 
-FEW = 48
+FEW = 80
 """So few parts in the picture are drawn without asking which of them hide others."""
 
 

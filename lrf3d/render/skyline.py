@@ -12,7 +12,7 @@ from lrf3d.geometry import Float, Int
 COLUMNS = 512
 """Columns of the view, over half a turn: a third of a degree each."""
 
-FARTHEST = 200.0
+FARTHEST = 100.0
 """Solids farther off [m] hide too little to be looked at."""
 
 FIRST = 8

@@ -161,26 +161,20 @@ def bench_render(
     """
     begin = time.monotonic()
     result = RenderBenchmark(load=os.getloadavg()[0] if hasattr(os, "getloadavg") else None)
-    total = 3 + len(sizes) + (1 if with_ablation else 0)
-    share = seconds / (total + 1)
+    total = 4 if with_ablation else 3
+    # Two parts for the city, and one for the layers, for each size and for the ablation.
+    share = seconds / (3 + len(sizes) + with_ablation)
     steps = iter(range(1, total + 1))
     city = city_run(scans)
     _city(result, city, size, 2.0 * share)
     progress(next(steps), total)
     _layers(result, city, size, share)
     progress(next(steps), total)
-    for buildings in sorted(sizes):
-        run = generated_run(buildings, scans)
-        film = Film(run, size=size, view="chase", samples=0, playback=PLAYBACK)
-        times = _times(run)
-        timing = take_turns({"lrf3d": _frames(film, times)}, seconds=share)["lrf3d"]
-        film.close()
-        result.entries.append(Drawn(run.world.name, buildings, "lrf3d", 0, timing))
-        progress(next(steps), total)
+    _growth(result, sizes, size, scans, share * len(sizes))
+    progress(next(steps), total)
     if with_ablation:
         result.savings = ablate_render(city, _times(city), size=size, seconds=share)
         progress(next(steps), total)
-    progress(total, total)
     result.took = time.monotonic() - begin
     return result
 
@@ -205,6 +199,23 @@ def _city(result: RenderBenchmark, run: Run, size: tuple[int, int], seconds: flo
     for key in [*films, *floors]:
         result.entries.append(Drawn("city", buildings, *key, timings[str(key)], errors.get(key)))
     for film in (*films.values(), *floors.values()):
+        film.close()
+
+
+def _growth(
+    result: RenderBenchmark,
+    sizes: Sequence[int],
+    size: tuple[int, int],
+    scans: int,
+    seconds: float,
+) -> None:
+    """Generated cities, by turns."""
+    runs = {str(buildings): generated_run(buildings, scans) for buildings in sorted(sizes)}
+    films = {key: _film(run, size, 0) for key, run in runs.items()}
+    calls = {key: _frames(film, _times(runs[key])) for key, film in films.items()}
+    for key, timing in take_turns(calls, seconds=seconds).items():
+        result.entries.append(Drawn(runs[key].world.name, int(key), "lrf3d", 0, timing))
+    for film in films.values():
         film.close()
 
 
