@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from lrf3d.render.render_benchmark_figure import DrawnPoint, draw_render_benchmark_figure
-from lrf3d.study.bench.render_bench import PICTURE, RenderBenchmark
+from lrf3d.study.bench.render_result import PICTURE, RenderBenchmark
 
 
 def draw_render_benchmark(result: RenderBenchmark, path: Path) -> None:

@@ -1,6 +1,6 @@
 """The tables of ``bench render``, as text."""
 
-from lrf3d.study.bench.render_bench import PICTURE, RenderBenchmark
+from lrf3d.study.bench.render_result import PICTURE, RenderBenchmark
 from lrf3d.study.bench.text import duration, ratio_table, saving_table, table
 
 
