@@ -5,13 +5,16 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import av
 import numpy as np
 import pytest
+from PIL import Image
 from test_render import city_run, needs_gl, room_run
 
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
+from lrf3d.logs import save_run
 from lrf3d.render import video
 
 
@@ -93,8 +96,139 @@ def test_a_folder_that_is_not_there_is_named(tmp_path):
         video.render_video(room_run(), tmp_path / "nowhere" / "a.mp4", size=(64, 36))
 
 
-@pytest.mark.parametrize("wrong", [{"size": (65, 36)}, {"fps": 0.0}, {"workers": 0}])
-def test_a_film_that_cannot_be_drawn_is_refused(tmp_path, wrong):
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("a.mp4", {"size": (65, 36)}),
+        ("a.mp4", {"fps": 0.0}),
+        ("a.mp4", {"workers": 0}),
+        ("a.mp4", {"renderer": "crayon"}),
+        ("a.gif", {"fps": 60.0}),
+        ("a.avi", {}),
+    ],
+)
+def test_a_film_that_cannot_be_drawn_is_refused(tmp_path, name, wrong):
     with pytest.raises(InputError):
-        video.render_video(room_run(), tmp_path / "a.mp4", **{"size": (64, 36), **wrong})
+        video.render_video(room_run(), tmp_path / name, **{"size": (64, 36), **wrong})
     assert os.listdir(tmp_path) == []
+
+
+def pictures_of(path):
+    """The pictures of an animation, and how long each is shown [ms]."""
+    with Image.open(path) as film:
+        assert film.info.get("loop") == 0
+        pictures, times = [], []
+        for number in range(film.n_frames):
+            film.seek(number)
+            pictures.append(np.array(film.convert("RGB")))
+            times.append(film.info["duration"])
+    return pictures, times
+
+
+@needs_gl
+@pytest.mark.parametrize(
+    ("ending", "fps", "unlike"), [(".webp", 12.0, 6.0), (".gif", 12.0, 6.0), (".gif", 50.0, 6.0)]
+)
+def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, fps, unlike):
+    run = city_run(seconds=2.0)
+    path = tmp_path / f"run{ending}"
+    size = (161, 91)
+    video.render_video(run, path, size=size, fps=fps, samples=0, workers=2)
+    pictures, times = pictures_of(path)
+    count = len(video.Timeline(run).frame_times(fps))
+    assert len(pictures) == count and {picture.shape for picture in pictures} == {(91, 161, 3)}
+    # No frame is early or late by more than the file's unit of time, though units do not fit.
+    unit = 10.0 if ending == ".gif" else 1.0
+    ends = np.cumsum(times)
+    assert np.abs(ends - np.arange(1, count + 1) * 1000.0 / fps).max() <= unit
+    for index in (0, count // 2, count // 2 + 1, count - 1):
+        alone = video.frame(run, index / fps, size=size, samples=0).astype(int)
+        others = [np.abs(picture.astype(int) - alone).mean() for picture in pictures]
+        assert others[index] < unlike
+        assert others[index] == min(others)
+    assert os.listdir(tmp_path) == [path.name]
+
+
+@needs_gl
+def test_a_webp_of_a_scene_that_stands_still_is_as_long_as_the_film(tmp_path):
+    run = room_run(stops=True)
+    path = tmp_path / "run.webp"
+    video.render_video(run, path, size=(64, 36), fps=10, view="top", samples=0, workers=3)
+    _, times = pictures_of(path)
+    assert sum(times) == round(1000 * len(video.Timeline(run).frame_times(10)) / 10)
+
+
+@needs_gl
+def test_single_frames_are_the_pictures_of_their_times(tmp_path):
+    run = city_run(seconds=2.0)
+    folder = tmp_path / "frames"
+    drawn = {"size": (160, 90), "playback": 2.0}
+    count = video.render_frames(run, folder, fps=4, workers=2, **drawn)
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == [f"frame_{number:06d}.png" for number in range(count)] and count == 5
+    for number in (0, 2, 3, 4):
+        with Image.open(folder / names[number]) as picture:
+            assert np.array_equal(np.array(picture), video.frame(run, number * 0.5, **drawn))
+    assert os.listdir(tmp_path) == ["frames"]
+    with pytest.raises(InputError, match="empty"):
+        video.render_frames(run, folder, fps=4, **drawn)
+    assert sorted(path.name for path in folder.iterdir()) == names
+
+
+@needs_gl
+def test_a_time_outside_of_the_run_has_no_picture():
+    with pytest.raises(InputError, match="from 0 to 4 s"):
+        video.frame(city_run(), 4.1, size=(64, 36))
+
+
+@needs_gl
+@pytest.mark.parametrize(
+    ("name", "number"), [("a.mp4", signal.SIGINT), ("a.gif", signal.SIGTERM), ("f", signal.SIGTERM)]
+)
+def test_a_command_that_is_stopped_leaves_nothing(tmp_path, name, number):
+    run = tmp_path / "run.npz"
+    save_run(city_run(), run)
+    out, temporary = tmp_path / "out", tmp_path / "tmp"
+    out.mkdir()
+    temporary.mkdir()
+    what = [] if "." in name else ["--frames"]
+    command = [sys.executable, "-m", "lrf3d", "render", str(run), "--out", str(out / name), *what]
+    command += [
+        "--size",
+        "64x64",
+        "--fps",
+        "50" if name == "a.gif" else "500",
+        "--playback",
+        "0.01",
+    ]
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, env=environment, start_new_session=True
+    ) as caller:
+        limit = time.monotonic() + 20.0
+        while not list(tmp_path.rglob("part*.log")) and time.monotonic() < limit:
+            time.sleep(0.02)
+        assert list(tmp_path.rglob("part*.log"))
+        caller.send_signal(number)
+        assert caller.wait(20.0) == 128 + number
+        assert caller.stderr.read() == (b"lrf3d: stopped\n" if number == signal.SIGINT else b"")
+    assert os.listdir(temporary) == [] and os.listdir(out) == []
+    # A worker that was just being started finds by itself that nobody waits for it.
+    limit = time.monotonic() + 10.0
+    while working_in(tmp_path) and time.monotonic() < limit:
+        time.sleep(0.02)
+    assert working_in(tmp_path) == []
+    assert os.listdir(temporary) == [] and os.listdir(out) == []
+
+
+def working_in(folder):
+    """The processes whose command lines speak of a folder."""
+    return [path for path in Path("/proc").glob("[0-9]*/cmdline") if named(path, folder)]
+
+
+def named(command_line, folder):
+    """Whether a process's command line, a file in /proc, speaks of a folder."""
+    try:
+        return str(folder).encode() in command_line.read_bytes()
+    except OSError:
+        return False

@@ -1,40 +1,132 @@
-"""Making a film with a bar on the terminal, or saying why there is none."""
+"""Films on the command line: what is not asked for has defaults, and who stops one is obeyed."""
 
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import FrameType
+from typing import Any, TypeVar
 
 from lrf3d.cli.console import progress_bar, warn
 from lrf3d.simulation import Run
 
+Result = TypeVar("Result")
 
-def make_film(
-    run: Run,
-    path: Path,
-    *,
-    size: tuple[int, int],
-    fps: int,
-    playback: float,
-    view: str,
-    samples: int,
-    workers: int | None,
-) -> Path | None:
-    """Write the film of a run; without a GL library say the line to run, and give None."""
-    from lrf3d.errors import MissingLibraryError
+_LARGE, _SMALL = (1280, 720), (640, 360)
+"""Sizes [pixels] of what a film player shows, and of what is drawn slowly or sent around."""
+
+_RATE, _GIF_RATE = 25.0, 10.0
+"""Frames a second. A GIF of 15 s then has less than 10 MB."""
+
+_ANIMATIONS = (".gif", ".webp")
+"""Endings of films that are shown within a page."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilmOptions:
+    """What was asked for of a film; None is what the kind of film and of machine make of it.
+
+    Args:
+        size: Width and height [pixels].
+        fps: Frames a second.
+        playback: Seconds of the run in a second of the film.
+        view: Name of the camera.
+        samples: Samples a pixel, 0 or 4.
+        workers: Number of processes.
+        renderer: Name of the renderer.
+    """
+
+    size: tuple[int, int] | None
+    fps: float | None
+    playback: float
+    view: str
+    samples: int
+    workers: int | None
+    renderer: str | None
+
+    def still(self, renderer: str) -> dict[str, Any]:
+        """What a single picture is drawn with by a renderer."""
+        return {
+            "size": self.size or (_LARGE if renderer == "gl" else _SMALL),
+            "playback": self.playback,
+            "view": self.view,
+            "samples": self.samples,
+            "renderer": renderer,
+        }
+
+    def moving(self, ending: str, renderer: str) -> dict[str, Any]:
+        """What a film of an ending is drawn with by a renderer."""
+        usual = _SMALL if ending in _ANIMATIONS else None
+        return {
+            **replace(self, size=self.size or usual).still(renderer),
+            "fps": self.fps or (_GIF_RATE if ending == ".gif" else _RATE),
+            "workers": self.workers,
+        }
+
+
+def make_film(run: Run, path: Path, options: FilmOptions) -> None:
+    """Write the film of a run, of the kind that the ending of the path names."""
     from lrf3d.render.video import render_video
 
+    def draw(renderer: str) -> None:
+        arguments = options.moving(path.suffix.lower(), renderer)
+        with stoppable(), progress_bar("film") as progress:
+            render_video(run, path, **arguments, progress=progress)
+
+    drawn_by(options.renderer, draw)
+
+
+def make_frames(run: Run, folder: Path, options: FilmOptions) -> int:
+    """Write the frames of the film of a run as pictures; gives their number."""
+    from lrf3d.render.video import render_frames
+
+    def draw(renderer: str) -> int:
+        arguments = options.moving(".png", renderer)
+        with stoppable(), progress_bar("frames") as progress:
+            return render_frames(run, folder, **arguments, progress=progress)
+
+    return drawn_by(options.renderer, draw)
+
+
+def make_picture(run: Run, path: Path, time: float, options: FilmOptions) -> None:
+    """Write a picture of a run at a time [s]."""
+    from lrf3d.output import replacing
+    from lrf3d.render.pngs import save_png
+    from lrf3d.render.video import frame
+
+    picture = drawn_by(
+        options.renderer, lambda renderer: frame(run, time, **options.still(renderer))
+    )
+    with replacing(path) as unfinished:
+        save_png(picture, unfinished)
+
+
+def drawn_by(wanted: str | None, draw: Callable[[str], Result]) -> Result:
+    """Draw with the renderer that is wanted; where none is, with OpenGL and else with Embree."""
+    from lrf3d.errors import MissingLibraryError
+
     try:
-        with progress_bar("film") as progress:
-            render_video(
-                run,
-                path,
-                size=size,
-                fps=fps,
-                playback=playback,
-                view=view,
-                samples=samples,
-                workers=workers,
-                progress=progress,
-            )
+        return draw(wanted or "gl")
     except MissingLibraryError as error:
-        warn(f"no film: {error}")
-        return None
-    return path
+        if wanted is not None:
+            raise
+        warn(f"Embree draws instead, smaller and slower: {error}")
+        return draw("embree")
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Within, being told to end ends a film as Ctrl-C does: nothing half-made is left."""
+    ends = [signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+    before = {number: signal.signal(number, _stop) for number in ends}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _stop(number: int, where: FrameType | None) -> None:
+    # The status of a program that a signal ended, as shells have it.
+    raise SystemExit(128 + number)

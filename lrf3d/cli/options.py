@@ -2,9 +2,12 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from lrf3d.cli.film import FilmOptions
 
 
 class Mode(StrEnum):
@@ -19,6 +22,13 @@ class CasterName(StrEnum):
 
     EMBREE = "embree"
     PLANAR = "planar"
+
+
+class Renderer(StrEnum):
+    """What draws a film."""
+
+    GL = "gl"
+    EMBREE = "embree"
 
 
 WorldArgument = Annotated[
@@ -41,8 +51,21 @@ ViewOption = Annotated[
     str | None,
     typer.Option(help="Where the film is seen from: chase, first, orbit, top, or a camera's name."),
 ]
-Size = Annotated[str, typer.Option(metavar="WxH", help="Size of the film [pixels].")]
-Fps = Annotated[int, typer.Option(min=1, max=240, help="Frames a second of the film.")]
+Size = Annotated[
+    str | None,
+    typer.Option(
+        metavar="WxH",
+        help="Size of the film [pixels]; 1280x720, but 640x360 for .webp, .gif and by Embree.",
+    ),
+]
+Fps = Annotated[
+    float | None,
+    typer.Option(min=0.1, max=1000.0, help="Frames a second of the film; 25, but 10 for .gif."),
+]
+RendererOption = Annotated[
+    Renderer | None,
+    typer.Option(help="What draws the film: OpenGL, or Embree, which needs no library."),
+]
 Playback = Annotated[
     float | None, typer.Option(min=0.01, help="Simulated seconds in a second of film.")
 ]
@@ -50,6 +73,34 @@ Samples = Annotated[int, typer.Option(help="Samples a pixel against jagged edges
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Processes that draw the film; one a core if not given.")
 ]
+
+
+def film_options(
+    *,
+    size: str | None,
+    fps: float | None,
+    playback: float | None,
+    view: str | None,
+    samples: int,
+    workers: int | None,
+    renderer: Renderer | None,
+) -> "FilmOptions":
+    """What was asked for of a film, checked.
+
+    Raises:
+        InputError: A size is none.
+    """
+    from lrf3d.cli.film import FilmOptions
+
+    return FilmOptions(
+        size=None if size is None else parse_size(size),
+        fps=fps,
+        playback=1.0 if playback is None else playback,
+        view="chase" if view is None else view,
+        samples=samples,
+        workers=workers,
+        renderer=None if renderer is None else renderer.value,
+    )
 
 
 def parse_size(text: str) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""``lrf3d render``: the film of a run that was kept, or a picture of one moment."""
+"""``lrf3d render``: the film of a run that was kept, or pictures of it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,54 +11,72 @@ from lrf3d.cli import options
 def render(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run.npz, or its folder.")],
     out: Annotated[
-        Path | None, typer.Option(help="The film .mp4, or a picture .png; beside the run if not.")
+        Path | None,
+        typer.Option(
+            help="The film: .mp4, .webp or .gif; with --at a .png, with --frames a folder. "
+            "Beside the run if not given."
+        ),
     ] = None,
     at: Annotated[
         float | None, typer.Option(help="Draw one picture of this time [s] instead of a film.")
     ] = None,
+    frames: Annotated[
+        bool, typer.Option("--frames", help="Write each frame of the film as a .png of its own.")
+    ] = False,
     view: options.ViewOption = None,
-    size: options.Size = "1280x720",
-    fps: options.Fps = 25,
+    size: options.Size = None,
+    fps: options.Fps = None,
     playback: options.Playback = None,
     samples: options.Samples = 4,
     workers: options.Workers = None,
+    renderer: options.RendererOption = None,
 ) -> None:
-    """Draw the film of a run, or a picture of one moment of it."""
-    from lrf3d.cli.console import print_table, progress_bar
-    from lrf3d.errors import InputError
+    """Draw the film of a run, a picture of one moment of it, or all its frames as pictures."""
+    from lrf3d.cli.console import print_table
+    from lrf3d.cli.film import make_film, make_frames, make_picture
     from lrf3d.logs import load_run
-    from lrf3d.output import make_folder, replacing
-    from lrf3d.render.video import frame, render_video
+    from lrf3d.output import make_folder
 
-    pixels = options.parse_size(size)
+    asked = options.film_options(
+        size=size,
+        fps=fps,
+        playback=playback,
+        view=view,
+        samples=samples,
+        workers=workers,
+        renderer=renderer,
+    )
+    path = _place(run, out, at is not None, frames)
     kept = load_run(run)
-    folder = run if run.is_dir() else run.parent
-    ending = ".mp4" if at is None else ".png"
-    path = folder / f"run{ending}" if out is None else out
-    if path.suffix.lower() != ending:
-        raise InputError(f"--out {path}: expected a name that ends in {ending}")
     make_folder(path.parent)
-    seen = "chase" if view is None else view
-    pace = 1.0 if playback is None else playback
-    if at is None:
-        with progress_bar("film") as progress:
-            render_video(
-                kept,
-                path,
-                size=pixels,
-                fps=fps,
-                playback=pace,
-                view=seen,
-                samples=samples,
-                workers=workers,
-                progress=progress,
-            )
+    if frames:
+        count = make_frames(kept, path, asked)
+        print_table([("frames", f"{count} in {path}")])
+    elif at is not None:
+        make_picture(kept, path, at, asked)
+        print_table([("picture", str(path))])
+    else:
+        make_film(kept, path, asked)
         print_table([("video", str(path))])
-        return
-    from PIL import Image
 
-    pixelmap = frame(kept, at, size=pixels, view=seen, samples=samples, playback=pace)
-    picture = Image.fromarray(pixelmap)
-    with replacing(path) as unfinished:
-        picture.save(unfinished)
-    print_table([("picture", str(path))])
+
+def _place(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:
+    """Where to write to; the ending has to be that of what is asked for."""
+    from lrf3d.errors import InputError
+
+    if picture and frames:
+        raise InputError("--at and --frames: one is a single picture, the other all; give one")
+    ending = ".png" if picture else "" if frames else ".mp4"
+    if out is None:
+        folder = run if run.is_dir() else run.parent
+        return folder / ("frames" if frames else f"run{ending}")
+    given = out.suffix.lower()
+    if frames and given in (".png", ".mp4", ".webp", ".gif"):
+        raise InputError(f"--out {out}: --frames writes many files; name a folder")
+    if picture and given != ending:
+        raise InputError(f"--out {out}: expected a name that ends in .png, as --at draws a picture")
+    if not picture and given == ".png":
+        raise InputError(
+            f"--out {out}: a .png is one picture; say of when with --at TIME, or all with --frames"
+        )
+    return out

@@ -24,17 +24,19 @@ def run(
     ignore_collisions: options.IgnoreCollisions = False,
     video: Annotated[bool, typer.Option(help="Make the film.")] = True,
     view: options.ViewOption = None,
-    size: options.Size = "1280x720",
-    fps: options.Fps = 25,
+    size: options.Size = None,
+    fps: options.Fps = None,
     playback: options.Playback = None,
     samples: options.Samples = 4,
     workers: options.Workers = None,
+    renderer: options.RendererOption = None,
     json: options.Json = False,
 ) -> None:
     """Drive through a world, scan it, map it, and draw what came out.
 
     Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4.
     """
+    from dataclasses import replace
     from pathlib import Path
 
     from lrf3d.cli.film import make_film
@@ -44,10 +46,22 @@ def run(
     from lrf3d.study.outputs import Results, draw_results
     from lrf3d.world.cameras import check_view
 
-    pixels = options.parse_size(size)
+    asked = options.film_options(
+        size=size,
+        fps=fps,
+        playback=playback,
+        view=view,
+        samples=samples,
+        workers=workers,
+        renderer=renderer,
+    )
     scenario = with_route(load_scenario(world, settings or ()))
-    seen = scenario.view if view is None else view
-    check_view(seen, scenario.world.cameras)
+    asked = replace(
+        asked,
+        view=scenario.view if view is None else view,
+        playback=scenario.playback if playback is None else playback,
+    )
+    check_view(asked.view, scenario.world.cameras)
     folder = make_folder(Path("out") / scenario.name if out is None else out)
     sigmas = tuple(sigma) if sigma else scenario.sigmas
     experiment = Experiment(scenario, mode=mode, sigma=sigmas[0], seed=seed, caster=caster.value)
@@ -61,19 +75,10 @@ def run(
     files["summary"] = folder / "summary.json"
     summary = {**results.summary, "files": {name: path.name for name, path in files.items()}}
     if video:
-        film = make_film(
-            results.run,
-            folder / "run.mp4",
-            size=pixels,
-            fps=fps,
-            playback=scenario.playback if playback is None else playback,
-            view=seen,
-            samples=samples,
-            workers=workers,
-        )
-        if film is not None:
-            files = {"video": film, **files}
-            summary["files"] = {name: path.name for name, path in files.items()}
+        film = folder / "run.mp4"
+        make_film(results.run, film, asked)
+        files = {"video": film, **files}
+        summary["files"] = {name: path.name for name, path in files.items()}
     write_text(files["summary"], json_text(summary))
     if json:
         print_json(summary)

@@ -1,10 +1,13 @@
-"""H.264 films: written frame by frame, and parts of one joined without encoding again."""
+"""H.264 films: written frame by frame, and parts of one joined without encoding again.
+
+What is to become a film of another kind is kept without loss in the meantime.
+"""
 
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, ClassVar, cast
 
 import av
 
@@ -23,6 +26,9 @@ _OPTIONS = {
 }
 
 
+_LOSSLESS = {"preset": "ultrafast", "qp": "0", "bf": "0"}
+
+
 class Encoder:
     """Writes RGBA pictures to an mp4 file.
 
@@ -30,14 +36,20 @@ class Encoder:
         path: The file.
         size: Width and height of the pictures [pixels], both even.
         fps: Frames a second.
+        first: The number of the first picture in the film; an mp4's parts are alike.
     """
 
-    def __init__(self, path: Path, *, size: tuple[int, int], fps: float) -> None:
+    CODEC: ClassVar = "libx264"
+    COLOURS: ClassVar = "yuv420p"
+    OPTIONS: ClassVar[dict[str, str]] = _OPTIONS
+
+    def __init__(self, path: Path, *, size: tuple[int, int], fps: float, first: int = 0) -> None:
         self._container = av.open(str(path), "w", format="mp4")
         rate = Fraction(fps).limit_denominator(_RATES)
-        self._stream = self._container.add_stream("libx264", rate=rate, options=_OPTIONS)
+        stream = self._container.add_stream(self.CODEC, rate, options=self.OPTIONS)
+        self._stream = cast(av.VideoStream, stream)
         self._stream.width, self._stream.height = size
-        self._stream.pix_fmt = "yuv420p"
+        self._stream.pix_fmt = self.COLOURS
         self._stream.codec_context.time_base = 1 / rate
         # Each process has one encoder, and there are as many as there are cores.
         self._stream.codec_context.thread_count = 1
@@ -63,6 +75,14 @@ class Encoder:
         if kind is None:
             self._container.mux(self._stream.encode(None))
         self._container.close()
+
+
+class LosslessEncoder(Encoder):
+    """Writes RGBA pictures of any size to an mp4 file so that they come back as they were."""
+
+    CODEC = "libx264rgb"
+    COLOURS = "rgb24"
+    OPTIONS = _LOSSLESS
 
 
 def join(parts: Sequence[Path], frames: Sequence[int], path: Path) -> None:

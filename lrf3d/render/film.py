@@ -8,12 +8,13 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.render.bindings import pyrender
 from lrf3d.render.camera import make_camera
+from lrf3d.render.drawing import Drawing
+from lrf3d.render.gl import import_libraries
 from lrf3d.render.hud import Hud, scale_of
 from lrf3d.render.inset import Inset
 from lrf3d.render.look import Look
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Primitive
-from lrf3d.render.renderer import Renderer
 from lrf3d.render.scenery import TRAIL_WIDTH, Scenery
 from lrf3d.render.timeline import Timeline
 from lrf3d.simulation import Run
@@ -35,6 +36,7 @@ class Film:
         samples: Samples a pixel against jagged edges: 4, or 0 for none.
         playback: Seconds of the run in a second of the film; cameras move by the film's time.
         layers: What is drawn over the scene, of :data:`LAYERS`.
+        renderer: What draws: ``gl``, or ``embree`` where there is no OpenGL.
     """
 
     def __init__(
@@ -46,9 +48,10 @@ class Film:
         samples: int,
         playback: float = 1.0,
         layers: Collection[str] = LAYERS,
+        renderer: str = "gl",
     ) -> None:
         self.timeline = Timeline(run, playback=playback)
-        self.renderer = Renderer(size[0], size[1], samples)
+        self.renderer = _renderer(renderer, size, samples)
         self.scenery = Scenery(self.timeline)
         self.camera = make_camera(view, self.timeline, self.scenery.structures)
         self._size = size
@@ -149,3 +152,15 @@ class Film:
             yield scenery.trace, {"width": 2.2 * self._scale, "nearer": over}
         if "points" in on:
             yield scenery.dots, {"nearer": over}
+
+
+def _renderer(name: str, size: tuple[int, int], samples: int) -> Drawing:
+    """The renderer of a name; only what it needs is imported."""
+    if name == "embree":
+        from lrf3d.render.traced.renderer import TracedRenderer
+
+        return TracedRenderer(*size, samples)
+    import_libraries()
+    from lrf3d.render.renderer import Renderer
+
+    return Renderer(*size, samples)

@@ -9,9 +9,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.laser import LaserScan
+from lrf3d.render.drawing import Drawing
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Mesh, Primitive
-from lrf3d.render.renderer import Renderer
 from lrf3d.render.scenery import Scenery
 from lrf3d.render.textures import Texture
 from lrf3d.render.timeline import Moment
@@ -158,7 +158,7 @@ class Label:
             self._shown = lines
             self._texture.update(self._panel.draw(lines))
 
-    def draw(self, renderer: Renderer) -> None:
+    def draw(self, renderer: Drawing) -> None:
         """Draw it over the picture."""
         renderer.draw(self._quad, {"box": self._box})
 
@@ -177,7 +177,7 @@ class Hud:
         """What it says of a moment."""
         return hud_lines(self._run, moment, self._run.scan(moment.scan))
 
-    def draw(self, renderer: Renderer, lines: tuple[Line, ...]) -> None:
+    def draw(self, renderer: Drawing, lines: tuple[Line, ...]) -> None:
         """Draw it over the picture."""
         renderer.overlay(None)
         self._label.show(lines)

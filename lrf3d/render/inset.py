@@ -7,9 +7,9 @@ import shapely
 
 from lrf3d.geometry import Float
 from lrf3d.render.beams import LINE_SIZES, line_quads
+from lrf3d.render.drawing import Drawing
 from lrf3d.render.hud import Label, Line, scale_of
 from lrf3d.render.primitives import Mesh, Primitive, Single
-from lrf3d.render.renderer import Renderer
 from lrf3d.render.scenery import Scenery
 from lrf3d.render.timeline import Moment
 
@@ -66,7 +66,7 @@ class Inset:
         self._caption = Label(scenery, words, 0.72 * self._scale, back=_CAPTION_BACK)
         self._caption.place(size, left, top + side - self._caption.size[1])
 
-    def draw(self, renderer: Renderer, moment: Moment, shared: dict[str, Any]) -> None:
+    def draw(self, renderer: Drawing, moment: Moment, shared: dict[str, Any]) -> None:
         """Draw it over the picture, with the uniforms of the scene."""
         scenery, side = self._scenery, float(self._box[2])
         metre = side / self.window

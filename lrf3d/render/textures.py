@@ -1,4 +1,4 @@
-"""Pictures on the graphics side."""
+"""Pictures that shaders read; they go to the graphics side when they are first drawn."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +15,20 @@ class Texture:
     """
 
     def __init__(self, picture: NDArray[np.uint8], *, far: bool = False) -> None:
-        height, width, channels = picture.shape
-        self._format = GL.GL_RGB if channels == 3 else GL.GL_RGBA
-        self.id: int = GL.glGenTextures(1)
-        self.size = (width, height)
+        self.picture = picture
+        self.size = (picture.shape[1], picture.shape[0])
         self._far = far
-        GL.glBindTexture(GL.GL_TEXTURE_2D, self.id)
+        self._id: int | None = None
+
+    def _upload(self) -> int:
+        height, width, channels = self.picture.shape
+        self._format = GL.GL_RGB if channels == 3 else GL.GL_RGBA
+        number: int = GL.glGenTextures(1)
+        GL.glBindTexture(GL.GL_TEXTURE_2D, number)
         # Rows of three bytes a pixel do not fill whole words. Software OpenGL reads pixels of four
         # bytes several times as fast as those of three.
         GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
-        data = np.ascontiguousarray(picture)
+        data = np.ascontiguousarray(self.picture)
         GL.glTexImage2D(
             GL.GL_TEXTURE_2D,
             0,
@@ -36,18 +40,22 @@ class Texture:
             GL.GL_UNSIGNED_BYTE,
             data,
         )
-        smaller = GL.GL_LINEAR_MIPMAP_NEAREST if far else GL.GL_LINEAR
+        smaller = GL.GL_LINEAR_MIPMAP_NEAREST if self._far else GL.GL_LINEAR
         GL.glTexParameteri(GL.GL_TEXTURE_2D, GL.GL_TEXTURE_MIN_FILTER, smaller)
         GL.glTexParameteri(GL.GL_TEXTURE_2D, GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR)
         for axis in (GL.GL_TEXTURE_WRAP_S, GL.GL_TEXTURE_WRAP_T):
             GL.glTexParameteri(GL.GL_TEXTURE_2D, axis, GL.GL_CLAMP_TO_EDGE)
-        if far:
+        if self._far:
             GL.glGenerateMipmap(GL.GL_TEXTURE_2D)
+        return number
 
     def update(self, picture: NDArray[np.uint8]) -> None:
         """Put another picture of the same size in its place."""
+        self.picture = picture
+        if self._id is None:
+            return
         width, height = self.size
-        GL.glBindTexture(GL.GL_TEXTURE_2D, self.id)
+        GL.glBindTexture(GL.GL_TEXTURE_2D, self._id)
         data = np.ascontiguousarray(picture)
         GL.glTexSubImage2D(
             GL.GL_TEXTURE_2D, 0, 0, 0, width, height, self._format, GL.GL_UNSIGNED_BYTE, data
@@ -57,8 +65,12 @@ class Texture:
 
     def bind(self) -> None:
         """Make it the picture that shaders read."""
-        GL.glBindTexture(GL.GL_TEXTURE_2D, self.id)
+        if self._id is None:
+            self._id = self._upload()
+        GL.glBindTexture(GL.GL_TEXTURE_2D, self._id)
 
     def delete(self) -> None:
         """Free it."""
-        GL.glDeleteTextures([self.id])
+        if self._id is not None:
+            GL.glDeleteTextures([self._id])
+            self._id = None

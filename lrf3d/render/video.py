@@ -1,31 +1,24 @@
-"""Films and pictures of a run, drawn with pyrender and encoded as H.264."""
+"""Films and pictures of a run: drawn with OpenGL or with Embree, by as many processes as asked."""
 
 import math
 import os
-import pickle
-import selectors
-import subprocess
-import sys
+import shutil
 import tempfile
-from collections.abc import Callable
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import InputError
-from lrf3d.output import replacing
-from lrf3d.render.gl import require_gl
+from lrf3d.errors import InputError, OutputError
+from lrf3d.output import make_folder, replacing
+from lrf3d.render.film_parts import Progress, draw_parts
+from lrf3d.render.renderers import choose_renderer
 from lrf3d.render.timeline import Timeline
-from lrf3d.render.worker import Job
+from lrf3d.render.worker import FRAMES, Job
 from lrf3d.simulation import Run
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
-
-Progress = Callable[[int, int], None]
-"""Called with the number of frames done and the number of all."""
 
 VIEWS = MOVING_VIEWS
 """Names of the cameras that every world has."""
@@ -33,8 +26,8 @@ VIEWS = MOVING_VIEWS
 SAMPLES = (0, 4)
 """Samples a pixel that can be asked for."""
 
-_FRAMES_A_WORKER = 20
-"""A process that draws fewer frames than this takes longer to start than it saves."""
+_SLACK = 1e-6
+"""How far past its end a run can still be looked at [s]: sums of steps are rounded."""
 
 _SMALLEST, _LARGEST = 16, 8192
 """Sides of pictures [pixels] that can be drawn."""
@@ -50,44 +43,96 @@ def render_video(
     view: str = "chase",
     samples: int = 4,
     workers: int | None = None,
+    renderer: str | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Draw a run as a film, H.264 in mp4.
+    """Draw a run as a film: H.264 in .mp4, or an animation in .webp or .gif that plays on and on.
 
     Args:
         run: The run.
-        path: The file to write; it appears whole or not at all.
-        size: Width and height [pixels], both even.
-        fps: Frames a second.
+        path: The file to write; it appears whole or not at all. Its ending says which kind.
+        size: Width and height [pixels], both even for .mp4.
+        fps: Frames a second; a .gif can have up to 50, a .webp up to 200.
         playback: Seconds of the run in a second of the film.
         view: Name of the camera: ``chase``, ``first``, ``orbit``, ``top``, or one of the world's.
         samples: Samples a pixel against jagged edges: 4, or 0 for none.
         workers: Number of processes; as many as there are cores where not given.
-        progress: Called with frames done and frames in all, as the film grows.
+        renderer: What draws: ``gl``, or ``embree`` which needs no OpenGL and takes longer; where
+            not given, OpenGL where it is there.
+        progress: Called with frames done and frames in all, as the film grows; for a .gif once
+            more from 0, when all frames are drawn and get their palette.
 
     Raises:
         InputError: An argument is out of its range.
-        MissingLibraryError: There is no OpenGL on this machine.
+        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
         OutputError: The file cannot be written.
     """
-    _check(run, size, view, samples)
-    if size[0] % 2 or size[1] % 2:
+    from lrf3d.render.formats import format_of
+
+    path = Path(path)
+    kind = format_of(path)
+    job = _job(run, size, fps, playback, view, samples, workers, renderer, path.suffix.lower())
+    if kind.even and (size[0] % 2 or size[1] % 2):
         raise InputError(f"size {size[0]}x{size[1]}: H.264 needs even numbers")
-    if not (fps > 0.0 and math.isfinite(fps) and playback > 0.0 and math.isfinite(playback)):
-        raise InputError(f"fps {fps:g} and playback {playback:g}: expected more than 0")
-    if workers is not None and workers < 1:
-        raise InputError(f"workers {workers}: expected at least 1")
-    require_gl()
-    times = Timeline(run, playback=playback).frame_times(fps)
-    job = Job(run, times, size, fps, playback, view, samples)
+    if fps > kind.fastest:
+        raise InputError(
+            f"fps {fps:g}: players show at most {kind.fastest:g} frames a second of {path.suffix}"
+        )
     with replacing(path) as unfinished, tempfile.TemporaryDirectory(prefix="lrf3d-") as folder:
         # A folder that cannot be written to is better known before the film is drawn.
         unfinished.touch()
         unfinished.unlink()
-        parts, frames = _draw_parts(job, Path(folder), workers, progress)
-        from lrf3d.render.encoder import join
+        parts, frames = draw_parts(job, Path(folder), workers, progress)
+        kind.join(parts, frames, unfinished, fps=fps, progress=progress)
 
-        join(parts, frames, unfinished)
+
+def render_frames(
+    run: Run,
+    folder: str | Path,
+    *,
+    size: tuple[int, int] = (1280, 720),
+    fps: float = 25.0,
+    playback: float = 1.0,
+    view: str = "chase",
+    samples: int = 4,
+    workers: int | None = None,
+    renderer: str | None = None,
+    progress: Progress | None = None,
+) -> int:
+    """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.
+
+    All come at once, when the last is drawn. The arguments are those of :func:`render_video`.
+
+    Returns:
+        How many there are.
+
+    Raises:
+        InputError: An argument is out of its range, or the folder has something in it.
+        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
+        OutputError: The folder cannot be written.
+    """
+    folder = Path(folder)
+    job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder}: there is something already; name a new or an empty folder")
+    make_folder(folder.parent)
+    try:
+        # Beside its place, so that it can be put there at once.
+        with tempfile.TemporaryDirectory(prefix=".lrf3d-", dir=folder.parent) as place:
+            parts, _ = draw_parts(job, Path(place), workers, progress)
+            whole = Path(place) / "frames"
+            whole.mkdir()
+            for part in parts:
+                for picture in part.iterdir():
+                    os.replace(picture, whole / picture.name)
+            if folder.is_dir():
+                folder.rmdir()
+            shutil.move(whole, folder)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: cannot be written: {error.strerror}; choose another place"
+        ) from error
+    return len(job.times)
 
 
 def frame(
@@ -98,6 +143,7 @@ def frame(
     view: str = "chase",
     samples: int = 4,
     playback: float = 1.0,
+    renderer: str | None = None,
 ) -> NDArray[np.uint8]:
     """Draw a run at a time [s] as one picture, as it is in the film of that playback.
 
@@ -106,21 +152,48 @@ def frame(
 
     Raises:
         InputError: An argument is out of its range.
-        MissingLibraryError: There is no OpenGL on this machine.
+        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
     """
     _check(run, size, view, samples)
     if not (math.isfinite(time) and math.isfinite(playback) and playback > 0.0):
         raise InputError(f"time {time} and playback {playback}: expected finite numbers of seconds")
-    require_gl()
-    return np.array(_film(run, size, view, samples, playback).draw(time)[:, :, :3])
+    film = _film(run, size, view, samples, playback, choose_renderer(renderer))
+    start, end = film.timeline.start, film.timeline.end
+    if not start - _SLACK <= time <= end + _SLACK:
+        raise InputError(f"time {time:g} s: the run goes from {start:g} to {end:g} s")
+    return np.array(film.draw(time)[:, :, :3])
 
 
 @lru_cache(maxsize=1)
-def _film(run: Run, size: tuple[int, int], view: str, samples: int, playback: float) -> Any:
+def _film(
+    run: Run, size: tuple[int, int], view: str, samples: int, playback: float, renderer: str
+) -> Any:
     """The film of the pictures asked for last: setting one up costs as much as forty pictures."""
     from lrf3d.render.film import Film
 
-    return Film(run, size=size, view=view, samples=samples, playback=playback)
+    return Film(run, size=size, view=view, samples=samples, playback=playback, renderer=renderer)
+
+
+def _job(
+    run: Run,
+    size: tuple[int, int],
+    fps: float,
+    playback: float,
+    view: str,
+    samples: int,
+    workers: int | None,
+    renderer: str | None,
+    ending: str,
+) -> Job:
+    """The film to draw, when all that is asked for can be."""
+    _check(run, size, view, samples)
+    if not (fps > 0.0 and math.isfinite(fps) and playback > 0.0 and math.isfinite(playback)):
+        raise InputError(f"fps {fps:g} and playback {playback:g}: expected more than 0")
+    if workers is not None and workers < 1:
+        raise InputError(f"workers {workers}: expected at least 1")
+    times = Timeline(run, playback=playback).frame_times(fps)
+    drawn = choose_renderer(renderer)
+    return Job(run, times, size, fps, playback, view, samples, drawn, ending)
 
 
 def _check(run: Run, size: tuple[int, int], view: str, samples: int) -> None:
@@ -131,90 +204,3 @@ def _check(run: Run, size: tuple[int, int], view: str, samples: int) -> None:
     check_view(view, run.world.cameras)
     if samples not in SAMPLES:
         raise InputError(f"samples {samples}: expected 0 or 4")
-
-
-def _draw_parts(
-    job: Job, folder: Path, workers: int | None, progress: Progress | None
-) -> tuple[list[Path], list[int]]:
-    """Draw the film in parts, one process each; gives the files and how long each is [frames]."""
-    total = len(job.times)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    cores = cores or 1
-    count = workers or min(cores, math.ceil(total / _FRAMES_A_WORKER))
-    bounds = np.linspace(0, total, min(count, total) + 1).round().astype(int).tolist()
-    job_file = folder / "job.pickle"
-    job_file.write_bytes(pickle.dumps(job, pickle.HIGHEST_PROTOCOL))
-    ranges = list(pairwise(bounds))
-    parts = [folder / f"part{number:03d}.mp4" for number in range(len(ranges))]
-    threads = max(1, cores // len(ranges))
-    processes: list[subprocess.Popen[bytes]] = []
-    try:
-        for (first, last), part in zip(ranges, parts, strict=True):
-            processes.append(_start(job_file, first, last, part, threads))
-        _follow(processes, total, progress)
-        for process, part in zip(processes, parts, strict=True):
-            if process.wait() != 0:
-                raise _failure(process.returncode, part)
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
-            assert process.stdout is not None
-            process.stdout.close()
-    return parts, [last - first for first, last in ranges]
-
-
-def _start(
-    job_file: Path, first: int, last: int, part: Path, threads: int
-) -> "subprocess.Popen[bytes]":
-    """Start a process that draws the frames from first to before last."""
-    environment = {
-        **os.environ,
-        # Read by Mesa's software OpenGL: more threads than cores only wait for each other.
-        "LP_NUM_THREADS": str(threads),
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-    }
-    command = [sys.executable, "-m", "lrf3d.render.worker"]
-    with part.with_suffix(".log").open("wb") as log:
-        return subprocess.Popen(
-            [*command, str(job_file), str(first), str(last), str(part)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=log,
-            env=environment,
-            # An interrupt is for the caller, who then ends these.
-            start_new_session=True,
-        )
-
-
-def _follow(
-    processes: "list[subprocess.Popen[bytes]]", total: int, progress: Progress | None
-) -> None:
-    """Count frames until all processes have ended, or until one has failed."""
-    done = 0
-    with selectors.DefaultSelector() as selector:
-        for process in processes:
-            selector.register(process.stdout, selectors.EVENT_READ, process)  # type: ignore[arg-type]
-        while selector.get_map():
-            for key, _ in selector.select():
-                read = os.read(key.fd, 4096)
-                if not read:
-                    selector.unregister(key.fileobj)
-                    if key.data.wait() != 0:
-                        return
-                done += len(read)
-            if progress is not None:
-                progress(done, total)
-
-
-def _failure(status: int, part: Path) -> Exception:
-    """What ended a process: the error that it left, or the end of what it printed."""
-    left = part.with_suffix(".error")
-    if left.exists():
-        error = pickle.loads(left.read_bytes())
-        assert isinstance(error, Exception)
-        return error
-    log = part.with_suffix(".log").read_text(errors="replace").strip()
-    return RuntimeError(f"drawing a part of the film failed with status {status}:\n{log[-3000:]}")

@@ -21,6 +21,9 @@ from lrf3d.simulation import Run
 
 FRAME_DONE = b"."
 
+FRAMES = ".png"
+"""The ending of a job whose parts are folders of single frames."""
+
 
 @dataclass(frozen=True, slots=True)
 class Job:
@@ -34,6 +37,8 @@ class Job:
         playback: Seconds of the run in a second of the film.
         view: Name of the camera.
         samples: Samples a pixel, 0 or 4.
+        renderer: Name of the renderer.
+        ending: Ending of the film's file, which says how parts are encoded.
     """
 
     run: Run
@@ -43,18 +48,29 @@ class Job:
     playback: float
     view: str
     samples: int
+    renderer: str
+    ending: str
 
 
 def draw_part(job: Job, first: int, last: int, part: Path) -> None:
     """Draw the frames from first to before last into a file, and say so on standard output."""
-    from lrf3d.render.encoder import Encoder
     from lrf3d.render.film import Film
+    from lrf3d.render.formats import FORMATS
+    from lrf3d.render.pngs import PngEncoder
 
     # What libraries print must not be taken for frames.
     progress = os.dup(1)
     os.dup2(2, 1)
-    film = Film(job.run, size=job.size, view=job.view, samples=job.samples, playback=job.playback)
-    with Encoder(part, size=job.size, fps=job.fps) as encoder:
+    film = Film(
+        job.run,
+        size=job.size,
+        view=job.view,
+        samples=job.samples,
+        playback=job.playback,
+        renderer=job.renderer,
+    )
+    make = PngEncoder if job.ending == FRAMES else FORMATS[job.ending].part
+    with make(part, size=job.size, fps=job.fps, first=first) as encoder:
         for time in job.times[first:last]:
             encoder.add(film.draw(float(time)))
             os.write(progress, FRAME_DONE)

@@ -1,0 +1,106 @@
+"""The kinds of films by the ending of their file: how parts are encoded, and how joined."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol
+
+from lrf3d.errors import InputError
+from lrf3d.render import encoder, gif, webp
+from lrf3d.render.pictures import Picture
+
+Progress = Callable[[int, int], None]
+"""Called with the number of frames done and the number of all."""
+
+
+class PartEncoder(Protocol):
+    """Writes the pictures of a part of a film, between entering and leaving it."""
+
+    def add(self, picture: Picture) -> None:
+        """Write a picture (h, w, 4) uint8."""
+        ...
+
+    def __enter__(self) -> "PartEncoder": ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+class Join(Protocol):
+    """Makes a film of its parts, as many frames long as said."""
+
+    def __call__(
+        self,
+        parts: Sequence[Path],
+        frames: Sequence[int],
+        path: Path,
+        *,
+        fps: float,
+        progress: Progress | None,
+    ) -> None:
+        """Make it, and say how many frames are done where that takes long."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A kind of film.
+
+    Args:
+        part: Makes the encoder of a part, from its path, the size of the pictures, the frames a
+            second and the number of the first frame.
+        join: Makes a film of parts.
+        fastest: Most frames a second that players show.
+        even: Whether width and height have to be even.
+    """
+
+    part: Callable[..., PartEncoder]
+    join: Join
+    fastest: float
+    even: bool
+
+
+def _join_mp4(
+    parts: Sequence[Path],
+    frames: Sequence[int],
+    path: Path,
+    *,
+    fps: float,
+    progress: Progress | None,
+) -> None:
+    encoder.join(parts, frames, path)
+
+
+def _join_webp(
+    parts: Sequence[Path],
+    frames: Sequence[int],
+    path: Path,
+    *,
+    fps: float,
+    progress: Progress | None,
+) -> None:
+    webp.join_webp(parts, frames, path, fps=fps)
+
+
+FORMATS: dict[str, Format] = {
+    ".gif": Format(encoder.LosslessEncoder, gif.join_gif, gif.FASTEST, even=False),
+    ".mp4": Format(encoder.Encoder, _join_mp4, 1000.0, even=True),
+    ".webp": Format(webp.WebpEncoder, _join_webp, webp.FASTEST, even=False),
+}
+
+
+def format_of(path: Path) -> Format:
+    """The kind of film that a path names.
+
+    Raises:
+        InputError: There is none of that ending.
+    """
+    found = FORMATS.get(path.suffix.lower())
+    if found is None:
+        raise InputError(f"{path}: expected a film that ends in {', '.join(sorted(FORMATS))}")
+    return found

@@ -1,0 +1,262 @@
+"""Triangles, points and panels over what rays have found, compiled: depth is tested, colours blend.
+
+Corners of triangles come in as rows: x, y and w in the picture's −1…1 times w, the depth that the
+corner is tested with, then what its program interpolates.
+"""
+
+import math
+
+import numpy as np
+
+from lrf3d.casting.kernels.compiling import compiled, inner
+from lrf3d.render.traced.facades import clamp
+from lrf3d.render.traced.shading import SUN, as_byte, hazed
+
+FLAT, FAN, LINE, TRAIL, BLOB, ROBOT = range(6)
+"""Programs, named like the files in ``render/shaders``."""
+
+FIXED = 4
+"""Numbers of a row before what is interpolated."""
+
+_NEAR = 0.05
+"""Depth [m] before which triangles are cut."""
+
+_MOST = 9
+"""The most numbers that a program interpolates."""
+
+
+@inner
+def blend(colours, row, column, sample, r, g, b, alpha):
+    """Lay a colour over a sample."""
+    for channel, value in enumerate((r, g, b)):
+        under = colours[row, column, sample, channel] / 255.0
+        colours[row, column, sample, channel] = as_byte(under + (value - under) * alpha)
+
+
+@inner
+def fragment(program, at, fixed, eye, light):
+    """Colour and opacity of a triangle's pixel, as its shader has them; no opacity is nothing."""
+    if program == FLAT:
+        return at[0], at[1], at[2], at[3]
+    if program == FAN:
+        left = clamp(1.0 - at[0] / fixed[0], 0.0, 1.0)
+        return 0.98, 0.25, 0.18, fixed[1] * left * math.sqrt(left)
+    if program == LINE:
+        cover = clamp(0.5 * fixed[0] + 0.5 - abs(at[4]), 0.0, 1.0)
+        return at[0], at[1], at[2], at[3] * cover
+    if program == TRAIL:
+        if at[0] > fixed[0]:
+            return 0.0, 0.0, 0.0, 0.0
+        r, g, b = hazed(0.14, 0.48, 0.90, at[1] - eye[0], at[2] - eye[1], at[3] - eye[2], light)
+        return r, g, b, 0.95
+    if program == BLOB:
+        share = clamp((math.hypot(at[0], at[1]) - 0.45) / 0.55, 0.0, 1.0)
+        return 0.02, 0.03, 0.05, fixed[0] * (1.0 - share * share * (3.0 - 2.0 * share))
+    # The robot: place, normal, colour.
+    x, y, z = eye[0] - at[0], eye[1] - at[1], eye[2] - at[2]
+    away = 1.0 / math.sqrt(x * x + y * y + z * z)
+    long = 1.0 / math.sqrt(at[3] * at[3] + at[4] * at[4] + at[5] * at[5])
+    nx, ny, nz = at[3] * long, at[4] * long, at[5] * long
+    sx, sy, sz = light[SUN], light[SUN + 1], light[SUN + 2]
+    hx, hy, hz = sx + x * away, sy + y * away, sz + z * away
+    half = 1.0 / math.sqrt(hx * hx + hy * hy + hz * hz)
+    lit = 0.56 + 0.36 * max(nx * sx + ny * sy + nz * sz, 0.0) + 0.06 * nz
+    shine = max((nx * hx + ny * hy + nz * hz) * half, 0.0) ** 32
+    rim = 1.0 - clamp((nx * x + ny * y + nz * z) * away, 0.0, 1.0)
+    plus = 0.22 * shine + 0.07 * rim * rim * rim
+    r, g, b = hazed(at[6] * lit + plus, at[7] * lit + plus, at[8] * lit + plus, -x, -y, -z, light)
+    return r, g, b, 1.0
+
+
+@inner
+def cut(corners, first, columns, room):
+    """Fill room with what of a triangle lies before the eye; gives its number of corners."""
+    count = 0
+    for k in range(3):
+        here, there = first + k, first + (k + 1) % 3
+        w, next_w = corners[here, 2], corners[there, 2]
+        if w >= _NEAR:
+            for column in range(columns):
+                room[count, column] = corners[here, column]
+            count += 1
+        if (w >= _NEAR) != (next_w >= _NEAR):
+            share = (_NEAR - w) / (next_w - w)
+            for column in range(columns):
+                a, b = corners[here, column], corners[there, column]
+                room[count, column] = a + (b - a) * share
+            room[count, 3] = _NEAR
+            count += 1
+    return count
+
+
+@inner
+def fill(
+    program, a, b, c, extra, box, test, opaque, cull, places, fixed, eye, light, colours, near, at
+):
+    """Fill a triangle; of a corner come x, y [pixels], 1/w, 1/depth and the rest over w."""
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    # The picture is drawn turned over, so that faces seen from before run clockwise in it.
+    if area == 0.0 or not np.isfinite(area) or (cull and area > 0.0):
+        return
+    sign = 1.0 if area > 0.0 else -1.0
+    # Each edge as a function that is positive inside and adds up to 1 with the others.
+    scale = 1.0 / area
+    ax, ay = (b[1] - c[1]) * scale, (c[0] - b[0]) * scale
+    a0 = (b[0] * c[1] - b[1] * c[0]) * scale
+    bx, by = (c[1] - a[1]) * scale, (a[0] - c[0]) * scale
+    b0 = (c[0] * a[1] - c[1] * a[0]) * scale
+    low = max(min(a[1], b[1], c[1]), float(box[1]))
+    high = min(max(a[1], b[1], c[1]), float(box[1] + box[3]))
+    left = max(min(a[0], b[0], c[0]), float(box[0]))
+    right = min(max(a[0], b[0], c[0]), float(box[0] + box[2]))
+    if low >= high or left >= right:
+        return
+    samples = len(places)
+    for row in range(math.floor(low), math.ceil(high)):
+        # Where the row can meet the inside of all edges: long thin triangles cost no more than
+        # the pixels that they cover.
+        x0, x1 = left, right
+        for edge in range(3):
+            if edge == 0:
+                ex, ey, e0 = ax, ay, a0
+            elif edge == 1:
+                ex, ey, e0 = bx, by, b0
+            else:
+                ex, ey, e0 = -ax - bx, -ay - by, 1.0 - a0 - b0
+            most = e0 + max(ey * row, ey * (row + 1.0))
+            if ex > 0.0:
+                x0 = max(x0, -most / ex)
+            elif ex < 0.0:
+                x1 = min(x1, -most / ex)
+            elif most < 0.0:
+                x1 = x0
+        for column in range(math.floor(x0), math.ceil(x1)):
+            if column < box[0] or column >= box[0] + box[2]:
+                continue
+            shaded = False
+            r = g = bl = alpha = 0.0
+            for sample in range(samples):
+                x, y = column + places[sample, 0], row + places[sample, 1]
+                u, v = a0 + ax * x + ay * y, b0 + bx * x + by * y
+                t = 1.0 - u - v
+                # A sample on an edge belongs to the triangle on one side alone.
+                if u < 0.0 or v < 0.0 or t < 0.0:
+                    continue
+                if (u == 0.0 and ax * sign <= 0.0) or (v == 0.0 and bx * sign <= 0.0):
+                    continue
+                inverse = u * a[3] + v * b[3] + t * c[3]
+                if test and inverse < near[row, column, sample]:
+                    continue
+                if not shaded:
+                    shaded = True
+                    u, v = (
+                        a0 + ax * (column + 0.5) + ay * (row + 0.5),
+                        (b0 + bx * (column + 0.5) + by * (row + 0.5)),
+                    )
+                    t = 1.0 - u - v
+                    w = u * a[2] + v * b[2] + t * c[2]
+                    for k in range(extra):
+                        at[k] = (u * a[FIXED + k] + v * b[FIXED + k] + t * c[FIXED + k]) / w
+                    r, g, bl, alpha = fragment(program, at, fixed, eye, light)
+                if alpha <= 0.0:
+                    break
+                blend(colours, row, column, sample, r, g, bl, alpha)
+                if opaque:
+                    near[row, column, sample] = inverse
+
+
+@compiled
+def draw_triangles(
+    program, corners, box, test, opaque, cull, places, fixed, eye, light, colours, near
+):
+    """Draw triangles, rows (3 t, 4 + n) of corners, in a box of the picture."""
+    columns = corners.shape[1]
+    extra = columns - FIXED
+    room = np.empty((4, columns))
+    at = np.zeros(_MOST)
+    for first in range(0, len(corners), 3):
+        count = cut(corners, first, columns, room)
+        for k in range(count):
+            corner = room[k]
+            w = 1.0 / corner[2]
+            corner[0] = box[0] + (0.5 + 0.5 * corner[0] * w) * box[2]
+            corner[1] = box[1] + (0.5 + 0.5 * corner[1] * w) * box[3]
+            corner[2] = w
+            corner[3] = 1.0 / corner[3]
+            for column in range(FIXED, columns):
+                corner[column] *= w
+        for k in range(1, count - 1):
+            fill(
+                program,
+                room[0],
+                room[k],
+                room[k + 1],
+                extra,
+                box,
+                test,
+                opaque,
+                cull,
+                places,
+                fixed,
+                eye,
+                light,
+                colours,
+                near,
+                at,
+            )
+
+
+@compiled
+def draw_points(points, box, test, colours, near):
+    """Draw points (n, 7): x, y [pixels], depth, diameter [pixels] and colour."""
+    samples = colours.shape[2]
+    for k in range(len(points)):
+        x, y, depth, diameter = points[k, 0], points[k, 1], points[k, 2], points[k, 3]
+        if depth < _NEAR:
+            continue
+        reach = 0.5 * (diameter + 1.0)
+        top = max(math.floor(y - reach), box[1])
+        bottom = min(math.ceil(y + reach), box[1] + box[3])
+        left = max(math.floor(x - reach), box[0])
+        right = min(math.ceil(x + reach), box[0] + box[2])
+        for row in range(top, bottom):
+            for column in range(left, right):
+                away = math.hypot(column + 0.5 - x, row + 0.5 - y)
+                cover = clamp(0.5 * diameter + 0.5 - away, 0.0, 1.0)
+                if cover <= 0.0:
+                    continue
+                share = clamp((away / diameter - 0.15) / 0.35, 0.0, 1.0)
+                shade = 1.0 - 0.30 * share * share * (3.0 - 2.0 * share)
+                for sample in range(samples):
+                    if test and 1.0 / depth < near[row, column, sample]:
+                        continue
+                    blend(
+                        colours,
+                        row,
+                        column,
+                        sample,
+                        points[k, 4] * shade,
+                        points[k, 5] * shade,
+                        points[k, 6] * shade,
+                        cover,
+                    )
+
+
+@compiled
+def draw_panel(panel, left, top, colours):
+    """Lay a panel (h, w, 4) uint8 over the picture, its upper left corner at a pixel."""
+    height, width, samples = colours.shape[:3]
+    for row in range(max(top, 0), min(top + panel.shape[0], height)):
+        for column in range(max(left, 0), min(left + panel.shape[1], width)):
+            pixel = panel[row - top, column - left]
+            for sample in range(samples):
+                blend(
+                    colours,
+                    row,
+                    column,
+                    sample,
+                    pixel[0] / 255.0,
+                    pixel[1] / 255.0,
+                    pixel[2] / 255.0,
+                    pixel[3] / 255.0,
+                )

@@ -1,0 +1,210 @@
+"""TracedRenderer: draws the same scenes as the OpenGL renderer, with the same calls, on the CPU.
+
+Embree finds what each pixel sees of walls and roofs; ground and sky follow from the ray. What
+moves is drawn over it as triangles, points and panels, tested against the depth of that. Pixels
+at edges get four rays more, so that edges are as smooth as a graphics card's.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.geometry import Float
+from lrf3d.render.pictures import Picture
+from lrf3d.render.primitives import Primitive
+from lrf3d.render.traced import raster, shading
+from lrf3d.render.traced.grounds import Grounds
+from lrf3d.render.traced.programs import corners_of, points_of
+from lrf3d.render.traced.surfaces import Surfaces
+
+_WALLS = ("facade", "walls")
+"""Programs of what Embree is asked about."""
+
+_NO_LAND = (0.5, 0.5, 0.5, 1.0)
+"""Colour of the ground past its pictures, and width of the change [m], until they are named."""
+
+Box = tuple[int, int, int, int]
+Uniforms = Mapping[str, Any]
+
+
+class TracedRenderer:
+    """Draws scenes of :class:`Primitive` into RGBA pictures without OpenGL.
+
+    Args:
+        width: Width of the pictures [pixels].
+        height: Height [pixels].
+        samples: Samples a pixel against jagged edges: 4, or 0 for none.
+    """
+
+    def __init__(self, width: int, height: int, samples: int) -> None:
+        self._whole: Box = (0, 0, width, height)
+        self._places = shading.SAMPLE_PLACES if samples else shading.MIDDLE
+        count = len(self._places)
+        self._sampled = np.zeros((height, width, count, 3), np.uint8)
+        self._sampled_near = np.zeros((height, width, count), np.float32)
+        # With one sample a pixel, both are the same.
+        self._flat = self._sampled if count == 1 else np.zeros((height, width, 1, 3), np.uint8)
+        self._flat_near = (
+            self._sampled_near if count == 1 else np.zeros((height, width, 1), np.float32)
+        )
+        self._seen = np.zeros((height, width), np.int32)
+        self._rays = np.empty((2, height * width, 3), np.float32)
+        self._picture: Picture = np.full((height, width, 4), 255, np.uint8)
+        self._surfaces: Surfaces | None = None
+        self._grounds = Grounds()
+        self._robots: list[tuple[Primitive, Uniforms]] = []
+        self._shared: Uniforms = {}
+        self._box, self._over = self._whole, False
+
+    def begin(self, scene: Any) -> None:
+        """Start a picture."""
+        if self._surfaces is None:
+            self._surfaces = Surfaces(_wall_triangles(scene))
+        self._box, self._over = self._whole, False
+        self._shared, self._robots = {}, []
+
+    def camera_matrices(self, scene: Any) -> tuple[Float, Float]:
+        """Matrix (4, 4) from the scene to the picture turned over, and the eye (3,)."""
+        node = scene.main_camera_node
+        pose = np.asarray(scene.get_pose(node))
+        width, height = self._whole[2:]
+        projection = np.array(node.camera.get_projection_matrix(width=width, height=height))
+        projection[1] *= -1.0
+        return projection @ np.linalg.inv(pose), pose[:3, 3]
+
+    def draw(self, primitive: Primitive, uniforms: Uniforms) -> None:
+        """Draw a primitive with uniforms for its program; what is solid waits for the rays."""
+        name = primitive.program
+        if name in _WALLS or name in ("sky", "ground", "beyond"):
+            self._shared = {**self._shared, **uniforms}
+        if not primitive.count:
+            return
+        if name == "ground":
+            self._grounds.add(primitive, uniforms)
+        elif name == "robot":
+            self._robots.append((primitive, uniforms))
+        elif name == "label":
+            self._draw_label(primitive, uniforms)
+        elif name == "points":
+            points = points_of(_vertices(primitive), uniforms, self._box)
+            raster.draw_points(points, self._box, not self._over, self._flat, self._flat_near)
+        elif not (name in _WALLS or name in ("sky", "beyond")):
+            middle = shading.MIDDLE
+            self._draw_triangles(primitive, uniforms, middle, self._flat, self._flat_near)
+
+    def flatten(self) -> None:
+        """Draw what is solid, and go on with one sample a pixel."""
+        self._trace()
+        for robot, uniforms in self._robots:
+            self._draw_triangles(robot, uniforms, self._places, self._sampled, self._sampled_near)
+        if len(self._places) > 1:
+            shading.resolve(self._sampled, self._sampled_near, self._flat, self._flat_near)
+
+    def overlay(self, box: Box | None) -> None:
+        """Go on without depth, in a box left, top, width, height [pixels] or in the whole."""
+        self._over = True
+        self._box = self._whole if box is None else box
+
+    def finish(self) -> Picture:
+        """The picture (h, w, 4) uint8; it is written over by the next one."""
+        self._picture[:, :, :3] = self._flat[:, :, 0]
+        return self._picture
+
+    def delete(self) -> None:
+        """Free what is large."""
+        self._surfaces = None
+
+    def _trace(self) -> None:
+        """Find and shade what all pixels see, and look through the samples of those at edges."""
+        assert self._surfaces is not None
+        surfaces, places, width = self._surfaces, self._places, self._whole[2]
+        camera = _camera(self._shared, self._whole)
+        scene = (surfaces.faces, *self._grounds.table(), _light(self._shared))
+        origins, directions = self._rays
+        shading.aim_pixels(camera, width, origins, directions)
+        hits = surfaces.nearest(origins, directions)
+        shading.shade_pixels(camera, hits, *scene, self._sampled, self._sampled_near, self._seen)
+        if len(places) == 1:
+            return
+        edges = shading.find_edges(self._seen, surfaces.faces)
+        origins, directions = np.empty((2, len(edges) * len(places), 3), np.float32)
+        shading.aim_samples(camera, edges, width, places, origins, directions)
+        hits = surfaces.nearest(origins, directions)
+        shading.shade_samples(
+            camera, edges, places, hits, *scene, self._sampled, self._sampled_near
+        )
+
+    def _draw_triangles(
+        self,
+        primitive: Primitive,
+        uniforms: Uniforms,
+        places: Float,
+        colours: NDArray[np.uint8],
+        near: NDArray[np.float32],
+    ) -> None:
+        drawn = corners_of(primitive.program, _vertices(primitive), uniforms)
+        known = {**self._shared, **uniforms}
+        raster.draw_triangles(
+            drawn.program,
+            drawn.corners,
+            self._box,
+            not self._over,
+            not primitive.blend and not self._over,
+            primitive.cull,
+            places,
+            drawn.fixed,
+            np.array(known["eye"]),
+            _light(known),
+            colours,
+            near,
+        )
+
+    def _draw_label(self, primitive: Primitive, uniforms: Uniforms) -> None:
+        left, top = uniforms["box"][:2]
+        column = round((0.5 + 0.5 * left) * self._box[2])
+        row = round((0.5 + 0.5 * top) * self._box[3])
+        assert primitive.texture is not None
+        raster.draw_panel(primitive.texture.picture, column, row, self._flat)
+
+
+def _vertices(primitive: Primitive) -> Float:
+    """The vertices (n, values) of what a primitive draws, three for each triangle."""
+    rows = primitive.vertices
+    if primitive.elements is not None:
+        rows = rows[primitive.elements]
+    return rows[: primitive.count].astype(np.float64)
+
+
+def _wall_triangles(scene: Any) -> NDArray[np.float32]:
+    """The triangles (t, 3, 14) of all walls and roofs of a scene."""
+    found = [np.zeros((0, 14), np.float32)]
+    for mesh in scene.meshes:
+        for primitive in mesh.primitives:
+            if primitive.program in _WALLS and primitive.count:
+                rows = primitive.vertices
+                found.append(rows if primitive.elements is None else rows[primitive.elements])
+    return np.concatenate(found).reshape(-1, 3, 14)
+
+
+def _camera(uniforms: Uniforms, box: Box) -> Float:
+    """The camera's row of :mod:`shading`, for a picture as large as the box."""
+    matrix, eye = np.asarray(uniforms["view_projection"]), np.asarray(uniforms["eye"])
+    inverse = np.linalg.inv(matrix)
+
+    def ray(x: float, y: float) -> Float:
+        far = inverse @ np.array([x, y, 1.0, 1.0])
+        way = far[:3] / far[3] - eye
+        return np.asarray(way / (matrix[3, :3] @ way))
+
+    corner = ray(-1.0, -1.0)
+    across = (ray(1.0, -1.0) - corner) / box[2]
+    down = (ray(-1.0, 1.0) - corner) / box[3]
+    return np.concatenate([eye, corner, across, down])
+
+
+def _light(uniforms: Uniforms) -> Float:
+    """The light's row of :mod:`shading`."""
+    beyond = uniforms.get("beyond", _NO_LAND)
+    return np.concatenate([uniforms["sun"], uniforms["haze"], [uniforms["indoor"]], beyond])

@@ -1,0 +1,128 @@
+"""Pictures that Embree draws: like OpenGL's where it is, and all there is where it is not."""
+
+import os
+import subprocess
+import sys
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+from test_render import box, city_run, needs_gl, room_run, run_of
+
+from lrf3d.logs import save_run
+from lrf3d.render.film import Film
+from lrf3d.world import World
+
+SIZE = (256, 144)
+NO_GL = """
+import ctypes
+
+class CDLL(ctypes.CDLL):
+    def __init__(self, name, *arguments, **keywords):
+        if name is not None and ("libEGL" in str(name) or "libGL" in str(name)):
+            raise OSError(f"{name}: hidden")
+        super().__init__(name, *arguments, **keywords)
+
+ctypes.CDLL = CDLL
+"""
+
+
+@pytest.fixture
+def without_gl(tmp_path):
+    """The environment of a process, and of those that it starts, that finds no OpenGL."""
+    folder = tmp_path / "hidden"
+    folder.mkdir()
+    (folder / "sitecustomize.py").write_text(NO_GL)
+    path = os.pathsep.join([str(folder), *filter(None, sys.path)])
+    return {**os.environ, "PYTHONPATH": path}
+
+
+def drawn(run, time=1.0, *, renderer="embree", view="chase", samples=0, size=SIZE, **options):
+    film = Film(run, size=size, view=view, samples=samples, renderer=renderer, **options)
+    picture = film.draw(time)[:, :, :3].astype(int)
+    film.close()
+    return picture
+
+
+@needs_gl
+@pytest.mark.parametrize("samples", [0, 4])
+@pytest.mark.parametrize("view", ["chase", "first", "orbit", "top"])
+@pytest.mark.parametrize("make", [city_run, room_run])
+def test_both_renderers_draw_the_same_picture(make, view, samples):
+    run = make()
+    pictures = [
+        drawn(run, 2.0, renderer=name, view=view, samples=samples) for name in ("gl", "embree")
+    ]
+    apart = np.abs(pictures[0] - pictures[1]).max(axis=2)
+    # Panes of windows are of chance, which hangs on the last digit; edges and points may be half
+    # a pixel off.
+    assert np.median(apart) <= 2
+    assert apart.mean() < 4.0
+    assert (apart > 48).mean() < 0.03
+
+
+def test_smooth_edges_are_those_of_a_picture_four_times_as_fine():
+    run = city_run()
+    layers = {"layers": ()}
+    fine = drawn(run, size=(4 * SIZE[0], 4 * SIZE[1]), **layers)
+    fine = fine.reshape(SIZE[1], 4, SIZE[0], 4, 3).mean(axis=(1, 3))
+    hard, smooth = (drawn(run, samples=samples, **layers) for samples in (0, 4))
+    errors = [np.sqrt(((picture - fine) ** 2).mean()) for picture in (hard, smooth)]
+    assert errors[1] < 0.75 * errors[0]
+
+
+def test_hit_points_do_not_show_through_a_wall_and_do_in_front_of_it():
+    world = World(np.array(box(0, 0, 8, 6)), np.zeros(4, int), np.full(4, 2.5))
+    run = run_of(world, np.arange(3.0), [[2, 3, 0], [3, 3, 0], [4, 3, 0]], range_max=12.0)
+    bare, dotted = (drawn(run, 0.0, view="first", layers=layers) for layers in ((), ("points",)))
+    assert (np.abs(bare - dotted).max(axis=2) > 60).sum() > 20
+    film = Film(run, size=SIZE, view="first", samples=0, renderer="embree", layers=())
+    behind = Film(run, size=SIZE, view="first", samples=0, renderer="embree", layers=("points",))
+    for each in (film, behind):
+        each.camera = Outside(world.origin)
+    assert np.array_equal(film.draw(0.0), behind.draw(0.0))
+
+
+class Outside:
+    def __init__(self, origin):
+        self.origin = origin
+
+    def look(self, time, aspect):
+        from lrf3d.render.look import Look
+
+        eye = np.array([14.0 - self.origin[0], 3.0 - self.origin[1], 0.7])
+        return Look(eye, eye - [5.0, 0.0, 0.1], 1.0)
+
+
+def test_without_opengl_a_film_is_drawn_and_one_line_says_what_to_install(tmp_path, without_gl):
+    run, film = tmp_path / "run.npz", tmp_path / "film.mp4"
+    save_run(city_run(seconds=1.0), run)
+    command = [sys.executable, "-m", "lrf3d", "render", str(run)]
+    command += ["--size", "128x72", "--fps", "5", "--out"]
+    done = subprocess.run(
+        [*command, str(film)], env=without_gl, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert "apt-get install -y --no-install-recommends libegl1 libgl1" in done.stderr
+    with av.open(str(film)) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert len(frames) == 6
+    alone = drawn(city_run(seconds=1.0), 0.4, samples=4, size=(128, 72))
+    assert np.abs(frames[2] - alone).mean() < 6.0
+    picture = tmp_path / "at.png"
+    at = [*command[:7], "--at", "0.4", "--out", str(picture)]
+    subprocess.run(at, env=without_gl, check=True, capture_output=True, timeout=120)
+    with Image.open(picture) as read:
+        assert np.array_equal(np.array(read), alone)
+
+
+def test_without_opengl_asking_for_it_is_refused_in_one_line(tmp_path, without_gl):
+    run = tmp_path / "run.npz"
+    save_run(room_run(), run)
+    command = [sys.executable, "-m", "lrf3d", "render", str(run), "--renderer", "gl"]
+    done = subprocess.run(command, env=without_gl, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and done.stdout == ""
+    assert done.stderr.count("\n") == 1 and "libegl1 libgl1" in done.stderr
+    assert sorted(os.listdir(tmp_path)) == ["hidden", "run.npz"]
