@@ -21,6 +21,9 @@ FIXED = 4
 _NEAR = 0.05
 """Depth [m] before which triangles are cut."""
 
+ROUNDED = 1e-3
+"""By how much rows are looked at past where an edge is reckoned to cross them [pixels]."""
+
 _MOST = 9
 """The most numbers that a program interpolates."""
 
@@ -90,6 +93,30 @@ def cut(corners, first, columns, room):
 
 
 @inner
+def edge(a, b, sign):
+    """The edge from corner a to b: a point of it, its direction and −1 where both were swapped.
+
+    Two triangles that share an edge get the same numbers, so that no pixel falls between them.
+    """
+    if a[0] < b[0] or (a[0] == b[0] and a[1] < b[1]):
+        return a[0], a[1], b[0] - a[0], b[1] - a[1], sign
+    return b[0], b[1], a[0] - b[0], a[1] - b[1], -sign
+
+
+@inner
+def side(edge, x, y):
+    """On which side of an edge a place is: more than 0 inside, and by how much."""
+    px, py, dx, dy, turn = edge
+    return turn * (dx * (y - py) - dy * (x - px))
+
+
+@inner
+def owns(edge, inside):
+    """Whether a place belongs to the triangle: on the edge itself to the one on its left."""
+    return inside > 0.0 or (inside == 0.0 and edge[4] > 0.0)
+
+
+@inner
 def fill(
     program, a, b, c, extra, box, test, opaque, cull, places, fixed, eye, light, colours, near, at
 ):
@@ -99,12 +126,8 @@ def fill(
     if area == 0.0 or not np.isfinite(area) or (cull and area > 0.0):
         return
     sign = 1.0 if area > 0.0 else -1.0
-    # Each edge as a function that is positive inside and adds up to 1 with the others.
-    scale = 1.0 / area
-    ax, ay = (b[1] - c[1]) * scale, (c[0] - b[0]) * scale
-    a0 = (b[0] * c[1] - b[1] * c[0]) * scale
-    bx, by = (c[1] - a[1]) * scale, (a[0] - c[0]) * scale
-    b0 = (c[0] * a[1] - c[1] * a[0]) * scale
+    whole = 1.0 / abs(area)
+    a_side, b_side, c_side = edge(b, c, sign), edge(c, a, sign), edge(a, b, sign)
     low = max(min(a[1], b[1], c[1]), float(box[1]))
     high = min(max(a[1], b[1], c[1]), float(box[1] + box[3]))
     left = max(min(a[0], b[0], c[0]), float(box[0]))
@@ -116,18 +139,14 @@ def fill(
         # Where the row can meet the inside of all edges: long thin triangles cost no more than
         # the pixels that they cover.
         x0, x1 = left, right
-        for edge in range(3):
-            if edge == 0:
-                ex, ey, e0 = ax, ay, a0
-            elif edge == 1:
-                ex, ey, e0 = bx, by, b0
-            else:
-                ex, ey, e0 = -ax - bx, -ay - by, 1.0 - a0 - b0
-            most = e0 + max(ey * row, ey * (row + 1.0))
-            if ex > 0.0:
-                x0 = max(x0, -most / ex)
-            elif ex < 0.0:
-                x1 = min(x1, -most / ex)
+        for px, py, dx, dy, turn in (a_side, b_side, c_side):
+            # The edge is turn · (dx · (y − py) − dy · (x − px)).
+            slope = -turn * dy
+            most = turn * (dy * px - dx * py) + max(turn * dx * row, turn * dx * (row + 1.0))
+            if slope > 0.0:
+                x0 = max(x0, -most / slope - ROUNDED)
+            elif slope < 0.0:
+                x1 = min(x1, -most / slope + ROUNDED)
             elif most < 0.0:
                 x1 = x0
         for column in range(math.floor(x0), math.ceil(x1)):
@@ -137,22 +156,17 @@ def fill(
             r = g = bl = alpha = 0.0
             for sample in range(samples):
                 x, y = column + places[sample, 0], row + places[sample, 1]
-                u, v = a0 + ax * x + ay * y, b0 + bx * x + by * y
-                t = 1.0 - u - v
-                # A sample on an edge belongs to the triangle on one side alone.
-                if u < 0.0 or v < 0.0 or t < 0.0:
+                u, v, t = side(a_side, x, y), side(b_side, x, y), side(c_side, x, y)
+                if not (owns(a_side, u) and owns(b_side, v) and owns(c_side, t)):
                     continue
-                if (u == 0.0 and ax * sign <= 0.0) or (v == 0.0 and bx * sign <= 0.0):
-                    continue
+                u, v, t = u * whole, v * whole, t * whole
                 inverse = u * a[3] + v * b[3] + t * c[3]
                 if test and inverse < near[row, column, sample]:
                     continue
                 if not shaded:
                     shaded = True
-                    u, v = (
-                        a0 + ax * (column + 0.5) + ay * (row + 0.5),
-                        (b0 + bx * (column + 0.5) + by * (row + 0.5)),
-                    )
+                    x, y = column + 0.5, row + 0.5
+                    u, v = side(a_side, x, y) * whole, side(b_side, x, y) * whole
                     t = 1.0 - u - v
                     w = u * a[2] + v * b[2] + t * c[2]
                     for k in range(extra):
