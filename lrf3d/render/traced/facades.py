@@ -35,7 +35,7 @@ def chance(x, y):
 
 @inner
 def facade(face, along, up, along_step, up_step):
-    """Share of the light, and colour, of a wall with windows and a door; steps are metres a pixel."""
+    """Share of the light, and colour, of a wall with windows; steps are metres a pixel."""
     r, g, b = face[COLOUR], face[COLOUR + 1], face[COLOUR + 2]
     seed = face[KIND] / 0.9
     length, height = face[EXTENT], face[EXTENT + 1]

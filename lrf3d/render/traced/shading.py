@@ -74,26 +74,6 @@ def sky_colour(dx, dy, dz, light):
 
 
 @inner
-def texel(texels, start, width, height, u, v, channel):
-    """A channel at (u, v) of a level of the picture, between its four nearest pixels."""
-    x, y = clamp(u * width - 0.5, 0.0, width - 1.0), clamp(v * height - 0.5, 0.0, height - 1.0)
-    left, top = int(x), int(y)
-    right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
-    x, y = x - left, y - top
-    upper = mix(
-        float(texels[start + 3 * (top * width + left) + channel]),
-        float(texels[start + 3 * (top * width + right) + channel]),
-        x,
-    )
-    lower = mix(
-        float(texels[start + 3 * (bottom * width + left) + channel]),
-        float(texels[start + 3 * (bottom * width + right) + channel]),
-        x,
-    )
-    return mix(upper, lower, y) / 255.0
-
-
-@inner
 def ground_colour(x, y, step, texels, levels, grounds, light):
     """The ground at a place; step is the square of the metres a pixel, along the longer way."""
     for number in range(len(grounds)):
@@ -123,11 +103,24 @@ def picture_colour(x, y, step, sharper, texels, levels, ground):
         finer = 0.5 * math.log2(step / (texel_size * texel_size)) + sharper
         level += min(max(int(finer + 0.5), 0), count - 1)
     start, width, height = levels[level, 0], levels[level, 1], levels[level, 2]
-    return (
-        texel(texels, start, width, height, u, v, 0),
-        texel(texels, start, width, height, u, v, 1),
-        texel(texels, start, width, height, u, v, 2),
-    )
+    # Between the four nearest texels.
+    x = clamp(u * width - 0.5, 0.0, width - 1.0)
+    y = clamp(v * height - 0.5, 0.0, height - 1.0)
+    left, top = int(x), int(y)
+    x, y = x - left, y - top
+    here = start + 3 * (top * width + left)
+    right = 3 if left < width - 1 else 0
+    below = 3 * width if top < height - 1 else 0
+    upper_left, upper_right = (1.0 - x) * (1.0 - y) / 255.0, x * (1.0 - y) / 255.0
+    lower_left, lower_right = (1.0 - x) * y / 255.0, x * y / 255.0
+    r = upper_left * texels[here] + upper_right * texels[here + right]
+    g = upper_left * texels[here + 1] + upper_right * texels[here + right + 1]
+    b = upper_left * texels[here + 2] + upper_right * texels[here + right + 2]
+    here += below
+    r += lower_left * texels[here] + lower_right * texels[here + right]
+    g += lower_left * texels[here + 1] + lower_right * texels[here + right + 1]
+    b += lower_left * texels[here + 2] + lower_right * texels[here + right + 2]
+    return r, g, b
 
 
 @inner
@@ -297,7 +290,7 @@ def shade_samples(
 
 @compiled
 def resolve(sampled, sampled_near, flat, flat_near):
-    """Fill one sample a pixel (h, w, 1, 3) with the means of several, and take the first's depth."""
+    """Fill one sample a pixel (h, w, 1, 3) with the mean of several, with the first's depth."""
     height, width, samples = sampled_near.shape
     for row in range(height):
         for column in range(width):
