@@ -124,6 +124,11 @@ class PartedPrimitive(Primitive):
         self._shown: Int = np.zeros(0, dtype=np.int64)
         super().__init__(program, sizes, vertices, indices=self._all.ravel(), cull=True)
 
+    @property
+    def triangles(self) -> NDArray[np.uint32]:
+        """Which vertices (m, 3) make its triangles, shown or not."""
+        return self._all
+
     def select(self, parts: Int) -> None:
         """Draw these parts from now on, in their order."""
         if np.array_equal(parts, self._shown):

@@ -28,6 +28,7 @@ class Grounds:
         self._drawn: list[tuple[Primitive, Mapping[str, Any]]] = []
         self._pictures: list[Texels] = []
         self._rectangles: list[bytes] = []
+        self._copies: dict[int, tuple[Texels, list[Texels]]] = {}
         self._table = GroundTable(
             np.full(3, 128, np.uint8), np.array([[0, 1, 1]]), np.array([_FAR_AWAY])
         )
@@ -45,13 +46,17 @@ class Grounds:
         if same and all(a is b for a, b in zip(pictures, self._pictures, strict=True)):
             return self._table
         self._pictures, self._rectangles = pictures, rectangles
+        # A picture is kept beside its copies, so that no other gets its number.
+        kept, self._copies = self._copies, {}
         texels: list[Texels] = []
         levels: list[tuple[int, int, int]] = []
         rows, start = [], 0
         for (piece, uniforms), picture in zip(drawn, pictures, strict=True):
             low, high = piece.vertices.min(axis=0), piece.vertices.max(axis=0)
             first = len(levels)
-            for copy in _smaller_copies(picture):
+            copies = kept.get(id(picture)) or (picture, _smaller_copies(picture))
+            self._copies[id(picture)] = copies
+            for copy in copies[1]:
                 levels.append((start, copy.shape[1], copy.shape[0]))
                 texels.append(copy.ravel())
                 start += copy.size

@@ -12,8 +12,8 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.render.traced import raster
 
-_NEAR = 0.05
-"""Depth [m] before which lines are cut, so that no end lies behind the eye."""
+_NEAR = 0.25
+"""Depth [m] before which lines are cut, as their shader does."""
 
 _BEHIND = -1.0
 """A depth at which nothing is drawn."""
@@ -116,15 +116,15 @@ def _robot(rows: Float, uniforms: Uniforms) -> Triangles:
 def _lines(rows: Float, uniforms: Uniforms) -> Triangles:
     here, there, turn, side = rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 11:13]
     viewport, width = np.asarray(uniforms["viewport"]), uniforms["width"]
-    a, b = _project(here, uniforms), _project(there, uniforms)
-    depth = _raised(here, uniforms["nearer"], uniforms)
-    a_behind, b_behind = a[:, 2] < _NEAR, b[:, 2] < _NEAR
+    w, b = _project(here, uniforms)[:, 2], _project(there, uniforms)
+    crosses = (w < _NEAR) & (b[:, 2] > _NEAR)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (_NEAR - a[:, 2]) / (b[:, 2] - a[:, 2])
-        cut = a + (b - a) * share[:, None]
-        a = np.where((a_behind & ~b_behind)[:, None], cut, a)
-        b = np.where((b_behind & ~a_behind)[:, None], cut, b)
-        depth = np.where(a_behind, a[:, 2], depth)
+        share = np.where(crosses, (_NEAR - w) / (b[:, 2] - w), 0.0)[:, None]
+        start = here + (there - here) * share
+        a, depth = _project(start, uniforms), _raised(start, uniforms["nearer"], uniforms)
+        ends = (b[:, 2] < _NEAR) & (a[:, 2] > _NEAR)
+        b_share = np.where(ends, (_NEAR - b[:, 2]) / (a[:, 2] - b[:, 2]), 0.0)[:, None]
+        b = b + (a - b) * b_share
         way = (b[:, :2] / b[:, 2:] - a[:, :2] / a[:, 2:]) * viewport
     across = np.column_stack([-way[:, 1] + 1e-9, way[:, 0]])
     across /= np.maximum(np.linalg.norm(across, axis=1), 1e-30)[:, None]
@@ -132,7 +132,9 @@ def _lines(rows: Float, uniforms: Uniforms) -> Triangles:
     a[:, :2] += (np.sign(turn) * half_width * a[:, 2])[:, None] * 2.0 * across / viewport
     off = np.sign(turn) * half_width * np.where(np.abs(turn) > 1.5, -1.0, 1.0)
     a[~_shown(here, side, uniforms), 2] = _BEHIND
-    return Triangles(raster.LINE, _rows(a, depth, rows[:, 7:11], off), np.array([width, 0.0]))
+    # How far off its middle a line is, is even in the picture and not in the scene.
+    corners = _rows(a, depth, rows[:, 7:11], off * a[:, 2])
+    return Triangles(raster.LINE, corners, np.array([width, 0.0]))
 
 
 _PROGRAMS: dict[str, Callable[[Float, Uniforms], Triangles]] = {

@@ -37,15 +37,18 @@ def blend(colours, row, column, sample, r, g, b, alpha):
 
 
 @inner
-def fragment(program, at, fixed, eye, light):
-    """Colour and opacity of a triangle's pixel, as its shader has them; no opacity is nothing."""
+def fragment(program, at, w, fixed, eye, light):
+    """Colour and opacity of a triangle's pixel, as its shader has them; no opacity is nothing.
+
+    w is one over the depth: what is to be even in the picture comes in multiplied by the depth.
+    """
     if program == FLAT:
         return at[0], at[1], at[2], at[3]
     if program == FAN:
         left = clamp(1.0 - at[0] / fixed[0], 0.0, 1.0)
         return 0.98, 0.25, 0.18, fixed[1] * left * math.sqrt(left)
     if program == LINE:
-        cover = clamp(0.5 * fixed[0] + 0.5 - abs(at[4]), 0.0, 1.0)
+        cover = clamp(0.5 * fixed[0] + 0.5 - abs(at[4] * w), 0.0, 1.0)
         return at[0], at[1], at[2], at[3] * cover
     if program == TRAIL:
         if at[0] > fixed[0]:
@@ -171,7 +174,7 @@ def fill(
                     w = u * a[2] + v * b[2] + t * c[2]
                     for k in range(extra):
                         at[k] = (u * a[FIXED + k] + v * b[FIXED + k] + t * c[FIXED + k]) / w
-                    r, g, bl, alpha = fragment(program, at, fixed, eye, light)
+                    r, g, bl, alpha = fragment(program, at, w, fixed, eye, light)
                 if alpha <= 0.0:
                     break
                 blend(colours, row, column, sample, r, g, bl, alpha)

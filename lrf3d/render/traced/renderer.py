@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float
+from lrf3d.render.parts import PartedPrimitive
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Primitive
 from lrf3d.render.traced import raster, shading
@@ -182,9 +183,8 @@ def _wall_triangles(scene: Any) -> NDArray[np.float32]:
     found = [np.zeros((0, 14), np.float32)]
     for mesh in scene.meshes:
         for primitive in mesh.primitives:
-            if primitive.program in _WALLS and primitive.count:
-                rows = primitive.vertices
-                found.append(rows if primitive.elements is None else rows[primitive.elements])
+            if isinstance(primitive, PartedPrimitive):
+                found.append(primitive.vertices[primitive.triangles.ravel()])
     return np.concatenate(found).reshape(-1, 3, 14)
 
 

@@ -55,7 +55,7 @@ class Node:
     """A thing in a scene, and where it stands."""
 
     def __init__(self, thing: Any) -> None:
-        self.camera = thing
+        self.camera = self.mesh = thing
         self.pose = np.eye(4)
 
 
@@ -74,6 +74,10 @@ class Scene:
         else:
             self.meshes.add(thing)
         return node
+
+    def remove_node(self, node: Node) -> None:
+        """Take a mesh out of the scene."""
+        self.meshes.discard(node.mesh)
 
     def set_pose(self, node: Node, pose: Float) -> None:
         """Put a thing to a pose (4, 4)."""
