@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import perf_counter
 from types import FrameType
 from typing import Any, TypeVar
 
@@ -65,16 +66,29 @@ class FilmOptions:
         }
 
 
-def make_film(run: Run, path: Path, options: FilmOptions) -> None:
-    """Write the film of a run, of the kind that the ending of the path names."""
+def make_film(run: Run, path: Path, options: FilmOptions) -> str:
+    """Write the film of a run, of the kind that the path's ending names; says how long it took."""
     from lrf3d.render.video import render_video
 
-    def draw(renderer: str) -> None:
+    def draw(renderer: str) -> str:
         arguments = options.moving(path.suffix.lower(), renderer)
+        frames = 0
+        began = perf_counter()
         with stoppable(), progress_bar("film") as progress:
-            render_video(run, path, **arguments, progress=progress)
 
-    drawn_by(options.renderer, draw)
+            def count(done: int, total: int) -> None:
+                nonlocal frames
+                frames = total
+                progress(done, total)
+
+            render_video(run, path, **arguments, progress=count)
+        seconds = perf_counter() - began
+        width, height = arguments["size"]
+        by = "OpenGL" if renderer == "gl" else "Embree"
+        each = 1000.0 * seconds / max(frames, 1)
+        return f"{frames} of {width}x{height} by {by} in {seconds:.1f} s, {each:.0f} ms each"
+
+    return drawn_by(options.renderer, draw)
 
 
 def make_frames(run: Run, folder: Path, options: FilmOptions) -> int:

@@ -56,8 +56,8 @@ def render(
         make_picture(kept, path, at, asked)
         print_table([("picture", str(path))])
     else:
-        make_film(kept, path, asked)
-        print_table([("video", str(path))])
+        drawn = make_film(kept, path, asked)
+        print_table([("video", str(path)), ("frames", drawn)])
 
 
 def _place(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:
