@@ -15,7 +15,7 @@ from lrf3d.geometry import Float
 from lrf3d.render.parts import PartedPrimitive
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Primitive
-from lrf3d.render.traced import raster, shading
+from lrf3d.render.traced import raster, sampling, shading
 from lrf3d.render.traced.grounds import Grounds
 from lrf3d.render.traced.programs import corners_of, points_of
 from lrf3d.render.traced.surfaces import Surfaces
@@ -41,7 +41,7 @@ class TracedRenderer:
 
     def __init__(self, width: int, height: int, samples: int) -> None:
         self._whole: Box = (0, 0, width, height)
-        self._places = shading.SAMPLE_PLACES if samples else shading.MIDDLE
+        self._places = sampling.SAMPLE_PLACES if samples else sampling.MIDDLE
         count = len(self._places)
         self._sampled = np.zeros((height, width, count, 3), np.uint8)
         self._sampled_near = np.zeros((height, width, count), np.float32)
@@ -92,7 +92,7 @@ class TracedRenderer:
             points = points_of(_vertices(primitive), uniforms, self._box)
             raster.draw_points(points, self._box, not self._over, self._flat, self._flat_near)
         elif not (name in _WALLS or name in ("sky", "beyond")):
-            middle = shading.MIDDLE
+            middle = sampling.MIDDLE
             self._draw_triangles(primitive, uniforms, middle, self._flat, self._flat_near)
 
     def flatten(self) -> None:
@@ -101,7 +101,7 @@ class TracedRenderer:
         for robot, uniforms in self._robots:
             self._draw_triangles(robot, uniforms, self._places, self._sampled, self._sampled_near)
         if len(self._places) > 1:
-            shading.resolve(self._sampled, self._sampled_near, self._flat, self._flat_near)
+            sampling.resolve(self._sampled, self._sampled_near, self._flat, self._flat_near)
 
     def overlay(self, box: Box | None) -> None:
         """Go on without depth, in a box left, top, width, height [pixels] or in the whole."""
@@ -129,11 +129,11 @@ class TracedRenderer:
         shading.shade_pixels(camera, hits, *scene, self._sampled, self._sampled_near, self._seen)
         if len(places) == 1:
             return
-        edges = shading.find_edges(self._seen, surfaces.faces)
+        edges = sampling.find_edges(self._seen, surfaces.faces)
         origins, directions = np.empty((2, len(edges) * len(places), 3), np.float32)
-        shading.aim_samples(camera, edges, width, places, origins, directions)
+        sampling.aim_samples(camera, edges, width, places, origins, directions)
         hits = surfaces.nearest(origins, directions)
-        shading.shade_samples(
+        sampling.shade_samples(
             camera, edges, places, hits, *scene, self._sampled, self._sampled_near
         )
 
