@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world
-from lrf3d.world.geojson import DEFAULT_BUILDING_HEIGHT, read_geojson
+from lrf3d.world.buildings import DEFAULT_BUILDING_HEIGHT
+from lrf3d.world.geojson import read_geojson
 
 FAR = np.array([85000.0, 447500.0])
 

@@ -10,21 +10,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-import numpy as np
-
 from lrf3d.errors import WorldError
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float
+from lrf3d.world.buildings import world_of_features
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.dissolve import STRAIGHT, Block, Footprint, dissolve
+from lrf3d.world.dissolve import STRAIGHT
 from lrf3d.world.geographic import centre_of, lay_flat, looks_geographic
 from lrf3d.world.geojson_features import Feature, features_of
-from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import walls
-from lrf3d.world.schema import Invalid, place
+from lrf3d.world.model import World
+from lrf3d.world.schema import PLACE, Invalid, point
 from lrf3d.world.text_file import read_text
-
-DEFAULT_BUILDING_HEIGHT = 8.0
-"""Height of a building [m] that the file says nothing of: two storeys and a roof."""
 
 
 def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
@@ -46,12 +41,19 @@ def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
     outlines = [part for feature in features for part in (*feature.rings, *feature.lines)]
     if not outlines:
         raise WorldError(f"{path}: holds no Polygon and no LineString, so there is no wall")
+    place = _place(data)
     if _is_geographic(data, outlines):
         centre = centre_of(outlines)
+        place = float(centre[0]), float(centre[1])
         features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
     name = data.get("name")
     try:
-        world = _world(features, name if isinstance(name, str) else path.stem, simplify)
+        world = world_of_features(
+            features,
+            name if isinstance(name, str) else path.stem,
+            simplify=simplify,
+            place=place,
+        )
         return replace(world, cameras=_cameras(data.get("cameras", [])))
     except WorldError as error:
         raise WorldError(f"{path}: {error}") from None
@@ -79,8 +81,8 @@ def _cameras(members: object) -> tuple[FixedCamera, ...]:
         return tuple(
             FixedCamera(
                 str(member["name"]),
-                place()(member["position"]),  # type: ignore[arg-type]
-                place()(member["target"]),  # type: ignore[arg-type]
+                point()(member["position"]),  # type: ignore[arg-type]
+                point()(member["target"]),  # type: ignore[arg-type]
                 float(member["field_deg"]),
             )
             for member in members  # type: ignore[attr-defined]
@@ -95,6 +97,15 @@ def _refuse_constant(constant: str) -> NoReturn:
     raise ValueError(f"{constant} is no number; expected finite ones")
 
 
+def _place(data: dict[str, Any]) -> tuple[float, float] | None:
+    """What the member ``place``, as lrf3d writes it, says of the point (0, 0)."""
+    try:
+        longitude, latitude = PLACE(data.get("place")).tolist()
+    except Invalid:
+        return None
+    return longitude, latitude
+
+
 def _is_geographic(data: dict[str, Any], outlines: list[Float]) -> bool:
     if data.get("units") == "m":
         return False
@@ -102,83 +113,3 @@ def _is_geographic(data: dict[str, Any], outlines: list[Float]) -> bool:
     if reference is None:
         return looks_geographic(outlines)
     return any(name in json.dumps(reference) for name in ("CRS84", "EPSG::4326", "EPSG:4326"))
-
-
-def _world(features: list[Feature], name: str, simplify: float) -> World:
-    builder = _Builder()
-    owners = [feature for feature in features for _ in feature.polygons]
-    footprints = [
-        Footprint(rings, feature.height_or(DEFAULT_BUILDING_HEIGHT))
-        for feature in features
-        for rings in feature.polygons
-    ]
-    for block in dissolve(footprints, simplify=simplify):
-        builder.add_block(block, [owners[index] for index in block.footprints])
-    line_features = [feature for feature in features if not feature.polygons]
-    numbered = not owners and all(feature.number is not None for feature in line_features)
-    for feature in features:
-        if feature.lines or (numbered and feature.number is not None):
-            builder.add_lines(feature, feature.number if numbered else None)
-    return builder.world(name)
-
-
-class _Builder:
-    """Gathers walls, object by object."""
-
-    def __init__(self) -> None:
-        self.segments: list[Float] = []
-        self.heights: list[Float] = []
-        self.objects: list[Int] = []
-        self.names: dict[int, str] = {}
-        self.colours: dict[int, tuple[float, float, float]] = {}
-        self.next = 0
-
-    def add_block(self, block: Block, owners: list[Feature]) -> None:
-        """Add a block, called and coloured as the first of its footprints that tells."""
-        for ring, heights in zip(block.rings, block.heights, strict=True):
-            self._add(walls(ring, closed=True), heights, self.next)
-        for owner in reversed(owners):
-            self._describe(owner, self.next)
-        self.next += 1
-
-    def add_lines(self, feature: Feature, number: int | None) -> None:
-        """Add the lines of a feature as an object of a number, or of the next one."""
-        number = self.next if number is None else number
-        segments = [walls(line, closed=False) for line in feature.lines]
-        if segments:
-            lines = np.concatenate(segments)
-            self._add(lines, feature.wall_heights(len(lines), DEFAULT_HEIGHT), number)
-        self._describe(feature, number)
-        self.next = number + 1
-
-    def _add(self, segments: Float, heights: Float, number: int) -> None:
-        self.segments.append(segments)
-        self.heights.append(heights)
-        self.objects.append(np.full(len(segments), number, dtype=np.int64))
-
-    def _describe(self, feature: Feature, number: int) -> None:
-        if feature.name:
-            self.names[number] = feature.name
-        if feature.colour:
-            self.colours[number] = feature.colour
-
-    def world(self, name: str) -> World:
-        """The world of all that was added."""
-        if not self.segments:
-            raise WorldError("the footprints are too small to leave a wall")
-        objects = np.concatenate(self.objects)
-        count = int(objects.max()) + 1
-        colours = np.full((count, 3), np.nan)
-        for number, colour in self.colours.items():
-            if number < count:
-                colours[number] = colour
-        return World(
-            np.concatenate(self.segments),
-            objects,
-            np.concatenate(self.heights),
-            name,
-            object_names=tuple(self.names.get(number, "") for number in range(count))
-            if self.names
-            else (),
-            colours=colours,
-        )

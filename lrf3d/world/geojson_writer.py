@@ -22,9 +22,10 @@ def geojson_text(world: World) -> str:
     # A member of our own, which other readers pass over as the standard tells them.
     members = json.dumps([asdict(camera) for camera in world.cameras])
     cameras = f' "cameras": {members},' if world.cameras else ""
+    place = "" if world.place is None else f' "place": {json.dumps(world.place)},'
     return (
         f'{{"type": "FeatureCollection", "name": {json.dumps(world.name)}, "units": "m",'
-        f'{cameras} "features": [\n{features}\n]}}\n'
+        f'{place}{cameras} "features": [\n{features}\n]}}\n'
     )
 
 

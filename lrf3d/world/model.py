@@ -30,6 +30,7 @@ class World:
         object_names: A name for each object, or none at all.
         cameras: Cameras that stand still in the world, each with a name of its own.
         colours: (objects, 3) red, green, blue in 0…1 for each object; NaN where none is given.
+        place: Longitude and latitude [°] of the point (0, 0), where the source was in degrees.
 
     Raises:
         WorldError: A segment is not finite or has no length, or the shapes do not fit.
@@ -42,6 +43,7 @@ class World:
     object_names: tuple[str, ...] = field(default=(), kw_only=True)
     colours: Float = field(default=None, kw_only=True)  # type: ignore[arg-type]
     cameras: tuple[FixedCamera, ...] = field(default=(), kw_only=True)
+    place: tuple[float, float] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         segments = _rows(self.segments, 4, "segments")
@@ -96,7 +98,10 @@ class World:
         return int(self.objects.max(initial=-1)) + 1
 
     def save(self, path: str | Path) -> None:
-        """Write the world to a file; the ending names the format: ``.toml`` or ``.geojson``.
+        """Write the world to a file in the format that its ending names.
+
+        TOML and GeoJSON keep the world to the last bit; GLB keeps it in float32 about
+        ``origin``, and a ROS map (``.yaml`` and, beside it, ``.pgm``) to half a cell.
 
         Raises:
             OutputError: The file cannot be written, or its ending names no known format.

@@ -137,8 +137,8 @@ def row(*names: str) -> Check:
     return check
 
 
-def place() -> Check:
-    """A check for a place; it returns a tuple x, y, z."""
+def point() -> Check:
+    """A check for a point; it returns a tuple x, y, z."""
     check_row = row("x", "y", "z")
 
     def check(value: object) -> tuple[float, float, float]:
@@ -192,6 +192,8 @@ MOVER: Mapping[str, Check] = {
     "height": _LENGTH,
 }
 
+PLACE = row("longitude", "latitude")
+
 TABLES: Mapping[str, Mapping[str, Check]] = {
     "robot": {
         "start": row("x", "y", "degrees"),
@@ -234,7 +236,7 @@ TABLES: Mapping[str, Mapping[str, Check]] = {
 
 CAMERA: Mapping[str, Check] = {
     "name": text(),
-    "position": place(),
-    "target": place(),
+    "position": point(),
+    "target": point(),
     "field_deg": number(above=0.0, most=WIDEST),
 }

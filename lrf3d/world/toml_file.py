@@ -20,7 +20,7 @@ from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.locate import Path, lines_of_keys, nearest_line
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import walls
-from lrf3d.world.schema import CAMERA, MOVER, OBJECT, TABLES, Check, Invalid, text
+from lrf3d.world.schema import CAMERA, MOVER, OBJECT, PLACE, TABLES, Check, Invalid, text
 from lrf3d.world.text_file import read_text
 
 
@@ -56,15 +56,16 @@ def read_toml(path: FilePath) -> WorldFile:
     """
     document = _Document(path, read_text(path))
     data = document.parse()
-    document.check_keys(data, ["name", "object", *TABLES, "mover", "camera"], ())
+    document.check_keys(data, ["name", "object", *TABLES, "mover", "camera", "place"], ())
     name = document.check(text(), data.get("name", path.stem), ("name",))
+    place = document.check(PLACE, data["place"], ("place",)) if "place" in data else None
     tables = {
         key: document.check_table(data[key], checks, (key,))
         for key, checks in TABLES.items()
         if key in data
     }
     cameras = document.cameras(data.get("camera", []))
-    world = document.world(data.get("object"), name, cameras)
+    world = document.world(data.get("object"), name, cameras, place)
     return WorldFile(world, tables, document.movers(data.get("mover", [])), path, document.text)
 
 
@@ -146,7 +147,9 @@ class _Document:
                 self.refuse(path, str(error))
         return tuple(cameras)
 
-    def world(self, tables: object, name: str, cameras: tuple[FixedCamera, ...]) -> World:
+    def world(
+        self, tables: object, name: str, cameras: tuple[FixedCamera, ...], place: Float | None
+    ) -> World:
         if not isinstance(tables, list) or not tables:
             self.refuse(("object",), "expected at least one table [[object]] with points")
         objects = [_Object(self, table, index) for index, table in enumerate(tables)]
@@ -177,6 +180,7 @@ class _Document:
             object_names=tuple(names) if any(names) else (),
             colours=colours,
             cameras=cameras,
+            place=None if place is None else (float(place[0]), float(place[1])),
         )
 
 

@@ -12,6 +12,8 @@ from lrf3d.world.pieces import Part, parts_of
 def toml_text(world: World) -> str:
     """The TOML text of a world."""
     blocks = [f"name = {_quoted(world.name)}\n"]
+    if world.place is not None:
+        blocks[0] += f"place = [{world.place[0]!r}, {world.place[1]!r}]\n"
     described: set[int] = set()
     expected = 0
     for part in [*_objects_without_walls(world), *parts_of(world)]:

@@ -1,0 +1,201 @@
+"""Worlds from OpenStreetMap extracts (``.osm``): buildings become blocks, laid flat in metres.
+
+A path enters; a :class:`World` leaves, whose point (0, 0) is the middle of the buildings and whose
+``place`` says where on Earth that is. Buildings are closed ways and multipolygon relations with a
+tag ``building``; their height is ``height``, or three metres for each of ``building:levels``.
+"""
+
+from array import array
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import Float
+from lrf3d.world.buildings import world_of_features
+from lrf3d.world.geographic import centre_of, lay_flat
+from lrf3d.world.geojson_features import Feature
+from lrf3d.world.model import World
+from lrf3d.world.osm_tags import is_building, name_of, tag_colour, tag_height
+from lrf3d.world.rings import close_rings, nest_rings, valid_ring
+from lrf3d.world.xml_file import go_through
+
+LARGEST = 1 << 28
+"""Bytes of an extract: a town of half a million inhabitants; they take half a minute."""
+
+WIDEST = 2.0
+"""Largest extent [°] of the buildings: beyond it the Earth is too round to be laid flat."""
+
+Refs = list[int]
+
+
+def read_osm(path: Path) -> World:
+    """Read the buildings of an OpenStreetMap extract in XML.
+
+    Buildings that stand above the beams (``min_height`` of two metres or more) and mere roofs are
+    left out, and so are outlines of which the extract holds a part only.
+
+    Raises:
+        WorldError: The file cannot be read, or holds no building; the message names the line.
+    """
+    extract = _Extract(path)
+    go_through(path, extract.begin, extract.end, largest=LARGEST)
+    features = [feature for feature in extract.features() if feature.polygons]
+    if not features:
+        raise WorldError(f"{path}: holds no whole building, so there is no wall")
+    outlines = [ring for feature in features for ring in feature.rings]
+    centre = centre_of(outlines)
+    extent = float(np.ptp(np.concatenate(outlines), axis=0).max())
+    if extent > WIDEST:
+        raise WorldError(
+            f"{path}: buildings {extent:.1f}° apart, expected at most {WIDEST:g}°; cut out a part"
+        )
+    features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
+    place = float(centre[0]), float(centre[1])
+    try:
+        return world_of_features(features, path.stem, place=place)
+    except WorldError as error:
+        raise WorldError(f"{path}: {error}") from None
+
+
+@dataclass(slots=True)
+class _Item:
+    """A way or a relation: its tags, and the nodes or the ways (with their roles) that it is of."""
+
+    tags: dict[str, str] = field(default_factory=dict)
+    refs: Refs = field(default_factory=list)
+    roles: list[str] = field(default_factory=list)
+
+
+class _Extract:
+    """Gathers nodes, ways and relations while a file is gone through."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        # Arrays take a tenth of the memory of numbers and pairs: most nodes are of no building.
+        self.ids, self.degrees = array("q"), array("d")
+        self.ways: dict[int, _Item] = {}
+        self.relations: list[_Item] = []
+        self.item: _Item | None = None
+        self.root = False
+
+    def begin(self, tag: str, attributes: dict[str, str], line: int) -> None:
+        if not self.root:
+            if tag != "osm":
+                self._refuse(line, f"<{tag[:40]}> where <osm> was expected: no OpenStreetMap file")
+            self.root = True
+        if tag == "node":
+            if attributes.get("visible") == "false":
+                return
+            self.ids.append(self._number(attributes, "id", line))
+            self.degrees.append(self._degrees(attributes, "lon", 180.0, line))
+            self.degrees.append(self._degrees(attributes, "lat", 90.0, line))
+        elif tag in ("way", "relation"):
+            self.item = _Item()
+            if attributes.get("visible") == "false" or attributes.get("action") == "delete":
+                return
+            if tag == "way":
+                self.ways[self._number(attributes, "id", line)] = self.item
+            else:
+                self.relations.append(self.item)
+        elif self.item is None:
+            return
+        elif tag == "nd":
+            self.item.refs.append(self._number(attributes, "ref", line))
+        elif tag == "member":
+            if attributes.get("type") == "way":
+                self.item.refs.append(self._number(attributes, "ref", line))
+                self.item.roles.append(attributes.get("role", ""))
+        elif tag == "tag":
+            self.item.tags[attributes.get("k", "")] = attributes.get("v", "")
+
+    def end(self, tag: str) -> None:
+        if tag in ("way", "relation"):
+            self.item = None
+
+    def features(self) -> list[Feature]:
+        """The buildings, in degrees of longitude and latitude."""
+        self.order = np.argsort(np.frombuffer(self.ids, dtype=np.int64), kind="stable")
+        self.sorted = np.frombuffer(self.ids, dtype=np.int64)[self.order]
+        found, outlines = [], set()
+        for relation in self.relations:
+            tags = self._building_tags(relation)
+            if tags is not None:
+                found.append(_feature(tags, self._polygons(relation)))
+                outlines |= set(relation.refs)
+        for number, way in self.ways.items():
+            if number not in outlines and is_building(way.tags) and _is_closed(way.refs):
+                ring = self._ring(way.refs)
+                found.append(_feature(way.tags, () if ring is None else ((ring,),)))
+        return found
+
+    def _building_tags(self, relation: _Item) -> dict[str, str] | None:
+        """The tags of a building of several rings; old ones have them on an outer way."""
+        if relation.tags.get("type") != "multipolygon":
+            return None
+        if "building" in relation.tags:
+            return relation.tags if is_building(relation.tags) else None
+        for number, role in zip(relation.refs, relation.roles, strict=True):
+            way = self.ways.get(number)
+            if way is not None and role != "inner" and is_building(way.tags):
+                return way.tags
+        return None
+
+    def _polygons(self, relation: _Item) -> tuple[tuple[Float, ...], ...]:
+        rings: dict[bool, list[Float]] = {True: [], False: []}
+        members = list(zip(relation.refs, relation.roles, strict=True))
+        for inner in rings:
+            ways = [
+                self.ways[number].refs
+                for number, role in members
+                if (role == "inner") == inner and number in self.ways
+            ]
+            rings[inner] = [
+                ring
+                for refs in close_rings(ways)
+                if (ring := self._ring(refs)) is not None
+            ]
+        return nest_rings(rings[False], rings[True])
+
+    def _ring(self, refs: Refs) -> Float | None:
+        """The points (k, 2) [°] of a ring of nodes, or None where some are not in the extract."""
+        if not len(self.sorted):
+            return None
+        wanted = np.array(refs[:-1], dtype=np.int64)
+        place = np.minimum(np.searchsorted(self.sorted, wanted), len(self.sorted) - 1)
+        if not (self.sorted[place] == wanted).all():
+            return None
+        degrees = np.frombuffer(self.degrees, dtype=np.float64).reshape(-1, 2)
+        return valid_ring(degrees[self.order[place]])
+
+    def _number(self, attributes: dict[str, str], key: str, line: int) -> int:
+        try:
+            number = int(attributes[key])
+        except (KeyError, ValueError):
+            number = 1 << 63
+        if not -(1 << 63) <= number < 1 << 63:
+            self._refuse(line, f"{key} is {attributes.get(key, 'missing')[:40]!r}, no number")
+        return number
+
+    def _degrees(self, attributes: dict[str, str], key: str, most: float, line: int) -> float:
+        try:
+            value = float(attributes[key])
+        except (KeyError, ValueError):
+            value = float("nan")
+        if not -most <= value <= most:
+            given = attributes.get(key, "missing")[:40]
+            self._refuse(line, f"{key} is {given!r}, expected degrees within ±{most:g}")
+        return value
+
+    def _refuse(self, line: int, message: str) -> NoReturn:
+        raise WorldError(f"{self.path}:{line}: {message}")
+
+
+def _is_closed(refs: Refs) -> bool:
+    return len(refs) > 3 and refs[0] == refs[-1]
+
+
+def _feature(tags: dict[str, str], polygons: tuple[tuple[Float, ...], ...]) -> Feature:
+    return Feature(polygons, (), tag_height(tags), name_of(tags), tag_colour(tags), None)
