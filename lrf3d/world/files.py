@@ -5,7 +5,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from lrf3d.errors import OutputError, WorldError
-from lrf3d.output import write_text
+from lrf3d.output import replacing, write_text
 from lrf3d.resources import worlds_folder
 from lrf3d.world.model import World
 
@@ -21,7 +21,7 @@ def load_world(name_or_path: str | Path) -> World:
 
 
 def save_world(world: World, path: Path) -> None:
-    """Write a world to a file, so that reading it gives the same world to the last bit.
+    """Write a world to a file in the format that its ending names; see :meth:`World.save`.
 
     Raises:
         OutputError: The file cannot be written, or its ending names no known format.
@@ -29,7 +29,7 @@ def save_world(world: World, path: Path) -> None:
     path = Path(path)
     if path.suffix.lower() not in WRITERS:
         raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
-    write_text(path, WRITERS[path.suffix.lower()](world))
+    WRITERS[path.suffix.lower()](world, path)
 
 
 def world_names() -> list[str]:
@@ -77,27 +77,71 @@ def _read_geojson(path: Path) -> World:
     return read_geojson(path)
 
 
-def _toml_text(world: World) -> str:
+def _read_osm(path: Path) -> World:
+    from lrf3d.world.osm import read_osm
+
+    return read_osm(path)
+
+
+def _read_ros_map(path: Path) -> World:
+    from lrf3d.world.ros_map import read_ros_map
+
+    return read_ros_map(path)
+
+
+def _read_apart(path: Path) -> World:
+    from lrf3d.world.apart import read_apart
+
+    return read_apart(path)
+
+
+def _write_toml(world: World, path: Path) -> None:
     from lrf3d.world.toml_writer import toml_text
 
-    return toml_text(world)
+    write_text(path, toml_text(world))
 
 
-def _geojson_text(world: World) -> str:
+def _write_geojson(world: World, path: Path) -> None:
     from lrf3d.world.geojson_writer import geojson_text
 
-    return geojson_text(world)
+    write_text(path, geojson_text(world))
+
+
+def _write_glb(world: World, path: Path) -> None:
+    from lrf3d.world.glb_writer import glb_bytes
+
+    with replacing(path) as unfinished:
+        unfinished.write_bytes(glb_bytes(world))
+
+
+def _write_ros_map(world: World, path: Path) -> None:
+    from lrf3d.world.ros_map_writer import write_ros_map
+
+    write_ros_map(world, path)
 
 
 READERS: dict[str, Callable[[Path], World]] = {
     ".toml": _read_toml,
     ".geojson": _read_geojson,
     ".json": _read_geojson,
+    ".osm": _read_osm,
+    ".yaml": _read_ros_map,
+    ".yml": _read_ros_map,
+    ".dxf": _read_apart,
+    ".svg": _read_apart,
+    ".glb": _read_apart,
+    ".gltf": _read_apart,
+    ".obj": _read_apart,
+    ".off": _read_apart,
+    ".ply": _read_apart,
+    ".stl": _read_apart,
 }
 """How a world is read, by the ending of its file; a new format is one more entry."""
 
-WRITERS: dict[str, Callable[[World], str]] = {
-    ".toml": _toml_text,
-    ".geojson": _geojson_text,
+WRITERS: dict[str, Callable[[World, Path], None]] = {
+    ".toml": _write_toml,
+    ".geojson": _write_geojson,
+    ".glb": _write_glb,
+    ".yaml": _write_ros_map,
 }
-"""How the text of a world is made, by the ending of the file to write."""
+"""How a world is written, by the ending of the file."""

@@ -28,6 +28,9 @@ LARGEST = 1 << 28
 WIDEST = 2.0
 """Largest extent [°] of the buildings: beyond it the Earth is too round to be laid flat."""
 
+MOST_POINTS = 2_000_000
+"""Points of all buildings together: a way may be part of many relations, and be counted in each."""
+
 Refs = list[int]
 
 
@@ -80,6 +83,7 @@ class _Extract:
         self.relations: list[_Item] = []
         self.item: _Item | None = None
         self.root = False
+        self.points = 0
 
     def begin(self, tag: str, attributes: dict[str, str], line: int) -> None:
         if not self.root:
@@ -145,7 +149,7 @@ class _Extract:
 
     def _polygons(self, relation: _Item) -> tuple[tuple[Float, ...], ...]:
         rings: dict[bool, list[Float]] = {True: [], False: []}
-        members = list(zip(relation.refs, relation.roles, strict=True))
+        members = dict(zip(relation.refs, relation.roles, strict=True)).items()
         for inner in rings:
             ways = [
                 self.ways[number].refs
@@ -163,6 +167,9 @@ class _Extract:
         """The points (k, 2) [°] of a ring of nodes, or None where some are not in the extract."""
         if not len(self.sorted):
             return None
+        self.points += len(refs)
+        if self.points > MOST_POINTS:
+            raise WorldError(f"{self.path}: buildings of more than {MOST_POINTS:,} points; cut it")
         wanted = np.array(refs[:-1], dtype=np.int64)
         place = np.minimum(np.searchsorted(self.sorted, wanted), len(self.sorted) - 1)
         if not (self.sorted[place] == wanted).all():

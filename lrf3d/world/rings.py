@@ -28,9 +28,13 @@ def close_rings(ways: Sequence[Sequence[Node]]) -> list[list[Node]]:
         left.discard(index)
         ring = list(ways[index])
         while ring[0] != ring[-1]:
-            following = next((other for other in ends[ring[-1]] if other in left), None)
-            if following is None:
+            # What is used is dropped for good, so that a node of many ways is no trap.
+            others = ends[ring[-1]]
+            while others and others[-1] not in left:
+                others.pop()
+            if not others:
                 break
+            following = others.pop()
             left.discard(following)
             way = list(ways[following])
             ring += way[1:] if way[0] == ring[-1] else way[-2::-1]

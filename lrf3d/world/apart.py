@@ -1,0 +1,145 @@
+"""Reading a world apart: in a process of its own, with bounds on its time and its memory.
+
+Libraries that read drawings and meshes take what a file says at its word, and a file may be
+damaged or hostile. A process that only reads can be stopped; arrays come back from it, and nothing
+of it is executed or unpickled.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.world.model import World
+
+READERS = {
+    ".dxf": "dxf:read_dxf",
+    ".svg": "svg:read_svg",
+    ".glb": "mesh:read_mesh",
+    ".gltf": "mesh:read_mesh",
+    ".obj": "mesh:read_mesh",
+    ".off": "mesh:read_mesh",
+    ".ply": "mesh:read_mesh",
+    ".stl": "mesh:read_mesh",
+}
+"""The module of this package and the function in it that read a file of an ending."""
+
+SECONDS, SECONDS_A_MEGABYTE = 4.0, 1.5
+"""How long reading may take [s]: to start, and for each megabyte of the file."""
+
+MEMORY, MEMORY_A_BYTE = 300 << 20, 30
+"""How much memory reading may take [bytes]: at least, and for each byte of the file."""
+
+WALLS = np.dtype([("segment", "<f8", 4), ("object", "<i8"), ("height", "<f8")])
+
+
+def read_apart(path: Path) -> World:
+    """Read a world in a process of its own.
+
+    Raises:
+        WorldError: The file cannot be used, or takes too long or too much memory to read.
+    """
+    size = path.stat().st_size / 1e6
+    seconds = SECONDS + SECONDS_A_MEGABYTE * size
+    home = str(Path(__file__).parents[2])
+    search = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))
+    environment = os.environ | {"PYTHONPATH": search, "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-P", "-m", "lrf3d.world.apart", str(path)]
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=seconds,
+            env=environment,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise WorldError(
+            f"{path}: takes more than {seconds:.0f} s to read; simplify it, or cut it down"
+        ) from None
+    header, _, body = done.stdout.partition(b"\n")
+    if done.returncode != 0 or not header:
+        raise WorldError(f"{path}: damaged, or takes more memory to read than it may")
+    said: dict[str, Any] = json.loads(header)
+    if "error" in said:
+        raise WorldError(said["error"])
+    walls = np.frombuffer(body, dtype=WALLS)
+    return World(
+        walls["segment"],
+        walls["object"],
+        walls["height"],
+        said["name"],
+        object_names=said["object_names"],
+        colours=[[np.nan if part is None else part for part in row] for row in said["colours"]],
+    )
+
+
+def read_here(path: Path) -> World:
+    """Read a world in this process; whatever a library stumbles over is one clear error.
+
+    Raises:
+        WorldError: The file cannot be used.
+    """
+    module, _, reader = READERS[path.suffix.lower()].partition(":")
+    try:
+        world: World = getattr(import_module(f"lrf3d.world.{module}"), reader)(path)
+        return world
+    except WorldError as error:
+        message = str(error)
+        raise WorldError(message if str(path) in message else f"{path}: {message}") from None
+    except MemoryError:
+        raise WorldError(f"{path}: takes more memory to read than it may; simplify it") from None
+    except Exception as error:
+        # What is raised depends on the library, and on the place where the damage is.
+        words = " ".join(str(error).split())
+        reason = f"{type(error).__name__}: {words}"[:120] if words else type(error).__name__
+        raise WorldError(f"{path}: damaged, or no {path.suffix[1:]} file ({reason})") from None
+
+
+def _limit_memory(size: int) -> None:
+    """Let this process have so much memory at most, where the system knows such limits."""
+    try:
+        import resource
+    except ImportError:
+        return
+    for limit in (resource.RLIMIT_DATA, resource.RLIMIT_CORE):
+        most = size if limit == resource.RLIMIT_DATA else 0
+        try:
+            resource.setrlimit(limit, (most, most))
+        except (ValueError, OSError):
+            continue
+
+
+def _main(path: Path) -> NoReturn:
+    """Read a file and write the world, or the error, to the standard output."""
+    _limit_memory(MEMORY + MEMORY_A_BYTE * path.stat().st_size)
+    # What libraries print must not come between the data.
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    try:
+        world = read_here(path)
+    except WorldError as error:
+        out.write(json.dumps({"error": str(error)}).encode() + b"\n")
+    else:
+        colours = [
+            [float(part) if np.isfinite(part) else None for part in row] for row in world.colours
+        ]
+        header = {"name": world.name, "object_names": world.object_names, "colours": colours}
+        walls = np.empty(len(world.segments), dtype=WALLS)
+        walls["segment"], walls["object"] = world.segments, world.objects
+        walls["height"] = world.heights
+        out.write(json.dumps(header).encode() + b"\n")
+        out.write(walls.tobytes())
+    out.flush()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    _main(Path(sys.argv[1]))

@@ -1,0 +1,78 @@
+"""Worlds from drawings: strokes become walls, and walls that touch become objects."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import Float, Int, lengths
+from lrf3d.world.model import World
+from lrf3d.world.pieces import walls
+from lrf3d.world.schema import FARTHEST
+
+CURVE_ERROR = 0.005
+"""Farthest [m] that the chords of a curve lie from it: as much as a laser's beam is wide."""
+
+TOUCHING = 0.001
+"""Gap [m] up to which two walls touch."""
+
+FINEST_GAP = 1e-4
+"""The same, as a share of the drawing: one in the size of a sheet has finer gaps."""
+
+SHORTEST = 1e-9
+"""Length [m] below which a stroke is a point."""
+
+MOST_WALLS = 2_000_000
+"""Walls of a drawing that are read."""
+
+
+def world_of_strokes(strokes: Sequence[Float], path: Path, name: str = "") -> World:
+    """The world of lines (k, 2) [m] as they are drawn; those drawn twice count once.
+
+    Raises:
+        WorldError: There is none, there are too many, or they are not finite.
+    """
+    pieces = [walls(stroke, closed=False) for stroke in strokes if len(stroke) > 1]
+    segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
+    if not (np.abs(segments) <= FARTHEST).all():
+        raise WorldError(f"{path}: holds a line that is not finite, or over {FARTHEST:g} m away")
+    segments = without_repeats(segments[lengths(segments) > SHORTEST])
+    if not len(segments):
+        raise WorldError(f"{path}: holds no line and no outline, so there is no wall")
+    if len(segments) > MOST_WALLS:
+        raise WorldError(f"{path}: holds {len(segments):,} walls, more than {MOST_WALLS:,}")
+    extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
+    gap = min(TOUCHING, FINEST_GAP * extent)
+    return World(segments, connected(segments, gap), name=name or path.stem)
+
+
+def without_repeats(segments: Float) -> Float:
+    """The segments (n, 4) without those that stood before, forth or back."""
+    first, second = segments[:, :2], segments[:, 2:]
+    rows = np.arange(len(segments))
+    other = (first != second).argmax(axis=1)
+    turned = first[rows, other] > second[rows, other]
+    either = np.where(turned[:, None], np.hstack([second, first]), segments)
+    _, kept = np.unique(either, axis=0, return_index=True)
+    return np.asarray(segments[np.sort(kept)], dtype=np.float64)
+
+
+def connected(segments: Float, gap: float = TOUCHING) -> Int:
+    """The object (n,) of each of the segments (n, 4): those that touch are of one.
+
+    Args:
+        segments: The walls.
+        gap: How far apart they may be and still touch [m].
+    """
+    import shapely
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    middle = segments.reshape(-1, 2).mean(axis=0)
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2) - middle)
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
+    count = len(segments)
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    _, label = connected_components(links, directed=False)
+    return np.asarray(label, dtype=np.int64)

@@ -1,0 +1,118 @@
+"""Worlds from DXF drawings: lines, polylines, arcs, circles, ellipses and splines become walls.
+
+A path enters; a :class:`World` leaves. ``$INSUNITS`` gives the unit; a drawing without one is in
+metres. Blocks are put in where they are inserted. Curves become chords no farther from them than
+:data:`~lrf3d.world.drawing.CURVE_ERROR`, or a two-thousandth of their size where that is less.
+Walls that touch are one object. Layers that are off or frozen, paper space, hatches, texts and
+dimensions are no walls; heights (z) are ignored.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import Float
+from lrf3d.world.drawing import CURVE_ERROR, MOST_WALLS, world_of_strokes
+from lrf3d.world.model import World
+from lrf3d.world.text_file import open_within
+
+LARGEST = 1 << 26
+"""Bytes of a drawing."""
+
+MOST_INSERTED = 200_000
+"""Entities that are drawn, those that blocks repeat counted each time."""
+
+DEEPEST = 30
+"""Blocks that may stand inside each other."""
+
+FINEST = 1.0 / 2000.0
+"""Chords lie no farther from a curve than this share of its extent."""
+
+OUTLINES = {"LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "SOLID", "TRACE"}
+"""Entities that are walls."""
+
+
+def read_dxf(path: Path) -> World:
+    """Read the outlines of a drawing as walls.
+
+    Raises:
+        WorldError: The file cannot be read, is no DXF or holds no outline.
+    """
+    import ezdxf
+    from ezdxf import units
+
+    with open_within(path, LARGEST):
+        pass
+    try:
+        drawing = ezdxf.readfile(path)
+    except (ezdxf.DXFError, OSError) as error:
+        raise WorldError(f"{path}: no DXF drawing: {_first_line(error)}") from None
+    code = drawing.header.get("$INSUNITS", 0)
+    if code not in range(25):
+        raise WorldError(f"{path}: $INSUNITS is {code!r}, expected 0 to 24")
+    scale = units.conversion_factor(code, units.M) if code else 1.0
+    shown = {layer.dxf.name.lower() for layer in drawing.layers if layer.is_on() and not layer.is_frozen()}
+    hidden = {layer.dxf.name.lower() for layer in drawing.layers} - shown
+    strokes: list[Float] = []
+    count = 0
+    for entity in _entities(drawing.modelspace(), path, hidden):
+        for stroke in _strokes(entity, CURVE_ERROR / scale):
+            strokes.append(stroke * scale)
+            count += len(stroke)
+        if count > MOST_WALLS:
+            raise WorldError(f"{path}: holds more than {MOST_WALLS:,} walls; simplify the drawing")
+    return world_of_strokes(strokes, path)
+
+
+def _entities(layout: Any, path: Path, hidden: set[str]) -> Iterator[Any]:
+    """The outlines of a layout, with those of the blocks that are inserted in it."""
+    waiting = [(iter(layout), 0)]
+    drawn = 0
+    while waiting:
+        entities, depth = waiting[-1]
+        entity = next(entities, None)
+        if entity is None:
+            waiting.pop()
+            continue
+        drawn += 1
+        if drawn > MOST_INSERTED:
+            raise WorldError(f"{path}: draws more than {MOST_INSERTED:,} entities; simplify it")
+        if entity.dxf.get("layer", "0").lower() in hidden or entity.dxf.get("invisible", 0):
+            continue
+        if entity.dxftype() == "INSERT":
+            if depth >= DEEPEST:
+                name = entity.dxf.get("name", "")
+                raise WorldError(f"{path}: block {name[:40]!r} nested over {DEEPEST} deep")
+            if entity.mcount > 1:
+                waiting.append((iter(entity.multi_insert()), depth))
+            else:
+                waiting.append((iter(entity.virtual_entities()), depth + 1))
+        elif entity.dxftype() in OUTLINES:
+            yield entity
+
+
+def _strokes(entity: Any, tolerance: float) -> Iterator[Float]:
+    """The lines (k, 2) [units] that an entity is drawn by."""
+    from ezdxf.path import make_path
+
+    if entity.dxftype() == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
+        return
+    outline = make_path(entity)
+    if not len(outline):
+        return
+    corners = np.array([(point.x, point.y) for point in outline.control_vertices()])
+    extent = float(np.ptp(corners, axis=0).max())
+    if not np.isfinite(extent):
+        raise WorldError("a curve that is not finite")
+    distance = max(min(tolerance, FINEST * extent), 1e-9)
+    if not extent / distance <= 1e8:
+        raise WorldError("a curve that is too large to be cut into chords")
+    for part in outline.sub_paths():
+        yield np.array([(point.x, point.y) for point in part.flattening(distance, segments=4)])
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:120]

@@ -1,0 +1,180 @@
+"""Worlds from meshes that trimesh reads, cut at the height of the beams.
+
+A path enters; a :class:`World` leaves. What the plane z = :data:`CUT` meets becomes walls, which
+are merged where they lie on one line; each is as high as the triangles that it was cut from.
+glTF stands upright along y, as its specification says, and the other formats along z. Lengths are
+metres. Each named part of a scene is an object; in a file without parts, walls that touch are one.
+"""
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import Float, Int, lengths
+from lrf3d.world.collinear import merge_collinear
+from lrf3d.world.drawing import connected
+from lrf3d.world.model import World
+from lrf3d.world.schema import FARTHEST
+from lrf3d.world.text_file import open_within
+
+CUT = 0.5
+"""Height [m] at which a mesh is cut: that of the laser where none is given."""
+
+LARGEST = 1 << 27
+"""Bytes of a mesh, and of all files that it refers to."""
+
+FLAT = 1e-6
+"""Share of the extent up to which cuts are taken to lie on one line: what float32 can tell."""
+
+UPRIGHT_Y = {".glb", ".gltf"}
+"""Formats in which y is up."""
+
+
+def read_mesh(path: Path, *, cut: float = CUT) -> World:
+    """Cut a mesh at a height and read what is met as walls.
+
+    Args:
+        path: The file: ``.glb``, ``.gltf``, ``.obj``, ``.off``, ``.ply`` or ``.stl``.
+        cut: The height [m].
+
+    Raises:
+        WorldError: The file cannot be read, or nothing of it stands at that height.
+    """
+    parts = _parts(path)
+    if not parts:
+        raise WorldError(f"{path}: holds no triangle, so there is no wall")
+    pieces = [_cut(vertices, faces, cut) for _, _, vertices, faces in parts]
+    count = np.array([len(segments) for segments, _ in pieces])
+    segments = np.concatenate([segments for segments, _ in pieces])
+    heights = np.concatenate([heights for _, heights in pieces])
+    if not len(segments):
+        low = min(float(vertices[:, 2].min()) for _, _, vertices, _ in parts)
+        high = max(float(vertices[:, 2].max()) for _, _, vertices, _ in parts)
+        raise WorldError(
+            f"{path}: nothing stands at a height of {cut:g} m; the mesh reaches from {low:g} to"
+            f" {high:g} m"
+        )
+    owners = np.repeat(np.arange(len(parts)), count)
+    tolerance = FLAT * max(float(np.ptp(segments.reshape(-1, 2), axis=0).max()), 1e-3)
+    # Walls of one line and unequal heights stay apart.
+    _, first, height = np.unique(
+        np.round(heights / tolerance), return_index=True, return_inverse=True
+    )
+    label = owners * len(first) + height
+    segments, label = merge_collinear(segments, label, tolerance=tolerance)
+    owners, heights = label // len(first), heights[first][label % len(first)]
+    order = np.argsort(owners, kind="stable")
+    segments, owners, heights = segments[order], owners[order], heights[order]
+    if len(parts) == 1 and not parts[0][0]:
+        return World(segments, connected(segments), heights, path.stem)
+    numbers, objects = np.unique(owners, return_inverse=True)
+    names = tuple(parts[number][0] for number in numbers)
+    colours = np.array([parts[number][1] for number in numbers])
+    return World(segments, objects, heights, path.stem, object_names=names, colours=colours)
+
+
+def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:
+    """Name, colour (3,), vertices (n, 3) [m], z up, and faces (m, 3) of each part of a scene."""
+    import trimesh
+
+    with open_within(path, LARGEST) as file:
+        data = file.read()
+    kind = path.suffix.lower()[1:]
+    options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
+    scene = trimesh.load_scene(
+        BytesIO(data), file_type=kind, resolver=_beside(path), process=False, **options
+    )
+    turn = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) if path.suffix.lower() in UPRIGHT_Y else None
+    single = len(scene.graph.nodes_geometry) == 1 and kind not in ("glb", "gltf")
+    # The graph gives its nodes in any order; the file has its meshes in one.
+    order = {key: place for place, key in enumerate(scene.geometry)}
+    nodes = [(order[scene.graph[node][1]], str(node), node) for node in scene.graph.nodes_geometry]
+    parts = []
+    for _, _, node in sorted(nodes, key=lambda item: item[:2]):
+        matrix, key = scene.graph[node]
+        mesh = scene.geometry[key]
+        if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+            continue
+        vertices = trimesh.transform_points(np.asarray(mesh.vertices, dtype=np.float64), matrix)
+        vertices = vertices if turn is None else vertices @ turn.T
+        faces = np.asarray(mesh.faces, dtype=np.int64)
+        used = vertices[np.unique(faces)]
+        if not (np.abs(used) <= FARTHEST).all():
+            raise WorldError(
+                f"{path}: part {str(node)[:40]!r} has a vertex that is not finite, or over"
+                f" {FARTHEST:g} m away"
+            )
+        parts.append(("" if single else str(node), _colour(mesh), vertices, faces))
+    return parts
+
+
+def _colour(mesh: Any) -> Float:
+    """Red, green, blue (3,) of the material, NaN where it has none."""
+    material = getattr(mesh.visual, "material", None)
+    factor = getattr(material, "baseColorFactor", None)
+    if factor is None:
+        return np.full(3, np.nan)
+    return np.asarray(factor[:3], dtype=np.float64) / 255.0
+
+
+def _cut(vertices: Float, faces: Int, height: float) -> tuple[Float, Float]:
+    """Segments (k, 4) in which triangles meet a height, and the top (k,) of each triangle [m]."""
+    corners = vertices[faces]
+    above = corners[..., 2] > height
+    met = above.any(axis=1) & ~above.all(axis=1)
+    corners, above = corners[met], above[met]
+    # One corner lies alone on its side of the plane; the two edges from it are cut.
+    single = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
+    rows = np.arange(len(corners))
+    alone = corners[rows, single]
+    ends = []
+    for step in (1, 2):
+        other = corners[rows, (single + step) % 3]
+        share = (height - alone[:, 2]) / (other[:, 2] - alone[:, 2])
+        ends.append(alone[:, :2] + share[:, None] * (other[:, :2] - alone[:, :2]))
+    segments = np.hstack(ends) if len(corners) else np.empty((0, 4))
+    long = lengths(segments) > 0.0
+    return segments[long], corners[..., 2].max(axis=1, initial=height)[long]
+
+
+def _beside(path: Path) -> Any:
+    """What gives a mesh the buffers it refers to: only from its own folder, and within bounds."""
+    from trimesh.resolvers import Resolver
+
+    class Beside(Resolver):
+        """Files beside a mesh."""
+
+        def __init__(self) -> None:
+            """Start with all the bytes that may be read."""
+            self.left = LARGEST
+
+        def write(self, name: str, data: object) -> None:
+            """Nothing is written."""
+
+        def get(self, name: str) -> bytes:
+            """The bytes of a file of this name."""
+            shown = str(name)[:40]
+            if Path(name).name != name or "\\" in name or ":" in name:
+                raise WorldError(
+                    f"{path}: refers to {shown!r}; only files beside it are read, by name"
+                )
+            beside = path.parent / name
+            if beside.resolve().parent != path.parent.resolve():
+                raise WorldError(f"{path}: refers to {shown!r}, a link to elsewhere")
+            with open_within(beside, self.left) as file:
+                data = file.read()
+            self.left -= len(data)
+            return data
+
+        def keys(self) -> list[str]:
+            """No names are listed."""
+            return []
+
+        def namespaced(self, namespace: str) -> "Beside":
+            """The same: folders below are not looked into."""
+            return self
+
+    return Beside()
