@@ -1,0 +1,144 @@
+"""Walls of a grid of occupied cells: the fewest straight ones that keep within half a cell of it.
+
+Cells enter; segments leave, in cells. Each point of an outline lies within half a cell of its
+wall. Pieces on one line go on over gaps of a few cells, for a measured map is full of holes; walls
+whose outlines join are sealed at their corners.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.world.outlines import chains_of
+from lrf3d.world.sealing import WIDTH, Wall, seal
+from lrf3d.world.straight_runs import cut_into_runs, hull_of, is_straight
+
+GAP = 6.5
+"""Farthest [half cells] that pieces of one wall stand apart: two empty cells, in any direction."""
+
+
+def walls_of_grid(occupied: Bool) -> Float:
+    """Segments (n, 4) [cells], from the outer corner of the first cell of the first row on.
+
+    Args:
+        occupied: (rows, columns) whether a cell is, the first row at the bottom.
+    """
+    runs = _Runs.of(occupied)
+    runs.merge()
+    walls = runs.walls()
+    return walls[np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]) > 1e-9] / 2.0
+
+
+@dataclass
+class _Runs:
+    """Straight runs of points.
+
+    Args:
+        points: (n, 2) points [half cells].
+        owner: (n,) the run of each.
+        links: (k, 2) points of different runs that are joined.
+    """
+
+    points: Int
+    owner: Int
+    links: Int
+
+    @classmethod
+    def of(cls, occupied: Bool) -> "_Runs":
+        """The fewest runs of each chain; a lone cell is a run of its own."""
+        chains, lone = chains_of(occupied)
+        points, owners, links = [np.empty((0, 2), dtype=np.int64)], [np.empty(0, np.int64)], []
+        count = runs = 0
+        for chain in chains:
+            place = _first_corner(chain.points) if chain.closed else 0
+            row = np.roll(chain.points, -place, axis=0)
+            cuts = cut_into_runs(row, WIDTH)
+            owner = np.zeros(len(row), dtype=np.int64)
+            owner[cuts[1:]] = 1
+            points.append(row)
+            owners.append(runs + np.cumsum(owner))
+            links += [(count + cut - 1, count + cut) for cut in cuts[1:].tolist()]
+            if chain.closed and len(cuts) > 1:
+                links.append((count + len(row) - 1, count))
+            count, runs = count + len(row), runs + len(cuts)
+        points.append(lone)
+        owners.append(runs + np.arange(len(lone)))
+        joined = np.concatenate(points)
+        shared = _same_places(joined, count)
+        every = np.concatenate([np.array(links, dtype=np.int64).reshape(-1, 2), shared])
+        return cls(joined, np.concatenate(owners), every)
+
+    def merge(self) -> None:
+        """Let the longest runs take in those near them that lie in their strip."""
+        from scipy.spatial import cKDTree
+
+        if not len(self.points):
+            return
+        count = int(self.owner.max()) + 1
+        order = np.argsort(self.owner, kind="stable")
+        members = np.split(order, np.cumsum(np.bincount(self.owner, minlength=count))[:-1])
+        hulls = [hull_of(self.points[member]) for member in members]
+        sizes = [float(np.ptp(hull, axis=0).max()) for hull in hulls]
+        pairs = cKDTree(self.points).query_pairs(GAP, output_type="ndarray")
+        pairs = np.unique(np.sort(self.owner[pairs], axis=1), axis=0)
+        near: list[set[int]] = [set() for _ in range(count)]
+        for one, other in pairs[pairs[:, 0] != pairs[:, 1]].tolist():
+            near[one].add(other)
+            near[other].add(one)
+        taken = np.arange(count)
+        for seed in sorted(range(count), key=lambda run: -sizes[run]):
+            if taken[seed] != seed or sizes[seed] == 0.0:
+                continue
+            waiting, refused = set(near[seed]), {seed}
+            while waiting:
+                run = max(waiting, key=lambda other: (sizes[other], -other))
+                waiting.discard(run)
+                refused.add(run)
+                if taken[run] != run:
+                    continue
+                both = np.concatenate([hulls[seed], hulls[run]])
+                if is_straight(both, WIDTH):
+                    hulls[seed] = hull_of(both)
+                    taken[run] = seed
+                    waiting |= near[run] - refused
+        # A run that had grown may be taken in by none later, for longer ones come first.
+        self.owner = taken[self.owner]
+        self.hulls = hulls
+
+    def walls(self) -> Float:
+        """Segments (n, 4) [half cells], sealed where outlines join."""
+        _, owner = np.unique(self.owner, return_inverse=True)
+        order = np.argsort(owner, kind="stable")
+        members = np.split(order, np.cumsum(np.bincount(owner))[:-1])
+        walls = [Wall.through(self.points[member]) for member in members]
+        bridges = []
+        for one, other in self.links.tolist():
+            a, b = walls[owner[one]], walls[owner[other]]
+            if a is not b:
+                bridges += seal(a, b, self.points[one], self.points[other])
+        joined = set(owner[self.links].reshape(-1).tolist())
+        pieces = [np.array(bridges, dtype=np.float64).reshape(-1, 4)]
+        for number, wall in enumerate(walls):
+            if not wall.is_point:
+                pieces.append(wall.ends.reshape(1, 4))
+            elif number not in joined:
+                pieces.append((wall.ends + LONE).reshape(1, 4))
+        return np.concatenate(pieces)
+
+
+LONE = np.array([[-1.0, -1.0], [1.0, 1.0]])
+"""A lone cell is its diagonal [half cells]: it lies in the cell, and is seen from most sides."""
+
+
+def _first_corner(points: Int) -> int:
+    """Where a ring is best cut open: at the point farthest from its middle, surely a corner."""
+    away = points - points.mean(axis=0)
+    return int(np.argmax((away**2).sum(axis=1)))
+
+
+def _same_places(points: Int, count: int) -> Int:
+    """Pairs (k, 2) of the first so many points that stand at one place, as chains at a fork do."""
+    order = np.lexsort(points[:count].T)
+    same = (points[order][1:] == points[order][:-1]).all(axis=1)
+    return np.column_stack([order[:-1][same], order[1:][same]])

@@ -1,0 +1,189 @@
+"""Outlines of occupied cells: where a grid is occupied, as chains of points.
+
+Cells enter; chains of points leave, in half cells, so that all coordinates are whole numbers. Where
+a wall is one cell thick, its points are the middles of the cells; around what is thicker, they are
+the middles of the edges between an occupied cell and one that is not. A straight wall, drawn cell
+by cell at any angle, is so a chain of points that lie within half a cell of one line.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Bool, Int
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """Points (k, 2) [half cells] one after the other; a closed chain goes back to its first."""
+
+    points: Int
+    closed: bool
+
+
+def chains_of(occupied: Bool) -> tuple[list[Chain], Int]:
+    """The chains of a grid, and the lone cells (k, 2) [half cells] that no chain goes through.
+
+    Args:
+        occupied: (rows, columns) whether a cell is, the first row at the bottom. What lies outside
+            of the grid is as the cells at its border are: no outline runs along the border.
+    """
+    links, lone = _links(occupied)
+    if not len(links):
+        return [], lone
+    height = 2 * occupied.shape[0] + 2
+    keys, ends = np.unique(links, return_inverse=True)
+    points = np.column_stack([keys // height, keys % height])
+    return list(_walk(points, ends.reshape(-1, 2))), lone
+
+
+def _links(occupied: Bool) -> tuple[Int, Int]:
+    """Pairs (k, 2) of points that follow each other, as keys, and the lone cells."""
+    grid = np.pad(occupied, 1, mode="edge")
+    height = 2 * occupied.shape[0] + 2
+    blocks = grid[:-1, :-1] & grid[1:, :-1] & grid[:-1, 1:] & grid[1:, 1:]
+    thick = np.zeros_like(grid)
+    for rows in (slice(0, -1), slice(1, None)):
+        for columns in (slice(0, -1), slice(1, None)):
+            thick[rows, columns] |= blocks
+    # Outside of the grid there is no cell to go through.
+    thin = grid & ~thick
+    inside = np.zeros_like(grid)
+    inside[1:-1, 1:-1] = True
+    thin &= inside
+
+    def key(x: Int, y: Int) -> Int:
+        return np.asarray(x * height + y)
+
+    rows, columns = np.nonzero(np.ones_like(grid))
+    middle = key(2 * columns - 1, 2 * rows - 1).reshape(grid.shape)
+    links = []
+    # Thin cells side by side, and corner to corner where neither cell between them is occupied.
+    for here, there in (
+        ((slice(None), slice(0, -1)), (slice(None), slice(1, None))),
+        ((slice(0, -1), slice(None)), (slice(1, None), slice(None))),
+    ):
+        both = thin[here] & thin[there]
+        links.append(np.column_stack([middle[here][both], middle[there][both]]))
+    sw, se = (slice(0, -1), slice(0, -1)), (slice(0, -1), slice(1, None))
+    nw, ne = (slice(1, None), slice(0, -1)), (slice(1, None), slice(1, None))
+    for one, other, between, beyond in ((sw, ne, se, nw), (se, nw, sw, ne)):
+        both = thin[one] & thin[other] & ~grid[between] & ~grid[beyond]
+        links.append(np.column_stack([middle[one][both], middle[other][both]]))
+    # Around thick parts the outline goes from edge to edge, past each corner of the lattice.
+    edges = {}
+    for side, one, other, shift in (
+        ("s", sw, se, (1, 0)), ("n", nw, ne, (1, 0)), ("w", sw, nw, (0, 1)), ("e", se, ne, (0, 1)),
+    ):
+        edge = middle[one] + key(*shift)
+        cell = np.where(grid[one], middle[one], middle[other])
+        owner_thin = np.where(grid[one], thin[one], thin[other])
+        edges[side] = (
+            grid[one] != grid[other], np.where(owner_thin, cell, edge), owner_thin,
+            (inside[one] & inside[other]),
+        )
+    saddle = (grid[sw] == grid[ne]) & (grid[se] == grid[nw]) & (grid[sw] != grid[se])
+    for one, other in ("sn", "we", "sw", "se", "nw", "ne"):
+        first, second = edges[one], edges[other]
+        met = first[0] & second[0] & ~(first[2] & second[2]) & first[3] & second[3]
+        if one + other in ("sn", "we"):
+            met &= ~saddle
+        else:
+            # At a saddle the two edges of each free cell belong together.
+            corner = {"sw": sw, "se": se, "nw": nw, "ne": ne}[one + other]
+            met &= ~saddle | ~grid[corner]
+        links.append(np.column_stack([first[1][met], second[1][met]]))
+    pairs = np.sort(np.concatenate(links), axis=1)
+    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
+    lone = np.setdiff1d(middle[thin], pairs)
+    return pairs, np.column_stack([lone // height, lone % height])
+
+
+def _walk(points: Int, links: Int) -> Iterator[Chain]:
+    """The chains along links (k, 2) between points; straight ways go on through forks."""
+    count = len(points)
+    either = np.concatenate([links, links[:, ::-1]])
+    order = np.argsort(either[:, 0], kind="stable")
+    neighbours = either[order, 1].tolist()
+    first = np.searchsorted(either[order, 0], np.arange(count + 1)).tolist()
+    degree = np.diff(first)
+    used: set[tuple[int, int]] = set()
+
+    def chain(start: int, following: int) -> list[int]:
+        way = [start, following]
+        used.update([(start, following), (following, start)])
+        while degree[way[-1]] == 2:
+            here, before = way[-1], way[-2]
+            one, other = neighbours[first[here] : first[here + 1]]
+            there = other if one == before else one
+            if (here, there) in used:
+                break
+            used.update([(here, there), (there, here)])
+            way.append(there)
+        return way
+
+    ways = []
+    for start in np.flatnonzero(degree != 2).tolist():
+        for following in neighbours[first[start] : first[start + 1]]:
+            if (start, following) not in used:
+                ways.append(chain(start, following))
+    for way in _through(ways, points):
+        closed = way[0] == way[-1]
+        yield Chain(points[way[:-1] if closed else way], closed)
+    for start in range(count):
+        if degree[start] == 2:
+            following = neighbours[first[start]]
+            if (start, following) not in used:
+                yield Chain(points[chain(start, following)[:-1]], True)
+
+
+LOOK = 12
+"""Points along a chain by which it is told where it goes to."""
+
+STRAIGHT_ON = -0.9
+"""Largest cosine between the ways out of a fork that go on in each other: within 26°."""
+
+
+def _through(ways: list[list[int]], points: Int) -> list[list[int]]:
+    """The ways with those joined that go straight on through a fork, the straightest first."""
+    at: dict[int, list[tuple[int, int]]] = {}
+    heading = {}
+    for number, way in enumerate(ways):
+        if way[0] == way[-1]:
+            continue
+        for end in (0, -1):
+            node = way[end]
+            ahead = way[min(LOOK, len(way) - 1)] if end == 0 else way[max(-LOOK - 1, -len(way))]
+            delta = (points[ahead] - points[node]).astype(np.float64)
+            heading[number, end] = delta / np.hypot(*delta)
+            at.setdefault(node, []).append((number, end))
+    partner: dict[tuple[int, int], tuple[int, int]] = {}
+    for ends in at.values():
+        pairs = [
+            (float(heading[one] @ heading[other]), one, other)
+            for place, one in enumerate(ends)
+            for other in ends[:place]
+        ]
+        for cosine, one, other in sorted(pairs):
+            if cosine > STRAIGHT_ON:
+                break
+            if one not in partner and other not in partner:
+                partner[one], partner[other] = other, one
+    joined, left = [], set(range(len(ways)))
+    # Open ways are begun at an end that nothing goes on from; rings of ways wherever they are.
+    starts = [(n, end) for n in range(len(ways)) for end in (0, -1) if (n, end) not in partner]
+    for number, end in starts + [(n, 0) for n in range(len(ways))]:
+        if number not in left:
+            continue
+        way: list[int] = []
+        while number in left:
+            left.discard(number)
+            part = ways[number] if end == 0 else ways[number][::-1]
+            way += part if not way else part[1:]
+            following = partner.get((number, -1 if end == 0 else 0))
+            if following is None:
+                break
+            number, end = following
+        joined.append(way)
+    return joined

@@ -1,0 +1,171 @@
+"""Worlds from ROS maps: a YAML file that describes a picture of occupied cells (map_server).
+
+A path enters; a :class:`World` leaves, in the frame of the map. Where the picture is darker than
+``occupied_thresh`` tells, a cell is occupied; walls are the outlines of such cells, and where a
+wall is one cell thick, its middle. Each point of an outline lies within half a cell of its wall.
+Walls that touch are one object. What is free and what is unknown makes no difference to a beam.
+"""
+
+import math
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import Bool, Float
+from lrf3d.world.drawing import connected
+from lrf3d.world.model import World
+from lrf3d.world.schema import FARTHEST, shown
+from lrf3d.world.text_file import open_within, read_text
+
+LARGEST_YAML = 1 << 16
+"""Bytes of the description, which is six lines long."""
+
+LARGEST_PICTURE = 1 << 28
+"""Bytes of the picture."""
+
+MOST_CELLS = 1 << 26
+"""Cells of a map: 400 m by 400 m at 5 cm."""
+
+MOST_EDGES = 1_000_000
+"""Edges between occupied cells and others: a picture of noise has more, a map has not."""
+
+DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
+"""What map_server takes where the file says nothing."""
+
+
+def read_ros_map(path: Path) -> World:
+    """Read the occupied cells of a ROS map as walls.
+
+    Raises:
+        WorldError: The file, or the picture that it names, cannot be used.
+    """
+    from lrf3d.world.grid_walls import walls_of_grid
+
+    description = _Description(path)
+    occupied = _occupied(description)
+    edges = int((occupied[1:] != occupied[:-1]).sum() + (occupied[:, 1:] != occupied[:, :-1]).sum())
+    if edges > MOST_EDGES:
+        description.refuse(f"{edges:,} edges of occupied cells, more than {MOST_EDGES:,}: noise")
+    x, y, yaw = description.origin
+    local = walls_of_grid(occupied).reshape(-1, 2) * description.resolution
+    if not len(local):
+        description.refuse("the map has no occupied cell next to another, so there is no wall")
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    points = local @ np.array([[cos, sin], [-sin, cos]]) + [x, y]
+    segments = points.reshape(-1, 4)
+    # Ends are sealed to rounding; half a cell is as near as the map can tell.
+    objects = connected(segments, 0.5 * description.resolution)
+    return World(segments, objects, name=path.stem)
+
+
+class _Description:
+    """The YAML file, checked."""
+
+    def __init__(self, path: Path) -> None:
+        import yaml
+
+        self.path = path
+        try:
+            data = yaml.safe_load(read_text(path, largest=LARGEST_YAML))
+        except yaml.MarkedYAMLError as error:
+            line = error.problem_mark.line + 1 if error.problem_mark else 1
+            raise WorldError(f"{path}:{line}: not YAML: {error.problem}") from None
+        except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
+            reason = (str(error).splitlines() or ["nested too deeply"])[0][:80]
+            raise WorldError(f"{path}: not YAML: {reason}") from None
+        if not isinstance(data, dict):
+            self.refuse("expected the description of a ROS map: image, resolution, origin")
+        self.data: dict[Any, Any] = DEFAULTS | data
+        self.resolution = self._number("resolution", above=0.0)
+        self.occupied = self._number("occupied_thresh", most=1.0)
+        if self._number("free_thresh", most=1.0) > self.occupied:
+            self.refuse("free_thresh is above occupied_thresh")
+        negate = self.data["negate"]
+        if negate not in (0, 1) or not isinstance(negate, int):
+            self.refuse(f"negate is {shown(negate)}, expected 0 or 1")
+        self.negate = bool(negate)
+        if self.data["mode"] not in ("trinary", "scale", "raw"):
+            self.refuse(f"mode is {shown(self.data['mode'])}, expected trinary, scale or raw")
+        origin = self.data.get("origin")
+        if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_place, origin)):
+            self.refuse(f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians")
+        self.origin = float(origin[0]), float(origin[1]), float(origin[2])
+
+    def refuse(self, message: str) -> NoReturn:
+        raise WorldError(f"{self.path}: {message}")
+
+    @property
+    def picture(self) -> Path:
+        """The picture, which must lie in the folder of the description."""
+        name = self.data.get("image")
+        if not isinstance(name, str) or not name:
+            self.refuse(f"image is {shown(name)}, expected the name of a picture")
+        plain = name.removeprefix("./")
+        if Path(plain).name != plain or "\\" in plain or "\0" in plain:
+            self.refuse(f"image is {shown(name)}; put the picture beside this file and name it so")
+        picture = self.path.parent / plain
+        if picture.is_symlink() and picture.resolve().parent != self.path.parent.resolve():
+            self.refuse(f"image {shown(name)} is a link to elsewhere")
+        return picture
+
+    def _number(self, key: str, *, above: float = -1e-300, most: float = 1e4) -> float:
+        value = self.data.get(key)
+        if not _is_place(value) or not above < float(value) <= most:
+            limit = f"a number above 0 and at most {most:g}" if above >= 0 else f"0 to {most:g}"
+            self.refuse(f"{key} is {shown(value)}, expected {limit}")
+        return float(value)
+
+
+def _is_place(value: object) -> bool:
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and -FARTHEST <= value <= FARTHEST
+    )
+
+
+def _occupied(description: _Description) -> Bool:
+    """Which cells (rows, columns) are occupied, the first row at the bottom."""
+    share = _darkness(description)
+    if description.negate:
+        share = 1.0 - share
+    if description.data["mode"] == "raw":
+        # The value of a pixel is the occupancy in per cent, and more than that is unknown.
+        value = np.round(255.0 * (1.0 - share))
+        share = np.where(value <= 100.0, value / 100.0, 0.0)
+    return np.asarray(share[::-1] > description.occupied)
+
+
+def _darkness(description: _Description) -> Float:
+    """How dark the pixels (rows, columns) of the picture are, from 0 for white to 1 for black."""
+    from PIL import Image, UnidentifiedImageError
+
+    picture = description.picture
+    with open_within(picture, LARGEST_PICTURE) as file:
+        try:
+            # Only the formats of map_server: others have decoders that no map needs.
+            with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
+                width, height = image.size
+                if width * height > MOST_CELLS:
+                    raise WorldError(
+                        f"{picture}: {width} by {height} cells, more than {MOST_CELLS:,}; cut it"
+                    )
+                top = 65535.0 if image.mode.startswith("I") else 255.0
+                if image.mode in ("P", "PA", "1", "CMYK"):
+                    image = image.convert("RGB")
+                pixels = np.asarray(image)
+        except WorldError:
+            raise
+        except UnidentifiedImageError:
+            raise WorldError(f"{picture}: no PGM, PNG or BMP picture") from None
+        except (OSError, ValueError, SyntaxError, MemoryError, EOFError, OverflowError) as error:
+            reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
+            raise WorldError(f"{picture}: damaged picture ({reason})") from None
+        except Image.DecompressionBombError:
+            raise WorldError(f"{picture}: a picture that is far too large") from None
+    if pixels.ndim == 3:
+        colours = 1 if pixels.shape[2] == 2 else 3
+        pixels = pixels[..., :colours].mean(axis=2, dtype=np.float32)
+    return np.asarray(1.0 - pixels.astype(np.float32) / np.float32(top))

@@ -1,0 +1,118 @@
+"""Sealing: walls whose outlines join are made to meet, so that no beam slips through between them.
+
+Points of outlines enter, in half cells; walls leave that keep within half a cell of their points.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int, fit_line
+from lrf3d.world.straight_runs import hull_of, narrowest
+
+WIDTH = 2
+"""Width [half cells] of the strip in which the points of a wall lie: half a cell on each side."""
+
+FARTHEST = 20.0
+"""Farthest [half cells] from where two outlines join that the lines of their walls may meet."""
+
+EXACT = 1e-6
+"""Rounding [half cells] that is forgiven where a wall is as far from a point as it may be."""
+
+
+@dataclass
+class Wall:
+    """A wall along points of an outline.
+
+    Args:
+        points: (n, 2) the points [half cells].
+        ends: (2, 2) where it begins and ends.
+    """
+
+    points: Float
+    ends: Float
+
+    @classmethod
+    def through(cls, points: Int) -> "Wall":
+        """The wall that fits points (n, 2) best, and is within half a cell of all of them."""
+        place = points.astype(np.float64)
+        if (points == points[0]).all():
+            return cls(place, place[[0, 0]])
+        middle, unit = fit_line(place)
+        if np.abs((place - middle) @ [-unit[1], unit[0]]).max() > 0.5 * WIDTH:
+            # The middle of the narrowest strip is farther from most points, and too far from none.
+            corners = hull_of(points)
+            edge, across = narrowest(corners)
+            hull = corners.astype(np.float64)
+            delta = hull[(edge + 1) % len(hull)] - hull[edge]
+            unit = delta / np.hypot(*delta)
+            normal = np.array([-unit[1], unit[0]])
+            middle = hull[edge] + 0.5 * normal * (normal @ (hull[across] - hull[edge]))
+        along = (place - middle) @ unit
+        return cls(place, middle + np.outer([along.min(), along.max()], unit))
+
+    @property
+    def is_point(self) -> bool:
+        """Whether it has no length."""
+        return bool((self.ends[0] == self.ends[1]).all())
+
+    def nearest(self, point: Float | Int) -> Float:
+        """The point (2,) of the wall that is nearest to another."""
+        delta = self.ends[1] - self.ends[0]
+        square = float(delta @ delta)
+        share = float((point - self.ends[0]) @ delta) / square if square else 0.0
+        return np.asarray(self.ends[0] + min(max(share, 0.0), 1.0) * delta, dtype=np.float64)
+
+    def end_by(self, point: Int) -> int | None:
+        """Which of the ends is that of a point of the outline, or None for one in between."""
+        away = np.hypot(*(self.ends - point).T)
+        end = int(np.argmin(away))
+        return end if away[end] <= 1.5 * WIDTH else None
+
+    def with_end(self, end: int | None, place: Float) -> Float | None:
+        """The ends (2, 2) with one moved to a place; None where a point is then too far away."""
+        if end is None:
+            return self.ends if np.hypot(*(self.nearest(place) - place)) <= EXACT else None
+        ends = self.ends.copy()
+        ends[end] = place
+        delta = ends[1] - ends[0]
+        square = float(delta @ delta)
+        if square < 1.0:
+            return None
+        share = np.clip((self.points - ends[0]) @ delta / square, 0.0, 1.0)
+        gap = self.points - ends[0] - share[:, None] * delta
+        near = (gap**2).sum(axis=1).max() <= (0.5 * WIDTH + EXACT) ** 2
+        return ends if near else None
+
+
+def seal(one: Wall, other: Wall, near: Int, far: Int) -> list[Float]:
+    """Let two walls meet where their outlines join, at points near and far.
+
+    Returns:
+        The bridge [(4,)] between them, where neither can be moved to the other; else nothing.
+    """
+    first, second = one.end_by(near), other.end_by(far)
+    a, b = one.nearest(near), other.nearest(far)
+    middle = 0.5 * (near + far)
+    places = [0.5 * (a + b), a, b]
+    crossing = _crossing(one, other)
+    if crossing is not None and np.hypot(*(crossing - middle)) <= FARTHEST:
+        places.insert(0, crossing)
+    if not (one.is_point or other.is_point):
+        for place in places:
+            ends, other_ends = one.with_end(first, place), other.with_end(second, place)
+            if ends is not None and other_ends is not None:
+                one.ends, other.ends = ends, other_ends
+                return []
+    gap = float(np.hypot(*(b - a)))
+    return [np.concatenate([a, b])] if gap > EXACT else []
+
+
+def _crossing(one: Wall, other: Wall) -> Float | None:
+    """Where the lines of two walls meet, or None where they are all but parallel."""
+    a, b = one.ends[1] - one.ends[0], other.ends[1] - other.ends[0]
+    cross = float(a[0] * b[1] - a[1] * b[0])
+    if cross**2 <= 1e-6 * float(a @ a) * float(b @ b):
+        return None
+    gap = other.ends[0] - one.ends[0]
+    return np.asarray(one.ends[0] + (gap[0] * b[1] - gap[1] * b[0]) / cross * a, dtype=np.float64)
