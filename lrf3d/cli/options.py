@@ -32,7 +32,7 @@ class Renderer(StrEnum):
 
 
 WorldArgument = Annotated[
-    str, typer.Argument(metavar="WORLD", help="A built-in world, or a file: .toml, .geojson.")
+    str, typer.Argument(metavar="WORLD", help="A built-in world, or a file of one.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the noise: the same seed, the same run.")]

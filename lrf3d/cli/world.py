@@ -1,20 +1,33 @@
-"""``lrf3d world``: look at worlds."""
+"""``lrf3d world``: look at worlds, convert and generate them."""
 
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from lrf3d.cli import options
 
+if TYPE_CHECKING:
+    from lrf3d.world import World
+
 world = typer.Typer(
-    help="Look at worlds.", rich_markup_mode=None, no_args_is_help=True, add_completion=False
+    help="Look at worlds, convert and generate them.", rich_markup_mode=None, no_args_is_help=True, add_completion=False
 )
+
+
+class Kind(StrEnum):
+    """Kinds of worlds that can be generated."""
+
+    CITY = "city"
+    MAZE = "maze"
+    OFFICE = "office"
+    ROOMS = "rooms"
 
 
 @world.callback()
 def _group() -> None:
-    """Look at worlds."""
+    """Look at worlds, convert and generate them."""
 
 
 @world.command(epilog="Example: lrf3d world show city --out city.png")
@@ -27,8 +40,7 @@ def show(
     json: options.Json = False,
 ) -> None:
     """Say what a world holds, and draw it."""
-    from lrf3d.cli.console import print_json, print_table
-    from lrf3d.geometry import lengths
+    from lrf3d.cli.console import print_json
     from lrf3d.scenario import load_scenario
     from lrf3d.world import world_names
 
@@ -36,37 +48,122 @@ def show(
         print_json(world_names()) if json else print("\n".join(world_names()))
         return
     scenario = load_scenario(world)
-    walls = scenario.world
-    (x1, y1), (x2, y2) = walls.bounds.tolist()
-    low, high = float(walls.heights.min()), float(walls.heights.max())
-    report = {
-        "name": scenario.name,
-        "objects": walls.object_count,
-        "walls": len(walls.segments),
-        "wall_length_m": float(lengths(walls.segments).sum()),
-        "bounds_m": [[x1, y1], [x2, y2]],
-        "heights_m": [low, high],
-        "route_points": None if scenario.route is None else len(scenario.route),
-        "scan_poses": None if scenario.poses is None else len(scenario.poses),
-    }
+    report = {"name": scenario.name} | _report(scenario.world)
+    report["route_points"] = None if scenario.route is None else len(scenario.route)
+    report["scan_poses"] = None if scenario.poses is None else len(scenario.poses)
     if out is not None:
         from lrf3d.render.figures import draw_world
 
-        draw_world(walls, out, route=scenario.route, poses=scenario.poses)
+        draw_world(scenario.world, out, route=scenario.route, poses=scenario.poses)
         report["picture"] = str(out)
+    _say(report, json)
+
+
+@world.command(epilog="Example: lrf3d world convert plan.dxf plan.toml")
+def convert(
+    source: Annotated[str, typer.Argument(metavar="FROM", help="A built-in world, or a file.")],
+    target: Annotated[
+        Path,
+        typer.Argument(metavar="TO", help="The file to write: .toml, .geojson, .glb or .yaml."),
+    ],
+    scale: Annotated[
+        float, typer.Option(help="Factor by which the plan is enlarged; heights stay.")
+    ] = 1.0,
+    resolution: Annotated[
+        float | None, typer.Option(help="Side of a cell of a ROS map [m]; 0.05 if not given.")
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Read a world from one format and write it in another."""
+    from dataclasses import replace
+
+    from lrf3d.errors import InputError
+    from lrf3d.world import load_world
+
+    if not 1e-6 <= scale <= 1e6:
+        raise InputError(f"--scale {scale:g}: expected 0.000001 to 1000000")
+    read = load_world(source)
+    if scale != 1.0:
+        read = replace(read, segments=read.segments * scale, place=None)
+    _write(read, target, resolution)
+    _say({"from": source} | _report(read) | {"written": str(target)}, json)
+
+
+@world.command(epilog="Example: lrf3d world generate maze --seed 7 --out maze.toml")
+def generate(
+    kind: Annotated[Kind, typer.Argument(help="What to generate.")],
+    out: Annotated[Path, typer.Option(help="The file to write: .toml, .geojson, .glb or .yaml.")],
+    seed: Annotated[int, typer.Option(min=0, help="The same seed, the same world.")] = 0,
+    size: Annotated[
+        float | None, typer.Option(help="About how wide it is [m]; by its kind if not given.")
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Generate a world that a robot can drive in."""
+    from lrf3d.world.generators import generate as generate_world
+
+    made = generate_world(kind.value, size=size, seed=seed)
+    _write(made, out, None)
+    _say(
+        {"kind": kind.value, "seed": seed, "name": made.name}
+        | _report(made)
+        | {"written": str(out)},
+        json,
+    )
+
+
+def _write(world: "World", path: Path, resolution: float | None) -> None:
+    """Write a world; only a ROS map has a resolution to choose."""
+    from lrf3d.errors import InputError
+
+    if resolution is None:
+        world.save(path)
+        return
+    if path.suffix.lower() != ".yaml" or not 1e-4 <= resolution <= 1e4:
+        raise InputError(
+            f"--resolution {resolution:g}: expected 0.0001 to 10000 m, for a ROS map (.yaml)"
+        )
+    from lrf3d.world.ros_map_writer import write_ros_map
+
+    write_ros_map(world, path, resolution=resolution)
+
+
+def _report(world: "World") -> dict[str, Any]:
+    """What a world holds."""
+    from lrf3d.geometry import lengths
+
+    return {
+        "objects": world.object_count,
+        "walls": len(world.segments),
+        "wall_length_m": float(lengths(world.segments).sum()),
+        "bounds_m": world.bounds.tolist(),
+        "heights_m": [float(world.heights.min()), float(world.heights.max())],
+        "place": None if world.place is None else list(world.place),
+    }
+
+
+def _say(report: dict[str, Any], json: bool) -> None:
+    """Print a report as JSON or as a table."""
+    from lrf3d.cli.console import print_json, print_table
+
     if json:
         print_json(report)
         return
-    rows = [
-        ("name", scenario.name),
-        ("objects", f"{walls.object_count} of {len(walls.segments)} walls"),
-        ("walls", f"{report['wall_length_m']:.1f} m long, {low:g} to {high:g} m high"),
-        ("bounds", f"x {x1:.2f} to {x2:.2f} m, y {y1:.2f} to {y2:.2f} m"),
-    ]
-    if scenario.route is not None:
-        rows.append(("route", f"{len(scenario.route)} way-points"))
-    if scenario.poses is not None:
-        rows.append(("poses", f"{len(scenario.poses)}"))
-    if out is not None:
-        rows.append(("picture", str(out)))
+    (x1, y1), (x2, y2) = report["bounds_m"]
+    low, high = report["heights_m"]
+    told: dict[str, str] = {
+        "objects": f"{report['objects']} of {report['walls']} walls",
+        "walls": f"{report['wall_length_m']:.1f} m long, {low:g} to {high:g} m high",
+        "bounds": f"x {x1:.2f} to {x2:.2f} m, y {y1:.2f} to {y2:.2f} m",
+    }
+    rows = [(key, str(report[key])) for key in ("kind", "seed", "name", "from") if key in report]
+    rows += list(told.items())
+    if report["place"] is not None:
+        longitude, latitude = report["place"]
+        rows.append(("place", f"(0, 0) is at longitude {longitude:.7f}°, latitude {latitude:.7f}°"))
+    if report.get("route_points") is not None:
+        rows.append(("route", f"{report['route_points']} way-points"))
+    if report.get("scan_poses") is not None:
+        rows.append(("poses", f"{report['scan_poses']}"))
+    rows += [(key, report[key]) for key in ("picture", "written") if key in report]
     print_table(rows)

@@ -76,7 +76,9 @@ def _cells(segments: Float) -> tuple[Int, Int]:
     counts = end - start + 1
     wall = np.repeat(np.arange(len(segments)), counts)
     major = start[wall] + np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
-    length = np.maximum(along[:, 1] - along[:, 0], 1e-12)
-    share = np.clip((major + 0.5 - along[wall, 0]) / length[wall], 0.0, 1.0)
+    length = along[:, 1] - along[:, 0]
+    share = (major + 0.5 - along[wall, 0]) / np.maximum(length, 1e-12)[wall]
+    # A wall shorter than a cell has no middle of a column to go through.
+    share = np.where(length[wall] < 1.0, 0.5, share)
     minor = np.floor(across[wall, 0] + share * (across[wall, 1] - across[wall, 0])).astype(np.int64)
     return np.where(steep[wall], major, minor), np.where(steep[wall], minor, major)

@@ -1,0 +1,244 @@
+"""Generated worlds by their kind: a city, a maze, an office floor, rooms; each from a seed."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.world.floor_plan import DOOR, THICKNESS, FloorPlan
+from lrf3d.world.generate import BLOCK, generate_city
+from lrf3d.world.model import World
+
+PASSAGE = 2.6
+"""From one wall of a maze to the next [m]."""
+
+CORRIDOR, ROOM_DEPTH = 2.6, 5.0
+"""Width of an office's corridor and depth of its rooms [m]."""
+
+ROOM_WIDTHS = (3.8, 6.0)
+"""Narrowest and widest room of an office [m]."""
+
+SMALLEST_ROOM = 4.0
+"""Smallest side of a room of a house [m]."""
+
+FACADES = np.array(
+    [[181, 101, 78], [200, 180, 148], [168, 132, 104], [146, 154, 162], [207, 196, 176]]
+)
+"""Brick, sandstone, clay, slate and plaster, in 0…255."""
+
+WOOD, STONE = (0.66, 0.50, 0.36), (0.62, 0.63, 0.65)
+"""Colours of furniture and of pillars."""
+
+SIZES = (12.0, 1000.0)
+"""Smallest and largest side of a generated world [m]."""
+
+
+def generate(kind: str, *, size: float | None = None, seed: int = 0) -> World:
+    """Generate a world in which a robot can drive.
+
+    Args:
+        kind: ``city``, ``maze``, ``office`` or ``rooms``.
+        size: About how wide it is [m].
+        seed: The same seed, the same world.
+
+    Raises:
+        InputError: There is no such kind, or the size is out of bounds.
+    """
+    if kind not in KINDS:
+        raise InputError(f"{kind}: unknown kind of world; known are {', '.join(KINDS)}")
+    make, usual = KINDS[kind]
+    size = usual if size is None else size
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise InputError(f"size {size:g} m: expected {SIZES[0]:g} to {SIZES[1]:g} m")
+    return make(size, seed)
+
+
+def city(size: float, seed: int) -> World:
+    """Buildings in blocks, of different heights and façades."""
+    blocks = max(2, round(size / BLOCK))
+    plain = generate_city(4 * blocks**2, seed=seed)
+    rng = np.random.default_rng([seed, 1])
+    heights = np.repeat(np.round(rng.uniform(5.0, 16.0, blocks**2), 1), 4)
+    colours = FACADES[rng.integers(0, len(FACADES), blocks**2)] / 255.0
+    return replace(
+        plain, segments=np.round(plain.segments, 3), heights=heights, colours=colours,
+        name=f"city {seed}",
+    )
+
+
+def maze(size: float, seed: int) -> World:
+    """A maze: any two places are joined by just one way, a random spanning tree of its cells."""
+    count = max(3, int(size / PASSAGE))
+    plan = FloorPlan(f"maze {seed}")
+    open_east, open_north = maze_passages(count, np.random.default_rng(seed))
+    span = count * PASSAGE
+    _outer_walls(plan, span, span)
+    for row in range(count):
+        for column in range(count):
+            x, y = (column + 1) * PASSAGE, (row + 1) * PASSAGE
+            if column + 1 < count and not open_east[row, column]:
+                plan.wall(x, y - PASSAGE, x, y)
+            if row + 1 < count and not open_north[row, column]:
+                plan.wall(x - PASSAGE, y, x, y)
+    return plan.world()
+
+
+def maze_passages(count: int, rng: np.random.Generator) -> tuple[Any, Any]:
+    """Which cells (count, count) of a maze are open to the east and to the north of them.
+
+    The passages are the smallest spanning tree of the grid under random weights (Kruskal 1956).
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import minimum_spanning_tree
+
+    cell = np.arange(count * count).reshape(count, count)
+    start = np.concatenate([cell[:, :-1].reshape(-1), cell[:-1].reshape(-1)])
+    end = np.concatenate([cell[:, 1:].reshape(-1), cell[1:].reshape(-1)])
+    weights = rng.uniform(1.0, 2.0, len(start))
+    tree = minimum_spanning_tree(coo_array((weights, (start, end)), shape=(cell.size, cell.size)))
+    here, there = tree.tocoo().coords
+    east, north = np.zeros((2, count, count), dtype=bool)
+    step = there - here
+    east.reshape(-1)[here[step == 1]] = True
+    north.reshape(-1)[here[step == count]] = True
+    return east, north
+
+
+def office(size: float, seed: int) -> World:
+    """An office floor: corridors with rooms on both sides, joined across, desks and shelves."""
+    rng = np.random.default_rng(seed)
+    plan = FloorPlan(f"office {seed}")
+    storeys = max(1, round(0.6 * size / (2.0 * ROOM_DEPTH + CORRIDOR)))
+    across = 0.5 * size - 0.5 * CORRIDOR
+    pitch = 2.0 * ROOM_DEPTH + CORRIDOR
+    top = storeys * pitch
+    _outer_walls(plan, size, top)
+    for storey in range(storeys):
+        low = storey * pitch
+        if storey:
+            for left, right in ((0.0, across), (across + CORRIDOR, size)):
+                plan.wall(left, low, right, low)
+        sides = ((low, low + ROOM_DEPTH, 1.0), (low + pitch - ROOM_DEPTH, low + pitch, -1.0))
+        for bottom, end, faces in sides:
+            crossed = storeys > 1 and not (bottom == 0.0 or end == top)
+            wings = [(0.0, across), (across + CORRIDOR, size)] if crossed else [(0.0, size)]
+            for left, right in wings:
+                _row_of_rooms(plan, rng, left, right, bottom, end, faces)
+    return plan.world()
+
+
+def _row_of_rooms(
+    plan: FloorPlan,
+    rng: np.random.Generator,
+    left: float,
+    right: float,
+    bottom: float,
+    top: float,
+    faces: float,
+) -> None:
+    """Rooms side by side, whose doors are in their upper (1) or lower (−1) wall."""
+    corridor = top if faces > 0.0 else bottom
+    count = max(1, round((right - left) / float(np.mean(ROOM_WIDTHS))))
+    shares = rng.uniform(*ROOM_WIDTHS, count)
+    edges = left + (right - left) * np.concatenate([[0.0], np.cumsum(shares) / shares.sum()])
+    edges = np.round(edges, 2)
+    doors = []
+    for start, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        room = 0.5 * DOOR + THICKNESS
+        doors.append(float(rng.uniform(start + room, end - room)) - left)
+        if end < right:
+            plan.wall(end, bottom, end, top)
+        _furnish(plan, rng, start, end, bottom, top, faces)
+    plan.wall(left, corridor, right, corridor, *doors)
+    for x in (left, right):
+        plan.wall(x, bottom, x, top)
+
+
+def _furnish(
+    plan: FloorPlan,
+    rng: np.random.Generator,
+    left: float,
+    right: float,
+    bottom: float,
+    top: float,
+    faces: float,
+) -> None:
+    """A desk by the outer wall of a room, and often a shelf along a side."""
+    desk = np.array([min(1.8, right - left - 2.0), 0.8])
+    x = float(rng.uniform(left + 0.4, right - 0.4 - desk[0]))
+    y = bottom + 0.3 if faces > 0.0 else top - 0.3 - desk[1]
+    plan.box("desk", np.array([x, y]), desk, 0.75, WOOD)
+    if rng.random() < 0.5:
+        shelf = np.array([0.4, 1.6])
+        x = left + 0.15 if rng.random() < 0.5 else right - 0.15 - shelf[0]
+        y = bottom + 1.5 if faces > 0.0 else top - 1.5 - shelf[1]
+        plan.box("shelf", np.array([x, y]), shelf, 1.9, WOOD)
+
+
+def rooms(size: float, seed: int) -> World:
+    """A house: a floor parted into rooms again and again, each wall with a door; pillars."""
+    rng = np.random.default_rng(seed)
+    plan = FloorPlan(f"rooms {seed}")
+    wide, high = size, round(0.75 * size, 2)
+    _outer_walls(plan, wide, high)
+    _part(plan, rng, np.array([[0.0, 0.0], [wide, high]]))
+    return plan.world()
+
+
+def _outer_walls(plan: FloorPlan, wide: float, high: float) -> None:
+    """The walls around a plan: shut, so that a drive stays inside."""
+    plan.wall(0.0, 0.0, wide, 0.0)
+    plan.wall(0.0, high, wide, high)
+    plan.wall(0.0, 0.0, 0.0, high)
+    plan.wall(wide, 0.0, wide, high)
+
+
+def _part(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
+    """Part a box of corners (2, 2) [m] by a wall with a door, and both sides of it in turn."""
+    waiting = [box]
+    # Of each door the axis that its wall follows, where that stands, and where in it the door is.
+    doors: list[tuple[int, float, float]] = []
+    clear = 0.5 * DOOR + 2.0 * THICKNESS
+    while waiting:
+        low, high = waiting.pop()
+        sides = high - low
+        axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
+        if sides[axis] < 2.0 * SMALLEST_ROOM:
+            axis = 1 - axis
+        free = [
+            place
+            for place in np.arange(low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1)
+            if not any(
+                along == axis and at in (low[1 - axis], high[1 - axis]) and abs(place - door) < clear
+                for along, at, door in doors
+            )
+        ]
+        if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * SMALLEST_ROOM:
+            if sides.min() > 1.8 * SMALLEST_ROOM:
+                middle = low + 0.5 * sides
+                plan.box("pillar", np.round(middle - 0.3, 2), np.array([0.6, 0.6]), 2.5, STONE)
+            continue
+        place = float(np.round(rng.choice(free), 2))
+        start, end = float(low[1 - axis]), float(high[1 - axis])
+        door = float(np.round(rng.uniform(start + clear, end - clear), 2))
+        doors.append((1 - axis, place, door))
+        if axis == 0:
+            plan.wall(place, start, place, end, door - start)
+        else:
+            plan.wall(start, place, end, place, door - start)
+        for lower, upper in ((low[axis], place), (place, high[axis])):
+            part = np.array([low, high])
+            part[0, axis], part[1, axis] = lower, upper
+            waiting.append(part)
+
+
+KINDS: dict[str, tuple[Callable[[float, int], World], float]] = {
+    "city": (city, 160.0),
+    "maze": (maze, 32.0),
+    "office": (office, 40.0),
+    "rooms": (rooms, 28.0),
+}
+"""How a kind of world is made, from its size [m] and a seed, and how wide it usually is [m]."""
