@@ -22,8 +22,9 @@ from lrf3d.world.text_file import open_within
 LARGEST = 1 << 26
 """Bytes of a drawing."""
 
-MOST_INSERTED = 200_000
-"""Entities that are drawn, those that blocks repeat counted each time."""
+MOST_INSERTED = 20_000
+"""Entities that stand in blocks, counted each time that they are inserted: blocks of blocks of
+blocks would be more than there are atoms."""
 
 DEEPEST = 30
 """Blocks that may stand inside each other."""
@@ -70,16 +71,18 @@ def read_dxf(path: Path) -> World:
 def _entities(layout: Any, path: Path, hidden: set[str]) -> Iterator[Any]:
     """The outlines of a layout, with those of the blocks that are inserted in it."""
     waiting = [(iter(layout), 0)]
-    drawn = 0
+    inserted = 0
     while waiting:
         entities, depth = waiting[-1]
         entity = next(entities, None)
         if entity is None:
             waiting.pop()
             continue
-        drawn += 1
-        if drawn > MOST_INSERTED:
-            raise WorldError(f"{path}: draws more than {MOST_INSERTED:,} entities; simplify it")
+        inserted += len(waiting) > 1
+        if inserted > MOST_INSERTED:
+            raise WorldError(
+                f"{path}: inserts more than {MOST_INSERTED:,} entities by its blocks; simplify it"
+            )
         if entity.dxf.get("layer", "0").lower() in hidden or entity.dxf.get("invisible", 0):
             continue
         if entity.dxftype() == "INSERT":

@@ -60,8 +60,9 @@ def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
 
 
 def _parse(path: Path) -> dict[str, Any]:
+    text = read_text(path)
     try:
-        data = json.loads(read_text(path), parse_constant=_refuse_constant)
+        data = json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
         raise WorldError(
             f"{path}:{error.lineno}: not JSON: {error.msg} at column {error.colno}"

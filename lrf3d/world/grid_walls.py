@@ -25,6 +25,8 @@ def walls_of_grid(occupied: Bool) -> Float:
         occupied: (rows, columns) whether a cell is, the first row at the bottom.
     """
     runs = _Runs.of(occupied)
+    if not len(runs.points):
+        return np.empty((0, 4))
     runs.merge()
     walls = runs.walls()
     return walls[np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]) > 1e-9] / 2.0
@@ -73,8 +75,6 @@ class _Runs:
         """Let the longest runs take in those near them that lie in their strip."""
         from scipy.spatial import cKDTree
 
-        if not len(self.points):
-            return
         count = int(self.owner.max()) + 1
         order = np.argsort(self.owner, kind="stable")
         members = np.split(order, np.cumsum(np.bincount(self.owner, minlength=count))[:-1])

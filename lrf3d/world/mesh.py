@@ -6,6 +6,7 @@ glTF stands upright along y, as its specification says, and the other formats al
 metres. Each named part of a scene is an object; in a file without parts, walls that touch are one.
 """
 
+import json
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -83,6 +84,9 @@ def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:
     with open_within(path, LARGEST) as file:
         data = file.read()
     kind = path.suffix.lower()[1:]
+    if kind == "gltf":
+        # The library would look for another file where this one is none.
+        json.loads(data)
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
     scene = trimesh.load_scene(
         BytesIO(data), file_type=kind, resolver=_beside(path), process=False, **options

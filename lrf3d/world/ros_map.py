@@ -22,6 +22,9 @@ from lrf3d.world.text_file import open_within, read_text
 LARGEST_YAML = 1 << 16
 """Bytes of the description, which is six lines long."""
 
+DEEPEST = 4
+"""Collections inside each other: the origin is one in the description, which is one itself."""
+
 LARGEST_PICTURE = 1 << 28
 """Bytes of the picture."""
 
@@ -67,8 +70,18 @@ class _Description:
         import yaml
 
         self.path = path
+        text = read_text(path, largest=LARGEST_YAML)
         try:
-            data = yaml.safe_load(read_text(path, largest=LARGEST_YAML))
+            depth = 0
+            for event in yaml.parse(text, Loader=yaml.SafeLoader):
+                depth += isinstance(event, yaml.CollectionStartEvent)
+                depth -= isinstance(event, yaml.CollectionEndEvent)
+                if depth > DEEPEST or isinstance(event, yaml.AliasEvent):
+                    line = event.start_mark.line + 1
+                    raise WorldError(f"{path}:{line}: more than a list of keys and values")
+            data = yaml.safe_load(text)
+        except WorldError:
+            raise
         except yaml.MarkedYAMLError as error:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
             raise WorldError(f"{path}:{line}: not YAML: {error.problem}") from None

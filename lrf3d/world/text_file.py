@@ -48,7 +48,7 @@ def open_within(path: Path, largest: int) -> Iterator[BinaryIO]:
             raise WorldError(f"{path}: no ordinary file")
         if status.st_size > largest:
             raise WorldError(
-                f"{path}: {status.st_size / 1e6:.0f} MB, more than the {largest / 1e6:.0f} MB that"
+                f"{path}: {status.st_size / 1e6:.3g} MB, more than the {largest / 1e6:.3g} MB that"
                 " such a file may have; cut it down to what is needed"
             )
         with path.open("rb") as file:
