@@ -80,6 +80,7 @@ def worlds(draw: st.DrawFn) -> World:
         object_names=tuple(called) if any(called) else (),
         colours=colours,
         cameras=draw(cameras),
+        place=draw(st.none() | st.tuples(st.floats(-180.0, 180.0), st.floats(-90.0, 90.0))),
     )
 
 
@@ -101,6 +102,7 @@ def test_a_world_comes_back_from_a_file_as_it_was(
         assert back.object_names == world.object_names
         assert back.name == world.name
         assert back.cameras == world.cameras
+        assert back.place == world.place
 
     check()
 

@@ -16,7 +16,7 @@ from lrf3d.world.buildings import world_of_features
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.dissolve import STRAIGHT
 from lrf3d.world.geographic import centre_of, lay_flat, looks_geographic
-from lrf3d.world.geojson_features import Feature, features_of
+from lrf3d.world.geojson_features import features_of
 from lrf3d.world.model import World
 from lrf3d.world.schema import PLACE, Invalid, point
 from lrf3d.world.text_file import read_text

@@ -54,7 +54,8 @@ def read_svg(path: Path) -> World:
     """
     from xml.etree import ElementTree
 
-    from svgelements import SVG, Path as Outline, Shape
+    from svgelements import SVG, Shape
+    from svgelements import Path as Outline
 
     check_svg(path)
     root = ElementTree.fromstring(path.read_bytes())

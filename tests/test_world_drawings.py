@@ -1,0 +1,217 @@
+"""Worlds from DXF and SVG drawings and from OpenStreetMap extracts."""
+
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+import pytest
+import shapely
+from ezdxf import units
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrf3d.errors import WorldError
+from lrf3d.world import World, load_world
+from lrf3d.world.apart import read_here
+from lrf3d.world.drawing import CURVE_ERROR, connected, without_repeats
+from lrf3d.world.geographic import EARTH_RADIUS
+from lrf3d.world.osm_tags import is_building, tag_height
+from lrf3d.world.rings import close_rings
+
+
+def svg(folder: Path, body: str, head: str = 'width="1000mm" height="1000mm" viewBox="0 0 10 10"'):
+    path = folder / "a.svg"
+    path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {head}>{body}</svg>')
+    return read_here(path)
+
+
+def dxf(folder: Path, draw, unit: int = units.M) -> World:
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = unit
+    draw(drawing.modelspace())
+    drawing.saveas(folder / "a.dxf")
+    return read_here(folder / "a.dxf")
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"),
+    [(0, 1.0), (1, 0.0254), (2, 0.3048), (4, 0.001), (5, 0.01), (6, 1.0), (7, 1000.0)],
+)
+def test_the_unit_of_a_dxf_drawing_is_honoured(unit: int, metres: float, tmp_path: Path) -> None:
+    world = dxf(tmp_path, lambda space: space.add_line((0, 0), (10, 20)), unit)
+    assert world.segments == pytest.approx(np.array([[0, 0, 10, 20]]) * metres)
+
+
+@pytest.mark.parametrize(
+    ("length", "metres"),
+    [("300mm", 0.3), ("30cm", 0.3), ("10in", 0.254), ("96px", 0.0254), ("96", 0.0254), ("72pt", 0.0254)],
+)
+def test_the_unit_of_an_svg_drawing_is_honoured(length: str, metres: float, tmp_path: Path) -> None:
+    line = '<line x1="0" y1="50" x2="100" y2="50"/>'
+    head = f'width="{length}" height="{length}" viewBox="0 0 100 100"'
+    world = svg(tmp_path, line, head)
+    assert world.segments == pytest.approx(np.array([[0, 0.5, 1, 0.5]]) * metres, abs=1e-12)
+
+
+def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path: Path) -> None:
+    body = (
+        '<defs><rect id="r" width="1" height="2"/></defs>'
+        '<use href="#r" x="3"/><g transform="translate(5 5) rotate(90)"><path d="M0 0h2"/></g>'
+        '<g display="none"><path d="M0 0h9"/></g><path visibility="hidden" d="M0 0h9"/><text>a</text>'
+    )
+    world = svg(tmp_path, body, 'width="10cm" height="10cm" viewBox="0 0 10 10"')
+    assert len(world.segments) == 5 and world.object_count == 2
+    assert world.bounds == pytest.approx(np.array([[0.03, 0.03], [0.05, 0.1]]))
+
+
+def test_a_sheet_without_a_height_keeps_its_proportions(tmp_path: Path) -> None:
+    world = svg(tmp_path, '<rect width="10" height="20"/>', 'width="1in" viewBox="0 0 10 20"')
+    assert world.bounds == pytest.approx(np.array([[0, 0], [0.0254, 0.0508]]))
+
+
+CURVES = {
+    "circle": ('<circle cx="5" cy="5" r="4"/>', shapely.Point(5, 5).buffer(4, 2000).exterior),
+    "cubic": (
+        '<path d="M0 0C5 20 8 -20 10 10"/>',
+        [[(0, 0), (5, 20), (8, -20), (10, 10)]],
+    ),
+    "quadratic": ('<path d="M0 0Q5 20 10 0"/>', [[(0, 0), (5, 20), (10, 0)]]),
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_curves_of_an_svg_drawing_are_chords_within_the_stated_error(name, tmp_path: Path) -> None:
+    body, curve = CURVES[name]
+    if isinstance(curve, list):
+        share = np.linspace(0.0, 1.0, 5001)[:, None]
+        points = [np.broadcast_to(point, (5001, 2)) for point in np.array(curve[0], dtype=float)]
+        while len(points) > 1:
+            points = [a + share * (b - a) for a, b in zip(points, points[1:], strict=False)]
+        curve = shapely.LineString(points[0])
+    # A unit of this sheet is 100 m, so that 5 mm are what counts.
+    world = svg(tmp_path, body, 'width="1000m" height="1000m" viewBox="0 0 10 10"')
+    lines = shapely.union_all(shapely.linestrings(world.segments.reshape(-1, 2, 2)))
+    true = shapely.transform(curve, lambda xy: [0, 1000] + xy * [100, -100])
+    samples = shapely.points(shapely.get_coordinates(true))
+    assert shapely.distance(samples, lines).max() <= CURVE_ERROR + 1e-6
+    assert len(world.segments) < 4000
+
+
+def test_curves_blocks_and_layers_of_a_dxf_drawing(tmp_path: Path) -> None:
+    def draw(space):
+        space.add_circle((0, 0), 3)
+        space.add_arc((20, 0), 3, 0, 90)
+        block = space.doc.blocks.new("chair")
+        block.add_line((0, 0), (1, 0))
+        space.add_blockref("chair", (50, 50), dxfattribs={"xscale": 2, "rotation": 90})
+        space.doc.layers.add("hidden").off()
+        space.add_line((0, 0), (99, 99), dxfattribs={"layer": "hidden"})
+        space.add_text("a room")
+        space.add_lwpolyline([(30, 0), (32, 0), (32, 2)], close=True)
+
+    world = dxf(tmp_path, draw)
+    assert world.object_count == 4
+    assert world.bounds == pytest.approx(np.array([[-3, -3], [50, 52]]), abs=0.01)
+    radii = np.hypot(*(0.5 * (world.segments[:, :2] + world.segments[:, 2:])).T)
+    assert 3.0 - radii[radii < 4].min() <= CURVE_ERROR
+
+
+def test_lines_drawn_twice_count_once() -> None:
+    segments = np.array([[0, 0, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]], dtype=float)
+    assert without_repeats(segments).tolist() == [[0, 0, 1, 1], [0, 0, 0, 1]]
+
+
+def test_walls_that_touch_are_one_object_also_far_from_the_origin() -> None:
+    segments = np.array([[0, 0, 4, 0], [2, 0, 2, 3], [2, 3.1, 2, 5], [9, 9, 8, 9]]) + 1e6
+    assert connected(segments).tolist() == [0, 0, 1, 2]
+
+
+def osm(folder: Path, body: str) -> World:
+    nodes = [(0, 0), (30, 0), (30, 20), (0, 20), (10, 5), (20, 5), (20, 15), (10, 15)]
+    degree = np.degrees(1.0 / EARTH_RADIUS)
+    rows = "".join(
+        f'<node id="{i}" lon="{4 + x * degree / np.cos(np.radians(52))}" lat="{52 + y * degree}"/>'
+        for i, (x, y) in enumerate(nodes)
+    )
+    path = folder / "a.osm"
+    path.write_text(f"<osm>{rows}{body}</osm>")
+    return load_world(path)
+
+
+def way(number: int, *nodes: int, **tags: str) -> str:
+    told = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
+    return f'<way id="{number}">{"".join(f"<nd ref={chr(34)}{n}{chr(34)}/>" for n in nodes)}{told}</way>'
+
+
+def test_a_building_is_laid_flat_about_its_middle(tmp_path: Path) -> None:
+    body = way(1, 0, 1, 2, 3, 0, building="yes", height="7.5 m", name="hall")
+    world = osm(tmp_path, body + way(2, 4, 5, 6, highway="path"))
+    assert world.bounds == pytest.approx(np.array([[-15, -10], [15, 10]]), abs=1e-3)
+    assert world.heights.tolist() == [7.5] * 4 and world.object_names == ("hall",)
+    assert world.place == pytest.approx((4.000219, 52.00009), abs=1e-6)
+    world.save(tmp_path / "a.toml")
+    assert load_world(tmp_path / "a.toml").place == world.place
+
+
+def test_a_multipolygon_keeps_its_courtyard(tmp_path: Path) -> None:
+    ways = way(1, 0, 1, 2) + way(2, 0, 3, 2) + way(3, 4, 5, 6, 7, 4)
+    members = "".join(
+        f'<member type="way" ref="{ref}" role="{role}"/>'
+        for ref, role in ((1, "outer"), (2, "outer"), (3, "inner"), (99, "outer"))
+    )
+    tags = '<tag k="type" v="multipolygon"/><tag k="building" v="yes"/>'
+    world = osm(tmp_path, f'{ways}<relation id="1">{members}{tags}</relation>')
+    assert len(world.segments) == 8 and world.object_count == 1
+
+
+@pytest.mark.parametrize(
+    ("tags", "height"),
+    [
+        ({"height": "12"}, 12.0),
+        ({"height": "12,5 m"}, 12.5),
+        ({"height": "10'6\""}, 3.2004),
+        ({"height": "tall", "building:levels": "4"}, 12.0),
+        ({"building:levels": "2", "roof:levels": "1"}, 9.0),
+        ({"height": "-3"}, None),
+        ({}, None),
+    ],
+)
+def test_the_height_of_a_building_is_told_by_its_tags(tags: dict, height: float | None) -> None:
+    assert tag_height(tags) == (None if height is None else pytest.approx(height))
+
+
+@pytest.mark.parametrize(
+    ("tags", "stands"),
+    [
+        ({"building": "yes"}, True),
+        ({"building": "no"}, False),
+        ({"building": "roof"}, False),
+        ({"building": "yes", "min_height": "4"}, False),
+        ({"building": "yes", "min_height": "0.3"}, True),
+        ({"building": "yes", "building:min_level": "2"}, False),
+        ({"building": "yes", "location": "underground"}, False),
+        ({"highway": "path"}, False),
+    ],
+)
+def test_what_stands_over_the_robot_is_no_building(tags: dict, stands: bool) -> None:
+    assert is_building(tags) == stands
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.permutations(range(8)), st.sets(st.integers(1, 7)), st.randoms())
+def test_a_ring_cut_into_ways_in_any_order_is_closed_again(nodes, cuts, rng) -> None:
+    ring = [*nodes, nodes[0]]
+    bounds = [0, *sorted(cuts), 8]
+    ways = [ring[a : b + 1] for a, b in zip(bounds, bounds[1:], strict=False)]
+    ways = [way[::-1] if rng.random() < 0.5 else way for way in ways]
+    rng.shuffle(ways)
+    (closed,) = close_rings(ways)
+    start = closed.index(nodes[0])
+    turned = closed[start:-1] + closed[:start]
+    assert turned in (list(nodes), [nodes[0], *nodes[:0:-1]])
+    assert close_rings(ways[1:]) == [] or len(ways) == 1
+
+
+def test_an_extract_without_a_building_says_so(tmp_path: Path) -> None:
+    with pytest.raises(WorldError, match="no whole building"):
+        osm(tmp_path, way(1, 0, 1, 2))

@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from lrf3d.errors import InputError
+from lrf3d.robot.free_space import find_free_space
+from lrf3d.world.floor_plan import DOOR, THICKNESS
+from lrf3d.world.generators import KINDS, generate, maze_passages
+from lrf3d.world.pieces import pieces_of
+
+SMALL = {"city": 60.0, "maze": 14.0, "office": 24.0, "rooms": 20.0}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_seed_repeats_a_world_and_another_gives_another(kind: str) -> None:
+    one, same, other = (generate(kind, size=SMALL[kind], seed=seed) for seed in (4, 4, 5))
+    assert one.segments.tobytes() == same.segments.tobytes()
+    assert one.segments.tobytes() != other.segments.tobytes()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(3))
+def test_every_object_is_made_of_rings_that_touch_no_other(kind: str, seed: int) -> None:
+    world = generate(kind, size=SMALL[kind], seed=seed)
+    areas = []
+    for number in range(world.object_count):
+        rings = pieces_of(world.segments[world.objects == number])
+        assert all(ring.closed for ring in rings)
+        outer, *holes = sorted(
+            (shapely.Polygon(ring.points) for ring in rings), key=lambda ring: -ring.area
+        )
+        area = shapely.Polygon(outer.exterior, [hole.exterior for hole in holes])
+        assert area.is_valid
+        areas.append(area)
+    assert shapely.union_all(areas).area == pytest.approx(sum(area.area for area in areas))
+
+
+@pytest.mark.parametrize("kind", ["maze", "office", "rooms"])
+@pytest.mark.parametrize("seed", range(3))
+def test_every_room_can_be_driven_to(kind: str, seed: int) -> None:
+    world = generate(kind, size=SMALL[kind], seed=seed)
+    space = find_free_space(world, least=0.65, clearance=2.0)
+    (x1, y1), (x2, y2) = world.bounds - world.origin
+    inside = shapely.box(x1, y1, x2, y2)
+    floor = shapely.unary_union(shapely.points(space.cells)).buffer(0.65 + 2.0 * space.size)
+    solid = shapely.union_all(shapely.linestrings((world.segments - np.tile(world.origin, 2)).reshape(-1, 2, 2)))
+    # What no robot gets near to lies within corners and furniture, and is no room.
+    left = inside.difference(floor).difference(solid.buffer(0.5))
+    assert left.area < 1.0
+    assert (space.cells > [x1, y1]).all() and (space.cells < [x2, y2]).all()
+
+
+@pytest.mark.parametrize("count", [3, 8])
+def test_the_passages_of_a_maze_are_a_spanning_tree(count: int) -> None:
+    east, north = maze_passages(count, np.random.default_rng(0))
+    assert not east[:, -1].any() and not north[-1].any()
+    cell = np.arange(count * count).reshape(count, count)
+    here = np.concatenate([cell[east], cell[north]])
+    there = np.concatenate([cell[east] + 1, cell[north] + count])
+    assert len(here) == count * count - 1
+    tree = coo_array((np.ones(len(here)), (here, there)), shape=(cell.size, cell.size))
+    assert connected_components(tree, directed=False)[0] == 1
+
+
+def test_a_wall_with_doors_leaves_them_open() -> None:
+    from lrf3d.world.floor_plan import FloorPlan
+
+    plan = FloorPlan("plan")
+    plan.wall(0.0, 0.0, 10.0, 0.0, 3.0, 7.0)
+    world = plan.world()
+    ends = np.sort(np.unique(world.segments[:, 0]))
+    half = 0.5 * THICKNESS
+    assert ends == pytest.approx([-half, 3 - DOOR / 2, 3 + DOOR / 2, 7 - DOOR / 2, 7 + DOOR / 2, 10 + half])
+    assert world.object_count == 3
+
+
+def test_what_cannot_be_generated_is_refused() -> None:
+    with pytest.raises(InputError, match="jungle: unknown kind.*maze"):
+        generate("jungle")
+    with pytest.raises(InputError, match="size 1 m: expected 12"):
+        generate("maze", size=1.0)
+    with pytest.raises(InputError, match="size nan"):
+        generate("maze", size=float("nan"))

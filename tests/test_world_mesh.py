@@ -1,0 +1,134 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrf3d.errors import WorldError
+from lrf3d.world import World, load_world
+from lrf3d.world.apart import read_here
+from lrf3d.world.collinear import merge_collinear
+from lrf3d.world.glb_writer import glb_bytes
+
+FAR = np.array([85_000.0, 447_500.0])
+
+
+def ordered(segments: np.ndarray) -> np.ndarray:
+    """Segments with their ends, and themselves, in an order that rounding does not change."""
+    ends = np.round(segments, 3).reshape(-1, 2, 2)
+    turned = (ends[:, 0, 0] > ends[:, 1, 0]) | (
+        (ends[:, 0, 0] == ends[:, 1, 0]) & (ends[:, 0, 1] > ends[:, 1, 1])
+    )
+    ends = np.where(turned[:, None, None], ends[:, ::-1], ends).reshape(-1, 4)
+    return ends[np.lexsort(ends.T)]
+
+
+@st.composite
+def towns(draw: st.DrawFn) -> World:
+    """Houses of whole centimetres, apart from each other, of names, colours and heights."""
+    count = draw(st.integers(1, 5))
+    segments, heights = [], []
+    for place in range(count):
+        size = [draw(st.integers(100, 900)) / 100.0 for _ in range(2)]
+        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size + [12.0 * place, 0.0]
+        segments.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
+        heights += [draw(st.integers(6, 200)) / 8.0] * 4
+    shift = FAR if draw(st.booleans()) else np.zeros(2)
+    named = draw(st.booleans())
+    return World(
+        np.concatenate(segments) + np.tile(shift, 2),
+        np.repeat(np.arange(count), 4),
+        heights,
+        object_names=tuple(f"house {n}" for n in range(count)) if named else (),
+        colours=np.arange(3 * count).reshape(count, 3) * 5 / 255.0,
+    )
+
+
+def test_a_world_comes_back_from_a_glb_as_float32_has_it(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    path = tmp_path_factory.mktemp("worlds") / "town.glb"
+
+    @settings(max_examples=25, deadline=None)
+    @given(towns())
+    def check(world: World) -> None:
+        path.write_bytes(glb_bytes(world))
+        back = read_here(path)
+        assert ordered(back.segments) == pytest.approx(ordered(world.segments), abs=1.1e-3)
+        for number in range(world.object_count):
+            own, other = world.objects == number, back.objects == number
+            assert ordered(back.segments[other]) == pytest.approx(
+                ordered(world.segments[own]), abs=1.1e-3
+            )
+            assert (back.heights[other] == world.heights[own][0]).all()
+        assert back.colours == pytest.approx(world.colours, abs=1 / 255)
+        if world.object_names:
+            assert back.object_names == world.object_names
+
+    check()
+
+
+@pytest.mark.parametrize("kind", ["obj", "off", "ply", "stl", "glb"])
+def test_a_box_is_cut_into_four_walls_whatever_the_format(kind: str, tmp_path: Path) -> None:
+    box = trimesh.creation.box((4.0, 3.0, 2.0))
+    box.apply_translation([1.0, 2.0, 1.0])
+    if kind == "glb":
+        # In glTF y is up.
+        box.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
+    box.export(tmp_path / f"box.{kind}")
+    world = load_world(tmp_path / f"box.{kind}")
+    assert len(world.segments) == 4 and world.object_count == 1
+    assert world.bounds == pytest.approx(np.array([[-1.0, 0.5], [3.0, 3.5]]), abs=1e-6)
+    assert world.heights == pytest.approx([2.0] * 4)
+
+
+def test_a_gltf_with_its_buffer_beside_it_is_read(tmp_path: Path) -> None:
+    files = trimesh.Scene(trimesh.creation.box((4.0, 3.0, 2.0))).export(file_type="gltf")
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    assert len(load_world(tmp_path / "model.gltf").segments) == 4
+
+
+def test_a_round_tower_keeps_its_sides(tmp_path: Path) -> None:
+    tower = trimesh.creation.cylinder(3.0, 5.0, sections=24)
+    tower.export(tmp_path / "tower.stl")
+    world = load_world(tmp_path / "tower.stl")
+    assert len(world.segments) == 24
+    assert np.hypot(*world.segments.reshape(-1, 2).T) == pytest.approx([3.0] * 48, abs=1e-5)
+
+
+def test_a_mesh_that_ends_below_the_cut_says_where_it_is(tmp_path: Path) -> None:
+    trimesh.creation.box((4.0, 3.0, 0.2)).export(tmp_path / "slab.stl")
+    with pytest.raises(WorldError, match=r"height of 0\.5 m; the mesh reaches from -0\.1 to 0\.1 m"):
+        load_world(tmp_path / "slab.stl")
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    st.floats(0.0, 3.2), st.lists(st.floats(0.0, 10.0), min_size=1, max_size=6), st.booleans(),
+    st.floats(-100.0, 100.0),
+)
+def test_pieces_of_one_wall_are_merged_however_they_are_cut(
+    angle: float, cuts: list[float], turned: bool, shift: float
+) -> None:
+    places = np.unique(np.concatenate([[0.0, 10.0], np.round(cuts, 3)]))
+    unit = np.array([np.cos(angle), np.sin(angle)])
+    points = places[:, None] * unit + [shift, -shift]
+    pieces = np.hstack([points[:-1], points[1:]])
+    if turned:
+        pieces[::2] = pieces[::2][:, [2, 3, 0, 1]]
+    merged, labels = merge_collinear(pieces, np.zeros(len(pieces), np.int64), tolerance=1e-6)
+    assert len(merged) == 1 and labels.tolist() == [0]
+    assert ordered(merged) == pytest.approx(ordered(np.array([[*points[0], *points[-1]]])), abs=2e-3)
+
+
+def test_what_is_parallel_apart_or_of_another_label_stays_apart() -> None:
+    pieces = np.array([[0, 0, 1, 0], [1, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [2, 0, 2, 1]])
+    merged, _ = merge_collinear(pieces, np.zeros(5, np.int64), tolerance=1e-6)
+    assert ordered(merged).tolist() == ordered(
+        np.array([[0, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [2, 0, 2, 1]])
+    ).tolist()
+    merged, labels = merge_collinear(pieces, np.arange(5), tolerance=1e-6)
+    assert len(merged) == 5 and sorted(labels) == [0, 1, 2, 3, 4]

@@ -1,0 +1,171 @@
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from PIL import Image
+
+from lrf3d.world import World, load_world
+from lrf3d.world.grid_walls import walls_of_grid
+from lrf3d.world.outlines import chains_of
+from lrf3d.world.ros_map_writer import write_ros_map
+from lrf3d.world.straight_runs import cut_into_runs, is_straight
+
+
+def save_map(folder: Path, pixels: np.ndarray, name: str = "map.png", **values: object) -> Path:
+    Image.fromarray(pixels.astype(np.uint8)).save(folder / name)
+    told = {"image": name, "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0, **values}
+    path = folder / "map.yaml"
+    path.write_text("".join(f"{key}: {value}\n" for key, value in told.items()))
+    return path
+
+
+def room() -> np.ndarray:
+    """A room of 40 by 30 cells, drawn from the top, with walls one cell thick."""
+    pixels = np.full((50, 60), 254)
+    pixels[[10, 39], 10:50] = 0
+    pixels[10:40, [10, 49]] = 0
+    return pixels
+
+
+def width(points: np.ndarray) -> float:
+    """Width of the narrowest strip that holds points, over all directions of pairs of them."""
+    best = np.inf
+    for one, other in product(points, points):
+        delta = (other - one).astype(float)
+        if delta.any():
+            normal = np.array([-delta[1], delta[0]]) / np.hypot(*delta)
+            best = min(best, np.ptp(points @ normal))
+    return float(best) if np.isfinite(best) else 0.0
+
+
+points_of_grids = arrays(np.int64, st.tuples(st.integers(1, 9), st.just(2)), elements=st.integers(0, 8))
+
+
+@settings(max_examples=150, deadline=None)
+@given(points_of_grids)
+def test_points_are_straight_when_the_strip_around_them_is_narrow(points: np.ndarray) -> None:
+    exact = width(points)
+    if abs(exact - 2.0) > 1e-9:
+        assert is_straight(points, 2) == (exact < 2.0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(points_of_grids)
+def test_the_runs_of_a_chain_are_the_fewest_that_are_straight(points: np.ndarray) -> None:
+    cuts = cut_into_runs(points, 2)
+    bounds = [*cuts.tolist(), len(points)]
+    assert all(is_straight(points[a:b], 2) for a, b in zip(bounds, bounds[1:], strict=False))
+    fewest = [0] + [len(points)] * len(points)
+    for end in range(1, len(points) + 1):
+        fewest[end] = min(
+            fewest[start] + 1 for start in range(end) if is_straight(points[start:end], 2)
+        )
+    assert len(cuts) == fewest[-1]
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(-1.0, 1.0), st.floats(0.0, 1.0), st.integers(3, 300), st.booleans())
+def test_a_straight_wall_drawn_cell_by_cell_is_one_segment(
+    slope: float, shift: float, length: int, upright: bool
+) -> None:
+    column = np.arange(length)
+    row = np.floor(slope * (column + 0.5) + shift).astype(int)
+    cells = np.zeros((np.ptp(row) + 7, length + 6), dtype=bool)
+    cells[row - row.min() + 3, column + 3] = True
+    assert len(walls_of_grid(cells.T if upright else cells)) == 1
+
+
+@settings(max_examples=60, deadline=None)
+@given(arrays(np.bool_, st.tuples(st.integers(2, 14), st.integers(2, 14))))
+def test_every_point_of_an_outline_is_within_half_a_cell_of_a_wall(cells: np.ndarray) -> None:
+    chains, lone = chains_of(cells)
+    points = np.concatenate([lone, *(chain.points for chain in chains)]) / 2.0
+    walls = walls_of_grid(cells)
+    assert bool(len(walls)) == bool(len(points))
+    if len(points):
+        lines = shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2)))
+        assert shapely.distance(shapely.points(points), lines).max() <= 0.5 + 1e-6
+
+
+def test_a_room_is_four_walls_with_closed_corners(tmp_path: Path) -> None:
+    world = load_world(save_map(tmp_path, room()))
+    assert len(world.segments) == 4 and world.object_count == 1
+    # Along the middles of the cells; the picture begins at the top, the map at the bottom.
+    assert world.bounds == pytest.approx(np.array([[1.05, 1.05], [4.95, 3.95]]))
+    ends = world.segments.reshape(-1, 2)
+    assert len(np.unique(np.round(ends, 9), axis=0)) == 4
+
+
+def test_a_thick_block_is_its_outline(tmp_path: Path) -> None:
+    pixels = np.full((20, 30), 254)
+    pixels[5:15, 5:25] = 0
+    world = load_world(save_map(tmp_path, pixels))
+    assert len(world.segments) == 4
+    assert world.bounds == pytest.approx(np.array([[0.5, 0.5], [2.5, 1.5]]))
+
+
+def test_origin_and_yaw_place_the_map(tmp_path: Path) -> None:
+    plain = load_world(save_map(tmp_path, room()))
+    turned = load_world(save_map(tmp_path, room(), origin=[3.0, -1.0, np.pi / 2]))
+    x1, y1, x2, y2 = plain.segments.T
+    expected = np.column_stack([3.0 - y1, -1.0 + x1, 3.0 - y2, -1.0 + x2])
+    assert turned.segments == pytest.approx(expected)
+
+
+def test_thresholds_and_negate_tell_what_is_occupied(tmp_path: Path) -> None:
+    grey = np.where(room() == 0, 100, 254)  # occupied to (255 − 100) / 255 = 0.61
+    assert len(load_world(save_map(tmp_path, grey, occupied_thresh=0.6)).segments) == 4
+    with pytest.raises(ValueError, match="no occupied cell"):
+        load_world(save_map(tmp_path, grey, occupied_thresh=0.65))
+    assert len(load_world(save_map(tmp_path, 255 - room(), negate=1)).segments) == 4
+
+
+@pytest.mark.parametrize("name", ["map.pgm", "map.png", "map.bmp"])
+def test_colours_and_formats_make_no_difference(name: str, tmp_path: Path) -> None:
+    grey = load_world(save_map(tmp_path, room(), name))
+    assert len(grey.segments) == 4
+    if not name.endswith("pgm"):
+        coloured = load_world(save_map(tmp_path, np.dstack([room()] * 3), name))
+        assert (coloured.segments == grey.segments).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    arrays(np.float64, 4, elements=st.floats(-6.0, 6.0)).filter(
+        lambda ends: np.hypot(*(ends[2:] - ends[:2])) > 0.5
+    )
+)
+def test_a_wall_written_to_a_map_comes_back_as_one_within_a_cell(
+    tmp_path_factory: pytest.TempPathFactory, ends: np.ndarray
+) -> None:
+    path = tmp_path_factory.mktemp("map") / "map.yaml"
+    World([ends]).save(path)
+    back = load_world(path).segments
+    assert len(back) == 1
+    along = (ends[2:] - ends[:2]) / np.hypot(*(ends[2:] - ends[:2]))
+    off = back.reshape(2, 2) - ends[:2]
+    # Sideways half a cell for the drawing and half a cell for the fit; an end is in its cell.
+    assert np.abs(off @ [-along[1], along[0]]).max() <= 0.05
+    there, here = shapely.LineString(ends.reshape(2, 2)), shapely.LineString(back.reshape(2, 2))
+    assert shapely.hausdorff_distance(there, here) <= 0.075
+
+
+def test_a_map_is_written_in_the_resolution_that_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "map.yaml"
+    write_ros_map(World([[0.0, 0.0, 4.0, 0.0]]), path, resolution=0.2)
+    assert "resolution: 0.2\n" in path.read_text()
+    with Image.open(tmp_path / "map.pgm") as image:
+        assert image.size == (30, 10)
+
+
+def test_a_world_of_a_country_becomes_a_coarse_map_and_not_a_huge_one(tmp_path: Path) -> None:
+    path = tmp_path / "map.yaml"
+    World([[0.0, 0.0, 50_000.0, 30_000.0]]).save(path)
+    assert (tmp_path / "map.pgm").stat().st_size < 40e6
+    with pytest.raises(OSError, match="choose larger"):
+        write_ros_map(World([[0.0, 0.0, 50_000.0, 30_000.0]]), path, resolution=0.05)
