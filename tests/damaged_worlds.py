@@ -207,7 +207,9 @@ _LAUGHS = (
 _OUTSIDE = '<!DOCTYPE {0} [<!ENTITY x SYSTEM "file:///etc/passwd">]><{0}>&x;</{0}>'
 _NODE = '<node id="1" lat="{}" lon="{}"/>'
 _WAY = '<way id="1"><nd ref="{}"/><nd ref="2"/><tag k="building" v="yes"/></way>'
-_PLY = "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+_PLY = (
+    "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+)
 _DEEP = 100_000
 
 HOSTILE: dict[str, dict[str, str | bytes]] = {
@@ -297,7 +299,8 @@ HOSTILE: dict[str, dict[str, str | bytes]] = {
         "a block in itself": dxf(_insert("A"), blocks=_block("A", "A")),
         "blocks of blocks": dxf(
             _insert("B9"),
-            blocks=_block("B0") + "".join(_block(f"B{i}", *[f"B{i - 1}"] * 10) for i in range(1, 10)),
+            blocks=_block("B0")
+            + "".join(_block(f"B{i}", *[f"B{i - 1}"] * 10) for i in range(1, 10)),
         ),
         "a million copies": dxf(
             _insert("B0", "70\n30000\n71\n30000\n44\n1\n45\n1\n"), blocks=_block("B0")

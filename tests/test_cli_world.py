@@ -11,7 +11,9 @@ def lrf3d(*arguments):
 
 
 def test_a_generated_world_goes_through_every_format(tmp_path):
-    done = lrf3d("world", "generate", "rooms", "--seed", 2, "--size", 16, "--out", tmp_path / "a.toml")
+    done = lrf3d(
+        "world", "generate", "rooms", "--seed", 2, "--size", 16, "--out", tmp_path / "a.toml"
+    )
     assert (done.returncode, done.stderr) == (0, "")
     walls = {}
     for source, target in (("a.toml", "b.geojson"), ("b.geojson", "c.glb"), ("c.glb", "d.yaml")):

@@ -1,5 +1,6 @@
 """Worlds from DXF and SVG drawings and from OpenStreetMap extracts."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import ezdxf
@@ -44,7 +45,14 @@ def test_the_unit_of_a_dxf_drawing_is_honoured(unit: int, metres: float, tmp_pat
 
 @pytest.mark.parametrize(
     ("length", "metres"),
-    [("300mm", 0.3), ("30cm", 0.3), ("10in", 0.254), ("96px", 0.0254), ("96", 0.0254), ("72pt", 0.0254)],
+    [
+        ("300mm", 0.3),
+        ("30cm", 0.3),
+        ("10in", 0.254),
+        ("96px", 0.0254),
+        ("96", 0.0254),
+        ("72pt", 0.0254),
+    ],
 )
 def test_the_unit_of_an_svg_drawing_is_honoured(length: str, metres: float, tmp_path: Path) -> None:
     line = '<line x1="0" y1="50" x2="100" y2="50"/>'
@@ -57,7 +65,8 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path:
     body = (
         '<defs><rect id="r" width="1" height="2"/></defs>'
         '<use href="#r" x="3"/><g transform="translate(5 5) rotate(90)"><path d="M0 0h2"/></g>'
-        '<g display="none"><path d="M0 0h9"/></g><path visibility="hidden" d="M0 0h9"/><text>a</text>'
+        '<g display="none"><path d="M0 0h9"/></g><path visibility="hidden" d="M0 0h9"/>'
+        "<text>a</text>"
     )
     world = svg(tmp_path, body, 'width="10cm" height="10cm" viewBox="0 0 10 10"')
     assert len(world.segments) == 5 and world.object_count == 2
@@ -86,7 +95,7 @@ def test_curves_of_an_svg_drawing_are_chords_within_the_stated_error(name, tmp_p
         share = np.linspace(0.0, 1.0, 5001)[:, None]
         points = [np.broadcast_to(point, (5001, 2)) for point in np.array(curve[0], dtype=float)]
         while len(points) > 1:
-            points = [a + share * (b - a) for a, b in zip(points, points[1:], strict=False)]
+            points = [a + share * (b - a) for a, b in pairwise(points)]
         curve = shapely.LineString(points[0])
     # A unit of this sheet is 100 m, so that 5 mm are what counts.
     world = svg(tmp_path, body, 'width="1000m" height="1000m" viewBox="0 0 10 10"')
@@ -140,7 +149,8 @@ def osm(folder: Path, body: str) -> World:
 
 def way(number: int, *nodes: int, **tags: str) -> str:
     told = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
-    return f'<way id="{number}">{"".join(f"<nd ref={chr(34)}{n}{chr(34)}/>" for n in nodes)}{told}</way>'
+    points = "".join(f'<nd ref="{node}"/>' for node in nodes)
+    return f'<way id="{number}">{points}{told}</way>'
 
 
 def test_a_building_is_laid_flat_about_its_middle(tmp_path: Path) -> None:
@@ -202,7 +212,7 @@ def test_what_stands_over_the_robot_is_no_building(tags: dict, stands: bool) -> 
 def test_a_ring_cut_into_ways_in_any_order_is_closed_again(nodes, cuts, rng) -> None:
     ring = [*nodes, nodes[0]]
     bounds = [0, *sorted(cuts), 8]
-    ways = [ring[a : b + 1] for a, b in zip(bounds, bounds[1:], strict=False)]
+    ways = [ring[a : b + 1] for a, b in pairwise(bounds)]
     ways = [way[::-1] if rng.random() < 0.5 else way for way in ways]
     rng.shuffle(ways)
     (closed,) = close_rings(ways)

@@ -3,11 +3,13 @@ import pytest
 import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from lrf3d.errors import InputError
 from lrf3d.robot.free_space import find_free_space
 from lrf3d.world.floor_plan import DOOR, THICKNESS
-from lrf3d.world.generators import KINDS, generate, maze_passages
+from lrf3d.world.generators import KINDS, generate
+from lrf3d.world.maze import maze_passages
 from lrf3d.world.pieces import pieces_of
 
 SMALL = {"city": 60.0, "maze": 14.0, "office": 24.0, "rooms": 20.0}
@@ -43,13 +45,13 @@ def test_every_room_can_be_driven_to(kind: str, seed: int) -> None:
     world = generate(kind, size=SMALL[kind], seed=seed)
     space = find_free_space(world, least=0.65, clearance=2.0)
     (x1, y1), (x2, y2) = world.bounds - world.origin
-    inside = shapely.box(x1, y1, x2, y2)
-    floor = shapely.unary_union(shapely.points(space.cells)).buffer(0.65 + 2.0 * space.size)
-    solid = shapely.union_all(shapely.linestrings((world.segments - np.tile(world.origin, 2)).reshape(-1, 2, 2)))
-    # What no robot gets near to lies within corners and furniture, and is no room.
-    left = inside.difference(floor).difference(solid.buffer(0.5))
-    assert left.area < 1.0
     assert (space.cells > [x1, y1]).all() and (space.cells < [x2, y2]).all()
+    lattice = np.stack(np.meshgrid(np.arange(x1, x2, 0.3), np.arange(y1, y2, 0.3)), axis=-1)
+    free = lattice.reshape(-1, 2)
+    free = free[space.clearance(free) > 0.65 + space.size]
+    gaps, _ = cKDTree(space.cells).query(free)
+    # A nook between a desk and a wall may be shut off; a room may not.
+    assert (gaps > 2.0 * space.size).mean() < 0.01
 
 
 @pytest.mark.parametrize("count", [3, 8])
@@ -72,12 +74,14 @@ def test_a_wall_with_doors_leaves_them_open() -> None:
     world = plan.world()
     ends = np.sort(np.unique(world.segments[:, 0]))
     half = 0.5 * THICKNESS
-    assert ends == pytest.approx([-half, 3 - DOOR / 2, 3 + DOOR / 2, 7 - DOOR / 2, 7 + DOOR / 2, 10 + half])
+    assert ends == pytest.approx(
+        [-half, 3 - DOOR / 2, 3 + DOOR / 2, 7 - DOOR / 2, 7 + DOOR / 2, 10 + half]
+    )
     assert world.object_count == 3
 
 
 def test_what_cannot_be_generated_is_refused() -> None:
-    with pytest.raises(InputError, match="jungle: unknown kind.*maze"):
+    with pytest.raises(InputError, match=r"jungle: unknown kind.*maze"):
         generate("jungle")
     with pytest.raises(InputError, match="size 1 m: expected 12"):
         generate("maze", size=1.0)

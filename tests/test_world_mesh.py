@@ -101,13 +101,17 @@ def test_a_round_tower_keeps_its_sides(tmp_path: Path) -> None:
 
 def test_a_mesh_that_ends_below_the_cut_says_where_it_is(tmp_path: Path) -> None:
     trimesh.creation.box((4.0, 3.0, 0.2)).export(tmp_path / "slab.stl")
-    with pytest.raises(WorldError, match=r"height of 0\.5 m; the mesh reaches from -0\.1 to 0\.1 m"):
+    with pytest.raises(
+        WorldError, match=r"height of 0\.5 m; the mesh reaches from -0\.1 to 0\.1 m"
+    ):
         load_world(tmp_path / "slab.stl")
 
 
 @settings(max_examples=80, deadline=None)
 @given(
-    st.floats(0.0, 3.2), st.lists(st.floats(0.0, 10.0), min_size=1, max_size=6), st.booleans(),
+    st.floats(0.0, 3.2),
+    st.lists(st.floats(0.0, 10.0), min_size=1, max_size=6),
+    st.booleans(),
     st.floats(-100.0, 100.0),
 )
 def test_pieces_of_one_wall_are_merged_however_they_are_cut(
@@ -121,14 +125,17 @@ def test_pieces_of_one_wall_are_merged_however_they_are_cut(
         pieces[::2] = pieces[::2][:, [2, 3, 0, 1]]
     merged, labels = merge_collinear(pieces, np.zeros(len(pieces), np.int64), tolerance=1e-6)
     assert len(merged) == 1 and labels.tolist() == [0]
-    assert ordered(merged) == pytest.approx(ordered(np.array([[*points[0], *points[-1]]])), abs=2e-3)
+    assert ordered(merged) == pytest.approx(
+        ordered(np.array([[*points[0], *points[-1]]])), abs=2e-3
+    )
 
 
 def test_what_is_parallel_apart_or_of_another_label_stays_apart() -> None:
     pieces = np.array([[0, 0, 1, 0], [1, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [2, 0, 2, 1]])
     merged, _ = merge_collinear(pieces, np.zeros(5, np.int64), tolerance=1e-6)
-    assert ordered(merged).tolist() == ordered(
-        np.array([[0, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [2, 0, 2, 1]])
-    ).tolist()
+    assert (
+        ordered(merged).tolist()
+        == ordered(np.array([[0, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [2, 0, 2, 1]])).tolist()
+    )
     merged, labels = merge_collinear(pieces, np.arange(5), tolerance=1e-6)
     assert len(merged) == 5 and sorted(labels) == [0, 1, 2, 3, 4]

@@ -1,4 +1,4 @@
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +43,9 @@ def width(points: np.ndarray) -> float:
     return float(best) if np.isfinite(best) else 0.0
 
 
-points_of_grids = arrays(np.int64, st.tuples(st.integers(1, 9), st.just(2)), elements=st.integers(0, 8))
+points_of_grids = arrays(
+    np.int64, st.tuples(st.integers(1, 9), st.just(2)), elements=st.integers(0, 8)
+)
 
 
 @settings(max_examples=150, deadline=None)
@@ -59,7 +61,7 @@ def test_points_are_straight_when_the_strip_around_them_is_narrow(points: np.nda
 def test_the_runs_of_a_chain_are_the_fewest_that_are_straight(points: np.ndarray) -> None:
     cuts = cut_into_runs(points, 2)
     bounds = [*cuts.tolist(), len(points)]
-    assert all(is_straight(points[a:b], 2) for a, b in zip(bounds, bounds[1:], strict=False))
+    assert all(is_straight(points[a:b], 2) for a, b in pairwise(bounds))
     fewest = [0] + [len(points)] * len(points)
     for end in range(1, len(points) + 1):
         fewest[end] = min(

@@ -12,7 +12,10 @@ if TYPE_CHECKING:
     from lrf3d.world import World
 
 world = typer.Typer(
-    help="Look at worlds, convert and generate them.", rich_markup_mode=None, no_args_is_help=True, add_completion=False
+    help="Look at worlds, convert and generate them.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    add_completion=False,
 )
 
 
@@ -156,6 +159,7 @@ def _say(report: dict[str, Any], json: bool) -> None:
         "walls": f"{report['wall_length_m']:.1f} m long, {low:g} to {high:g} m high",
         "bounds": f"x {x1:.2f} to {x2:.2f} m, y {y1:.2f} to {y2:.2f} m",
     }
+    rows: list[tuple[str, str]]
     rows = [(key, str(report[key])) for key in ("kind", "seed", "name", "from") if key in report]
     rows += list(told.items())
     if report["place"] is not None:

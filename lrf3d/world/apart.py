@@ -6,7 +6,9 @@ of it is executed or unpickled.
 """
 
 import json
+import math
 import os
+import signal
 import subprocess
 import sys
 from importlib import import_module
@@ -31,7 +33,10 @@ READERS = {
 """The module of this package and the function in it that read a file of an ending."""
 
 SECONDS, SECONDS_A_MEGABYTE = 4.0, 1.5
-"""How long reading may take [s]: to start, and for each megabyte of the file."""
+"""How long a processor may be at it [s]: to start, and for each megabyte of the file."""
+
+PATIENCE = 10.0
+"""How many times longer it may take on a machine that has other things to do."""
 
 MEMORY, MEMORY_A_BYTE = 300 << 20, 30
 """How much memory reading may take [bytes]: at least, and for each byte of the file."""
@@ -45,8 +50,7 @@ def read_apart(path: Path) -> World:
     Raises:
         WorldError: The file cannot be used, or takes too long or too much memory to read.
     """
-    size = path.stat().st_size / 1e6
-    seconds = SECONDS + SECONDS_A_MEGABYTE * size
+    seconds = _seconds(path)
     home = str(Path(__file__).parents[2])
     search = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))
     environment = os.environ | {"PYTHONPATH": search, "OPENBLAS_NUM_THREADS": "1"}
@@ -56,14 +60,14 @@ def read_apart(path: Path) -> World:
             command,
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            timeout=seconds,
+            timeout=PATIENCE * seconds,
             env=environment,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise WorldError(
-            f"{path}: takes more than {seconds:.0f} s to read; simplify it, or cut it down"
-        ) from None
+        raise WorldError(_too_long(path, PATIENCE * seconds)) from None
+    if done.returncode == -getattr(signal, "SIGXCPU", 0):
+        raise WorldError(_too_long(path, seconds))
     header, _, body = done.stdout.partition(b"\n")
     if done.returncode != 0 or not header:
         raise WorldError(f"{path}: damaged, or takes more memory to read than it may")
@@ -77,7 +81,7 @@ def read_apart(path: Path) -> World:
         walls["height"],
         said["name"],
         object_names=said["object_names"],
-        colours=[[np.nan if part is None else part for part in row] for row in said["colours"]],
+        colours=np.array(said["colours"], dtype=np.float64).reshape(-1, 3),
     )
 
 
@@ -103,23 +107,37 @@ def read_here(path: Path) -> World:
         raise WorldError(f"{path}: damaged, or no {path.suffix[1:]} file ({reason})") from None
 
 
-def _limit_memory(size: int) -> None:
-    """Let this process have so much memory at most, where the system knows such limits."""
+def _seconds(path: Path) -> float:
+    """How long reading a file may take a processor [s]."""
+    return SECONDS + SECONDS_A_MEGABYTE * path.stat().st_size / 1e6
+
+
+def _too_long(path: Path, seconds: float) -> str:
+    return f"{path}: takes more than {seconds:.0f} s to read; simplify it, or cut it down"
+
+
+def _limit(memory: int, seconds: int) -> None:
+    """Let this process have so much memory and time, where the system knows such limits."""
     try:
         import resource
     except ImportError:
         return
-    for limit in (resource.RLIMIT_DATA, resource.RLIMIT_CORE):
-        most = size if limit == resource.RLIMIT_DATA else 0
+    limits = {
+        resource.RLIMIT_DATA: memory,
+        resource.RLIMIT_CPU: seconds,
+        resource.RLIMIT_CORE: 0,
+    }
+    for limit, most in limits.items():
         try:
-            resource.setrlimit(limit, (most, most))
+            # The hard limit of the time is a second later, so that the signal tells which it was.
+            resource.setrlimit(limit, (most, most + (limit == resource.RLIMIT_CPU)))
         except (ValueError, OSError):
             continue
 
 
 def _main(path: Path) -> NoReturn:
     """Read a file and write the world, or the error, to the standard output."""
-    _limit_memory(MEMORY + MEMORY_A_BYTE * path.stat().st_size)
+    _limit(MEMORY + MEMORY_A_BYTE * path.stat().st_size, math.ceil(_seconds(path)))
     # What libraries print must not come between the data.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)

@@ -32,7 +32,17 @@ DEEPEST = 30
 FINEST = 1.0 / 2000.0
 """Chords lie no farther from a curve than this share of its extent."""
 
-OUTLINES = {"LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "SOLID", "TRACE"}
+OUTLINES = {
+    "LINE",
+    "LWPOLYLINE",
+    "POLYLINE",
+    "ARC",
+    "CIRCLE",
+    "ELLIPSE",
+    "SPLINE",
+    "SOLID",
+    "TRACE",
+}
 """Entities that are walls."""
 
 
@@ -42,20 +52,26 @@ def read_dxf(path: Path) -> World:
     Raises:
         WorldError: The file cannot be read, is no DXF or holds no outline.
     """
-    import ezdxf
     from ezdxf import units
+    from ezdxf.enums import InsertUnits
+    from ezdxf.filemanagement import readfile
+    from ezdxf.lldxf.const import DXFError
 
     with open_within(path, LARGEST):
         pass
     try:
-        drawing = ezdxf.readfile(path)
-    except (ezdxf.DXFError, OSError) as error:
+        drawing = readfile(path)
+    except (DXFError, OSError) as error:
         raise WorldError(f"{path}: no DXF drawing: {_first_line(error)}") from None
     code = drawing.header.get("$INSUNITS", 0)
     if code not in range(25):
         raise WorldError(f"{path}: $INSUNITS is {code!r}, expected 0 to 24")
-    scale = units.conversion_factor(code, units.M) if code else 1.0
-    shown = {layer.dxf.name.lower() for layer in drawing.layers if layer.is_on() and not layer.is_frozen()}
+    scale = units.conversion_factor(InsertUnits(code), InsertUnits.Meters) if code else 1.0
+    shown = {
+        layer.dxf.name.lower()
+        for layer in drawing.layers
+        if layer.is_on() and not layer.is_frozen()
+    }
     hidden = {layer.dxf.name.lower() for layer in drawing.layers} - shown
     strokes: list[Float] = []
     count = 0

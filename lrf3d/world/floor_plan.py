@@ -12,7 +12,7 @@ THICKNESS = 0.2
 """Thickness of walls [m]."""
 
 DOOR = 2.2
-"""Clear width of a door [m]: the planner keeps 0.65 m to walls, and 0.95 m where it can, on a lattice."""
+"""Clear width of a door [m]: the planner keeps up to 0.95 m to walls, on a lattice."""
 
 WALL_COLOUR = (0.80, 0.77, 0.71)
 """Warm white of plaster."""
@@ -47,6 +47,13 @@ class FloorPlan:
         if end > start:
             self.lines.append((x + start * dx, y + start * dy, x + end * dx, y + end * dy))
 
+    def outer_walls(self, wide: float, high: float) -> None:
+        """Add the walls around a plan: shut, so that a drive stays inside."""
+        self.wall(0.0, 0.0, wide, 0.0)
+        self.wall(0.0, high, wide, high)
+        self.wall(0.0, 0.0, 0.0, high)
+        self.wall(wide, 0.0, wide, high)
+
     def box(
         self, kind: str, corner: Float, size: Float, height: float, colour: tuple[float, ...]
     ) -> None:
@@ -69,10 +76,15 @@ class FloorPlan:
         )
         # A grid of a millimetre keeps walls that should meet from missing each other by rounding.
         union = shapely.union_all(areas, grid_size=0.001)
-        segments, heights, names, colours, counts = [], [], [], [], []
+        segments: list[Float] = []
+        heights: list[Float] = []
+        names: list[str] = []
+        colours: list[tuple[float, float, float]] = []
         for part in shapely.get_parts([shapely.simplify(union, 1e-6)]):
             rings = [np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
-            walls_of_part = np.concatenate([walls(np.round(ring, 3), closed=True) for ring in rings])
+            walls_of_part = np.concatenate(
+                [walls(np.round(ring, 3), closed=True) for ring in rings]
+            )
             segments.append(walls_of_part)
             heights.append(np.full(len(walls_of_part), self.height))
             names.append(f"walls {len(names)}" if names else "walls")

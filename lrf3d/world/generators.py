@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -10,10 +9,8 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.world.floor_plan import DOOR, THICKNESS, FloorPlan
 from lrf3d.world.generate import BLOCK, generate_city
+from lrf3d.world.maze import maze
 from lrf3d.world.model import World
-
-PASSAGE = 2.6
-"""From one wall of a maze to the next [m]."""
 
 CORRIDOR, ROOM_DEPTH = 2.6, 5.0
 """Width of an office's corridor and depth of its rooms [m]."""
@@ -64,47 +61,12 @@ def city(size: float, seed: int) -> World:
     heights = np.repeat(np.round(rng.uniform(5.0, 16.0, blocks**2), 1), 4)
     colours = FACADES[rng.integers(0, len(FACADES), blocks**2)] / 255.0
     return replace(
-        plain, segments=np.round(plain.segments, 3), heights=heights, colours=colours,
+        plain,
+        segments=np.round(plain.segments, 3),
+        heights=heights,
+        colours=colours,
         name=f"city {seed}",
     )
-
-
-def maze(size: float, seed: int) -> World:
-    """A maze: any two places are joined by just one way, a random spanning tree of its cells."""
-    count = max(3, int(size / PASSAGE))
-    plan = FloorPlan(f"maze {seed}")
-    open_east, open_north = maze_passages(count, np.random.default_rng(seed))
-    span = count * PASSAGE
-    _outer_walls(plan, span, span)
-    for row in range(count):
-        for column in range(count):
-            x, y = (column + 1) * PASSAGE, (row + 1) * PASSAGE
-            if column + 1 < count and not open_east[row, column]:
-                plan.wall(x, y - PASSAGE, x, y)
-            if row + 1 < count and not open_north[row, column]:
-                plan.wall(x - PASSAGE, y, x, y)
-    return plan.world()
-
-
-def maze_passages(count: int, rng: np.random.Generator) -> tuple[Any, Any]:
-    """Which cells (count, count) of a maze are open to the east and to the north of them.
-
-    The passages are the smallest spanning tree of the grid under random weights (Kruskal 1956).
-    """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import minimum_spanning_tree
-
-    cell = np.arange(count * count).reshape(count, count)
-    start = np.concatenate([cell[:, :-1].reshape(-1), cell[:-1].reshape(-1)])
-    end = np.concatenate([cell[:, 1:].reshape(-1), cell[1:].reshape(-1)])
-    weights = rng.uniform(1.0, 2.0, len(start))
-    tree = minimum_spanning_tree(coo_array((weights, (start, end)), shape=(cell.size, cell.size)))
-    here, there = tree.tocoo().coords
-    east, north = np.zeros((2, count, count), dtype=bool)
-    step = there - here
-    east.reshape(-1)[here[step == 1]] = True
-    north.reshape(-1)[here[step == count]] = True
-    return east, north
 
 
 def office(size: float, seed: int) -> World:
@@ -115,7 +77,7 @@ def office(size: float, seed: int) -> World:
     across = 0.5 * size - 0.5 * CORRIDOR
     pitch = 2.0 * ROOM_DEPTH + CORRIDOR
     top = storeys * pitch
-    _outer_walls(plan, size, top)
+    plan.outer_walls(size, top)
     for storey in range(storeys):
         low = storey * pitch
         if storey:
@@ -183,17 +145,9 @@ def rooms(size: float, seed: int) -> World:
     rng = np.random.default_rng(seed)
     plan = FloorPlan(f"rooms {seed}")
     wide, high = size, round(0.75 * size, 2)
-    _outer_walls(plan, wide, high)
+    plan.outer_walls(wide, high)
     _part(plan, rng, np.array([[0.0, 0.0], [wide, high]]))
     return plan.world()
-
-
-def _outer_walls(plan: FloorPlan, wide: float, high: float) -> None:
-    """The walls around a plan: shut, so that a drive stays inside."""
-    plan.wall(0.0, 0.0, wide, 0.0)
-    plan.wall(0.0, high, wide, high)
-    plan.wall(0.0, 0.0, 0.0, high)
-    plan.wall(wide, 0.0, wide, high)
 
 
 def _part(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
@@ -210,9 +164,13 @@ def _part(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
             axis = 1 - axis
         free = [
             place
-            for place in np.arange(low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1)
+            for place in np.arange(
+                low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1
+            )
             if not any(
-                along == axis and at in (low[1 - axis], high[1 - axis]) and abs(place - door) < clear
+                along == axis
+                and at in (low[1 - axis], high[1 - axis])
+                and abs(place - door) < clear
                 for along, at, door in doors
             )
         ]

@@ -8,7 +8,7 @@ its ``crs`` or by its size and laid flat about its middle. Heights above ground 
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float
@@ -101,7 +101,7 @@ def _refuse_constant(constant: str) -> NoReturn:
 def _place(data: dict[str, Any]) -> tuple[float, float] | None:
     """What the member ``place``, as lrf3d writes it, says of the point (0, 0)."""
     try:
-        longitude, latitude = PLACE(data.get("place")).tolist()
+        longitude, latitude = cast(Float, PLACE(data.get("place"))).tolist()
     except Invalid:
         return None
     return longitude, latitude

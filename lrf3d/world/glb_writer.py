@@ -4,6 +4,8 @@ glTF holds float32, so vertices stand about the world's origin, and the place of
 translation of each part; y is up.
 """
 
+from typing import Any
+
 import numpy as np
 
 from lrf3d.world.extrude import extrude
@@ -16,29 +18,34 @@ PLAIN = 0.78
 def glb_bytes(world: World) -> bytes:
     """The bytes of a binary glTF file of a world."""
     import trimesh
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
 
+    visual: Any = trimesh.visual
     whole = extrude(world)
     upright = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
     turned = np.asarray(whole.vertices) @ upright[:3, :3].T
     to_source = np.eye(4)
     to_source[:3, 3] = upright[:3, :3] @ [*world.origin, 0.0]
-    scene = trimesh.Scene()
+    scene: Any = trimesh.Scene()
     for number in np.unique(world.objects).tolist():
         own = np.flatnonzero(world.objects == number)
         corners = (4 * own[:, None] + np.arange(4)).reshape(-1)
-        faces = np.asarray(whole.faces)[:2].reshape(1, 2, 3) + 4 * np.arange(len(own))[:, None, None]
+        faces = (
+            np.asarray(whole.faces)[:2].reshape(1, 2, 3) + 4 * np.arange(len(own))[:, None, None]
+        )
         colour = world.colours[number]
         shade = np.append(colour if np.isfinite(colour).all() else np.full(3, PLAIN), 1.0)
-        material = PBRMaterial(
+        material = visual.material.PBRMaterial(
             baseColorFactor=shade, metallicFactor=0.0, roughnessFactor=0.9, doubleSided=True
         )
         mesh = trimesh.Trimesh(
-            turned[corners], faces.reshape(-1, 3), process=False,
-            visual=TextureVisuals(material=material),
+            turned[corners],
+            faces.reshape(-1, 3),
+            process=False,
+            visual=visual.TextureVisuals(material=material),
         )
         given = world.object_names[number] if world.object_names else ""
-        name = given if given and given not in scene.graph.nodes else f"{given or 'object'} {number}"
+        name = (
+            given if given and given not in scene.graph.nodes else f"{given or 'object'} {number}"
+        )
         scene.add_geometry(mesh, node_name=name, geom_name=name, transform=to_source)
     return bytes(scene.export(file_type="glb"))

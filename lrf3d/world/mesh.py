@@ -91,7 +91,9 @@ def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:
     scene = trimesh.load_scene(
         BytesIO(data), file_type=kind, resolver=_beside(path), process=False, **options
     )
-    turn = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) if path.suffix.lower() in UPRIGHT_Y else None
+    turn = (
+        np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) if path.suffix.lower() in UPRIGHT_Y else None
+    )
     single = len(scene.graph.nodes_geometry) == 1 and kind not in ("glb", "gltf")
     # The graph gives its nodes in any order; the file has its meshes in one.
     order = {key: place for place, key in enumerate(scene.geometry)}

@@ -157,9 +157,7 @@ class _Extract:
                 if (role == "inner") == inner and number in self.ways
             ]
             rings[inner] = [
-                ring
-                for refs in close_rings(ways)
-                if (ring := self._ring(refs)) is not None
+                ring for refs in close_rings(ways) if (ring := self._ring(refs)) is not None
             ]
         return nest_rings(rings[False], rings[True])
 

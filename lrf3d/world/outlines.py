@@ -40,64 +40,82 @@ def chains_of(occupied: Bool) -> tuple[list[Chain], Int]:
 
 def _links(occupied: Bool) -> tuple[Int, Int]:
     """Pairs (k, 2) of points that follow each other, as keys, and the lone cells."""
+    # Cells around the grid are as those at its border; nothing goes through them.
     grid = np.pad(occupied, 1, mode="edge")
+    inside = np.pad(np.ones_like(occupied), 1)
+    thin = grid & ~_thick(grid) & inside
     height = 2 * occupied.shape[0] + 2
-    blocks = grid[:-1, :-1] & grid[1:, :-1] & grid[:-1, 1:] & grid[1:, 1:]
-    thick = np.zeros_like(grid)
-    for rows in (slice(0, -1), slice(1, None)):
-        for columns in (slice(0, -1), slice(1, None)):
-            thick[rows, columns] |= blocks
-    # Outside of the grid there is no cell to go through.
-    thin = grid & ~thick
-    inside = np.zeros_like(grid)
-    inside[1:-1, 1:-1] = True
-    thin &= inside
-
-    def key(x: Int, y: Int) -> Int:
-        return np.asarray(x * height + y)
-
-    rows, columns = np.nonzero(np.ones_like(grid))
-    middle = key(2 * columns - 1, 2 * rows - 1).reshape(grid.shape)
-    links = []
-    # Thin cells side by side, and corner to corner where neither cell between them is occupied.
-    for here, there in (
-        ((slice(None), slice(0, -1)), (slice(None), slice(1, None))),
-        ((slice(0, -1), slice(None)), (slice(1, None), slice(None))),
-    ):
-        both = thin[here] & thin[there]
-        links.append(np.column_stack([middle[here][both], middle[there][both]]))
-    sw, se = (slice(0, -1), slice(0, -1)), (slice(0, -1), slice(1, None))
-    nw, ne = (slice(1, None), slice(0, -1)), (slice(1, None), slice(1, None))
-    for one, other, between, beyond in ((sw, ne, se, nw), (se, nw, sw, ne)):
-        both = thin[one] & thin[other] & ~grid[between] & ~grid[beyond]
-        links.append(np.column_stack([middle[one][both], middle[other][both]]))
-    # Around thick parts the outline goes from edge to edge, past each corner of the lattice.
-    edges = {}
-    for side, one, other, shift in (
-        ("s", sw, se, (1, 0)), ("n", nw, ne, (1, 0)), ("w", sw, nw, (0, 1)), ("e", se, ne, (0, 1)),
-    ):
-        edge = middle[one] + key(*shift)
-        cell = np.where(grid[one], middle[one], middle[other])
-        owner_thin = np.where(grid[one], thin[one], thin[other])
-        edges[side] = (
-            grid[one] != grid[other], np.where(owner_thin, cell, edge), owner_thin,
-            (inside[one] & inside[other]),
-        )
-    saddle = (grid[sw] == grid[ne]) & (grid[se] == grid[nw]) & (grid[sw] != grid[se])
-    for one, other in ("sn", "we", "sw", "se", "nw", "ne"):
-        first, second = edges[one], edges[other]
-        met = first[0] & second[0] & ~(first[2] & second[2]) & first[3] & second[3]
-        if one + other in ("sn", "we"):
-            met &= ~saddle
-        else:
-            # At a saddle the two edges of each free cell belong together.
-            corner = {"sw": sw, "se": se, "nw": nw, "ne": ne}[one + other]
-            met &= ~saddle | ~grid[corner]
-        links.append(np.column_stack([first[1][met], second[1][met]]))
+    row, column = np.indices(grid.shape)
+    middle = (2 * column - 1) * height + (2 * row - 1)
+    links = [*_thin_links(grid, thin, middle), *_edge_links(grid, thin, inside, middle, height)]
     pairs = np.sort(np.concatenate(links), axis=1)
     pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
     lone = np.setdiff1d(middle[thin], pairs)
     return pairs, np.column_stack([lone // height, lone % height])
+
+
+Part = tuple[slice, slice]
+_SW: Part = (slice(0, -1), slice(0, -1))
+_SE: Part = (slice(0, -1), slice(1, None))
+_NW: Part = (slice(1, None), slice(0, -1))
+_NE: Part = (slice(1, None), slice(1, None))
+"""The cells around each corner of the lattice."""
+
+
+def _thick(grid: Bool) -> Bool:
+    """Which cells are part of two by two that are occupied."""
+    blocks = grid[_SW] & grid[_SE] & grid[_NW] & grid[_NE]
+    thick = np.zeros_like(grid)
+    for part in (_SW, _SE, _NW, _NE):
+        thick[part] |= blocks
+    return thick
+
+
+def _thin_links(grid: Bool, thin: Bool, middle: Int) -> Iterator[Int]:
+    """Links between thin cells side by side, and corner to corner where both others are empty."""
+    every, first, rest = slice(None), slice(0, -1), slice(1, None)
+    neighbours: list[tuple[Part, Part]] = [
+        ((every, first), (every, rest)),
+        ((first, every), (rest, every)),
+    ]
+    for here, there in neighbours:
+        both = thin[here] & thin[there]
+        yield np.column_stack([middle[here][both], middle[there][both]])
+    for here, there, between, beyond in ((_SW, _NE, _SE, _NW), (_SE, _NW, _SW, _NE)):
+        both = thin[here] & thin[there] & ~grid[between] & ~grid[beyond]
+        yield np.column_stack([middle[here][both], middle[there][both]])
+
+
+def _edge_links(grid: Bool, thin: Bool, inside: Bool, middle: Int, height: int) -> Iterator[Int]:
+    """Links around thick parts: from edge to edge, past each corner of the lattice."""
+    # Each of the edges that meet in a corner lies between two cells, half a cell on from the first.
+    sides = {
+        "s": (_SW, _SE, height),
+        "n": (_NW, _NE, height),
+        "w": (_SW, _NW, 1),
+        "e": (_SE, _NE, 1),
+    }
+    met, point, owned = {}, {}, {}
+    for side, (one, other, step) in sides.items():
+        owner_is_thin = np.where(grid[one], thin[one], thin[other])
+        owner = np.where(grid[one], middle[one], middle[other])
+        met[side] = (grid[one] != grid[other]) & inside[one] & inside[other]
+        point[side] = np.where(owner_is_thin, owner, middle[one] + step)
+        owned[side] = owner_is_thin
+    saddle = (grid[_SW] == grid[_NE]) & (grid[_SE] == grid[_NW]) & (grid[_SW] != grid[_SE])
+    turns = [
+        ("s", "n", None),
+        ("w", "e", None),
+        ("s", "w", _SW),
+        ("s", "e", _SE),
+        ("n", "w", _NW),
+        ("n", "e", _NE),
+    ]
+    for first, second, corner in turns:
+        # Thin cells are linked by themselves. At a saddle the edges of each empty cell turn.
+        both = met[first] & met[second] & ~(owned[first] & owned[second])
+        both &= ~saddle if corner is None else ~(saddle & grid[corner])
+        yield np.column_stack([point[first][both], point[second][both]])
 
 
 def _walk(points: Int, links: Int) -> Iterator[Chain]:
@@ -176,14 +194,14 @@ def _through(ways: list[list[int]], points: Int) -> list[list[int]]:
     for number, end in starts + [(n, 0) for n in range(len(ways))]:
         if number not in left:
             continue
-        way: list[int] = []
+        line: list[int] = []
         while number in left:
             left.discard(number)
             part = ways[number] if end == 0 else ways[number][::-1]
-            way += part if not way else part[1:]
+            line += part if not line else part[1:]
             following = partner.get((number, -1 if end == 0 else 0))
             if following is None:
                 break
             number, end = following
-        joined.append(way)
+        joined.append(line)
     return joined

@@ -77,8 +77,10 @@ class _Description:
                 depth += isinstance(event, yaml.CollectionStartEvent)
                 depth -= isinstance(event, yaml.CollectionEndEvent)
                 if depth > DEEPEST or isinstance(event, yaml.AliasEvent):
-                    line = event.start_mark.line + 1
-                    raise WorldError(f"{path}:{line}: more than a list of keys and values")
+                    mark = event.start_mark
+                    raise WorldError(
+                        f"{path}:{mark.line + 1 if mark else 1}: more than a list of keys and values"
+                    )
             data = yaml.safe_load(text)
         except WorldError:
             raise
@@ -124,7 +126,7 @@ class _Description:
         return picture
 
     def _number(self, key: str, *, above: float = -1e-300, most: float = 1e4) -> float:
-        value = self.data.get(key)
+        value: Any = self.data.get(key)
         if not _is_place(value) or not above < float(value) <= most:
             limit = f"a number above 0 and at most {most:g}" if above >= 0 else f"0 to {most:g}"
             self.refuse(f"{key} is {shown(value)}, expected {limit}")
@@ -159,7 +161,8 @@ def _darkness(description: _Description) -> Float:
     with open_within(picture, LARGEST_PICTURE) as file:
         try:
             # Only the formats of map_server: others have decoders that no map needs.
-            with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
+            with Image.open(file, formats=["PNG", "PPM", "BMP"]) as opened:
+                image: Image.Image = opened
                 width, height = image.size
                 if width * height > MOST_CELLS:
                     raise WorldError(

@@ -35,7 +35,7 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
         OutputError: The files cannot be written, or the map becomes too large.
     """
     margin = max(MARGIN, 2.0 * (resolution or 0.0))
-    low, high = world.bounds + [[-margin], [margin]]
+    low, high = world.bounds[0] - margin, world.bounds[1] + margin
     if resolution is None:
         resolution = max(RESOLUTION, float(np.sqrt(np.prod(high - low) / MOST_CELLS)) * 1.001)
     # Whole cells from the origin of the world on, so that even walls stay even.

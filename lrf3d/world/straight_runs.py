@@ -104,7 +104,10 @@ def _misfit(points: Int, start: int, end: int) -> float:
         return 0.0
     x = y = xx = xy = yy = 0.0
     for place in range(start, end):
-        dx, dy = float(points[place, 0] - points[start, 0]), float(points[place, 1] - points[start, 1])
+        dx, dy = (
+            float(points[place, 0] - points[start, 0]),
+            float(points[place, 1] - points[start, 1]),
+        )
         x, y, xx, xy, yy = x + dx, y + dy, xx + dx * dx, xy + dx * dy, yy + dy * dy
     xx, xy, yy = xx - x * x / count, xy - x * y / count, yy - y * y / count
     half = 0.5 * (xx - yy)

@@ -145,9 +145,11 @@ def _chords(piece: Any, tolerance: float) -> int:
     if isinstance(piece, Arc):
         bend = max(abs(piece.rx), abs(piece.ry)) * float(piece.sweep) ** 2
     else:
-        controls = [piece.start, piece.control1, piece.control2, piece.end] if isinstance(
-            piece, CubicBezier
-        ) else [piece.start, piece.control, piece.end]
+        controls = (
+            [piece.start, piece.control1, piece.control2, piece.end]
+            if isinstance(piece, CubicBezier)
+            else [piece.start, piece.control, piece.end]
+        )
         second = np.diff([(point.x, point.y) for point in controls], n=2, axis=0)
         degree = len(controls) - 1
         bend = degree * (degree - 1) * float(np.hypot(second[:, 0], second[:, 1]).max())

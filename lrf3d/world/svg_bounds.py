@@ -1,4 +1,4 @@
-"""Bounds of an SVG file, checked before any library opens it: its size, and what ``use`` repeats."""
+"""Bounds of an SVG file, checked before a library opens it: its size, and what ``use`` repeats."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
