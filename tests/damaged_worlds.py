@@ -403,6 +403,7 @@ MAPS: dict[str, tuple[str, bytes]] = {
     "a text for a picture": ("mode: trinary", b"P5\nwide high\n255\n"),
     "a huge PGM": ("mode: trinary", b"P5\n99999999 99999999\n255\n"),
     "a PGM of a long number": ("mode: trinary", b"P5\n" + b"9" * 100_000),
+    "a little noise": ("mode: trinary", b"P5\n300 300\n255\n" + random.Random(2).randbytes(90_000)),
     "noise in a PGM": (
         "mode: trinary",
         b"P5\n3000 3000\n255\n" + random.Random(1).randbytes(9_000_000),

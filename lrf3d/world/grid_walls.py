@@ -14,8 +14,8 @@ from lrf3d.world.outlines import chains_of
 from lrf3d.world.sealing import WIDTH, Wall, seal
 from lrf3d.world.straight_runs import cut_into_runs, hull_of, is_straight
 
-GAP = 6.5
-"""Farthest [half cells] that pieces of one wall stand apart: two empty cells, in any direction."""
+GAP = 8.5
+"""Farthest [half cells] that pieces of one wall stand apart: three empty cells."""
 
 
 def walls_of_grid(occupied: Bool) -> Float:

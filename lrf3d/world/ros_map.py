@@ -31,8 +31,11 @@ LARGEST_PICTURE = 1 << 28
 MOST_CELLS = 1 << 26
 """Cells of a map: 400 m by 400 m at 5 cm."""
 
-MOST_EDGES = 1_000_000
-"""Edges between occupied cells and others: a picture of noise has more, a map has not."""
+MOST_EDGES = 200_000
+"""Edges between occupied cells and others: a floor of an office has 20,000."""
+
+FEW_EDGES, DENSEST = 20_000, 0.25
+"""How many edges any map may have, and how many for each cell: offices have 0.05, noise has 1."""
 
 DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
 """What map_server takes where the file says nothing."""
@@ -49,8 +52,11 @@ def read_ros_map(path: Path) -> World:
     description = _Description(path)
     occupied = _occupied(description)
     edges = int((occupied[1:] != occupied[:-1]).sum() + (occupied[:, 1:] != occupied[:, :-1]).sum())
-    if edges > MOST_EDGES:
-        description.refuse(f"{edges:,} edges of occupied cells, more than {MOST_EDGES:,}: noise")
+    if edges > MOST_EDGES or (edges > FEW_EDGES and edges > DENSEST * occupied.size):
+        description.refuse(
+            f"{edges:,} edges between occupied cells and others, as in noise; clean the map, or"
+            " cut it down"
+        )
     x, y, yaw = description.origin
     local = walls_of_grid(occupied).reshape(-1, 2) * description.resolution
     if not len(local):
@@ -77,10 +83,8 @@ class _Description:
                 depth += isinstance(event, yaml.CollectionStartEvent)
                 depth -= isinstance(event, yaml.CollectionEndEvent)
                 if depth > DEEPEST or isinstance(event, yaml.AliasEvent):
-                    mark = event.start_mark
-                    raise WorldError(
-                        f"{path}:{mark.line + 1 if mark else 1}: more than a list of keys and values"
-                    )
+                    line = event.start_mark.line + 1 if event.start_mark else 1
+                    raise WorldError(f"{path}:{line}: more than keys and their values")
             data = yaml.safe_load(text)
         except WorldError:
             raise

@@ -20,6 +20,16 @@ EXACT = 1e-6
 """Rounding [half cells] that is forgiven where a wall is as far from a point as it may be."""
 
 
+AROUND = np.stack(np.meshgrid(*[np.linspace(-1.5, 1.5, 9)] * 2), axis=-1).reshape(-1, 2)
+"""Places [half cells] around the middle between two ends that are tried where the lines of their
+walls meet too far away, the nearest first."""
+AROUND = AROUND[np.argsort(np.hypot(*AROUND.T), kind="stable")]
+
+
+LONG = 8
+"""Points of walls whose joint is worth that trouble: a step in a long wall is seen."""
+
+
 @dataclass
 class Wall:
     """A wall along points of an outline.
@@ -99,6 +109,8 @@ def seal(one: Wall, other: Wall, near: Int, far: Int) -> list[Float]:
     if crossing is not None and np.hypot(*(crossing - middle)) <= FARTHEST:
         places.insert(0, crossing)
     if not (one.is_point or other.is_point):
+        if min(len(one.points), len(other.points)) >= LONG:
+            places += list(0.5 * (a + b) + AROUND)
         for place in places:
             ends, other_ends = one.with_end(first, place), other.with_end(second, place)
             if ends is not None and other_ends is not None:
