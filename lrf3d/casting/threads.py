@@ -5,16 +5,13 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
+from lrf3d.cores import core_count
+
 PIECES = 8
 """Pieces for each core: fewer wait for the slowest core, more for Python's lock in between."""
 
 LEAST = 8
 """Items that are worth a piece of their own."""
-
-
-def core_count() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def share(work: Callable[[int, int], None], count: int) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrf3d.casting.threads import core_count
+from lrf3d.cores import core_count
 from lrf3d.render.worker import Job
 
 Progress = Callable[[int, int], None]

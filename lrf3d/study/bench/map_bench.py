@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from lrf3d.casting.threads import core_count
+from lrf3d.cores import core_count
 from lrf3d.mapping.line_mapper import MODES
 from lrf3d.scenario import SIGMA
 from lrf3d.study.bench.map_accuracy import (

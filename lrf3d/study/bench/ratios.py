@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from lrf3d.casting.threads import core_count
+from lrf3d.cores import core_count
 from lrf3d.study.bench.contest import USUAL, Entry
 
 HUGE = 1_000_000

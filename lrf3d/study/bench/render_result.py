@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.threads import core_count
+from lrf3d.cores import core_count
 from lrf3d.study.bench.ablation import Saving
 from lrf3d.study.bench.ratios import Ratio
 from lrf3d.study.timing import Timing

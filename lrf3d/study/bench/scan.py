@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from lrf3d.casting.threads import core_count
+from lrf3d.cores import core_count
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.study.bench.ablation import Saving, ablate
 from lrf3d.study.bench.contest import BATCH, USUAL, Contest, Entry, missing

@@ -10,7 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
-from lrf3d.casting.threads import core_count
+from lrf3d.cores import core_count
 from lrf3d.study.stress.casting import CASTING
 from lrf3d.study.stress.report import Report
 from lrf3d.study.stress.tally import Tally

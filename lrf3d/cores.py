@@ -1,0 +1,8 @@
+"""How many cores work may be shared over."""
+
+import os
+
+
+def core_count() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
