@@ -1,8 +1,10 @@
 """LineMapper: unites the local map of each scan with the global map (section 3.1)."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserScan
@@ -102,6 +104,17 @@ class LineMapper:
     def local_map(self, scan: LaserScan) -> LineMap:
         """The local map of one scan alone: its polylines as unions."""
         return self._extract(scan).as_map(np.array(scan.pose[:2]))
+
+    def state(self) -> dict[str, NDArray[np.generic]]:
+        """All that the mapper has learnt, as plain arrays by their names.
+
+        A mapper of the same settings that takes them back by `restore` goes on to the last bit.
+        """
+        return self._mapper.state()
+
+    def restore(self, state: Mapping[str, NDArray[np.generic]]) -> None:
+        """Go on from what a mapper of the same settings had learnt."""
+        self._mapper.restore(state)
 
     @property
     def map(self) -> LineMap:

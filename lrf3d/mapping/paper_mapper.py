@@ -1,6 +1,8 @@
 """PaperMapper: section 3 of Teslić et al. to the letter."""
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +12,8 @@ from lrf3d.mapping.extraction import SplitMergeExtractor
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.merging import EndPointMerging, unite
 from lrf3d.mapping.table import SegmentTable
+
+COLUMNS = tuple(column.name for column in fields(SegmentTable))
 
 
 class PaperMapper:
@@ -40,6 +44,18 @@ class PaperMapper:
         fresh = range(known, known + len(local))
         self._table = unite(self._table.join(local), fresh, self._merging)
         return self.map
+
+    def state(self) -> dict[str, Any]:
+        """All that the mapper has learnt, as plain arrays; `restore` takes them back."""
+        table = {f"table_{name}": getattr(self._table, name) for name in COLUMNS}
+        origin = np.full(2, np.nan) if self._origin is None else self._origin
+        return {**table, "origin": origin, "unions": np.array(self._unions)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from what a mapper of the same settings had learnt."""
+        self._table = SegmentTable(*(state[f"table_{name}"].copy() for name in COLUMNS))
+        self._origin = None if np.isnan(state["origin"]).any() else state["origin"].copy()
+        self._unions = int(state["unions"])
 
     @property
     def map(self) -> LineMap:

@@ -6,6 +6,9 @@ as witnesses: which parts of the walls they met or passed, where walls bend, and
 beam has parted.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from lrf3d.geometry import Float, Int
@@ -14,6 +17,7 @@ from lrf3d.mapping.extraction import LikelihoodExtractor
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.revision import Noise, revise
 from lrf3d.mapping.scan_archive import ScanArchive
+from lrf3d.mapping.sights import Sights
 from lrf3d.mapping.wall_merging import Rule
 from lrf3d.mapping.wall_store import Version, WallStore
 
@@ -31,16 +35,14 @@ class RobustMapper:
         self._extract, self._rule, self._least = extract, rule, least
         self._walls = WallStore(rule)
         self._scans = ScanArchive()
-        self._sights: set[int] = set()
+        self._sights = Sights()
         self._origin: Float | None = None
         self._noise = Noise(extract.floor, 0.0)
 
     def update(self, scan: LaserScan) -> LineMap:
         """Unite the map with the walls of a scan; the very same scan again is no news."""
-        sight = hash((scan.pose, scan.ranges.tobytes(), scan.angles.tobytes()))
-        if sight in self._sights:
+        if not self._sights.add(scan):
             return self.map
-        self._sights.add(sight)
         x, y = scan.pose.x, scan.pose.y
         if self._origin is None:
             # Whole metres, so that taking the origin off and adding it again loses nothing.
@@ -56,6 +58,25 @@ class RobustMapper:
         """The global map as it is now; it is worked out when it is first looked at."""
         version, scans, noise = self._walls.version, len(self._scans), self._noise
         return LineMap.deferred(lambda: self._build(version, scans, noise))
+
+    def state(self) -> dict[str, Any]:
+        """All that the mapper has learnt, as plain arrays; `restore` takes them back."""
+        origin = np.full(2, np.nan) if self._origin is None else self._origin
+        return {
+            **self._walls.state(),
+            **self._scans.state(),
+            "sights": self._sights.state(),
+            "origin": origin,
+            "noise": np.array(self._noise),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from what a mapper of the same settings had learnt."""
+        self._walls.restore(state)
+        self._scans.restore(state)
+        self._sights.restore(state["sights"])
+        self._origin = None if np.isnan(state["origin"]).any() else state["origin"].copy()
+        self._noise = Noise(*state["noise"].tolist())
 
     def _build(self, version: Version, scans: int, noise: Noise) -> tuple[Float, Int, Int]:
         table = self._walls.table(version)

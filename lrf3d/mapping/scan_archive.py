@@ -4,7 +4,8 @@ A scan is kept unless one from almost the same pose is kept already, so that an 
 the ground that was covered and not with the time that was spent.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,6 +55,7 @@ class ScanArchive:
         self._ranges = np.empty(LEAST_BEAMS)
         self._count = 0
         self._kept: dict[tuple[int, int], list[tuple[float, float, float]]] = {}
+        self._headings: list[float] = []
 
     def __len__(self) -> int:
         return self._count
@@ -97,8 +99,41 @@ class ScanArchive:
                     if (u - x) ** 2 + (v - y) ** 2 < SAME_PLACE**2:
                         if abs(wrap_angle(heading - theta)) < SAME_HEADING:
                             return True
-        self._kept.setdefault((column, row), []).append((x, y, theta))
+        self._keep(x, y, theta)
         return False
+
+    def _keep(self, x: float, y: float, theta: float) -> None:
+        """Note that a scan from a pose is kept."""
+        cell = int(x // SAME_PLACE), int(y // SAME_PLACE)
+        self._kept.setdefault(cell, []).append((x, y, theta))
+        self._headings.append(theta)
+
+    def state(self) -> dict[str, Any]:
+        """All that the archive is, as plain arrays by their names; `restore` takes them back."""
+        beams = self.beams(self._count)._asdict()
+        return {
+            **{f"scan_{name}": column.copy() for name, column in beams.items()},
+            "scan_headings": np.array(self._headings, dtype=np.float64),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Be the archive whose state is given."""
+        beams = Beams(*(state[f"scan_{name}"].copy() for name in Beams._fields))
+        # Arrays grow to twice their length, so that none may be without any.
+        self._places, self._reaches, self._first = (
+            np.concatenate([column, np.zeros((LEAST_SCANS, *column.shape[1:]), column.dtype)])
+            for column in (beams.places, beams.reaches, beams.first)
+        )
+        self._angles, self._units, self._ranges = (
+            np.concatenate([column, np.zeros((LEAST_BEAMS, *column.shape[1:]))])
+            for column in (beams.angles, beams.units, beams.ranges)
+        )
+        self._count = len(beams.places)
+        self._kept, self._headings = {}, []
+        for (x, y), theta in zip(
+            beams.places.tolist(), state["scan_headings"].tolist(), strict=True
+        ):
+            self._keep(x, y, theta)
 
     def beams(self, count: int) -> Beams:
         """The beams of the first scans."""

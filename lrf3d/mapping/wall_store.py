@@ -4,6 +4,7 @@ An update costs what it changes, however large the map is: a grid finds the part
 and earlier states are kept as what has changed since, not as copies.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -20,14 +21,33 @@ CELL = 4.0
 LEAST_ROWS = 256
 """Rows that a new store has room for."""
 
+MOST_BONDS = 1 << 16
+"""Bonds after which unions are numbered anew: bonds come with every scan, and a store is not to
+grow with time. It takes some milliseconds, once in thousands of scans."""
+
+
+class Ledger:
+    """The bonds between unions from one numbering of them to the next.
+
+    Args:
+        bonds: (k, 2) the bonds, once the ledger is closed; those of the store until then.
+        unions: How many unions it numbers, once it is closed.
+    """
+
+    __slots__ = ("bonds", "unions")
+
+    def __init__(self) -> None:
+        self.bonds: Int | None = None
+        self.unions = 0
+
 
 class Version:
     """A state of a store: newer states say what they changed, so that it can be gone back to."""
 
-    __slots__ = ("before", "bonds", "following", "rows")
+    __slots__ = ("before", "bonds", "following", "ledger", "rows")
 
-    def __init__(self, bonds: int) -> None:
-        self.bonds = bonds
+    def __init__(self, ledger: Ledger, bonds: int) -> None:
+        self.ledger, self.bonds = ledger, bonds
         self.following: Version | None = None
         self.rows: Int = np.empty(0, np.int64)
         self.before: Walls | None = None
@@ -43,7 +63,8 @@ class WallStore:
         self._grid = Grid.of_size(4 * LEAST_ROWS)
         self._free: list[int] = []
         self._top = self._unions = self._updates = 0
-        self.version = Version(0)
+        self._ledger = Ledger()
+        self.version = Version(self._ledger, 0)
 
     def add(self, ends: Float, moments: Float, labels: Int, place: tuple[float, float]) -> None:
         """Unite the map with the walls of one scan.
@@ -107,11 +128,60 @@ class WallStore:
         changes, old = self._changes, self.version
         count = int(changes.number[0])
         rows = changes.rows[:count].copy()
-        self.version = Version(int(changes.number[1]))
+        self.version = Version(self._ledger, int(changes.number[1]))
         old.following = self.version
         old.rows = rows
         old.before = changes.before.take(slice(count))
         self._free += rows[self._walls.points[rows] == 0].tolist()
+        if changes.number[1] > MOST_BONDS:
+            self._number_anew()
+
+    def _number_anew(self) -> None:
+        """Give unions that are one the same number, so that no bonds are left."""
+        changes, old = self._changes, self.version
+        bonds = changes.bonds[: changes.number[1]]
+        labels = _labels(self._unions, bonds)[self._walls.unions[: self._top]]
+        old.rows = np.arange(self._top)
+        old.before = self._walls.take(slice(self._top))
+        self._ledger.bonds, self._ledger.unions = bonds, self._unions
+        self._ledger = Ledger()
+        names, labels = np.unique(labels, return_inverse=True)
+        self._walls.unions[: self._top] = labels
+        self._unions = len(names)
+        changes.number[1] = 0
+        self._changes = changes._replace(bonds=np.empty((self._top + LEAST_ROWS, 2), np.int64))
+        self.version = old.following = Version(self._ledger, 0)
+
+    def state(self) -> dict[str, Any]:
+        """All that the store is, as plain arrays by their names; `restore` takes them back."""
+        number = self._changes.number
+        counts = [self._top, self._unions, self._updates, *number[1:].tolist()]
+        walls = self._walls.take(slice(self._top))
+        return {
+            **{f"wall_{name}": column for name, column in walls._asdict().items()},
+            **{f"grid_{name}": column for name, column in self._grid._asdict().items()},
+            "wall_bonds": self._changes.bonds[: number[1]].copy(),
+            "wall_free": np.array(self._free, dtype=np.int64),
+            "wall_counts": np.array(counts, dtype=np.int64),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Be the store whose state is given."""
+        top, unions, updates, bonds, searches = state["wall_counts"].tolist()
+        rows = LEAST_ROWS
+        while rows < top:
+            rows *= 2
+        self._walls, self._changes = Walls.of_size(rows), Changes.of_size(rows)
+        columns = Walls(*(state[f"wall_{name}"] for name in Walls._fields))
+        self._walls.put(np.arange(top), columns)
+        spare = np.empty((rows, 2), np.int64)
+        self._changes = self._changes._replace(bonds=np.concatenate([state["wall_bonds"], spare]))
+        self._changes.number[:] = 0, bonds, searches
+        self._grid = Grid(*(state[f"grid_{name}"].copy() for name in Grid._fields))
+        self._free = state["wall_free"].tolist()
+        self._top, self._unions, self._updates = top, unions, updates
+        self._ledger = Ledger()
+        self.version = Version(self._ledger, bonds)
 
     def table(self, version: Version) -> SegmentTable:
         """The walls as they were at a version, their unions numbered from 0."""
@@ -120,12 +190,15 @@ class WallStore:
         while version.following is not None:
             steps.append(version)
             version = version.following
-        bonds = steps[0].bonds if steps else version.bonds
+        first = steps[0] if steps else version
+        ledger = first.ledger
+        bonds = (self._changes.bonds if ledger.bonds is None else ledger.bonds)[: first.bonds]
+        unions = self._unions if ledger.bonds is None else ledger.unions
         for step in reversed(steps):
             assert step.before is not None
             walls.put(step.rows, step.before)
         walls = walls.take(np.flatnonzero(walls.points))
-        labels = _labels(self._unions, self._changes.bonds[:bonds])[walls.unions]
+        labels = _labels(unions, bonds)[walls.unions]
         return SegmentTable(walls.ends, walls.moments, walls.points, labels)
 
 
