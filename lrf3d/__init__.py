@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         localise,
         steps_between,
     )
-    from lrf3d.logs import load_log, load_run, save_run
+    from lrf3d.logs import load_log, load_run, record, save_run
     from lrf3d.mapping import LineMap, LineMapper
     from lrf3d.mapping.known_lines import KnownLines
     from lrf3d.pose import Pose
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from lrf3d.scenario import Scenario, load_scenario
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Run, simulate
+    from lrf3d.steps import Simulation, Step
     from lrf3d.world import World, load_world, world_names
 
 _HOMES = {
@@ -61,7 +62,7 @@ _HOMES = {
         "localise",
         "steps_between",
     ],
-    "logs": ["load_log", "load_run", "save_run"],
+    "logs": ["load_log", "load_run", "record", "save_run"],
     "mapping": ["LineMap", "LineMapper"],
     "mapping.known_lines": ["KnownLines"],
     "pose": ["Pose"],
@@ -71,6 +72,7 @@ _HOMES = {
     "scenario": ["Scenario", "load_scenario"],
     "scoring": ["score_map", "score_run"],
     "simulation": ["Run", "simulate"],
+    "steps": ["Simulation", "Step"],
     "world": ["World", "load_world", "world_names"],
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -96,6 +98,8 @@ __all__ = [
     "ProportionalNoise",
     "Run",
     "Scenario",
+    "Simulation",
+    "Step",
     "Trajectory",
     "Unicycle",
     "World",
@@ -111,6 +115,7 @@ __all__ = [
     "load_world",
     "localise",
     "plan_route",
+    "record",
     "render_video",
     "save_run",
     "score_map",

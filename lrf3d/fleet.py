@@ -14,7 +14,8 @@ from lrf3d.casting.timed import Caster
 from lrf3d.laser import LaserRangeFinder, Noise
 from lrf3d.mapping import LineMapper
 from lrf3d.robot import Trajectory
-from lrf3d.simulation import Mapper, Run, simulate
+from lrf3d.simulation import Run, simulate
+from lrf3d.steps import Mapper
 from lrf3d.world import World
 
 RADIUS, HEIGHT = 0.35, 1.0

@@ -1,33 +1,24 @@
-"""The simulation: a robot drives, scans and maps, as in Fig. 2 of Teslić et al."""
+"""Runs: what a simulation was made of and what came out, kept whole."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import Any
 
 import numpy as np
 
+from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
+from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
+from lrf3d.steering import Controller
+from lrf3d.steps import Simulation
 from lrf3d.world import World
-
-if TYPE_CHECKING:
-    from lrf3d.casting.mover import Mover
-    from lrf3d.casting.timed import Caster
 
 MAP_SNAPSHOTS = 100
 """How many stages of the growing map a run keeps at most: enough for a film, and each takes the
 mapper some hundredths of a second to work out."""
-
-
-class Mapper(Protocol):
-    """Anything that builds a map from scans."""
-
-    def update(self, scan: LaserScan) -> LineMap:
-        """Take in a scan and return the map."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +32,8 @@ class Run:
         ranges: (k, beams) measured ranges [m], with noise.
         truth: (k, beams) true ranges [m].
         walls: (k, beams) index of the segment that each beam hit, or −1.
-        stages: Scans after which the map was kept, rising; the last is the last scan.
+        stages: Scans after which the map was kept, rising; the last is the last scan. None where
+            the mapper makes no LineMap.
         maps: The map at each of the stages.
     """
 
@@ -59,8 +51,8 @@ class Run:
 
     @property
     def map(self) -> LineMap:
-        """The map after the last scan."""
-        return self.maps[-1]
+        """The map after the last scan; an empty one where the mapper makes no LineMap."""
+        return self.maps[-1] if self.maps else LineMap.empty()
 
     def map_after(self, scan: int) -> LineMap:
         """The newest kept map that holds no scan after the given one."""
@@ -90,60 +82,81 @@ class Run:
         return (self.scan(index) for index in range(len(self)))
 
 
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """After which scans of a run the map is kept.
+
+    Args:
+        scans: How many scans the run will have, at most.
+    """
+
+    scans: int
+
+    def holds(self, index: int) -> bool:
+        """Whether the map is kept after a scan; after the last it is, as after each of a few."""
+        snapshots = (index + 1) * MAP_SNAPSHOTS // self.scans
+        return snapshots > index * MAP_SNAPSHOTS // self.scans
+
+
 def simulate(
     world: World,
-    trajectory: Trajectory | Float,
+    drive: Trajectory | Float | Controller,
     lrf: LaserRangeFinder | None = None,
     *,
-    caster: "Caster | None" = None,
-    noise: Noise | None = None,
-    mapper: Mapper | None = None,
-    rng: np.random.Generator | int | None = None,
-    movers: "Sequence[Mover]" = (),
     progress: Callable[[int, int], None] = lambda done, total: None,
+    **settings: Any,
 ) -> Run:
-    """Drive through a world, scan at every pose, and map.
+    """Drive through a world, scan, map, and keep all of it.
 
     Args:
         world: The walls.
-        trajectory: Times and poses of the drive, or only poses (k, 3), then a second apart.
+        drive: A Trajectory, poses (k, 3) a second apart, or a controller; see `Simulation`, which
+            gives the same step by step and keeps nothing.
         lrf: The laser range finder; 181 beams over 180° up to 80 m where not given.
-        caster: What casts the beams; Embree where not given.
-        noise: What makes measured ranges of true ones; none where not given.
-        mapper: What builds the map, anything with ``update(scan)``; a LineMapper where not given.
-        rng: The source of the noise, or a seed of it.
-        movers: What moves in the world beside the robot and is seen by it.
         progress: Called with the scans that are done and all.
+        **settings: caster, noise, mapper, rng, movers, and with a controller start,
+            scan_interval, scans and radius: all those of `Simulation`.
 
     Raises:
-        InputError: The trajectory is none, or a scan takes longer than the time to the next.
+        InputError: The drive is none, a scan takes longer than the time to the next, or nobody
+            says when a controller's drive ends.
+        CollisionError: A controller drives a robot with a radius into a wall.
     """
-    if not isinstance(trajectory, Trajectory):
-        trajectory = Trajectory(np.arange(len(trajectory)), trajectory)
-    lrf = LaserRangeFinder() if lrf is None else lrf
-    # Films and figures read runs without casting a beam; they need not wait for compilers.
-    from lrf3d.casting import EmbreeCaster
-    from lrf3d.casting.timed import timed
+    simulation = Simulation(world, drive, lrf, **settings)
+    total = total_of(simulation)
+    stages, shape = Stages(total), (total, simulation.lrf.beams)
+    times, poses = np.empty(total), np.empty((total, 3))
+    ranges, truth, walls = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)
+    kept: dict[int, Any] = {}
+    done = 0
+    for step in simulation:
+        times[step.index], poses[step.index] = step.time, step.pose
+        ranges[step.index], truth[step.index] = step.scan.ranges, step.true_scan.ranges
+        walls[step.index] = step.true_scan.walls
+        if stages.holds(step.index):
+            kept[step.index] = step.map
+        done = step.index + 1
+        progress(done, total)
+    kept.setdefault(done - 1, simulation.map)
+    maps = {stage: line_map for stage, line_map in kept.items() if isinstance(line_map, LineMap)}
+    return Run(
+        world,
+        simulation.lrf,
+        Trajectory(times[:done], poses[:done]),
+        ranges[:done],
+        truth[:done],
+        walls[:done],
+        tuple(maps),
+        tuple(maps.values()),
+    )
 
-    cast = timed(EmbreeCaster(world) if caster is None else caster, lrf, trajectory, movers)
-    noise = ProportionalNoise(0.0) if noise is None else noise
-    if mapper is None:
-        from lrf3d.mapping import LineMapper
 
-        mapper = LineMapper()
-    rng = np.random.default_rng(rng)
-    count = len(trajectory)
-    ranges, truth = np.empty((count, lrf.beams)), np.empty((count, lrf.beams))
-    walls = np.empty((count, lrf.beams), dtype=np.int64)
-    stages, maps = [], []
-    for index, (time, pose) in enumerate(zip(trajectory.times, trajectory.poses, strict=True)):
-        true_scan = cast.cast_at(lrf, pose, float(time))
-        scan = noise(true_scan, rng)
-        line_map = mapper.update(scan)
-        truth[index], walls[index], ranges[index] = true_scan.ranges, true_scan.walls, scan.ranges
-        # The last scan is always a stage, and so is every scan of a short run.
-        if (index + 1) * MAP_SNAPSHOTS // count > index * MAP_SNAPSHOTS // count:
-            stages.append(index)
-            maps.append(line_map)
-        progress(index + 1, count)
-    return Run(world, lrf, trajectory, ranges, truth, walls, tuple(stages), tuple(maps))
+def total_of(simulation: Simulation) -> int:
+    """How many scans a run of a simulation has, at most.
+
+    Raises:
+        InputError: Nobody says when it ends.
+    """
+    if simulation.scans is None:
+        raise InputError("scans: not given, and a controller may drive for ever; say how many")
+    return simulation.scans

@@ -118,7 +118,7 @@ def test_a_run_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
     def fail(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(np, "savez_compressed", fail)
+    monkeypatch.setattr("os.fsync", fail)
     with pytest.raises(lrf3d.OutputError, match="No space left"):
         save_run(run_of(), tmp_path / "run.npz")
     assert list(tmp_path.iterdir()) == []

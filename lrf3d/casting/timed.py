@@ -111,9 +111,11 @@ class Sweep:
 
 
 def timed(
-    caster: Caster, lrf: LaserRangeFinder, path: Trajectory, movers: Sequence[Mover] = ()
+    caster: Caster, lrf: LaserRangeFinder, path: Trajectory | None, movers: Sequence[Mover] = ()
 ) -> TimedCaster:
     """The caster for scans along a path, with no more in it than the scans need.
+
+    Where no path is known, all beams of a scan are sent at once.
 
     Raises:
         InputError: A scan takes longer than the time to the next.
@@ -121,7 +123,7 @@ def timed(
     cast: TimedCaster = Still(caster)
     if movers:
         cast = Among(cast, tuple(movers))
-    if lrf.time_increment == 0.0:
+    if path is None or lrf.time_increment == 0.0:
         return cast
     between = float(np.diff(path.times).min(initial=np.inf))
     if lrf.scan_duration > between:

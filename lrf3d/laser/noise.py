@@ -10,9 +10,10 @@ Each draws as many numbers for a scan as it has beams or a multiple of them, so 
 the same noise whatever is seen.
 """
 
-from collections.abc import Iterable
+import inspect
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -27,6 +28,40 @@ class Noise(Protocol):
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the measured scan."""
         ...
+
+
+AnyNoise = Noise | Callable[[LaserScan], LaserScan]
+"""A noise as users write it: one that draws nothing needs no rng."""
+
+
+@dataclass(frozen=True, slots=True)
+class Undrawn:
+    """A noise that makes a scan of a scan without drawing: ``noise(scan)``."""
+
+    change: Callable[[LaserScan], LaserScan]
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return what it makes of the scan."""
+        return self.change(scan)
+
+
+def as_noise(noise: AnyNoise) -> Noise:
+    """A noise as simulations call it, of ``noise(scan, rng)`` or ``noise(scan)``.
+
+    Raises:
+        InputError: It can be called in neither way.
+    """
+    try:
+        signature = inspect.signature(noise)
+    except (TypeError, ValueError):
+        raise InputError(f"noise {noise!r}: expected a function of a scan and an rng") from None
+    for count in (2, 1):
+        try:
+            signature.bind(*range(count))
+        except TypeError:
+            continue
+        return cast(Noise, noise) if count == 2 else Undrawn(cast(Any, noise))
+    raise InputError(f"noise {noise!r}: expected a function of a scan and an rng, or of a scan")
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,13 +16,21 @@ poses (k, 3)          x, y [m], theta [rad] of each scan
 ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
 truth (k, n)          true ranges [m]
 walls (k, n)          the wall that each beam hit, or −1
-stages (s,)           scans after which the map was kept
+stages (s,)           scans after which the map was kept; none where a mapper makes no LineMap
 map_sizes (s,)        segments of the map at each stage
 map_segments (…, 4)   the segments of all stages, one after the other; map_objects and
                       map_points likewise
+origin                what the run was made of, as JSON: for the world, the laser, the drive and
+                      so on a digest or a name each, by which ``--resume`` knows its own; missing
+                      where a run was saved from memory
 ====================  =================================================================
+
+The file is a plain .npz, which ``numpy.load`` reads as well. Its arrays are not packed and begin
+at multiples of 64 bytes, so that `load_run` maps the large ones and a run of any length can be
+looked at. Where a program was stopped, a journal lies in its place: see `recording`.
 """
 
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -32,8 +40,8 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.logs.arrays import DAMAGES, read_arrays
+from lrf3d.logs.npz_writer import Column, write_npz
 from lrf3d.mapping import LineMap
-from lrf3d.output import replacing
 from lrf3d.robot import Trajectory
 from lrf3d.simulation import Run
 from lrf3d.world import World
@@ -48,7 +56,22 @@ def save_run(run: Run, path: str | Path) -> None:
     Raises:
         OutputError: The file cannot be written.
     """
-    world, lrf = run.world, run.lrf
+    write_npz(
+        path,
+        [
+            *head_columns(run.world, run.lrf),
+            Column.of("times", run.trajectory.times),
+            Column.of("poses", run.trajectory.poses),
+            Column.of("ranges", run.ranges),
+            Column.of("truth", run.truth),
+            Column.of("walls", run.walls),
+            *map_columns(run.stages, run.maps),
+        ],
+    )
+
+
+def head_columns(world: World, lrf: LaserRangeFinder) -> list[Column]:
+    """What is known of a run before its first scan."""
     arrays = {
         "version": np.array(VERSION),
         "world_name": np.array(world.name),
@@ -65,23 +88,27 @@ def save_run(run: Run, path: str | Path) -> None:
             [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
         ),
         "scan_duration": np.array(lrf.scan_duration),
-        "times": run.trajectory.times,
-        "poses": run.trajectory.poses,
-        "ranges": run.ranges,
-        "truth": run.truth,
-        "walls": run.walls,
-        "stages": np.array(run.stages, dtype=np.int64),
-        "map_sizes": np.array([len(line_map) for line_map in run.maps], dtype=np.int64),
-        "map_segments": np.concatenate([line_map.segments for line_map in run.maps]),
-        "map_objects": np.concatenate([line_map.objects for line_map in run.maps]),
-        "map_points": np.concatenate([line_map.points for line_map in run.maps]),
     }
-    with replacing(path) as unfinished, unfinished.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+    return [Column.of(name, array) for name, array in arrays.items()]
+
+
+def map_columns(stages: Iterable[int], maps: Sequence[LineMap]) -> list[Column]:
+    """The kept stages of the map."""
+    none = LineMap.empty()
+    arrays = {
+        "stages": np.array(list(stages), dtype=np.int64),
+        "map_sizes": np.array([len(line_map) for line_map in maps], dtype=np.int64),
+        "map_segments": np.concatenate([none.segments, *(part.segments for part in maps)]),
+        "map_objects": np.concatenate([none.objects, *(part.objects for part in maps)]),
+        "map_points": np.concatenate([none.points, *(part.points for part in maps)]),
+    }
+    return [Column.of(name, array) for name, array in arrays.items()]
 
 
 def load_run(path: str | Path) -> Run:
     """Read a run from a file or from the folder that ``lrf3d run`` wrote it to.
+
+    Arrays over 64 MiB are mapped and not read, so that a run may be larger than the memory.
 
     Raises:
         InputError: The file is missing, damaged or none of lrf3d's.
@@ -99,7 +126,10 @@ def load_run(path: str | Path) -> Run:
     except InputError:
         raise
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file; `lrf3d run WORLD` writes one") from None
+        mend = "`lrf3d run WORLD` writes one"
+        if path.with_suffix(".journal").exists():
+            mend = "the run was stopped; the same `lrf3d run` with --resume ends it"
+        raise InputError(f"{path}: no such file; {mend}") from None
     except KeyError as error:
         raise InputError(f"{path}: not a run of lrf3d, it holds no {error}") from None
     except DAMAGES as error:

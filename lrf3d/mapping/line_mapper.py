@@ -82,6 +82,10 @@ class LineMapper:
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"mapper: {name} is {value}, expected a positive number of metres")
         least = min_points if min_points is not None else (2 if paper else 4)
+        self._settings = (
+            f"{mode!r}, {gap=}, {split=}, {merge_length=}, {merge_distance=}, {sigma=}, {floor=},"
+            f" {min_points=}"
+        )
         self.mode = mode
         self._extract: SplitMergeExtractor | LikelihoodExtractor
         self._mapper: PaperMapper | RobustMapper
@@ -92,6 +96,9 @@ class LineMapper:
             self._extract = LikelihoodExtractor(gap, sigma, floor)
             rule = Rule(length, distance, BEND * distance, PARTED)
             self._mapper = RobustMapper(self._extract, rule, least)
+
+    def __repr__(self) -> str:
+        return f"LineMapper({self._settings})"
 
     def update(self, scan: LaserScan) -> LineMap:
         """Unite the map with what a scan shows, and return it as it then is.

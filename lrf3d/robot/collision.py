@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import CollisionError
+from lrf3d.geometry import Float, Int
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.world import World
 
@@ -26,27 +27,52 @@ class Collision:
         )
 
 
+class Obstacles:
+    """The walls of a world in a tree, to be asked again and again."""
+
+    def __init__(self, world: World) -> None:
+        import shapely
+
+        self.world = world
+        walls = world.segments.reshape(-1, 2, 2) - world.origin
+        self._walls = shapely.linestrings(walls)
+        self._tree = shapely.STRtree(self._walls)
+
+    def hit(self, starts: Float, ends: Float, radius: float) -> tuple[Int, Int]:
+        """Which straight ways (n, 2) to (n, 2) lead nearer to walls than a radius [m].
+
+        Returns:
+            The ways (k,) and the walls (k,), a row for each pair of them.
+        """
+        import shapely
+
+        steps = shapely.linestrings(np.stack([starts, ends], axis=1) - self.world.origin)
+        ways, walls = self._tree.query(steps, predicate="dwithin", distance=radius)
+        return ways, walls
+
+    def first(self, trajectory: Trajectory, radius: float) -> Collision | None:
+        """The first collision of a round robot of a radius [m] on its way, or None."""
+        import shapely
+
+        world = self.world
+        places = trajectory.poses[:, :2]
+        ends = np.concatenate([places[1:], places[-1:]])
+        step, wall = self.hit(places, ends, radius)
+        if not len(step):
+            return None
+        first = step.min()
+        near = wall[step == first]
+        way = shapely.linestrings(np.stack([places[first], ends[first]]) - world.origin)
+        hit = int(near[np.argmin(shapely.distance(self._walls[near], way))])
+        owner = int(world.objects[hit])
+        name = f" of {world.object_names[owner]}" if owner < len(world.object_names) else ""
+        x, y = places[first]
+        return Collision(float(trajectory.times[first]), float(x), float(y), hit, name)
+
+
 def find_collision(trajectory: Trajectory, world: World, radius: float) -> Collision | None:
     """The first collision of a round robot of a radius [m] on its way, or None."""
-    import shapely
-
-    if not len(world.segments):
-        return None
-    places = trajectory.poses[:, :2] - world.origin
-    ends = np.concatenate([places[1:], places[-1:]])
-    steps = shapely.linestrings(np.stack([places, ends], axis=1))
-    walls = shapely.linestrings(world.segments.reshape(-1, 2, 2) - world.origin)
-    step, wall = shapely.STRtree(walls).query(steps, predicate="dwithin", distance=radius)
-    if not len(step):
-        return None
-    first = step.min()
-    near = wall[step == first]
-    gaps = shapely.distance(walls[near], steps[first])
-    hit = int(near[np.argmin(gaps)])
-    owner = int(world.objects[hit])
-    name = f" of {world.object_names[owner]}" if owner < len(world.object_names) else ""
-    x, y = trajectory.poses[first, :2]
-    return Collision(float(trajectory.times[first]), float(x), float(y), hit, name)
+    return Obstacles(world).first(trajectory, radius)
 
 
 def check_drive(trajectory: Trajectory, world: World, radius: float) -> None:

@@ -1,0 +1,206 @@
+"""The journal of a run: what was scanned so far, so that a crash loses no more than a moment.
+
+A file that is only ever added to. A line says what it is, a JSON object what the run is made of;
+then come chunks of scans, each with its length and a checksum before it and on the disk before the
+next is begun. Where the file breaks off or is damaged, the chunks before that place are whole.
+
+A chunk holds, for c scans of n beams:
+
+==================  =======================================================================
+state               JSON: the state of the random numbers after the last scan, and the stages of
+                    the map among these scans with their numbers of segments
+stage by stage      segments (m, 4), objects (m,), points (m,)
+times, poses        (c,), (c, 3)
+ranges, truth       (c, n) each
+walls               (c, n)
+==================  =======================================================================
+"""
+
+import json
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.mapping import LineMap
+
+MAGIC = b"lrf3d journal 1\n"
+
+_LENGTH = struct.Struct("<QI")
+"""Length and checksum [zlib.crc32] of what follows."""
+
+_COUNTS = struct.Struct("<QQQ")
+"""First scan, number of scans, and length of the state [bytes] of a chunk."""
+
+COLUMNS: dict[str, tuple[type[Any], str]] = {
+    "times": (np.float64, ""),
+    "poses": (np.float64, "pose"),
+    "ranges": (np.float64, "beams"),
+    "truth": (np.float64, "beams"),
+    "walls": (np.int64, "beams"),
+}
+"""What each scan has, in this order: the type, and how many of it."""
+
+Array = NDArray[Any]
+
+
+def column_shape(name: str, scans: int, beams: int) -> tuple[int, ...]:
+    """The shape of a column of so many scans."""
+    return {"": (scans,), "pose": (scans, 3), "beams": (scans, beams)}[COLUMNS[name][1]]
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Where a whole chunk of a journal lies.
+
+    Args:
+        first: Its first scan.
+        scans: How many it holds.
+        begin: Where its columns begin in the file.
+        rng: State of the random numbers after its last scan.
+        stages: The stages of the map among its scans, and the maps.
+    """
+
+    first: int
+    scans: int
+    begin: int
+    rng: dict[str, Any]
+    stages: dict[int, LineMap]
+
+
+class Journal:
+    """A journal that is open to be added to.
+
+    Args:
+        path: The file.
+        origin: What the run is made of; a journal of another run is begun anew.
+        beams: Beams of a scan.
+        keep: Whether what is there is kept, as far as it is whole and of the same run.
+    """
+
+    def __init__(self, path: Path, origin: dict[str, str], beams: int, *, keep: bool) -> None:
+        self.path, self.beams = path, beams
+        self.chunks: list[Chunk] = []
+        # The finished run tells the same, and may not depend on the order.
+        header = json.dumps(origin, sort_keys=True).encode()
+        mode = "r+b" if keep and path.exists() else "w+b"
+        self._file: BinaryIO = path.open(mode)
+        if mode == "r+b" and read_origin(self._file) == origin:
+            self._read_chunks()
+            self._file.truncate()
+        else:
+            self._file.seek(0)
+            self._file.truncate()
+            self._file.write(MAGIC + _LENGTH.pack(len(header), zlib.crc32(header)) + header)
+            self._sync()
+
+    @property
+    def scans(self) -> int:
+        """How many scans it holds."""
+        return self.chunks[-1].first + self.chunks[-1].scans if self.chunks else 0
+
+    def add(
+        self, columns: dict[str, Array], rng: dict[str, Any], stages: dict[int, LineMap]
+    ) -> None:
+        """Add a chunk of scans; when this returns, it is on the disk."""
+        sizes = {stage: len(line_map) for stage, line_map in stages.items()}
+        state = json.dumps({"rng": rng, "stages": sizes}).encode()
+        first, scans = self.scans, len(columns["times"])
+        parts = [_COUNTS.pack(first, scans, len(state)), state]
+        for line_map in stages.values():
+            parts += [_bytes(line_map.segments), _bytes(line_map.objects), _bytes(line_map.points)]
+        before = sum(map(len, parts))
+        parts += [_bytes(columns[name]) for name in COLUMNS]
+        checksum = 0
+        for part in parts:
+            checksum = zlib.crc32(part, checksum)
+        begin = self._file.tell() + _LENGTH.size + before
+        self._file.write(_LENGTH.pack(sum(map(len, parts)), checksum))
+        for part in parts:
+            self._file.write(part)
+        self._sync()
+        self.chunks.append(Chunk(first, scans, begin, rng, dict(stages)))
+
+    def column(self, name: str, *, first: int = 0) -> Iterator[Array]:
+        """A column, chunk by chunk, from the chunk with a scan on."""
+        dtype = np.dtype(COLUMNS[name][0])
+        # Another handle, so that reading does not move where is written.
+        with self.path.open("rb") as file:
+            for chunk in self.chunks:
+                if chunk.first + chunk.scans <= first:
+                    continue
+                begin = chunk.begin
+                for other, (other_type, _) in COLUMNS.items():
+                    shape = column_shape(other, chunk.scans, self.beams)
+                    if other == name:
+                        break
+                    begin += int(np.prod(shape)) * np.dtype(other_type).itemsize
+                file.seek(begin)
+                count = int(np.prod(shape))
+                yield np.frombuffer(file.read(count * dtype.itemsize), dtype).reshape(shape)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _sync(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def _read_chunks(self) -> None:
+        """Find the chunks that are whole, and stand behind the last of them."""
+        place = self._file.tell()
+        while (chunk := self._read_chunk(place)) is not None:
+            self.chunks.append(chunk)
+            place = self._file.tell()
+        self._file.seek(place)
+
+    def _read_chunk(self, place: int) -> Chunk | None:
+        """The chunk at a place in the file, or None where it is not whole."""
+        payload = read_checked(self._file)
+        if payload is None or len(payload) < _COUNTS.size:
+            return None
+        first, scans, length = _COUNTS.unpack_from(payload)
+        at = _COUNTS.size + length
+        state = json.loads(payload[_COUNTS.size : at])
+        stages = {}
+        for stage, size in state["stages"].items():
+            segments = np.frombuffer(payload, np.float64, 4 * size, at).reshape(size, 4)
+            objects = np.frombuffer(payload, np.int64, size, at + 32 * size)
+            points = np.frombuffer(payload, np.int64, size, at + 40 * size)
+            # Copies, so that a map does not hold all of the chunk.
+            stages[int(stage)] = LineMap(segments.copy(), objects.copy(), points.copy())
+            at += 48 * size
+        if first != self.scans:
+            return None
+        return Chunk(first, scans, place + _LENGTH.size + at, state["rng"], stages)
+
+
+def read_origin(file: BinaryIO) -> dict[str, str] | None:
+    """What the run of a journal is made of; None where the file is no journal."""
+    if file.read(len(MAGIC)) != MAGIC:
+        return None
+    header = read_checked(file)
+    return None if header is None else dict(json.loads(header))
+
+
+def read_checked(file: BinaryIO) -> bytes | None:
+    """What comes next, or None where it breaks off or its checksum is wrong."""
+    head = file.read(_LENGTH.size)
+    if len(head) < _LENGTH.size:
+        return None
+    length, checksum = _LENGTH.unpack(head)
+    if length > os.fstat(file.fileno()).st_size:
+        return None
+    payload = file.read(length)
+    return payload if len(payload) == length and zlib.crc32(payload) == checksum else None
+
+
+def _bytes(array: Array) -> bytes:
+    return np.ascontiguousarray(array).tobytes()

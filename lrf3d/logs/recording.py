@@ -1,0 +1,320 @@
+"""Recording: a simulation becomes a run.npz scan by scan, and goes on where it was stopped.
+
+Beside the file that is to be, ``run.npz``, lie two others until it is whole: ``run.journal``, with
+the scans so far (see `journal`), and ``run.checkpoint``, with what the mapper had learnt after some
+of them. A simulation that is resumed is told the scans again, by the checkpoint only the last of
+them; then it goes on, and ends with the very bytes that an undisturbed one ends with. However many
+scans there are, a few megabytes of them are in memory.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import InputError, OutputError
+from lrf3d.laser import LaserScan
+from lrf3d.logs.arrays import DAMAGES, read_arrays
+from lrf3d.logs.journal import COLUMNS, Array, Journal, column_shape, read_origin
+from lrf3d.logs.npz_writer import Column, write_npz
+from lrf3d.logs.run_file import head_columns, load_run, map_columns
+from lrf3d.mapping import LineMap
+from lrf3d.pose import Pose
+from lrf3d.simulation import Run, Stages, total_of
+from lrf3d.steering import Recorded, Steered
+from lrf3d.steps import Simulation, Step
+
+CHUNK_BYTES = 1 << 22
+"""About how much of a run is held in memory before it is written [bytes]."""
+
+CHECKPOINT_SCANS = 1 << 14
+"""Scans from one checkpoint to the next: mapping them again takes some seconds."""
+
+Progress = Callable[[int, int], None]
+
+
+def record(
+    simulation: Simulation,
+    path: str | Path,
+    *,
+    resume: bool = False,
+    about: Mapping[str, str] | None = None,
+    progress: Progress = lambda done, total: None,
+) -> Run:
+    """Run a simulation into a file, in constant memory and safe from crashes.
+
+    Args:
+        simulation: The simulation, at its beginning.
+        path: The file; its ending is ``.npz``.
+        resume: Go on where a run of the same simulation into this file was stopped; where none
+            was, begin. Without it, what was left of one is given up.
+        about: Names by which parts of the simulation are known that cannot be looked into, such
+            as a mapper and its settings.
+        progress: Called with the scans that are done and all.
+
+    Returns:
+        The run, whose large arrays are mapped from the file.
+
+    Raises:
+        InputError: Nobody says when the simulation ends, the file has another ending, or what is
+            to be resumed is another run.
+        OutputError: The file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix != ".npz":
+        raise InputError(f"{path}: expected a name that ends in .npz")
+    total = total_of(simulation)
+    origin = origin_of(simulation, about or {})
+    if resume and _finished(path, origin):
+        progress(total, total)
+        return load_run(path)
+    journal_path, checkpoint = path.with_suffix(".journal"), path.with_suffix(".checkpoint")
+    if resume:
+        _check_same(journal_path, origin)
+    try:
+        journal = Journal(journal_path, origin, simulation.lrf.beams, keep=resume)
+        try:
+            recorder = _Recorder(simulation, journal, checkpoint, Stages(total))
+            if resume:
+                recorder.catch_up()
+            else:
+                checkpoint.unlink(missing_ok=True)
+            recorder.run(lambda done: progress(done, total))
+            recorder.write(path, json.dumps(origin, sort_keys=True))
+        finally:
+            journal.close()
+    except OSError as error:
+        if isinstance(error, OutputError) or error.errno is None:
+            raise
+        reason = error.strerror or str(error)
+        raise OutputError(
+            f"{journal_path}: cannot be written: {reason}; make room or choose another place"
+        ) from error
+    journal_path.unlink(missing_ok=True)
+    checkpoint.unlink(missing_ok=True)
+    return load_run(path)
+
+
+class _Recorder:
+    """What is recorded but not yet written."""
+
+    def __init__(
+        self, simulation: Simulation, journal: Journal, checkpoint: Path, stages: Stages
+    ) -> None:
+        self.simulation, self.journal, self.checkpoint = simulation, journal, checkpoint
+        self.stages = stages
+        beams = simulation.lrf.beams
+        scans = max(1, CHUNK_BYTES // (8 * (4 + 3 * beams)))
+        scans = min(scans, stages.scans)
+        self._columns: dict[str, Array] = {
+            name: np.empty(column_shape(name, scans, beams), dtype)
+            for name, (dtype, _) in COLUMNS.items()
+        }
+        self._room = scans
+        # How many scans wait, and the random numbers after the last of them: set at once, so that
+        # an interrupt finds them alike.
+        self._waiting: tuple[int, dict[str, Any]] = 0, {}
+        self._maps: dict[int, LineMap] = {}
+        self._checked = 0
+
+    def run(self, progress: Callable[[int], None]) -> None:
+        """Run to the end; what came before an interrupt is written."""
+        try:
+            for step in self.simulation:
+                self._add(step)
+                progress(step.index + 1)
+        except (Exception, KeyboardInterrupt):
+            # A drive that ended at a wall, or a user's error, leaves what was before it.
+            self._flush()
+            raise
+        self._flush()
+
+    def catch_up(self) -> None:
+        """Bring the simulation to where the journal ends."""
+        simulation, journal = self.simulation, self.journal
+        if not journal.chunks:
+            return
+        self._checked = self._restore_mapper()
+        steered = isinstance(simulation.drive, Steered)
+        # A trajectory decides nothing after a scan, so that mapped scans need not be told to it.
+        simulation.done = 0 if steered else self._checked
+        columns = [journal.column(name, first=simulation.done) for name in COLUMNS]
+        for times, poses, ranges, _, walls in zip(*columns, strict=True):
+            first = self._first_of(simulation.done)
+            for row in range(simulation.done - first, len(times)):
+                scan = LaserScan.measured(
+                    simulation.lrf, Pose(*poses[row].tolist()), ranges[row].copy(), walls[row]
+                ).at_time(float(times[row]))
+                simulation.take(scan, mapped=simulation.done < self._checked)
+        simulation.rng.bit_generator.state = journal.chunks[-1].rng
+
+    def write(self, path: Path, origin: str) -> None:
+        """Write the finished run, streaming."""
+        journal, simulation = self.journal, self.simulation
+        scans, beams = journal.scans, simulation.lrf.beams
+        maps: dict[int, LineMap] = {}
+        for chunk in journal.chunks:
+            maps.update(chunk.stages)
+        # A controller may end before all scans are done.
+        if scans - 1 not in maps and isinstance(simulation.map, LineMap):
+            maps[scans - 1] = simulation.map
+        columns = [
+            Column(name, column_shape(name, scans, beams), dtype, journal.column(name))
+            for name, (dtype, _) in COLUMNS.items()
+        ]
+        write_npz(
+            path,
+            [
+                *head_columns(simulation.world, simulation.lrf),
+                *columns,
+                *map_columns(maps, list(maps.values())),
+                Column.of("origin", np.array(origin)),
+            ],
+        )
+
+    def _first_of(self, scan: int) -> int:
+        """First scan of the chunk that holds a scan."""
+        return next(c.first for c in self.journal.chunks if scan < c.first + c.scans)
+
+    def _add(self, step: Step) -> None:
+        row = self._waiting[0]
+        columns = self._columns
+        columns["times"][row], columns["poses"][row] = step.time, step.pose
+        columns["ranges"][row], columns["truth"][row] = step.scan.ranges, step.true_scan.ranges
+        columns["walls"][row] = step.true_scan.walls
+        if self.stages.holds(step.index) and isinstance(step.map, LineMap):
+            # A map that waits to be worked out would hold all that came after it.
+            len(step.map)
+            self._maps[step.index] = step.map
+        self._waiting = row + 1, _plain(self.simulation.rng)
+        if row + 1 == self._room:
+            self._flush()
+            if self.journal.scans - self._checked >= CHECKPOINT_SCANS:
+                self._keep_mapper()
+
+    def _flush(self) -> None:
+        count, rng = self._waiting
+        if not count:
+            return
+        columns = {name: column[:count] for name, column in self._columns.items()}
+        self.journal.add(columns, rng, self._maps)
+        self._waiting, self._maps = (0, {}), {}
+
+    def _keep_mapper(self) -> None:
+        """Write what the mapper has learnt, where it can tell."""
+        state = getattr(self.simulation.mapper, "state", None)
+        if not callable(state):
+            return
+        self._checked = self.journal.scans
+        arrays = {f"mapper_{name}": np.asarray(value) for name, value in state().items()}
+        arrays["scans"] = np.array(self._checked)
+        arrays["journal"] = np.array(self._name())
+        write_npz(self.checkpoint, [Column.of(name, array) for name, array in arrays.items()])
+
+    def _restore_mapper(self) -> int:
+        """Give the mapper what it had learnt; gives how many scans it knows then."""
+        mapper: Any = self.simulation.mapper
+        if not callable(getattr(mapper, "restore", None)):
+            return 0
+        try:
+            arrays = read_arrays(self.checkpoint)
+            scans = int(arrays.pop("scans"))  # type: ignore[call-overload]
+            if scans > self.journal.scans or str(arrays.pop("journal")) != self._name():
+                return 0
+        except (*DAMAGES, KeyError):
+            # Without it, all scans are mapped again.
+            return 0
+        mapper.restore({name.removeprefix("mapper_"): value for name, value in arrays.items()})
+        self.simulation.map = getattr(mapper, "map", None)
+        return scans
+
+    def _name(self) -> str:
+        """By what a checkpoint knows its journal."""
+        with self.journal.path.open("rb") as file:
+            return json.dumps(read_origin(file), sort_keys=True)
+
+
+def origin_of(simulation: Simulation, about: Mapping[str, str]) -> dict[str, str]:
+    """What a simulation is made of: a digest or a name of each part."""
+    world, drive = simulation.world, simulation.drive
+    if isinstance(drive, Recorded):
+        drive_parts: list[Any] = [drive.trajectory.times, drive.trajectory.poses]
+    else:
+        assert isinstance(drive, Steered)
+        drive_parts = [_name_of(drive.controller), drive.start, drive.interval, drive.radius]
+    movers = [
+        part
+        for mover in simulation.movers
+        for part in (mover.outline, mover.height, mover.path.times, mover.path.poses)
+    ]
+    parts = {
+        "world": _digest(world.segments, world.objects, world.heights, world.colours, world.name),
+        "range finder": _digest(simulation.lrf),
+        "drive": _digest(*drive_parts),
+        "scans": str(simulation.scans),
+        "movers": _digest(*movers),
+        "noise": _name_of(simulation.noise),
+        "mapper": _name_of(simulation.mapper),
+        "seed": _digest(json.dumps(_plain(simulation.rng), sort_keys=True)),
+    }
+    return {**parts, **about}
+
+
+def _plain(rng: np.random.Generator) -> dict[str, Any]:
+    """The state of random numbers in JSON's types.
+
+    Raises:
+        InputError: It cannot be told so.
+    """
+    state = dict(rng.bit_generator.state)
+    try:
+        json.dumps(state)
+    except TypeError:
+        kind = type(rng.bit_generator).__name__
+        raise InputError(
+            f"rng with {kind}: its state cannot be kept; take numpy.random.default_rng"
+        ) from None
+    return state
+
+
+def _name_of(part: Any) -> str:
+    """What a part says it is, or its class where it tells no more than where it lies."""
+    text = repr(part)
+    kind = f"{type(part).__module__}:{type(part).__qualname__}"
+    return kind if " at 0x" in text else f"{kind} {text}"
+
+
+def _digest(*parts: Any) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        array = isinstance(part, np.ndarray)
+        said = part.tobytes() if array else repr(part).encode()
+        digest.update(len(said).to_bytes(8, "little") + said)
+    return digest.hexdigest()[:16]
+
+
+def _finished(path: Path, origin: Mapping[str, str]) -> bool:
+    """Whether a file is the finished run already."""
+    if not path.exists():
+        return False
+    try:
+        return str(read_arrays(path)["origin"]) == json.dumps(origin, sort_keys=True)
+    except (*DAMAGES, KeyError):
+        return False
+
+
+def _check_same(path: Path, origin: Mapping[str, str]) -> None:
+    """See that a journal, if there is one, is of this run."""
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        other = read_origin(file)
+    if other is not None and other != origin:
+        parts = sorted(name for name in {*origin, *other} if origin.get(name) != other.get(name))
+        raise InputError(
+            f"{path}: of another run, whose {', '.join(parts)} differ; give the same settings, or"
+            " leave out --resume to begin anew"
+        )

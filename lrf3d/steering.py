@@ -1,0 +1,121 @@
+"""Drives, step by step: along a trajectory, or by a controller that decides after each scan."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from lrf3d.errors import CollisionError, InputError
+from lrf3d.geometry import Float
+from lrf3d.laser import LaserScan
+from lrf3d.pose import Pose, as_pose
+from lrf3d.robot import Trajectory, Unicycle
+from lrf3d.robot.collision import Obstacles
+from lrf3d.world import World
+
+
+class Controller(Protocol):
+    """Anything that decides after each scan how the robot drives on."""
+
+    def command(self, time: float, pose: Pose, scan: LaserScan) -> tuple[float, float] | None:
+        """Speed [m/s] and turn rate [rad/s] up to the next scan, or None to end the drive."""
+        ...
+
+
+class Drive(Protocol):
+    """The places of the scans, one after the other."""
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether there is a next scan, as far as the drive decides it."""
+        ...
+
+    def place(self, index: int) -> tuple[float, Float]:
+        """Time [s] and pose (3,) of the next scan, whose number is given."""
+        ...
+
+    def after(self, scan: LaserScan) -> None:
+        """Drive on from where a scan was taken."""
+        ...
+
+
+class Recorded:
+    """The drive along a trajectory, whatever is seen."""
+
+    goes_on = True
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
+
+    def place(self, index: int) -> tuple[float, Float]:
+        """Time [s] and pose (3,) of a scan."""
+        return float(self.trajectory.times[index]), self.trajectory.poses[index]
+
+    def after(self, scan: LaserScan) -> None:
+        """Nothing is decided."""
+
+
+class Steered:
+    """The drive of a controller, whose commands are held from scan to scan as exact arcs.
+
+    Args:
+        controller: Decides how to drive on.
+        start: Pose of the first scan.
+        interval: Time between two scans [s].
+        world: The walls.
+        radius: Radius [m] of the robot, or None where it may drive through walls.
+
+    Raises:
+        InputError: The interval makes no sense.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        start: Sequence[float] | Float,
+        interval: float,
+        world: World,
+        radius: float | None,
+    ) -> None:
+        if not (np.isfinite(interval) and interval > 0.0):
+            raise InputError(f"scan_interval {interval}: expected a positive number of seconds")
+        self.controller, self.interval = controller, interval
+        self.start = self.pose = as_pose(start)
+        self.goes_on = True
+        self.radius = radius
+        self._robot = Unicycle()
+        self._obstacles = None if radius is None else Obstacles(world)
+        self._index = 0
+
+    def place(self, index: int) -> tuple[float, Float]:
+        """Time [s] and pose (3,) of the next scan."""
+        return index * self.interval, np.array(self.pose)
+
+    def after(self, scan: LaserScan) -> None:
+        """Ask the controller, and drive as it says.
+
+        Raises:
+            CollisionError: The robot would run into a wall.
+            InputError: What the controller says is no command.
+        """
+        time = self._index * self.interval
+        self._index += 1
+        command = self.controller.command(time, self.pose, scan)
+        if command is None:
+            self.goes_on = False
+            return
+        try:
+            v, omega = (float(value) for value in command)
+        except (TypeError, ValueError):
+            v = omega = np.nan
+        if not np.isfinite([v, omega]).all():
+            raise InputError(
+                f"controller: the command {command!r} at t = {time:g} s is none; expected speed"
+                " [m/s] and turn rate [rad/s] as two finite numbers, or None to end"
+            )
+        before, self.pose = self.pose, self._robot.move(self.pose, v, omega, self.interval)
+        if self._obstacles is not None and self.radius is not None:
+            way = Trajectory([time, time + self.interval], [before, self.pose])
+            collision = self._obstacles.first(way, self.radius)
+            if collision is not None:
+                raise CollisionError(f"{collision}; the controller drove it there")

@@ -1,0 +1,289 @@
+"""Runs that are recorded scan by scan, stopped anywhere and resumed."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d import InputError, LaserRangeFinder, LineMap, LineMapper, ProportionalNoise, World
+from lrf3d.logs import recording
+from lrf3d.logs.journal import Journal
+
+ROOM = World(
+    np.array(
+        [[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0], [4, 3, 6, 3], [6, 3, 6, 4.0]]
+    )
+)
+LRF = LaserRangeFinder(beams=61, range_max=20.0)
+SCANS = 3000
+PLACES = np.linspace(0.0, 40.0 * np.pi, SCANS)
+POSES = np.column_stack(
+    [5.0 + 3.0 * np.cos(PLACES), 5.5 + 1.5 * np.sin(PLACES), PLACES + np.pi / 2]
+)
+
+
+class Stop(Exception):
+    pass
+
+
+class Sweeping:
+    """A controller with a memory: it turns as it has seen more on the left or on the right."""
+
+    def __init__(self, scans=SCANS):
+        self.balance, self.left = 0.0, scans
+
+    def command(self, time, pose, scan):
+        ranges = np.minimum(scan.ranges, 20.0)
+        self.balance = 0.9 * self.balance + 0.01 * (ranges[31:].sum() - ranges[:30].sum())
+        self.left -= 1
+        return (0.2, self.balance) if self.left else None
+
+
+def simulation(mode="robust", drive=POSES, scans=None, mapper=None, **settings):
+    mapper = LineMapper(mode, sigma=0.1) if mapper is None else mapper
+    noise = ProportionalNoise(0.1)
+    return lrf3d.Simulation(
+        ROOM, drive, LRF, noise=noise, mapper=mapper, rng=7, scans=scans, **settings
+    )
+
+
+def stopping(at):
+    def progress(done, total):
+        if done == at:
+            raise Stop
+
+    return progress
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch):
+    monkeypatch.setattr(recording, "CHUNK_BYTES", 150_000)
+    monkeypatch.setattr(recording, "CHECKPOINT_SCANS", 500)
+
+
+@pytest.mark.parametrize("mode", ["robust", "paper"])
+def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, tmp_path):
+    scans = SCANS if mode == "robust" else 700
+    lrf3d.record(simulation(mode, scans=scans), tmp_path / "whole.npz")
+    whole = (tmp_path / "whole.npz").read_bytes()
+    path = tmp_path / "run.npz"
+    for at in (1, 97, 98, scans // 3, scans // 2, scans - 1, scans):
+        with pytest.raises(Stop):
+            lrf3d.record(simulation(mode, scans=scans), path, resume=True, progress=stopping(at))
+        assert not path.exists() and path.with_suffix(".journal").exists()
+    lrf3d.record(simulation(mode, scans=scans), path, resume=True)
+    assert path.read_bytes() == whole
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["run.npz", "whole.npz"]
+
+
+def test_a_recorded_run_is_the_simulated_one(tmp_path):
+    kept = lrf3d.record(simulation(scans=300), tmp_path / "run.npz")
+    noise, mapper = ProportionalNoise(0.1), LineMapper(sigma=0.1)
+    run = lrf3d.simulate(ROOM, POSES[:300], LRF, noise=noise, mapper=mapper, rng=7)
+    for name in ("ranges", "truth", "walls", "stages"):
+        assert np.array_equal(getattr(kept, name), getattr(run, name))
+    assert np.array_equal(kept.trajectory.poses, run.trajectory.poses)
+    assert len(kept.maps) == len(run.maps) == 100
+    for one, other in zip(kept.maps, run.maps, strict=True):
+        assert np.array_equal(one.segments, other.segments)
+        assert np.array_equal(one.objects, other.objects)
+
+
+def test_a_controller_and_a_mapper_without_a_state_are_told_the_scans_again(tmp_path):
+    class Plain:
+        """A mapper that makes a LineMap and cannot tell what it has learnt."""
+
+        def __init__(self):
+            self.inner = LineMapper(sigma=0.1)
+
+        def update(self, scan):
+            return self.inner.update(scan)
+
+    def made():
+        start = (5.0, 6.0, 0.0)
+        return simulation(
+            drive=Sweeping(), mapper=Plain(), scans=400, start=start, scan_interval=0.1
+        )
+
+    lrf3d.record(made(), tmp_path / "whole.npz")
+    path = tmp_path / "run.npz"
+    for at in (150, 333):
+        with pytest.raises(Stop):
+            lrf3d.record(made(), path, resume=True, progress=stopping(at))
+    run = lrf3d.record(made(), path, resume=True)
+    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+    assert np.ptp(run.trajectory.poses[:, 2]) > 0.1
+
+
+def test_a_drive_that_its_controller_ends_early_is_whole(tmp_path):
+    def made():
+        return simulation(drive=Sweeping(scans=40), scans=1000, start=(5.0, 6.0, 0.0))
+
+    run = lrf3d.record(made(), tmp_path / "run.npz")
+    assert len(run) == 40 and run.stages[-1] == 39 and len(run.map)
+    before = (tmp_path / "run.npz").read_bytes()
+    (tmp_path / "run.npz").unlink()
+    with pytest.raises(Stop):
+        lrf3d.record(made(), tmp_path / "run.npz", progress=stopping(40))
+    lrf3d.record(made(), tmp_path / "run.npz", resume=True)
+    assert (tmp_path / "run.npz").read_bytes() == before
+
+
+@pytest.mark.parametrize("damage", [-1, -1000, -90_000, -250_000])
+def test_a_journal_that_breaks_off_or_is_damaged_is_good_up_to_there(damage, tmp_path):
+    lrf3d.record(simulation(scans=600), tmp_path / "whole.npz")
+    path = tmp_path / "run.npz"
+    for torn in (True, False):
+        with pytest.raises(Stop):
+            lrf3d.record(simulation(scans=600), path, progress=stopping(550))
+        journal = path.with_suffix(".journal")
+        data = bytearray(journal.read_bytes())
+        if torn:
+            del data[damage:]
+        else:
+            data[damage] ^= 0x10
+        journal.write_bytes(data)
+        lrf3d.record(simulation(scans=600), path, resume=True)
+        assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_a_damaged_checkpoint_only_costs_time(tmp_path):
+    lrf3d.record(simulation(scans=900), tmp_path / "whole.npz")
+    path = tmp_path / "run.npz"
+    with pytest.raises(Stop):
+        lrf3d.record(simulation(scans=900), path, progress=stopping(800))
+    checkpoint = path.with_suffix(".checkpoint")
+    checkpoint.write_bytes(checkpoint.read_bytes()[:-3000])
+    lrf3d.record(simulation(scans=900), path, resume=True)
+    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_another_run_is_not_resumed_and_its_difference_is_named(tmp_path):
+    path = tmp_path / "run.npz"
+    with pytest.raises(Stop):
+        lrf3d.record(simulation(scans=200), path, progress=stopping(150))
+    for other, name in (("paper", "mapper"), ("robust", "scans")):
+        with pytest.raises(InputError, match=f"whose {name} differ"):
+            lrf3d.record(simulation(other, scans=200 + (name == "scans")), path, resume=True)
+    assert len(lrf3d.record(simulation(scans=201), path)) == 201
+
+
+def test_a_finished_run_is_not_run_again(tmp_path):
+    path = tmp_path / "run.npz"
+    lrf3d.record(simulation(scans=50), path)
+
+    class Never:
+        def update(self, scan):
+            raise AssertionError
+
+        def __repr__(self):
+            return repr(LineMapper(sigma=0.1))
+
+    Never.__module__, Never.__qualname__ = LineMapper.__module__, LineMapper.__qualname__
+    assert len(lrf3d.record(simulation(scans=50, mapper=Never()), path, resume=True)) == 50
+
+
+def test_a_mapper_of_other_things_has_no_stages(tmp_path):
+    class Counter:
+        count = 0
+
+        def update(self, scan):
+            self.count += 1
+
+    counter = Counter()
+    run = lrf3d.record(simulation(scans=20, mapper=counter), tmp_path / "run.npz")
+    assert counter.count == 20 and run.stages == () and len(run.map) == 0
+    assert len(lrf3d.load_run(tmp_path).map_after(10)) == 0
+
+
+def test_large_arrays_are_mapped_aligned_and_the_same(tmp_path, monkeypatch):
+    run = lrf3d.record(simulation(scans=300), tmp_path / "run.npz")
+    monkeypatch.setattr("lrf3d.logs.arrays.MAPPED", 1000)
+    mapped = lrf3d.load_run(tmp_path)
+    for name in ("ranges", "truth", "walls"):
+        array = getattr(mapped, name)
+        assert isinstance(array.base, np.memmap) and array.flags.aligned
+        assert array.ctypes.data % 64 == 0
+        assert np.array_equal(array, getattr(run, name))
+    with np.load(tmp_path / "run.npz") as plain:
+        assert np.array_equal(plain["ranges"], run.ranges)
+
+
+def test_nobody_says_when_it_ends(tmp_path):
+    endless = simulation(drive=Sweeping(), start=(5.0, 6.0, 0.0))
+    with pytest.raises(InputError, match="scans"):
+        lrf3d.record(endless, tmp_path / "run.npz")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_mapper_has_learnt_is_taken_back_to_the_last_bit():
+    for mode in ("robust", "paper"):
+        one, other = LineMapper(mode, sigma=0.1), LineMapper(mode, sigma=0.1)
+        steps = simulation(mode, mapper=one, scans=160)
+        for step in steps:
+            if step.index == 80:
+                other.restore(one.state())
+            if step.index > 80:
+                other.update(step.scan)
+        assert np.array_equal(one.map.segments, other.map.segments)
+        assert all(np.array_equal(one.state()[key], value) for key, value in other.state().items())
+
+
+def test_bonds_are_forgotten_and_older_maps_stay_as_they_were(monkeypatch):
+    from lrf3d.mapping import wall_store
+
+    def maps(most):
+        monkeypatch.setattr(wall_store, "MOST_BONDS", most)
+        steps = list(simulation(scans=200))
+        return [step.map for step in steps[::40]], steps[-1].map
+
+    kept, last = maps(1 << 16)
+    kept_anew, last_anew = maps(5)
+    for one, other in zip([*kept, last], [*kept_anew, last_anew], strict=True):
+        assert np.array_equal(one.segments, other.segments)
+        assert np.array_equal(one.objects, other.objects)
+
+
+KILLED = """
+import sys, lrf3d
+sys.path.insert(0, {folder!r})
+import test_recording
+test_recording.recording.CHUNK_BYTES = 150_000
+test_recording.recording.CHECKPOINT_SCANS = 500
+def progress(done, total):
+    print(done, flush=True)
+lrf3d.record(test_recording.simulation(scans=1500), sys.argv[1], resume=True, progress=progress)
+"""
+
+
+def test_a_killed_process_loses_next_to_nothing(tmp_path):
+    lrf3d.record(simulation(scans=1500), tmp_path / "whole.npz")
+    path = tmp_path / "run.npz"
+    code = KILLED.format(folder=os.path.dirname(__file__))
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, path], stdout=subprocess.PIPE, text=True
+    )
+    for line in process.stdout:
+        if int(line) >= 1000:
+            process.send_signal(signal.SIGKILL)
+            break
+    process.stdout.close()
+    assert process.wait() == -signal.SIGKILL
+    origin = recording.origin_of(simulation(scans=1500), {})
+    journal = Journal(path.with_suffix(".journal"), origin, LRF.beams, keep=True)
+    assert 900 <= journal.scans < 1500
+    journal.close()
+    lrf3d.record(simulation(scans=1500), path, resume=True)
+    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_a_stream_of_steps_gives_the_run_and_keeps_no_scans():
+    steps = simulation(scans=5)
+    seen = [step.index for step, _ in zip(steps, range(2), strict=False)]
+    seen += [step.index for step in steps]
+    assert sorted(set(seen)) == [0, 1, 2, 3, 4]
+    assert isinstance(steps.map, LineMap) and steps.done == 5
