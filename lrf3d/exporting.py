@@ -5,11 +5,12 @@ all.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from lrf3d.errors import InputError
-from lrf3d.robot import Trajectory
 from lrf3d.simulation import Run
 
 
@@ -85,15 +86,4 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
 
 def thinned(run: Run, every: int) -> Run:
     """The run with each scan of a number kept, and the last of its maps."""
-    if every == 1:
-        return run
-    trajectory = Trajectory(run.trajectory.times[::every], run.trajectory.poses[::every])
-    return replace(
-        run,
-        trajectory=trajectory,
-        ranges=run.ranges[::every],
-        truth=run.truth[::every],
-        walls=run.walls[::every],
-        stages=(len(trajectory) - 1,),
-        maps=run.maps[-1:],
-    )
+    return run if every == 1 else run.part(np.arange(0, len(run), every))

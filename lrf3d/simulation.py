@@ -9,6 +9,7 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.mapped import some_rows
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
@@ -58,6 +59,18 @@ class Run:
         """The newest kept map that holds no scan after the given one."""
         stage = int(np.searchsorted(self.stages, scan, side="right")) - 1
         return self.maps[stage] if stage >= 0 else LineMap.empty()
+
+    def part(self, scans: Int) -> "Run":
+        """The run of some of its scans, rising, and of the last of its maps."""
+        return replace(
+            self,
+            trajectory=Trajectory(self.trajectory.times[scans], self.trajectory.poses[scans]),
+            ranges=some_rows(self.ranges, scans),
+            truth=some_rows(self.truth, scans),
+            walls=some_rows(self.walls, scans),
+            stages=(len(scans) - 1,) if self.maps else (),
+            maps=self.maps[-1:],
+        )
 
     def scan(self, index: int) -> LaserScan:
         """The measured scan of an index from 0."""
@@ -122,7 +135,18 @@ def simulate(
             says when a controller's drive ends.
         CollisionError: A controller drives a robot with a radius into a wall.
     """
-    simulation = Simulation(world, drive, lrf, **settings)
+    return collect(Simulation(world, drive, lrf, **settings), progress)
+
+
+def collect(
+    simulation: Simulation, progress: Callable[[int, int], None] = lambda done, total: None
+) -> Run:
+    """Run a simulation to its end and keep all of it in memory; `record` keeps it in a file.
+
+    Raises:
+        InputError: Nobody says when it ends.
+        CollisionError: A controller drives a robot with a radius into a wall.
+    """
     total = total_of(simulation)
     stages, shape = Stages(total), (total, simulation.lrf.beams)
     times, poses = np.empty(total), np.empty((total, 3))
@@ -140,7 +164,7 @@ def simulate(
     kept.setdefault(done - 1, simulation.map)
     maps = {stage: line_map for stage, line_map in kept.items() if isinstance(line_map, LineMap)}
     return Run(
-        world,
+        simulation.world,
         simulation.lrf,
         Trajectory(times[:done], poses[:done]),
         ranges[:done],

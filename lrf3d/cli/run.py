@@ -22,6 +22,25 @@ def run(
         options.CasterName, typer.Option(help="What casts the beams.")
     ] = options.CasterName.EMBREE,
     ignore_collisions: options.IgnoreCollisions = False,
+    mapper: Annotated[
+        str | None, typer.Option(metavar="MODULE:OBJECT", help="Your mapper: update(scan).")
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODULE:OBJECT", help="Your driver: command(time, pose, scan) -> (v, w)."
+        ),
+    ] = None,
+    noise: Annotated[
+        str | None, typer.Option(metavar="MODULE:OBJECT", help="Your noise: noise(scan, rng).")
+    ] = None,
+    scans: Annotated[
+        int | None,
+        typer.Option(min=1, help="How many scans; the route is driven there and back until then."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where this run was stopped.")
+    ] = False,
     video: Annotated[bool, typer.Option(help="Make the film.")] = True,
     view: options.ViewOption = None,
     size: options.Size = None,
@@ -34,7 +53,8 @@ def run(
 ) -> None:
     """Drive through a world, scan it, map it, and draw what came out.
 
-    Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4.
+    Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4. What is named
+    MODULE:OBJECT is imported from the current folder or the installed modules.
     """
     from dataclasses import replace
     from pathlib import Path
@@ -44,6 +64,7 @@ def run(
     from lrf3d.scenario import load_scenario
     from lrf3d.study.experiment import Experiment, with_route
     from lrf3d.study.outputs import Results, draw_results
+    from lrf3d.study.plugins import load_plugin
     from lrf3d.world.cameras import check_view
 
     asked = options.film_options(
@@ -55,7 +76,11 @@ def run(
         workers=workers,
         renderer=renderer,
     )
-    scenario = with_route(load_scenario(world, settings or ()))
+    own = {"mapper": mapper, "noise": noise, "controller": controller}
+    plugins = {kind: load_plugin(kind, name) for kind, name in own.items() if name is not None}
+    scenario = load_scenario(world, settings or ())
+    if controller is None:
+        scenario = with_route(scenario)
     asked = replace(
         asked,
         view=scenario.view if view is None else view,
@@ -64,11 +89,24 @@ def run(
     check_view(asked.view, scenario.world.cameras)
     folder = make_folder(Path("out") / scenario.name if out is None else out)
     sigmas = tuple(sigma) if sigma else scenario.sigmas
-    experiment = Experiment(scenario, mode=mode, sigma=sigmas[0], seed=seed, caster=caster.value)
+    experiment = Experiment(
+        scenario,
+        mode=mode,
+        sigma=sigmas[0],
+        seed=seed,
+        caster=caster.value,
+        own_mapper=plugins.get("mapper"),
+        own_noise=plugins.get("noise"),
+        controller=plugins.get("controller"),
+        scans=scans,
+        radius=None if ignore_collisions else scenario.radius,
+    )
     results = Results.of(
         experiment,
         sigmas,
+        folder,
         bar=progress_bar,
+        resume=resume,
         collision=warn if ignore_collisions else None,
     )
     files = draw_results(results, folder)

@@ -23,7 +23,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ class Journal:
         # The finished run tells the same, and may not depend on the order.
         header = json.dumps(origin, sort_keys=True).encode()
         mode = "r+b" if keep and path.exists() else "w+b"
-        self._file: BinaryIO = path.open(mode)
+        self._file: IO[bytes] = path.open(mode)
         if mode == "r+b" and read_origin(self._file) == origin:
             self._read_chunks()
             self._file.truncate()
@@ -182,7 +182,7 @@ class Journal:
         return Chunk(first, scans, place + _LENGTH.size + at, state["rng"], stages)
 
 
-def read_origin(file: BinaryIO) -> dict[str, str] | None:
+def read_origin(file: IO[bytes]) -> dict[str, str] | None:
     """What the run of a journal is made of; None where the file is no journal."""
     if file.read(len(MAGIC)) != MAGIC:
         return None
@@ -190,7 +190,7 @@ def read_origin(file: BinaryIO) -> dict[str, str] | None:
     return None if header is None else dict(json.loads(header))
 
 
-def read_checked(file: BinaryIO) -> bytes | None:
+def read_checked(file: IO[bytes]) -> bytes | None:
     """What comes next, or None where it breaks off or its checksum is wrong."""
     head = file.read(_LENGTH.size)
     if len(head) < _LENGTH.size:

@@ -68,7 +68,7 @@ def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
                 with archive.open(member, "w", force_zip64=True) as stream:
                     stream.write(_header(column))
                     for block in column.blocks:
-                        stream.write(np.ascontiguousarray(block).reshape(-1).view(np.uint8))
+                        stream.write(np.ascontiguousarray(block).reshape(-1).view(np.uint8).data)
         file.flush()
         os.fsync(file.fileno())
 

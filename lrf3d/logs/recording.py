@@ -144,6 +144,7 @@ class _Recorder:
         columns = [journal.column(name, first=simulation.done) for name in COLUMNS]
         for times, poses, ranges, _, walls in zip(*columns, strict=True):
             first = self._first_of(simulation.done)
+            walls = np.where(np.isfinite(ranges), walls, -1)
             for row in range(simulation.done - first, len(times)):
                 scan = LaserScan.measured(
                     simulation.lrf, Pose(*poses[row].tolist()), ranges[row].copy(), walls[row]
@@ -221,7 +222,7 @@ class _Recorder:
             return 0
         try:
             arrays = read_arrays(self.checkpoint)
-            scans = int(arrays.pop("scans"))  # type: ignore[call-overload]
+            scans = int(arrays.pop("scans"))
             if scans > self.journal.scans or str(arrays.pop("journal")) != self._name():
                 return 0
         except (*DAMAGES, KeyError):

@@ -13,10 +13,13 @@ from lrf3d.errors import CollisionError, InputError
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.line_mapper import FLOOR
 from lrf3d.robot import Trajectory, check_drive, follow_route
+from lrf3d.robot.laps import chain_laps, drive_laps
 from lrf3d.robot.patrol import patrol
 from lrf3d.robot.planner import plan_route
 from lrf3d.scenario import Scenario, start_of
-from lrf3d.simulation import Run, simulate
+from lrf3d.simulation import Run, collect
+from lrf3d.steps import Mapper, Simulation
+from lrf3d.study.plugins import Plugin
 from lrf3d.world.model import DEFAULT_HEIGHT
 
 Progress = Callable[[int, int], None]
@@ -25,6 +28,9 @@ CASTERS: dict[str, Callable[[Any], Caster]] = {"embree": EmbreeCaster, "planar":
 
 POSE_INTERVAL = 4.0
 """Time between two scans [s] where the robot stands at single poses instead of driving."""
+
+CONTROLLED_SCANS = 1000
+"""Scans after which a controller's drive ends where nothing is said."""
 
 LOOKAHEAD = 1.0
 """How far ahead on the route the robot steers at [m]: about three of its radii, so that it cuts
@@ -41,6 +47,11 @@ class Experiment:
         sigma: Noise [m] at range_max; the scenario's first where not given.
         seed: Seed of the noise.
         caster: ``embree`` or ``planar``.
+        own_mapper: A mapper of the user's instead of lrf3d's.
+        own_noise: A noise of the user's instead of the scenario's.
+        controller: A controller of the user's that drives instead of the scenario's route.
+        scans: How many scans to take: the route is driven there and back until then.
+        radius: Radius [m] with which a controller's robot stands in no wall; None where it may.
     """
 
     scenario: Scenario
@@ -48,14 +59,32 @@ class Experiment:
     sigma: float | None = None
     seed: int = 0
     caster: str = "embree"
+    own_mapper: Plugin | None = None
+    own_noise: Plugin | None = None
+    controller: Plugin | None = None
+    scans: int | None = None
+    radius: float | None = None
 
     @property
     def noise(self) -> float:
         """The noise [m] that this run has."""
         return self.scenario.sigmas[0] if self.sigma is None else self.sigma
 
-    def mapper(self) -> LineMapper:
-        """A new mapper, with the scenario's thresholds and the noise of this run."""
+    @property
+    def names(self) -> dict[str, str]:
+        """The names of what is the user's own, and of the caster."""
+        own = {"mapper": self.own_mapper, "noise": self.own_noise, "controller": self.controller}
+        return {
+            "caster": self.caster,
+            **{kind: plugin.name for kind, plugin in own.items() if plugin is not None},
+        }
+
+    def mapper(self) -> Mapper:
+        """A new mapper: the user's own, or lrf3d's."""
+        return self.line_mapper() if self.own_mapper is None else self.own_mapper.make()
+
+    def line_mapper(self) -> LineMapper:
+        """A new LineMapper, with the scenario's thresholds and the noise of this run."""
         constant = self.scenario.imperfections.constant
         settings = {"sigma": self.noise, **self.scenario.mapper}
         if constant:
@@ -75,21 +104,47 @@ class Experiment:
             for table in self.scenario.movers
         )
 
-    def simulate(self, trajectory: Trajectory, progress: Progress = lambda d, t: None) -> Run:
-        """Run the simulation along a trajectory."""
+    def simulation(self, trajectory: Trajectory | None) -> Simulation:
+        """The simulation along a trajectory, or with the controller where there is none."""
         if self.caster not in CASTERS:
             raise InputError(f"caster {self.caster!r}: expected one of {', '.join(CASTERS)}")
-        return simulate(
-            self.scenario.world,
-            trajectory,
-            self.scenario.lrf,
-            caster=CASTERS[self.caster](self.scenario.world),
-            noise=self.scenario.imperfections.noise(self.noise),
+        scenario, settings = self.scenario, {}
+        drive: Any = trajectory
+        if trajectory is None:
+            assert self.controller is not None
+            drive = self.controller.make()
+            settings = {
+                "start": _start(scenario),
+                "scan_interval": scenario.scan_interval,
+                "scans": CONTROLLED_SCANS if self.scans is None else self.scans,
+                "radius": self.radius,
+            }
+            until = settings["scans"] * scenario.scan_interval
+        else:
+            until = float(trajectory.times[-1])
+        noise = scenario.imperfections.noise(self.noise)
+        return Simulation(
+            scenario.world,
+            drive,
+            scenario.lrf,
+            caster=CASTERS[self.caster](scenario.world),
+            noise=noise if self.own_noise is None else self.own_noise.make(),
             mapper=self.mapper(),
             rng=self.seed,
-            movers=self.movers(float(trajectory.times[-1])),
-            progress=progress,
+            movers=self.movers(until),
+            **settings,
         )
+
+    def simulate(self, trajectory: Trajectory | None, progress: Progress = lambda d, t: None) -> Run:
+        """Run the simulation to its end, all of it in memory."""
+        return collect(self.simulation(trajectory), progress)
+
+
+def _start(scenario: Scenario) -> Any:
+    """Where a controller's drive begins."""
+    if scenario.start is not None:
+        return scenario.start
+    return scenario.poses[0] if scenario.poses is not None else (0.0, 0.0, 0.0)
 
 
 def with_route(scenario: Scenario) -> Scenario:
@@ -105,12 +160,17 @@ def with_route(scenario: Scenario) -> Scenario:
 
 
 def trajectory_of(
-    scenario: Scenario, *, ignore_collisions: Callable[[str], None] | None = None
+    scenario: Scenario,
+    *,
+    scans: int | None = None,
+    ignore_collisions: Callable[[str], None] | None = None,
 ) -> Trajectory:
     """The drive of a scenario along its route, or the stand at each of its poses.
 
     Args:
         scenario: The scenario.
+        scans: Drive there and back, or stand at the poses again, until so many scans are taken;
+            once along the route where not given.
         ignore_collisions: Where given, it is called with the message of a drive that would run
             into a wall, and the drive goes on.
 
@@ -119,27 +179,22 @@ def trajectory_of(
         InputError: The scenario has neither poses nor a route.
     """
     if scenario.poses is not None:
-        return Trajectory(POSE_INTERVAL * np.arange(len(scenario.poses)), scenario.poses)
+        stops = np.arange(len(scenario.poses) if scans is None else scans)
+        return Trajectory(POSE_INTERVAL * stops, scenario.poses[stops % len(scenario.poses)])
     if scenario.route is None:
         raise InputError(f"{scenario.name}: neither poses nor a route to drive")
-    trajectory = follow_route(
-        scenario.route,
-        start=scenario.start,
-        speed=scenario.speed,
-        lookahead=LOOKAHEAD,
-        dt=scenario.scan_interval,
-    )
+    how = {"speed": scenario.speed, "lookahead": LOOKAHEAD, "dt": scenario.scan_interval}
+    if scans is None:
+        laps: tuple[Trajectory, ...] = (
+            follow_route(scenario.route, start=scenario.start, **how),
+        )
+    else:
+        laps = drive_laps(scenario.route, start=scenario.start, **how)
     try:
-        check_drive(trajectory, scenario.world, scenario.radius)
+        for lap in laps:
+            check_drive(lap, scenario.world, scenario.radius)
     except CollisionError as error:
         if ignore_collisions is None:
             raise
         ignore_collisions(str(error))
-    return trajectory
-
-
-def noise_levels(
-    experiment: Experiment, trajectory: Trajectory, sigmas: tuple[float, ...], progress: Progress
-) -> list[Run]:
-    """Runs of one experiment at several noises [m], each with the same seed."""
-    return [replace(experiment, sigma=sigma).simulate(trajectory, progress) for sigma in sigmas]
+    return laps[0] if scans is None else chain_laps(laps[0], laps[1], scans)

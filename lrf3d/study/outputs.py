@@ -2,15 +2,16 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from lrf3d.logs import save_run
+from lrf3d.logs import record
 from lrf3d.simulation import Run
-from lrf3d.study.experiment import Experiment, Progress, noise_levels, trajectory_of
-from lrf3d.study.summary import summarise
+from lrf3d.study.experiment import Experiment, Progress, trajectory_of
+from lrf3d.study.summary import drawn_part, summarise
+from lrf3d.study.timed_mapper import Timed
 
 Bar = Callable[[str], AbstractContextManager[Progress]]
 
@@ -36,25 +37,45 @@ class Results:
         cls,
         experiment: Experiment,
         sigmas: tuple[float, ...],
+        folder: Path,
         *,
         bar: Bar,
+        resume: bool = False,
         collision: Callable[[str], None] | None = None,
     ) -> "Results":
-        """Drive, scan and map a scenario at each of the noises, and sum it up."""
-        trajectory = trajectory_of(experiment.scenario, ignore_collisions=collision)
+        """Drive, scan and map a scenario at each of the noises, and sum it up.
+
+        The main run goes into a run.npz in the folder as it comes, where it may be resumed.
+        """
+        trajectory = None
+        if experiment.controller is None:
+            trajectory = trajectory_of(
+                experiment.scenario, scans=experiment.scans, ignore_collisions=collision
+            )
+        simulation = experiment.simulation(trajectory)
+        mapper: Any = simulation.mapper
+        simulation.mapper = timed = Timed(mapper)
         begin = perf_counter()
         with bar("scans") as progress:
-            runs = noise_levels(experiment, trajectory, sigmas, progress)
+            path, names = folder / "run.npz", experiment.names
+            runs = [record(simulation, path, resume=resume, about=names, progress=progress)]
+            for sigma in sigmas[1:]:
+                runs.append(replace(experiment, sigma=sigma).simulate(trajectory, progress))
         seconds = perf_counter() - begin
+        own = {"mapper": experiment.own_mapper, "controller": experiment.controller}
         summary = {
             "name": experiment.scenario.name,
             "seed": experiment.seed,
             "caster": experiment.caster,
-            "mode": experiment.mapper().mode,
+            "mode": None if experiment.own_mapper else experiment.line_mapper().mode,
+            **{kind: plugin.name for kind, plugin in own.items() if plugin is not None},
             "sigma_m": sigmas[0],
-            **summarise(runs[0], experiment.mapper()),
+            **summarise(runs[0], getattr(mapper, "local_map", None)),
             "milliseconds_a_scan": 1e3 * seconds / sum(len(run) for run in runs),
+            "milliseconds_an_update": timed.milliseconds,
         }
+        if callable(getattr(mapper, "report", None)):
+            summary["report"] = mapper.report(runs[0], folder)
         if len(sigmas) > 1:
             summary["noise_levels"] = [
                 {"sigma_m": sigma, "segments": len(run.map), "unions": run.map.object_count}
@@ -76,24 +97,22 @@ class Results:
                 "drive",
                 f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {drive['scans']} scans"
                 f" of {self.run.lrf.beams} beams",
-            ),
-            (
-                "map",
-                f"{len(self.run.map)} segments in {self.run.map.object_count} unions, length F1"
-                f" {_share(score['length_f1'])}, segment F1 {_share(score['segment_f1'])}",
-            ),
-            (
-                "objects",
-                f"{buildings['seen_on_all_sides']} of {buildings['buildings']} seen on all sides,"
-                f" {buildings['whole']} of them whole in the map",
-            ),
-            (
-                "storage",
-                f"{stored['union_numbers']} numbers as unions of segments,"
-                f" {stored['polyline_numbers']} as polylines,"
-                f" {stored['grid_cells']} as a grid of 0.1 m",
-            ),
+            )
         ]
+        if score is not None:
+            text = f"{len(self.run.map)} segments in {self.run.map.object_count} unions, length F1"
+            text += f" {_share(score['length_f1'])}, segment F1 {_share(score['segment_f1'])}"
+            rows.append(("map", text))
+            text = f"{buildings['seen_on_all_sides']} of {buildings['buildings']} seen on all sides"
+            rows.append(("objects", f"{text}, {buildings['whole']} of them whole in the map"))
+        if stored is not None:
+            text = f"{stored['union_numbers']} numbers as unions of segments"
+            text += f", {stored['polyline_numbers']} as polylines"
+            rows.append(("storage", f"{text}, {stored['grid_cells']} as a grid of 0.1 m"))
+        update = self.summary["milliseconds_an_update"]
+        if "mapper" in self.summary and update is not None:
+            rows.append(("mapper", f"{self.summary['mapper']}, {update:.2f} ms an update"))
+        rows += [(str(name), str(value)) for name, value in self.summary.get("report", {}).items()]
         for level in self.summary.get("noise_levels", []):
             text = f"{level['segments']} segments in {level['unions']} unions"
             rows.append((f"σ {level['sigma_m']:g} m", text))
@@ -105,7 +124,7 @@ def _share(value: float | None) -> str:
 
 
 def draw_results(results: Results, folder: Path) -> dict[str, Path]:
-    """Write the run, its map and its pictures to a folder; the film is made apart.
+    """Write the map of the run and its pictures to a folder; the film is made apart.
 
     Returns:
         The files by what they hold.
@@ -115,16 +134,14 @@ def draw_results(results: Results, folder: Path) -> dict[str, Path]:
     """
     from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 
-    run, scenario = results.run, results.experiment.scenario
-    files = {
-        "run": folder / "run.npz",
-        "map": folder / "map.geojson",
-        "map picture": folder / "map.png",
-        "world picture": folder / "world.png",
-    }
-    save_run(run, files["run"])
-    run.map.save(files["map"])
-    draw_map(run, files["map picture"])
+    run, scenario = drawn_part(results.run), results.experiment.scenario
+    files = {"run": folder / "run.npz"}
+    # A mapper of the user's may make no map of lines.
+    if run.maps:
+        files["map"], files["map picture"] = folder / "map.geojson", folder / "map.png"
+        run.map.save(files["map"])
+        draw_map(run, files["map picture"])
+    files["world picture"] = folder / "world.png"
     draw_world(
         run.world,
         files["world picture"],

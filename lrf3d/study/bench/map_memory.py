@@ -54,5 +54,5 @@ def measure_memory(mode: str, *, scans: int | None = None) -> MemoryEntry:
         mapper=mapper,
         rng=0,
     )
-    polylines = [local_polylines(run, mapper, scan) for scan in range(len(run))]
+    polylines = [local_polylines(mapper.local_map(scan)) for scan in run.scans]
     return MemoryEntry(mode, len(run), storage(run, polylines))

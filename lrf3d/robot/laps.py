@@ -1,0 +1,53 @@
+"""Laps: a drive along a route, there and back again, for as many scans as are asked for."""
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.pose import Pose
+from lrf3d.robot.following import follow_route
+from lrf3d.robot.trajectory import Trajectory
+
+
+def drive_laps(
+    route: Float, *, start: Pose | None, speed: float, lookahead: float, dt: float
+) -> tuple[Trajectory, Trajectory]:
+    """A first lap along a route, and a second one that ends as it begins, to be driven for ever.
+
+    A route that does not end where it begins is driven back the way it came.
+
+    Args:
+        route: (m, 2) way-points [m].
+        start: Pose at time 0; on the first way-point where not given.
+        speed: Speed on straight parts [m/s].
+        lookahead: Distance along the route to the point that is steered at [m].
+        dt: Time between the poses [s].
+
+    Raises:
+        InputError: The route has fewer than two different points.
+    """
+    closed = (route[0] == route[-1]).all()
+    way = route if closed else np.concatenate([route, route[-2::-1]])
+    how = {"speed": speed, "lookahead": lookahead, "dt": dt}
+    first = follow_route(way, start=start, **how)
+    return first, follow_route(way, start=first.poses[-1], **how)
+
+
+def chain_laps(first: Trajectory, lap: Trajectory, scans: int) -> Trajectory:
+    """The first lap and then the other again and again, cut after so many scans.
+
+    Raises:
+        InputError: The lap takes no time.
+    """
+    if len(lap) < 2:
+        raise InputError("laps: a lap takes no time; give a route of some length")
+    more = max(scans - len(first), 0)
+    number, row = np.divmod(np.arange(more), len(lap) - 1)
+    poses = lap.poses[row + 1]
+    # The heading goes on over full turns; the places are the very same in every lap.
+    poses[:, 2] += number * (lap.poses[-1, 2] - lap.poses[0, 2])
+    times = first.times[-1] + number * lap.duration + lap.times[row + 1]
+    return Trajectory(
+        np.concatenate([first.times[:scans], times]),
+        np.concatenate([first.poses[:scans], poses]),
+    )
