@@ -1,0 +1,31 @@
+"""Environments of Gymnasium for learning to drive: one robot, or a thousand at once.
+
+``import lrf3d.gym`` registers ``lrf3d/Drive-v0``; then ``gymnasium.make("lrf3d/Drive-v0")`` gives a
+:class:`DriveEnv`, and ``gymnasium.make_vec("lrf3d/Drive-v0", num_envs=1024)`` a
+:class:`DriveVectorEnv`, whose robots' beams are cast together.
+"""
+
+from lrf3d.errors import MissingLibraryError
+
+try:
+    import gymnasium
+except ModuleNotFoundError:
+    raise MissingLibraryError(
+        "gymnasium is not installed; install it: pip install 'lrf3d[gym]'"
+    ) from None
+
+from lrf3d.gym.drive_env import DriveEnv
+from lrf3d.gym.drive_vector_env import DriveVectorEnv
+from lrf3d.gym.task import DriveTask
+
+__all__ = ["DriveEnv", "DriveTask", "DriveVectorEnv"]
+
+ID = "lrf3d/Drive-v0"
+"""By what Gymnasium knows the environment."""
+
+if ID not in gymnasium.registry:
+    gymnasium.register(
+        ID,
+        entry_point="lrf3d.gym.drive_env:DriveEnv",
+        vector_entry_point="lrf3d.gym.drive_vector_env:DriveVectorEnv",
+    )

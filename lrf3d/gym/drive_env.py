@@ -1,0 +1,130 @@
+"""DriveEnv: one robot of a DriveTask as an environment of Gymnasium."""
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float
+from lrf3d.gym.spaces import action_space, observation_space
+from lrf3d.gym.task import DriveTask
+from lrf3d.robot import Trajectory
+from lrf3d.scenario import Scenario, load_scenario
+from lrf3d.simulation import Run
+
+MAX_STEPS = 500
+"""Steps after which an episode is cut off where nothing is said."""
+
+Observation = dict[str, NDArray[np.float32]]
+
+
+class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+    """A robot is to drive to a goal by what its range finder shows, and not into a wall.
+
+    What it sees: ``ranges`` (beams,) [m] in float32, where no return is told as range_max and one
+    that is too near as 0; ``goal`` (3,): distance [m], cosine and sine of the bearing. What it
+    does: v and ω as shares from −1 to 1 of the scenario's speed and of 1.5 rad/s, held up to the
+    next scan. It earns a point for each metre nearer to the goal, 10 at the goal, −10 at a wall,
+    and loses 0.01 a step. An episode ends at the goal or at a wall, and is cut off after
+    max_steps.
+
+    Args:
+        world: A built-in world or a world file, or a Scenario: it brings the range finder, the
+            robot's radius and speed, and the time between two steps.
+        sigma: Noise of the ranges [m] at range_max.
+        max_steps: Steps after which an episode is cut off.
+        render_mode: ``rgb_array`` for pictures by `render`, or None.
+        size: Width and height of the pictures [pixels].
+        view: Where they are seen from: ``chase``, ``first``, ``orbit`` or ``top``.
+
+    Raises:
+        InputError: An argument makes no sense.
+        WorldError: There is no such world.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 5}  # noqa: RUF012
+
+    def __init__(
+        self,
+        world: str | Path | Scenario = "city",
+        *,
+        sigma: float = 0.0,
+        max_steps: int = MAX_STEPS,
+        render_mode: str | None = None,
+        size: tuple[int, int] = (640, 360),
+        view: str = "chase",
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InputError(f"render_mode {render_mode!r}: expected 'rgb_array' or None")
+        if max_steps < 1:
+            raise InputError(f"max_steps {max_steps}: expected at least 1")
+        scenario = world if isinstance(world, Scenario) else load_scenario(world)
+        self.task = DriveTask(scenario, 1, sigma=sigma)
+        self.observation_space: spaces.Space[Any] = observation_space(self.task)
+        self.action_space: spaces.Space[Any] = action_space()
+        self.render_mode, self.max_steps = render_mode, max_steps
+        self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / self.task.dt))}
+        self._size, self._view = size, view
+        self._steps = 0
+        self._film: list[tuple[Float, ...]] = []
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Set the robot down at a place drawn by the seed, with a goal.
+
+        Args:
+            seed: Where given, the same seed gives the same episodes.
+            options: ``pose`` (3,) and ``goal`` (2,) where these are not to be drawn.
+        """
+        super().reset(seed=seed)
+        self.task.place(np.array([0]), self.np_random)
+        options = options or {}
+        if "pose" in options:
+            self.task.poses[0] = options["pose"]
+        if "goal" in options:
+            self.task.goals[0] = options["goal"]
+        self._steps, self._film = 0, []
+        return self._look(), self._info()
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive on as the action (2,) says."""
+        outcome = self.task.step([action])
+        self._steps += 1
+        reached, collided = bool(outcome.reached[0]), bool(outcome.collided[0])
+        info = {**self._info(), "reached": reached, "collided": collided}
+        ended = reached or collided
+        cut = self._steps >= self.max_steps and not ended
+        return self._look(), float(outcome.rewards[0]), ended, cut, info
+
+    def render(self) -> NDArray[np.uint8] | None:  
+        """A picture (h, w, 3) uint8 of now, as in a film; None without a render_mode.
+
+        Raises:
+            MissingLibraryError: There is no OpenGL on this machine.
+        """
+        if self.render_mode is None or not self._film:
+            return None
+        from lrf3d.render.video import frame
+
+        poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
+        times = self.task.dt * np.arange(len(poses))
+        world, path = self.task.scenario.world, Trajectory(times, poses)
+        run = Run(world, self.task.lrf, path, ranges, truth, walls, (), ())
+        return frame(run, float(times[-1]), size=self._size, view=self._view)
+
+    def _look(self) -> Observation:
+        ranges, truth, walls = self.task.scan(self.np_random)
+        if self.render_mode is not None:
+            self._film.append((self.task.poses[0].copy(), ranges[0], truth[0], walls[0]))
+        seen = self.task.observe(ranges)
+        return {name: value[0] for name, value in seen.items()}
+
+    def _info(self) -> dict[str, Any]:
+        return {"pose": self.task.poses[0].copy(), "goal": self.task.goals[0].copy()}

@@ -1,0 +1,142 @@
+"""DriveTask: some robots are to drive each to its goal, and run into nothing on the way.
+
+Commands of all robots enter; what they see, what they earn and who has ended leaves. The robots
+are in one world but do not see each other: they are as many tries of one task.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lrf3d.casting import EmbreeCaster
+from lrf3d.errors import InputError
+from lrf3d.geometry import Bool, Float, Int, wrap_angle
+from lrf3d.robot.collision import Obstacles
+from lrf3d.robot.free_space import find_free_space
+from lrf3d.robot.unicycle import arcs
+from lrf3d.scenario import Scenario
+
+GOAL_NEAR, GOAL_FAR = 5.0, 20.0
+"""How far from the start a goal lies [m], as far as the world has room."""
+
+CANDIDATES = 32
+"""Places that are drawn for a goal, of which the first at such a distance is taken."""
+
+ARRIVED = 0.5
+"""How near to its goal a robot has arrived [m]."""
+
+AT_GOAL, AT_WALL = 10.0, -10.0
+"""What arriving earns, and what running into a wall costs."""
+
+EACH_STEP = -0.01
+"""What each step costs, so that dawdling does not pay."""
+
+MAX_TURN_RATE = 1.5
+"""Fastest turn that can be asked for [rad/s], as of the follower of routes."""
+
+MARGIN = 0.1
+"""How much farther from walls than its radius a robot starts [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a step brought each of k robots.
+
+    Args:
+        rewards: (k,) what they earned: metres nearer to the goal, and what the end is worth.
+        reached: (k,) who is at its goal.
+        collided: (k,) who ran into a wall; it stands where it stood before.
+    """
+
+    rewards: Float
+    reached: Bool
+    collided: Bool
+
+
+class DriveTask:
+    """Robots, each with a pose and a goal.
+
+    Args:
+        scenario: The world, the range finder, the robot's radius and speed, and its pace.
+        count: How many robots.
+        sigma: Noise of the ranges [m] at range_max (Eq. 7).
+
+    Raises:
+        InputError: The noise is none, or there is no free space to drive in.
+    """
+
+    def __init__(self, scenario: Scenario, count: int, *, sigma: float = 0.0) -> None:
+        if not (np.isfinite(sigma) and sigma >= 0.0):
+            raise InputError(f"sigma {sigma}: expected a finite number of metres, at least 0")
+        self.scenario, self.count, self.sigma = scenario, count, sigma
+        self.lrf, self.dt = scenario.lrf, scenario.scan_interval
+        self._caster = EmbreeCaster(scenario.world)
+        self._obstacles = Obstacles(scenario.world)
+        least = scenario.radius + MARGIN
+        space = find_free_space(scenario.world, least=least, clearance=least)
+        self._cells = space.cells + scenario.world.origin
+        self.farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
+        self.poses, self.goals = np.zeros((count, 3)), np.zeros((count, 2))
+
+    def place(self, robots: Int, rng: np.random.Generator) -> None:
+        """Set some robots down, each at a new place with a new goal."""
+        cells = self._cells[rng.integers(len(self._cells), size=(len(robots), CANDIDATES + 1))]
+        starts, goals = cells[:, 0], cells[:, 1:]
+        distances = np.hypot(*np.moveaxis(goals - starts[:, None], 2, 0))
+        # How far off the wished distance each is; of those that fit the first is taken.
+        misfit = np.maximum(GOAL_NEAR - distances, distances - GOAL_FAR).clip(min=0.0)
+        self.goals[robots] = goals[np.arange(len(robots)), misfit.argmin(axis=1)]
+        headings = rng.uniform(-np.pi, np.pi, len(robots))
+        self.poses[robots] = np.column_stack([starts, headings])
+
+    def step(self, actions: ArrayLike) -> Outcome:
+        """Drive on for the time between two scans.
+
+        Args:
+            actions: (k, 2) shares of the scenario's speed and of the fastest turn, left positive; what
+                lies beyond −1 to 1 is cut off. They are held up to the next scan.
+        """
+        shares = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0)
+        v, omega = self.scenario.speed * shares[:, 0], MAX_TURN_RATE * shares[:, 1]
+        before = self.distances()
+        moved = arcs(self.poses, v, omega, np.full(self.count, self.dt))
+        ways, _ = self._obstacles.hit(self.poses[:, :2], moved[:, :2], self.scenario.radius)
+        collided = np.zeros(self.count, np.bool_)
+        collided[ways] = True
+        moved[:, 2] = wrap_angle(moved[:, 2])
+        self.poses = np.where(collided[:, None], self.poses, moved)
+        after = self.distances()
+        reached = (after < ARRIVED) & ~collided
+        rewards = before - after + EACH_STEP + AT_GOAL * reached + AT_WALL * collided
+        return Outcome(rewards, reached, collided)
+
+    def distances(self) -> Float:
+        """Distances (k,) of the robots from their goals [m]."""
+        away = self.goals - self.poses[:, :2]
+        return np.hypot(away[:, 0], away[:, 1])
+
+    def scan(self, rng: np.random.Generator) -> tuple[Float, Float, Int]:
+        """Measured and true ranges, and walls, (k, beams) each, after REP 117."""
+        truth, walls = self._caster.scan_batch(self.lrf, self.poses)
+        if self.sigma == 0.0:
+            return truth, truth, walls
+        draws = rng.normal(0.0, self.sigma, truth.shape)
+        # Infinities stay what they are.
+        spread = np.where(np.isfinite(truth), truth, 0.0) / self.lrf.range_max
+        return truth + spread * draws, truth, walls
+
+    def observe(self, ranges: Float) -> dict[str, NDArray[np.float32]]:
+        """What the robots see, in finite numbers of float32.
+
+        A beam without return is told as range_max, one that is too short as 0; both are at the
+        limits of what can be measured, so that they say as much as the infinities of REP 117.
+        """
+        away = self.goals - self.poses[:, :2]
+        bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
+        distances = np.minimum(self.distances(), self.farthest)
+        goal = np.column_stack([distances, np.cos(bearings), np.sin(bearings)])
+        return {
+            "goal": goal.astype(np.float32),
+            "ranges": np.clip(ranges, 0.0, self.lrf.range_max).astype(np.float32),
+        }
