@@ -67,6 +67,10 @@ class Scenario:
     playback: float = 4.0
     name: str = ""
 
+    def __deepcopy__(self, memo: object) -> "Scenario":
+        # Nothing changes a scenario, so that it serves as its own copy: Gymnasium makes them.
+        return self
+
 
 def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Scenario:
     """Read a scenario: a built-in one by its name, or a file by its path.

@@ -169,4 +169,27 @@ def test_an_interrupt_ends_cleanly(room, tmp_path):
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert (out, err) == ("", "lrf3d: stopped\n")
-    assert list((tmp_path / "out").iterdir()) == []
+    # What was scanned is kept to be resumed; nothing else lies there.
+    assert {path.name for path in (tmp_path / "out").iterdir()} <= {"run.journal"}
+
+
+def test_a_run_that_was_killed_is_resumed_and_ends_the_same(room, tmp_path):
+    settings = ["run", room, "--no-video", "--scans", 20_000, "--resume"]
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    assert lrf3d(*settings, "--out", whole).returncode == 0
+    command = [sys.executable, "-m", "lrf3d", *map(str, settings), "--out", str(killed)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    journal = killed / "run.journal"
+    while process.poll() is None and not (journal.exists() and journal.stat().st_size > 5_000_000):
+        time.sleep(0.01)
+    process.kill()
+    assert process.wait() == -signal.SIGKILL
+    assert "--resume" in refused("render", killed)
+    assert "mapper" in refused(*settings, "--mode", "paper", "--out", killed)
+    done = lrf3d(*settings, "--json", "--out", killed)
+    assert done.returncode == 0, done.stderr
+    assert not journal.exists()
+    for name in ("run.npz", "map.geojson"):
+        assert (killed / name).read_bytes() == (whole / name).read_bytes()
+    summary = json.loads(done.stdout)
+    assert summary["drive"]["scans"] == 20_000 and summary["judged_scans"] == 2000

@@ -171,6 +171,29 @@ def render(
         print(render_text(result) if figure is None else f"{render_text(result)}\npicture {figure}")
 
 
+@bench.command(epilog="Example: lrf3d bench robots --robots 1024")
+def robots(
+    world: Annotated[str, typer.Argument(metavar="WORLD", help="The world.")] = "city",
+    count: Annotated[int, typer.Option("--robots", min=1, help="How many robots.")] = 1024,
+    seconds: Annotated[float, typer.Option(min=0.1, help="For how long.")] = 10.0,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+) -> None:
+    """Drive many robots at once, as environments of Gymnasium: steps and beams a second.
+
+    Needs Gymnasium: pip install 'lrf3d[gym]'.
+    """
+    from lrf3d.cli.console import print_json, print_table, progress_bar
+    from lrf3d.study.bench.robots import bench_robots
+
+    with progress_bar("bench robots") as progress:
+        result = bench_robots(world, robots=count, seconds=seconds, seed=seed, progress=progress)
+    if json:
+        print_json(result.as_dict())
+    else:
+        print_table(result.rows())
+
+
 def _numbers(option: str, text: str, *, least: int) -> list[int]:
     """Whole numbers from a text with commas between them."""
     from lrf3d.errors import InputError

@@ -69,7 +69,6 @@ def record(
     total = total_of(simulation)
     origin = origin_of(simulation, about or {})
     if resume and _finished(path, origin):
-        progress(total, total)
         return load_run(path)
     journal_path, checkpoint = path.with_suffix(".journal"), path.with_suffix(".checkpoint")
     if resume:

@@ -55,12 +55,19 @@ class Results:
         simulation = experiment.simulation(trajectory)
         mapper: Any = simulation.mapper
         simulation.mapper = timed = Timed(mapper)
-        begin = perf_counter()
+        begin, taken = perf_counter(), 0
         with bar("scans") as progress:
+
+            def count(done: int, total: int) -> None:
+                # Of a resumed run only what is done now takes time now.
+                nonlocal taken
+                taken += 1
+                progress(done, total)
+
             path, names = folder / "run.npz", experiment.names
-            runs = [record(simulation, path, resume=resume, about=names, progress=progress)]
+            runs = [record(simulation, path, resume=resume, about=names, progress=count)]
             for sigma in sigmas[1:]:
-                runs.append(replace(experiment, sigma=sigma).simulate(trajectory, progress))
+                runs.append(replace(experiment, sigma=sigma).simulate(trajectory, count))
         seconds = perf_counter() - begin
         own = {"mapper": experiment.own_mapper, "controller": experiment.controller}
         summary = {
@@ -71,7 +78,7 @@ class Results:
             **{kind: plugin.name for kind, plugin in own.items() if plugin is not None},
             "sigma_m": sigmas[0],
             **summarise(runs[0], getattr(mapper, "local_map", None)),
-            "milliseconds_a_scan": 1e3 * seconds / sum(len(run) for run in runs),
+            "milliseconds_a_scan": 1e3 * seconds / taken if taken else None,
             "milliseconds_an_update": timed.milliseconds,
         }
         if callable(getattr(mapper, "report", None)):

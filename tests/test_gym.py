@@ -1,0 +1,168 @@
+"""The environments of Gymnasium."""
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import lrf3d.gym
+from lrf3d.gym import DriveEnv, DriveTask, DriveVectorEnv
+from lrf3d.scenario import load_scenario
+
+CORRIDOR = load_scenario("corridor")
+
+
+def drives(count, steps=120, seed=5, **settings):
+    """What some robots see, earn and come to, with actions that are drawn."""
+    envs = DriveVectorEnv(count, CORRIDOR, **settings)
+    seen = [envs.reset(seed=seed)[0]]
+    rng, rest = np.random.default_rng(0), []
+    for _ in range(steps):
+        observation, *others, _ = envs.step(rng.uniform(-1.0, 1.0, (count, 2)))
+        seen.append(observation)
+        rest.append(others)
+    return seen, rest
+
+
+def test_the_checker_of_gymnasium_finds_nothing():
+    env = gymnasium.make("lrf3d/Drive-v0", world=CORRIDOR, sigma=0.03)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped, skip_render_check=True)
+
+
+def test_the_same_seed_repeats_bit_for_bit_and_another_does_not():
+    one, rest = drives(7, sigma=0.05)
+    other, rest_again = drives(7, sigma=0.05)
+    for first, second in zip(one, other, strict=True):
+        assert all(np.array_equal(first[name], second[name]) for name in first)
+    for first, second in zip(rest, rest_again, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
+    third, _ = drives(7, sigma=0.05, seed=6)
+    assert not np.array_equal(one[0]["ranges"], third[0]["ranges"])
+
+
+def test_one_robot_is_the_first_of_many_that_are_one():
+    env, envs = DriveEnv(CORRIDOR, sigma=0.02), DriveVectorEnv(1, CORRIDOR, sigma=0.02)
+    seen, (seen_by_all, _) = env.reset(seed=9)[0], envs.reset(seed=9)
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        assert all(np.array_equal(seen[name], seen_by_all[name][0]) for name in seen)
+        action = rng.uniform(-1.0, 1.0, 2)
+        seen, reward, ended, cut, _ = env.step(action)
+        seen_by_all, rewards, ends, cuts, _ = envs.step(action[None])
+        assert (reward, ended, cut) == (rewards[0], ends[0], cuts[0])
+        if ended:
+            break
+
+
+def test_what_is_seen_is_finite_and_lies_in_its_space():
+    envs = DriveVectorEnv(5, "city")
+    seen, _ = envs.reset(seed=2)
+    for _ in range(30):
+        assert envs.observation_space.contains(seen)
+        assert all(np.isfinite(value).all() for value in seen.values())
+        seen, *_ = envs.step(envs.action_space.sample())
+    truth, _, walls = envs.task.scan(np.random.default_rng(0))
+    lost = np.isinf(truth)
+    assert lost.any() and (seen["ranges"][lost] == 80.0).all()
+    assert (walls[lost] == -1).all()
+
+
+def test_ranges_are_those_of_the_caster():
+    env = DriveEnv(CORRIDOR)
+    seen, info = env.reset(seed=4)
+    scan = lrf3d.PlanarCaster(CORRIDOR.world).cast(CORRIDOR.lrf, info["pose"])
+    assert np.array_equal(seen["ranges"], scan.ranges.astype(np.float32))
+    x, y, theta = info["pose"]
+    distance, cos, sin = seen["goal"].astype(float)
+    goal = [x + distance * np.cos(theta + np.arctan2(sin, cos)),
+            y + distance * np.sin(theta + np.arctan2(sin, cos))]  # fmt: skip
+    assert goal == pytest.approx(info["goal"], abs=1e-5)
+
+
+def test_a_robot_that_drives_to_its_goal_is_rewarded_and_ends_there():
+    env = DriveEnv(CORRIDOR)
+    _, info = env.reset(seed=0, options={"pose": (2.0, 1.3, 0.0), "goal": (8.0, 1.3)})
+    earned, steps = 0.0, 0
+    while True:
+        _, reward, ended, cut, info = env.step(np.array([1.0, 0.0]))
+        earned, steps = earned + reward, steps + 1
+        if ended or cut:
+            break
+    assert ended and not cut and info["reached"] and not info["collided"]
+    away = np.hypot(*(info["goal"] - info["pose"][:2]))
+    assert away < 0.5
+    assert earned == pytest.approx(6.0 - away + 10.0 - 0.01 * steps)
+
+
+def test_a_robot_that_runs_into_a_wall_stands_before_it():
+    env = DriveEnv(CORRIDOR)
+    env.reset(seed=0, options={"pose": (3.5, 1.0, -np.pi / 2), "goal": (8.0, 1.3)})
+    for _ in range(20):
+        _, reward, ended, _, info = env.step(np.array([1.0, 0.0]))
+        if ended:
+            break
+    assert info["collided"] and reward == pytest.approx(-10.01)
+    assert 0.25 < info["pose"][1] < 0.55
+
+
+def test_episodes_are_cut_off_and_robots_set_down_anew_in_the_next_step():
+    envs = DriveVectorEnv(4, CORRIDOR, max_steps=3)
+    envs.reset(seed=1)
+    still = np.zeros((4, 2))
+    cuts = []
+    for _ in range(8):
+        before = envs.task.poses.copy()
+        _, rewards, ended, cut, _ = envs.step(still)
+        cuts.append(cut.all())
+        assert not ended.any()
+        moved = (envs.task.poses != before).any(axis=1)
+        assert (rewards[moved] == 0.0).all() and moved.all() == (len(cuts) in (4, 8))
+    assert cuts == [False, False, True, False, False, False, True, False]
+
+
+def test_robots_start_clear_of_walls_and_their_goals_lie_within_reach():
+    task = DriveTask(CORRIDOR, 300)
+    task.place(np.arange(300), np.random.default_rng(3))
+    near = PlanarNearest(CORRIDOR.world.segments)
+    assert near(task.poses[:, :2]).min() >= CORRIDOR.radius
+    assert near(task.goals).min() >= CORRIDOR.radius
+    assert 5.0 <= task.distances().min() and task.distances().max() <= 20.0
+
+
+class PlanarNearest:
+    """Distances of points from the nearest of some segments."""
+
+    def __init__(self, segments):
+        self.start, self.step = segments[:, :2], segments[:, 2:] - segments[:, :2]
+
+    def __call__(self, points):
+        away = points[:, None] - self.start
+        share = (away * self.step).sum(-1) / (self.step**2).sum(-1)
+        foot = self.start + np.clip(share, 0.0, 1.0)[..., None] * self.step
+        return np.hypot(*np.moveaxis(points[:, None] - foot, 2, 0)).min(axis=1)
+
+
+def test_pictures_are_those_of_the_film():
+    pytest.importorskip("OpenGL")
+    env = DriveEnv(CORRIDOR, render_mode="rgb_array", size=(320, 180))
+    assert env.render() is None
+    env.reset(seed=3)
+    try:
+        first = env.render()
+    except lrf3d.MissingLibraryError:
+        pytest.skip("no OpenGL on this machine")
+    assert first.shape == (180, 320, 3) and first.dtype == np.uint8 and first.std() > 10.0
+    for _ in range(5):
+        env.step(np.array([0.3, 0.3]))
+    assert not np.array_equal(env.render(), first)
+
+
+def test_settings_that_make_no_sense_are_refused():
+    for settings in ({"sigma": -1.0}, {"max_steps": 0}, {"render_mode": "human"}):
+        for made in (DriveEnv, lambda **settings: DriveVectorEnv(2, **settings)):
+            with pytest.raises(lrf3d.InputError, match=next(iter(settings))):
+                made(world=CORRIDOR, **settings)

@@ -1,0 +1,258 @@
+"""Users' own mappers, controllers and noises."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d import CollisionError, InputError, LaserRangeFinder, Simulation, World
+from lrf3d.study.plugins import load_plugin
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
+LRF = LaserRangeFinder(beams=61, range_max=20.0)
+
+MODULE = """
+import numpy as np
+from dataclasses import replace
+
+class Points:
+    def __init__(self):
+        self.count = 0
+    def update(self, scan):
+        self.count += int(scan.hits.sum())
+    def report(self, run, folder):
+        (folder / "points.txt").write_text(str(self.count))
+        return {"points": self.count}
+
+class Straight:
+    def command(self, time, pose, scan):
+        return (1.0, 0.0) if scan.ranges[30] > 1.5 else None
+
+class Needy:
+    def __init__(self, size):
+        pass
+    def update(self, scan):
+        pass
+
+def longer(scan):
+    return replace(scan, ranges=scan.ranges + 0.25)
+
+def drawn(scan, rng):
+    return replace(scan, ranges=scan.ranges + rng.normal(0.0, 0.1, len(scan.ranges)))
+
+straight = Straight()
+number = 3
+"""
+
+WORLD = """\
+[[object]]
+name = "walls"
+points = [[0, 0], [10, 0], [10, 8], [0, 8]]
+closed = true
+
+[robot]
+start = [2, 2, 0]
+route = [[8, 2]]
+scan_interval = 0.5
+
+[laser]
+beams = 61
+range_max = 20.0
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "own_parts.py").write_text(MODULE)
+    (tmp_path / "box.toml").write_text(WORLD)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield tmp_path
+    sys.modules.pop("own_parts", None)
+
+
+def run(folder, *arguments):
+    command = [sys.executable, "-m", "lrf3d", "run", "box.toml", "--no-video", "--json"]
+    return subprocess.run(
+        [*command, *arguments], capture_output=True, text=True, cwd=folder, timeout=120
+    )
+
+
+def test_a_mapper_a_controller_and_a_noise_are_named_on_the_command_line(folder):
+    named = ["--mapper", "own_parts:Points", "--controller", "own_parts:straight"]
+    done = run(folder, *named, "--noise", "own_parts:longer", "--scans", "50")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    # 8 m to the wall, half a metre a step, a quarter of a metre added to what is seen.
+    assert summary["drive"]["scans"] == 15
+    assert summary["mapper"] == "own_parts:Points" and summary["mode"] is None
+    assert summary["map"] is summary["score"] is summary["storage"] is None
+    assert summary["report"] == {"points": 15 * 61}
+    out = folder / "out" / "box"
+    assert (out / "points.txt").read_text() == str(15 * 61)
+    assert not (out / "map.geojson").exists()
+    kept = lrf3d.load_run(out)
+    assert np.allclose(kept.ranges - kept.truth, 0.25)
+    assert kept.trajectory.poses[-1, 0] == pytest.approx(9.0)
+
+
+def test_a_long_drive_goes_there_and_back_until_it_is_long_enough(folder):
+    done = run(folder, "--scans", "60")
+    assert done.returncode == 0, done.stderr
+    poses = lrf3d.load_run(folder / "out" / "box").trajectory.poses
+    assert len(poses) == 60 and np.diff(np.sign(np.diff(poses[:, 0]))).any()
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    assert steps.max() < 1.51 and poses[:, 0].min() > 1.99 and poses[:, 0].max() < 8.01
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "said"),
+    [
+        ("mapper", "own_parts", "module:object"),
+        ("mapper", ":Points", "module:object"),
+        ("mapper", "nowhere:Points", "no module 'nowhere'"),
+        ("mapper", "own_parts:Point", "did you mean Points?"),
+        ("mapper", "own_parts:Straight", "no method update"),
+        ("mapper", "own_parts:Needy", "without arguments"),
+        ("controller", "own_parts:Points", "no method command"),
+        ("noise", "own_parts:number", "no function"),
+        ("mapper", "broken:Points", "cannot be imported (SyntaxError"),
+        ("mapper", "missing.py:Points", "no module 'missing.py'"),
+    ],
+)
+def test_what_cannot_be_used_is_told_in_one_line(folder, kind, name, said):
+    (folder / "broken.py").write_text("def (")
+    with pytest.raises(InputError) as caught:
+        load_plugin(kind, name).make()
+    message = str(caught.value)
+    assert said in message and message.startswith(f"--{kind} {name}") and "\n" not in message
+
+
+def test_nothing_is_imported_that_the_user_does_not_name(folder):
+    (folder / "own_parts.py").write_text("raise SystemExit('imported')")
+    (folder / "box.toml").write_text(WORLD + '\n[mapper]\nmode = "own_parts:Points"\n')
+    done = run(folder)
+    assert done.returncode == 1 and "own_parts" in done.stderr and "imported" not in done.stderr
+
+
+def test_a_noise_is_a_function_of_a_scan_with_or_without_random_numbers(folder):
+    for name, least, most in (("longer", 0.25, 0.25), ("drawn", 0.001, 0.5)):
+        noise = load_plugin("noise", f"own_parts:{name}").make()
+        step = next(iter(Simulation(ROOM, [[2, 2, 0]], LRF, noise=noise, rng=1)))
+        error = np.abs(step.scan.ranges - step.true_scan.ranges)
+        assert error.max() >= least - 1e-9 and error.max() <= most + 1e-9
+    for bad in (3, lambda: None, lambda a, b, c: a):
+        with pytest.raises(InputError, match="noise"):
+            Simulation(ROOM, [[2, 2, 0]], noise=bad)
+
+
+def test_a_mapper_without_update_is_refused():
+    with pytest.raises(InputError, match="update"):
+        Simulation(ROOM, [[2, 2, 0]], mapper=object())
+
+
+def test_a_controller_drives_exact_arcs_for_as_long_as_the_user_looks():
+    class Round:
+        def command(self, time, pose, scan):
+            return 1.0, 0.5
+
+    steps = []
+    for step in Simulation(ROOM, Round(), LRF, start=(5, 2, 0), scan_interval=0.1):
+        steps.append(step)
+        if len(steps) == 127:
+            break
+    places = np.array([step.pose[:2] for step in steps])
+    assert np.hypot(*(places - (5.0, 4.0)).T) == pytest.approx(np.full(127, 2.0))
+    assert steps[-1].time == pytest.approx(12.6) and steps[-1].scan.time == steps[-1].time
+
+
+@pytest.mark.parametrize("command", [3.0, (1.0,), (1.0, np.nan), "ab"])
+def test_a_command_that_is_none_is_refused_with_its_time(command):
+    class Bad:
+        def command(self, time, pose, scan):
+            return command
+
+    with pytest.raises(InputError, match="t = 0 s"):
+        list(Simulation(ROOM, Bad(), LRF, start=(5, 2, 0), scans=3))
+
+
+def test_a_robot_with_a_radius_does_not_drive_through_walls():
+    class Ahead:
+        def command(self, time, pose, scan):
+            return 1.0, 0.0
+
+    settings = {"start": (5.0, 2.0, 0.0), "scans": 100, "scan_interval": 0.1}
+    steps = []
+    with pytest.raises(CollisionError, match="wall 1"):
+        for step in Simulation(ROOM, Ahead(), LRF, radius=0.3, **settings):
+            steps.append(step)
+    assert 9.5 < steps[-1].pose.x < 9.7
+    assert len(list(Simulation(ROOM, Ahead(), LRF, **settings))) == 100
+
+
+def test_scans_that_take_time_need_to_know_the_way():
+    class Still:
+        def command(self, time, pose, scan):
+            return 0.0, 0.0
+
+    with pytest.raises(InputError, match="scan_duration"):
+        Simulation(ROOM, Still(), LaserRangeFinder(scan_duration=0.05))
+
+
+@pytest.fixture
+def examples(monkeypatch):
+    monkeypatch.setattr(sys, "path", [str(EXAMPLES), *sys.path])
+
+
+@pytest.mark.parametrize(("world", "scans"), [("corridor", 900), ("paper_room", 450)])
+def test_the_wall_follower_follows_walls_and_runs_into_none(examples, world, scans):
+    from wall_follower import WallFollower
+
+    class Nothing:
+        def update(self, scan):
+            pass
+
+    scenario = lrf3d.load_scenario(world)
+    start = scenario.start if scenario.start is not None else scenario.poses[0]
+    settings = {"start": start, "scan_interval": 0.1, "scans": scans, "radius": scenario.radius}
+    near, poses = [], []
+    for step in Simulation(
+        scenario.world, WallFollower(), scenario.lrf, mapper=Nothing(), **settings
+    ):
+        poses.append(step.pose)
+        near.append(step.true_scan.ranges.min())
+    assert len(poses) == scans
+    assert np.hypot(*np.diff(np.array(poses)[:, :2], axis=0).T).sum() > 0.02 * scans
+    assert np.median(near[100:]) == pytest.approx(0.7, abs=0.15)
+
+
+def test_the_occupancy_grid_maps_a_room_and_reports(examples, tmp_path):
+    from occupancy_grid import OccupancyGrid
+    from PIL import Image
+
+    noise = lrf3d.ProportionalNoise(0.02)
+    drive = lrf3d.follow_route([[2, 2], [8, 2], [8, 6]], speed=1.0, dt=0.5)
+    grid = OccupancyGrid()
+    run = lrf3d.simulate(ROOM, drive, LRF, noise=noise, mapper=grid, rng=0)
+    report = grid.report(run, tmp_path)
+    assert report["precision"] > 0.99 and report["recall"] > 0.95
+    assert len(grid.cells(taken=False)) * 0.01 == pytest.approx(70.0, abs=10.0)
+    with Image.open(tmp_path / "grid.png") as picture:
+        assert 95 < picture.size[0] < 110 and 75 < picture.size[1] < 90
+
+
+def test_the_example_prints_both_mappers(examples, capsys):
+    from occupancy_grid import main
+
+    scenario = EXAMPLES.parent / "worlds" / "corridor.toml"
+    main(scenario)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["mapper", "OccupancyGrid", "LineMapper"]
+    for line in lines[1:]:
+        precision, recall = map(float, line.split()[-2:])
+        assert precision > 0.95 and recall > 0.95
