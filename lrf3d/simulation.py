@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,8 +14,12 @@ from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.steering import Controller
-from lrf3d.steps import Simulation
 from lrf3d.world import World
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from lrf3d.steps import Settings, Simulation
 
 MAP_SNAPSHOTS = 100
 """How many stages of the growing map a run keeps at most: enough for a film, and each takes the
@@ -113,18 +117,18 @@ class Stages:
 
 def simulate(
     world: World,
-    drive: Trajectory | Float | Controller,
+    trajectory: Trajectory | Float | Controller,
     lrf: LaserRangeFinder | None = None,
     *,
     progress: Callable[[int, int], None] = lambda done, total: None,
-    **settings: Any,
+    **settings: "Unpack[Settings]",
 ) -> Run:
     """Drive through a world, scan, map, and keep all of it.
 
     Args:
         world: The walls.
-        drive: A Trajectory, poses (k, 3) a second apart, or a controller; see `Simulation`, which
-            gives the same step by step and keeps nothing.
+        trajectory: A Trajectory, poses (k, 3) a second apart, or a controller; see `Simulation`,
+            which gives the same step by step and keeps nothing.
         lrf: The laser range finder; 181 beams over 180° up to 80 m where not given.
         progress: Called with the scans that are done and all.
         **settings: caster, noise, mapper, rng, movers, and with a controller start,
@@ -135,11 +139,14 @@ def simulate(
             says when a controller's drive ends.
         CollisionError: A controller drives a robot with a radius into a wall.
     """
-    return collect(Simulation(world, drive, lrf, **settings), progress)
+    # Films and figures read runs without casting a beam; they need not wait for compilers.
+    from lrf3d.steps import Simulation
+
+    return collect(Simulation(world, trajectory, lrf, **settings), progress)
 
 
 def collect(
-    simulation: Simulation, progress: Callable[[int, int], None] = lambda done, total: None
+    simulation: "Simulation", progress: Callable[[int, int], None] = lambda done, total: None
 ) -> Run:
     """Run a simulation to its end and keep all of it in memory; `record` keeps it in a file.
 
@@ -175,7 +182,7 @@ def collect(
     )
 
 
-def total_of(simulation: Simulation) -> int:
+def total_of(simulation: "Simulation") -> int:
     """How many scans a run of a simulation has, at most.
 
     Raises:

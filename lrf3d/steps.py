@@ -5,7 +5,7 @@ A world and a drive enter; steps leave as they come, and nothing is kept but wha
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypedDict
 
 import numpy as np
 
@@ -57,6 +57,20 @@ class Step:
     scan: LaserScan
     true_scan: LaserScan
     map: Any
+
+
+class Settings(TypedDict, total=False):
+    """What a simulation may be told beside its world, its drive and its range finder."""
+
+    caster: Caster | None
+    noise: AnyNoise | None
+    mapper: Mapper | None
+    rng: np.random.Generator | int | None
+    movers: Sequence[Mover]
+    start: Sequence[float] | Float
+    scan_interval: float
+    scans: int | None
+    radius: float | None
 
 
 class Simulation:

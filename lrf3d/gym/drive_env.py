@@ -103,7 +103,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         cut = self._steps >= self.max_steps and not ended
         return self._look(), float(outcome.rewards[0]), ended, cut, info
 
-    def render(self) -> NDArray[np.uint8] | None:  
+    def render(self) -> NDArray[np.uint8] | None:
         """A picture (h, w, 3) uint8 of now, as in a film; None without a render_mode.
 
         Raises:

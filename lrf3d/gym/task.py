@@ -94,8 +94,8 @@ class DriveTask:
         """Drive on for the time between two scans.
 
         Args:
-            actions: (k, 2) shares of the scenario's speed and of the fastest turn, left positive; what
-                lies beyond −1 to 1 is cut off. They are held up to the next scan.
+            actions: (k, 2) shares of the scenario's speed and of the fastest turn, left positive;
+                what lies beyond −1 to 1 is cut off. They are held up to the next scan.
         """
         shares = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0)
         v, omega = self.scenario.speed * shares[:, 0], MAX_TURN_RATE * shares[:, 1]

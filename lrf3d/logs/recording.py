@@ -11,7 +11,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,7 +25,9 @@ from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.simulation import Run, Stages, total_of
 from lrf3d.steering import Recorded, Steered
-from lrf3d.steps import Simulation, Step
+
+if TYPE_CHECKING:
+    from lrf3d.steps import Simulation, Step
 
 CHUNK_BYTES = 1 << 22
 """About how much of a run is held in memory before it is written [bytes]."""
@@ -37,7 +39,7 @@ Progress = Callable[[int, int], None]
 
 
 def record(
-    simulation: Simulation,
+    simulation: "Simulation",
     path: str | Path,
     *,
     resume: bool = False,
@@ -101,7 +103,7 @@ class _Recorder:
     """What is recorded but not yet written."""
 
     def __init__(
-        self, simulation: Simulation, journal: Journal, checkpoint: Path, stages: Stages
+        self, simulation: "Simulation", journal: Journal, checkpoint: Path, stages: Stages
     ) -> None:
         self.simulation, self.journal, self.checkpoint = simulation, journal, checkpoint
         self.stages = stages
@@ -179,7 +181,7 @@ class _Recorder:
         """First scan of the chunk that holds a scan."""
         return next(c.first for c in self.journal.chunks if scan < c.first + c.scans)
 
-    def _add(self, step: Step) -> None:
+    def _add(self, step: "Step") -> None:
         row = self._waiting[0]
         columns = self._columns
         columns["times"][row], columns["poses"][row] = step.time, step.pose
@@ -237,7 +239,7 @@ class _Recorder:
             return json.dumps(read_origin(file), sort_keys=True)
 
 
-def origin_of(simulation: Simulation, about: Mapping[str, str]) -> dict[str, str]:
+def origin_of(simulation: "Simulation", about: Mapping[str, str]) -> dict[str, str]:
     """What a simulation is made of: a digest or a name of each part."""
     world, drive = simulation.world, simulation.drive
     if isinstance(drive, Recorded):

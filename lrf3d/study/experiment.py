@@ -135,7 +135,9 @@ class Experiment:
             **settings,
         )
 
-    def simulate(self, trajectory: Trajectory | None, progress: Progress = lambda d, t: None) -> Run:
+    def simulate(
+        self, trajectory: Trajectory | None, progress: Progress = lambda d, t: None
+    ) -> Run:
         """Run the simulation to its end, all of it in memory."""
         return collect(self.simulation(trajectory), progress)
 
@@ -185,9 +187,7 @@ def trajectory_of(
         raise InputError(f"{scenario.name}: neither poses nor a route to drive")
     how = {"speed": scenario.speed, "lookahead": LOOKAHEAD, "dt": scenario.scan_interval}
     if scans is None:
-        laps: tuple[Trajectory, ...] = (
-            follow_route(scenario.route, start=scenario.start, **how),
-        )
+        laps: tuple[Trajectory, ...] = (follow_route(scenario.route, start=scenario.start, **how),)
     else:
         laps = drive_laps(scenario.route, start=scenario.start, **how)
     try:

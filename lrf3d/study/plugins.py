@@ -85,8 +85,7 @@ def load_plugin(kind: str, name: str) -> Plugin:
     except Exception as error:
         reason = " ".join(str(error).split())
         raise InputError(
-            f"--{kind} {name}: {module_name} cannot be imported"
-            f" ({type(error).__name__}: {reason})"
+            f"--{kind} {name}: {module_name} cannot be imported ({type(error).__name__}: {reason})"
         ) from error
     found: Any = module
     for part in path.split("."):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.threads import core_count
+from lrf3d.cores import core_count
 from lrf3d.gym import DriveVectorEnv
 
 WARM_UP = 5
