@@ -1,5 +1,7 @@
 """The environments of Gymnasium."""
 
+import importlib
+import sys
 import warnings
 
 import gymnasium
@@ -159,6 +161,21 @@ def test_pictures_are_those_of_the_film():
     for _ in range(5):
         env.step(np.array([0.3, 0.3]))
     assert not np.array_equal(env.render(), first)
+
+
+def test_the_benchmark_of_robots_tells_its_rate():
+    from lrf3d.study.bench.robots import bench_robots
+
+    result = bench_robots("corridor", robots=16, seconds=0.2).as_dict()
+    assert result["steps"] > 0 and result["beams"] == 361
+    assert result["beams_a_second"] == pytest.approx(361 * result["robot_steps_a_second"])
+
+
+def test_without_gymnasium_the_line_to_run_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    monkeypatch.delitem(sys.modules, "lrf3d.gym")
+    with pytest.raises(lrf3d.MissingLibraryError, match=r"pip install 'lrf3d\[gym\]'"):
+        importlib.import_module("lrf3d.gym")
 
 
 def test_settings_that_make_no_sense_are_refused():

@@ -96,6 +96,8 @@ def test_a_mapper_a_controller_and_a_noise_are_named_on_the_command_line(folder)
     out = folder / "out" / "box"
     assert (out / "points.txt").read_text() == str(15 * 61)
     assert not (out / "map.geojson").exists()
+    again = run(folder, *named, "--noise", "own_parts:longer", "--scans", "50", "--resume")
+    assert json.loads(again.stdout)["report"] == {"points": 15 * 61}
     kept = lrf3d.load_run(out)
     assert np.allclose(kept.ranges - kept.truth, 0.25)
     assert kept.trajectory.poses[-1, 0] == pytest.approx(9.0)
@@ -228,7 +230,7 @@ def test_the_wall_follower_follows_walls_and_runs_into_none(examples, world, sca
         near.append(step.true_scan.ranges.min())
     assert len(poses) == scans
     assert np.hypot(*np.diff(np.array(poses)[:, :2], axis=0).T).sum() > 0.02 * scans
-    assert np.median(near[100:]) == pytest.approx(0.7, abs=0.15)
+    assert np.median(near[100:]) == pytest.approx(0.8, abs=0.2)
 
 
 def test_the_occupancy_grid_maps_a_room_and_reports(examples, tmp_path):

@@ -67,7 +67,7 @@ def small_chunks(monkeypatch):
 
 @pytest.mark.parametrize("mode", ["robust", "paper"])
 def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, tmp_path):
-    scans = SCANS if mode == "robust" else 700
+    scans = SCANS if mode == "robust" else 350
     lrf3d.record(simulation(mode, scans=scans), tmp_path / "whole.npz")
     whole = (tmp_path / "whole.npz").read_bytes()
     path = tmp_path / "run.npz"

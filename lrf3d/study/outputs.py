@@ -82,6 +82,10 @@ class Results:
             "milliseconds_an_update": timed.milliseconds,
         }
         if callable(getattr(mapper, "report", None)):
+            if not timed.updates:
+                # The run was finished before, so that this mapper has seen nothing of it.
+                for scan in runs[0].scans:
+                    mapper.update(scan)
             summary["report"] = mapper.report(runs[0], folder)
         if len(sigmas) > 1:
             summary["noise_levels"] = [

@@ -16,7 +16,7 @@ class Timed:
 
     def __init__(self, mapper: Mapper) -> None:
         self._mapper = mapper
-        self._seconds, self._updates = 0.0, 0
+        self._seconds, self.updates = 0.0, 0
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._mapper, name)
@@ -29,12 +29,12 @@ class Timed:
         begin = perf_counter()
         found = self._mapper.update(scan)
         # What is compiled or loaded at the first scan is no part of what a scan takes.
-        if self._updates:
+        if self.updates:
             self._seconds += perf_counter() - begin
-        self._updates += 1
+        self.updates += 1
         return found
 
     @property
     def milliseconds(self) -> float | None:
         """Mean time of an update after the first [ms]; None where there was no other."""
-        return 1e3 * self._seconds / (self._updates - 1) if self._updates > 1 else None
+        return 1e3 * self._seconds / (self.updates - 1) if self.updates > 1 else None
