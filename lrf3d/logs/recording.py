@@ -191,7 +191,7 @@ class _Recorder:
             # A map that waits to be worked out would hold all that came after it.
             len(step.map)
             self._maps[step.index] = step.map
-        self._waiting = row + 1, _plain(self.simulation.rng)
+        self._waiting = row + 1, dict(self.simulation.rng.bit_generator.state)
         if row + 1 == self._room:
             self._flush()
             if self.journal.scans - self._checked >= CHECKPOINT_SCANS:
