@@ -14,6 +14,9 @@ MARKED = re.compile(
     r'<(?P<tag>span|div) class="arithmatex">\\[(\[](?P<tex>.*?)\\[)\]]</(?P=tag)>', re.DOTALL
 )
 
+FUNCTION = re.compile(r"(<mi>(?:cos|sin)</mi>)")
+"""Names of functions, which browsers set without the space that belongs round them."""
+
 
 def on_page_content(content: str, **_: Any) -> str:
     """Replace each marked equation."""
@@ -26,4 +29,7 @@ def _equation(match: re.Match[str]) -> str:
         math = convert(tex, display="block" if block else "inline")
     except Exception as error:
         raise PluginError(f"not TeX that latex2mathml reads: {tex}") from error
+    if "&amp;" in math:
+        raise PluginError(f"columns that latex2mathml does not read: {tex}")
+    math = FUNCTION.sub(r'<mspace width="0.17em"/>\1<mspace width="0.17em"/>', math)
     return f'<div class="equation">{math}</div>' if block else math
