@@ -30,7 +30,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
             groups[path[0]] = []
             entries.append({path[0]: groups[path[0]]})
         groups[path[0]].append(page)
-    for item in config.nav:
+    for item in config.nav or []:
         if "Commands" in item:
             item["Commands"] = entries
     return config
