@@ -1,4 +1,4 @@
-"""What docstrings write as Sphinx reads it: :class:`Grid` is Grid, and :: before code is a colon."""
+"""Sphinx's marks in docstrings: :class:`Grid` becomes Grid, and :: before code a colon."""
 
 import re
 from typing import Any
