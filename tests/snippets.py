@@ -1,0 +1,176 @@
+"""Snippets of Markdown pages, run as a reader would run them, but at small settings.
+
+Python blocks of a page share their names, worlds in TOML become files, and lines of shell blocks
+that call lrf3d are called. All pages share one folder, and a line that several pages have is
+called once.
+"""
+
+import re
+import shlex
+import tomllib
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import typer
+from markdown_it import MarkdownIt
+from typer.testing import CliRunner
+
+from lrf3d.cli.app import app
+from lrf3d.scenario import load_scenario
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+NOT_OURS = re.compile(
+    r"git clone |python3 -m venv |\. \.venv|\.venv/bin/pip |pip install |scripts/"
+)
+"""Lines of shell that set up lrf3d, or call other programs."""
+
+SMALL = {
+    "run": "--no-video --set robot.scan_interval=1 --set laser.beams=61",
+    "render": "--size 64x64 --fps 1 --playback 4 --workers 1",
+    "stress": "--beams 300 --rationals 3",
+    "localise": "--seeds 1 --workers 1",
+    "bench map": "--seeds 1 --seconds 1",
+    "bench score": "--seeds 1 --poses 3 --beams 61 --vertices 10",
+}
+"""What is added to a command; of an option that is given twice the last one holds."""
+
+INSTEAD = {
+    r"\brun city\b": "run paper_room --out out/city",
+    r"\b(crosscheck|localise) city\b": r"\1 paper_room",
+    r"--at \d+": "--at 2",
+    r"/front/scan": "/scan",
+}
+"""What is called instead of what takes long, or of what a reader has and a test has not."""
+
+CHECKED = ("bench scan", "bench render")
+"""Commands that are parsed and not called: peers take their time, and tests of their own do it."""
+
+FOOTPRINTS = """{"type": "FeatureCollection", "features": [
+{"type": "Feature", "properties": {}, "geometry": {"type": "Polygon",
+"coordinates": [[[0, 0], [8, 0], [8, 6], [0, 6], [0, 0]]]}},
+{"type": "Feature", "properties": {}, "geometry": {"type": "Polygon",
+"coordinates": [[[14, 0], [22, 0], [22, 6], [14, 6], [14, 0]]]}}]}"""
+
+
+@dataclass(frozen=True)
+class Snippet:
+    """A fenced block of a page: its language, its code, and the line where the code begins."""
+
+    page: Path
+    language: str
+    code: str
+    line: int
+
+
+def snippets(page):
+    """The fenced blocks of a page, in order."""
+    return [
+        Snippet(page, token.info.strip(), token.content, token.map[0] + 1)
+        for token in MarkdownIt().parse(page.read_text(encoding="utf-8"))
+        if token.type == "fence"
+    ]
+
+
+@dataclass
+class Workshop:
+    """The folder that snippets run in, with the files that their readers have."""
+
+    folder: Path
+    called: set[str] = field(default_factory=set)
+
+    def prepare(self):
+        """Make the run and the recorded drive that pages speak of, and small files to read."""
+        self.call("lrf3d run city")
+        for name, to in (("drive.log.gz", "carmen"), ("drive.mcap", "mcap")):
+            self.call(f"lrf3d export out/city --to {to} --out {name}")
+        self.call("lrf3d export out/city --to rosbag2 --out rosbag2_2026_01_31")
+        Path("footprints.geojson").write_text(FOOTPRINTS)
+        _write_plan(Path("plan.dxf"))
+        _write_scans(Path("scans.npz"))
+
+    def run(self, page):
+        """Run all snippets of a page; return what each block of Python printed."""
+        names, world, printed = {}, "", []
+        for snippet in snippets(page):
+            if snippet.language == "python":
+                # As many empty lines go before as makes an error name its line of the page.
+                code = "\n" * snippet.line + snippet.code
+                with redirect_stdout(StringIO()) as said:
+                    exec(compile(code, str(page), "exec"), names)
+                printed.append(said.getvalue())
+            elif snippet.language == "toml":
+                # A table that stands alone is one more of the world before it.
+                alone = "[[object]]" not in snippet.code
+                world = world + snippet.code if alone else snippet.code
+                path = Path(tomllib.loads(world)["name"] + ".toml")
+                path.write_text(world)
+                load_scenario(path)
+            elif snippet.language == "sh":
+                for line in snippet.code.splitlines():
+                    self.shell(line.partition(" #")[0].strip())
+        return printed
+
+    def shell(self, line):
+        """Call a line of shell that is ours; of the others the scripts must be there."""
+        if NOT_OURS.match(line):
+            assert not line.startswith("scripts/") or (ROOT / line.split()[0]).is_file()
+        elif line:
+            assert line.startswith("lrf3d "), f"what is {line!r}?"
+            self.call(line)
+
+    def call(self, line):
+        """Call lrf3d, once for each line."""
+        if line in self.called:
+            return
+        self.called.add(line)
+        words = small(line)
+        if _named(words) in CHECKED:
+            _check(words)
+            return
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 0, f"{line}: {done.output} {done.exception}"
+
+
+def small(line):
+    """The arguments of a line that calls lrf3d, at small settings."""
+    for long, short in INSTEAD.items():
+        line = re.sub(long, short, line)
+    words = shlex.split(line)[1:]
+    return words + shlex.split(SMALL.get(_named(words), ""))
+
+
+def _named(words):
+    """The command that words call."""
+    return " ".join(words[: 2 if words[0] in ("bench", "world") else 1])
+
+
+def _check(words):
+    """See that a command takes these words."""
+    group, name, *rest = words
+    command = typer.main.get_command(app).commands[group].commands[name]
+    command.make_context(name, rest)
+
+
+def _write_plan(path):
+    import ezdxf
+
+    drawing = ezdxf.new()
+    drawing.modelspace().add_lwpolyline([(0, 0), (8, 0), (8, 6), (0, 6)], close=True)
+    drawing.saveas(path)
+
+
+def _write_scans(path):
+    angles, count = np.linspace(-1.0, 1.0, 41), 3
+    np.savez(
+        path,
+        real_azimuth=np.tile(angles, count),
+        real_range=np.tile(4.0 / np.cos(angles), count),
+        real_n=np.full(count, len(angles)),
+        real_pose=np.zeros((count, 3)),
+        real_rlim=np.tile([0.1, 30.0], (count, 1)),
+    )

@@ -1,0 +1,128 @@
+"""What the README and the documentation show runs, and does what they say."""
+
+import os
+import re
+import subprocess
+import sys
+import zlib
+
+import pytest
+import typer
+from snippets import PAGES, ROOT, Workshop, snippets
+
+import lrf3d
+from lrf3d.cli.app import app
+
+README = PAGES[0]
+
+
+def commands(command, name="lrf3d"):
+    """All commands by their names."""
+    for key, inner in command.commands.items():
+        if hasattr(inner, "commands"):
+            yield from commands(inner, f"{name} {key}")
+        else:
+            yield f"{name} {key}", inner
+
+
+COMMANDS = list(commands(typer.main.get_command(app)))
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    workshop = Workshop(tmp_path_factory.mktemp("workshop"))
+    before = os.getcwd()
+    os.chdir(workshop.folder)
+    workshop.prepare()
+    os.chdir(before)
+    return workshop
+
+
+@pytest.fixture
+def workshop(shared, monkeypatch):
+    """The folder of all snippets, to be in; films are drawn small there."""
+    monkeypatch.chdir(shared.folder)
+    render = lrf3d.render_video
+
+    def small(run, path, **_):
+        render(run, path, size=(64, 64), fps=1.0, playback=100.0, workers=1)
+
+    monkeypatch.setattr(lrf3d, "render_video", small)
+    return shared
+
+
+@pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_snippet_runs(page, workshop):
+    workshop.run(page)
+
+
+@pytest.mark.parametrize("name, command", COMMANDS, ids=[name for name, _ in COMMANDS])
+def test_the_example_of_every_command_runs(name, command, workshop):
+    example = command.epilog.removeprefix("Example: ")
+    assert example.startswith(f"{name} ")
+    workshop.shell(example)
+
+
+def test_the_readme_does_what_it_says(workshop):
+    code = next(item.code for item in snippets(README) if item.language == "python")
+    assert len(code.strip().splitlines()) <= 11
+    printed = workshop.run(README)
+    assert re.fullmatch(r"2\d\d segments in \d\d objects\n", printed[0])
+    assert len(lrf3d.LineMap.load("map.geojson")) > 200
+    # The robot that finds itself: errors of x, y and theta.
+    errors = [float(word) for word in printed[-1].strip("[] \n").split()]
+    assert len(errors) == 3 and max(errors) < 0.02
+
+
+@pytest.mark.parametrize("picture", re.findall(r"\((assets/[^)]*)\)", README.read_text()))
+def test_every_picture_of_the_readme_is_there(picture):
+    assert (ROOT / picture).is_file()
+
+
+def test_every_key_of_a_world_file_is_told():
+    from lrf3d.world.schema import CAMERA, MOVER, OBJECT, TABLES
+
+    told = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    keys = {key for table in (*TABLES.values(), OBJECT, MOVER, CAMERA) for key in table}
+    assert [key for key in sorted(keys) if f"`{key}`" not in told] == []
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    pytest.importorskip("material", reason="needs pip install 'lrf3d[docs]'")
+    pytest.importorskip("mkdocstrings", reason="needs pip install 'lrf3d[docs]'")
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", folder],
+        cwd=ROOT,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "true", "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "WARNING" not in done.stderr
+    return folder
+
+
+def test_the_site_fetches_nothing_from_the_net(site):
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        fetched = re.findall(r"<(?:script|img|iframe|link)\b[^>]*(?:src|href)=\"?(https?://)", text)
+        assert not fetched, page
+    for sheet in site.rglob("*.css"):
+        assert "url(http" not in sheet.read_text(encoding="utf-8")
+
+
+def test_every_equation_became_one(site):
+    pages = {page: page.read_text(encoding="utf-8") for page in (site / "theory").glob("*.html")}
+    assert sum(text.count("<math") for text in pages.values()) > 50
+    assert not [page for page, text in pages.items() if "arithmatex" in text or "merror" in text]
+
+
+def test_every_public_name_and_every_command_has_its_place(site):
+    lines = (site / "objects.inv").read_bytes().split(b"\n", 4)
+    names = {line.split()[0] for line in zlib.decompress(lines[4]).decode().splitlines()}
+    assert {f"lrf3d.{name}" for name in lrf3d.__all__} <= names
+    for name, _ in COMMANDS:
+        page = site / "commands" / f"{'-'.join(name.split()[1:])}.html"
+        assert f'<h1 id="{name.replace(" ", "-")}">' in page.read_text(encoding="utf-8")
