@@ -40,14 +40,14 @@ class Experiment:
         mode: Mode of the mapper; the scenario's where not given.
         sigma: Noise [m] at range_max; the scenario's first where not given.
         seed: Seed of the noise.
-        caster: ``embree`` or ``planar``.
+        caster: ``embree``, ``planar``, or a caster of the world that was used before.
     """
 
     scenario: Scenario
     mode: str | None = None
     sigma: float | None = None
     seed: int = 0
-    caster: str = "embree"
+    caster: str | Caster = "embree"
 
     @property
     def noise(self) -> float:
@@ -77,19 +77,25 @@ class Experiment:
 
     def simulate(self, trajectory: Trajectory, progress: Progress = lambda d, t: None) -> Run:
         """Run the simulation along a trajectory."""
-        if self.caster not in CASTERS:
-            raise InputError(f"caster {self.caster!r}: expected one of {', '.join(CASTERS)}")
         return simulate(
             self.scenario.world,
             trajectory,
             self.scenario.lrf,
-            caster=CASTERS[self.caster](self.scenario.world),
+            caster=self._caster(),
             noise=self.scenario.imperfections.noise(self.noise),
             mapper=self.mapper(),
             rng=self.seed,
             movers=self.movers(float(trajectory.times[-1])),
             progress=progress,
         )
+
+    def _caster(self) -> Caster:
+        """What casts the beams; one that was used before has its trees already."""
+        if not isinstance(self.caster, str):
+            return self.caster
+        if self.caster not in CASTERS:
+            raise InputError(f"caster {self.caster!r}: expected one of {', '.join(CASTERS)}")
+        return CASTERS[self.caster](self.scenario.world)
 
 
 def with_route(scenario: Scenario) -> Scenario:

@@ -1,0 +1,151 @@
+"""The figures of a sweep: scores over what is varied, with their confidence intervals.
+
+In go curves that a study has measured; a matplotlib figure leaves, and a picture file where a
+path is given.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+
+from lrf3d.render.chart import HEAD, Sheet
+from lrf3d.render.map_benchmark_panels import COLOURS
+from lrf3d.render.page import FAINT, INK
+
+PANELS = (
+    ("length_f1", "length F1", 1.0),
+    ("segment_f1", "segment F1", 1.0),
+    ("object_purity", "object purity", 1.0),
+    ("perpendicular_rms", "distance from the true walls, RMS [mm]", 1e3),
+    ("segment_ratio", "segments by visible walls", 1.0),
+    ("object_ratio", "unions by visible objects", 1.0),
+)
+"""What the panels show: a measure, its name, and what its values are multiplied by."""
+
+SHARES = ("length_f1", "segment_f1", "object_purity")
+"""Measures from 0 to 1, which have one scale in all figures."""
+
+RATIOS = ("segment_ratio", "object_ratio")
+"""Measures of which 1 is right."""
+
+PALEST = 0.6
+"""How far the last of several curves of one mode is mixed with white."""
+
+COLUMNS, WIDE, TALL = 3, 4.1, 2.7
+"""Panels of a row, and the size of each [inches]."""
+
+LEFT, RIGHT, ACROSS, BELOW, BETWEEN = 0.6, 0.25, 0.55, 1.0, 0.85
+"""Room left of, right of and between the panels, below all and between the rows [inches]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Means of one mode, and of one choice of all else, over what is varied.
+
+    Args:
+        mode: Mode of the mapper, which gives the colour.
+        choice: What else was chosen, in words; empty where there is no choice.
+        x: The values that are varied.
+        means: For each measure the means, one a value.
+        halves: For each measure half of the width of the intervals; NaN where there is none.
+    """
+
+    mode: str
+    choice: str
+    x: tuple[float, ...]
+    means: dict[str, tuple[float, ...]]
+    halves: dict[str, tuple[float, ...]]
+
+
+def draw_sweep(
+    curves: Sequence[Curve],
+    path: str | Path | None = None,
+    *,
+    axis: str,
+    titles: tuple[str, str],
+) -> Figure:
+    """Draw every measure over what is varied.
+
+    Args:
+        curves: The curves.
+        path: Where to write the picture; nowhere where not given.
+        axis: What is varied, in words.
+        titles: The headline, and the smaller line below it.
+
+    Raises:
+        OutputError: The picture cannot be written.
+    """
+    rows = -(-len(PANELS) // COLUMNS)
+    width = LEFT + COLUMNS * WIDE + (COLUMNS - 1) * ACROSS + RIGHT
+    height = BELOW + rows * TALL + (rows - 1) * BETWEEN + 0.45 + HEAD
+    sheet = Sheet(width, height, titles)
+    colours = _colours(curves)
+    for number, (measure, name, factor) in enumerate(PANELS):
+        row, column = divmod(number, COLUMNS)
+        left = LEFT + column * (WIDE + ACROSS)
+        axes = sheet.panel(left, BELOW + (rows - 1 - row) * (TALL + BETWEEN), WIDE, TALL)
+        axes.set_title(name, loc="left", color=INK, fontsize=11, weight="bold")
+        for curve, colour in zip(curves, colours, strict=True):
+            _curve(axes, curve, measure, factor, colour)
+        _scales(axes, curves, measure)
+        if row == rows - 1:
+            axes.set_xlabel(axis, color=FAINT, fontsize=9)
+    signs = [
+        Line2D([], [], color=colour, lw=1.8, marker="o", ms=5.0, mec="white", mew=0.8,
+               label=f"{curve.mode} mode" + (f", {curve.choice}" if curve.choice else ""))
+        for curve, colour in zip(curves, colours, strict=True)
+    ]  # fmt: skip
+    sheet.figure.legend(
+        handles=signs, loc="lower center", bbox_to_anchor=(0.5, 0.1 / height), frameon=False,
+        ncols=min(len(signs), 6), fontsize=9, labelcolor=INK, borderaxespad=0.0,
+    )  # fmt: skip
+    return sheet.save(path)
+
+
+def _curve(axes: Axes, curve: Curve, measure: str, factor: float, colour: str) -> None:
+    """A curve with the band that holds the mean."""
+    x = np.array(curve.x)
+    mean = factor * np.array(curve.means[measure])
+    half = factor * np.nan_to_num(np.array(curve.halves[measure]))
+    axes.fill_between(x, mean - half, mean + half, color=colour, alpha=0.16, lw=0, zorder=3)
+    axes.errorbar(x, mean, half, color=colour, lw=0, elinewidth=1.0, capsize=2.0, zorder=4)
+    axes.plot(x, mean, color=colour, lw=1.8, marker="o", ms=5.0, mec="white", mew=0.8, zorder=5)
+
+
+def _scales(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
+    values = sorted({value for curve in curves for value in curve.x})
+    if values[0] > 0.0 and values[-1] >= 8.0 * values[0]:
+        axes.set_xscale("log")
+    elif values[0] == 0.0 and len(values) > 2 and values[-1] >= 8.0 * values[1]:
+        # Zero has no logarithm: it stands a step before the least value that has.
+        axes.set_xscale("symlog", linthresh=values[1])
+    axes.xaxis.set_major_locator(FixedLocator(values))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xticks(values, [f"{value:g}" for value in values])
+    if measure in SHARES:
+        axes.set_ylim(-0.02, 1.03)
+        return
+    if measure in RATIOS:
+        axes.axhline(1.0, color=FAINT, lw=1.0, ls=(0, (4, 3)), zorder=2)
+    low, high = axes.get_ylim()
+    axes.set_ylim(0.0, max(1.08 * high, 1e-9))
+    axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
+
+
+def _colours(curves: Sequence[Curve]) -> list[str | tuple[float, float, float]]:
+    """The colour of the mode, the paler the later a curve comes among those of its mode."""
+    colours: list[str | tuple[float, float, float]] = []
+    for number, curve in enumerate(curves):
+        same = [k for k, other in enumerate(curves) if other.mode == curve.mode]
+        share = PALEST * same.index(number) / max(1, len(same) - 1)
+        base = np.array(to_rgb(COLOURS[curve.mode]))
+        red, green, blue = (base + share * (1.0 - base)).tolist()
+        colours.append((red, green, blue))
+    return colours
