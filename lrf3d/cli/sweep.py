@@ -19,9 +19,7 @@ def sweep(
     sigma: Annotated[
         str | None, typer.Option(metavar="S,S,…", help="Noises [m] at range_max.")
     ] = None,
-    beams: Annotated[
-        str | None, typer.Option(metavar="N,N,…", help="Numbers of beams.")
-    ] = None,
+    beams: Annotated[str | None, typer.Option(metavar="N,N,…", help="Numbers of beams.")] = None,
     mode: Annotated[
         str | None, typer.Option(metavar="M,M", help="Modes of the mapper; both if not given.")
     ] = None,

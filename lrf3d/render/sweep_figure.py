@@ -92,7 +92,8 @@ def draw_sweep(
         left = LEFT + column * (WIDE + ACROSS)
         axes = sheet.panel(left, BELOW + (rows - 1 - row) * (TALL + BETWEEN), WIDE, TALL)
         axes.set_title(name, loc="left", color=INK, fontsize=11, weight="bold")
-        for curve, colour in zip(curves, colours, strict=True):
+        # The strongest colours lie on top.
+        for curve, colour in reversed(list(zip(curves, colours, strict=True))):
             _curve(axes, curve, measure, factor, colour)
         _scales(axes, curves, measure)
         if row == rows - 1:
@@ -134,8 +135,7 @@ def _scales(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
         return
     if measure in RATIOS:
         axes.axhline(1.0, color=FAINT, lw=1.0, ls=(0, (4, 3)), zorder=2)
-    low, high = axes.get_ylim()
-    axes.set_ylim(0.0, max(1.08 * high, 1e-9))
+    axes.set_ylim(0.0, max(1.08 * axes.get_ylim()[1], 1e-9))
     axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
 
 

@@ -31,12 +31,10 @@ class Batches:
         workers: How many workers share them.
     """
 
-    def __init__(
-        self, runs: Iterable[PlannedRun], cells: Sequence[Cell], *, workers: int
-    ) -> None:
+    def __init__(self, runs: Iterable[PlannedRun], cells: Sequence[Cell], *, workers: int) -> None:
         self._waiting = deque(runs)
         self._cells, self._workers = cells, workers
-        self._spent: dict[object, tuple[float, int]] = {}
+        self._pace: dict[object, float] = {}
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -58,18 +56,16 @@ class Batches:
         return Batch(place, tuple(runs))
 
     def learn(self, batch: Batch, seconds: float) -> None:
-        """Take in how long a batch took [s]."""
+        """Take in how long a batch took [s].
+
+        Only the last counts: the first in a process also load what was compiled.
+        """
         for name in {each for run in batch.runs for each in self._names(run)}:
-            spent, count = self._spent.get(name, (0.0, 0))
-            self._spent[name] = spent + seconds, count + len(batch.runs)
+            self._pace[name] = seconds / len(batch.runs)
 
     def _expected(self, run: PlannedRun) -> float:
         """How long a run will take [s]; a whole batch where nothing like it has been made."""
-        for name in self._names(run):
-            if name in self._spent:
-                spent, count = self._spent[name]
-                return spent / count
-        return SECONDS
+        return next((self._pace[n] for n in self._names(run) if n in self._pace), SECONDS)
 
     def _names(self, run: PlannedRun) -> tuple[object, ...]:
         """What a run is like: its cell, or else its world and mode."""

@@ -5,11 +5,12 @@ the address of a scheduler its workers are used. Nothing listens beyond 127.0.0.
 user has started, and there is no dashboard.
 """
 
+import hashlib
 import logging
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
 
 import lrf3d
 from lrf3d.casting.threads import core_count
@@ -19,9 +20,7 @@ try:
     import dask
     from distributed import Client, LocalCluster
 except ImportError as error:
-    raise MissingLibraryError(
-        "sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'"
-    ) from error
+    raise MissingLibraryError("sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'") from error
 
 ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+/?")
 """Addresses of schedulers."""
@@ -72,9 +71,11 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Client]:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address=None,
-            worker_dashboard_address=None,
+            # Port 0 is any that is free; without it two sweeps would want the same.
+            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+            worker_dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
+            preload=["lrf3d.study.sweep.preload"],
         ) as cluster,
         Client(cluster) as client,
     ):
@@ -84,7 +85,7 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Client]:
 @contextmanager
 def _remote(address: str) -> Iterator[Client]:
     try:
-        client = Client(address, timeout=PATIENCE, set_as_default=False)
+        client = Client(address, timeout=PATIENCE)
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(
             f"--scheduler {address}: no scheduler answers there; start one with dask scheduler,"
@@ -97,25 +98,31 @@ def _remote(address: str) -> Iterator[Client]:
             raise InputError(
                 f"--scheduler {address}: it has no workers; start some with dask worker {address}"
             ) from error
-        _check_versions(client, address)
+        _check_code(client, address)
         yield client
 
 
-def _check_versions(client: Client, address: str) -> None:
-    """See that the workers have this lrf3d: others could give other figures."""
+def _check_code(client: Client, address: str) -> None:
+    """See that the workers have just this lrf3d: another could give other figures."""
     try:
-        versions: dict[str, Any] = client.run(_version)
+        found: dict[str, str] = client.run(code_digest)
     except Exception as error:
         raise InputError(
             f"--scheduler {address}: its workers cannot import lrf3d; install it there"
         ) from error
-    for worker, version in versions.items():
-        if version != lrf3d.__version__:
-            raise InputError(
-                f"--scheduler {address}: worker {worker} has lrf3d {version}, here it is"
-                f" {lrf3d.__version__}; install the same"
-            )
+    ours = code_digest()
+    others = [worker for worker, theirs in found.items() if theirs != ours]
+    if others:
+        raise InputError(
+            f"--scheduler {address}: worker {others[0]} has another version of lrf3d; install"
+            " there what is installed here"
+        )
 
 
-def _version() -> str:
-    return lrf3d.__version__
+def code_digest() -> str:
+    """A digest of the source of lrf3d as it lies on this machine."""
+    package = Path(lrf3d.__file__).parent
+    total = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        total.update(str(path.relative_to(package)).encode() + b"\0" + path.read_bytes())
+    return total.hexdigest()

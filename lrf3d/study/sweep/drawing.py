@@ -99,7 +99,8 @@ def _joined(means: Sequence[Mean]) -> Mean:
 def _scans(plan: Plan, world: str) -> str:
     place = plan.places[next(cell.place for cell in plan.cells if cell.world == world)]
     count = len(place.trajectory)
-    return f"{count} scans along its drive" if place.scenario.poses is None else f"{count} scans"
+    words = f"{count} scan" + ("" if count == 1 else "s")
+    return f"{words} along its drive" if place.scenario.poses is None else words
 
 
 def table_text(plan: Plan, rows: Sequence[Row]) -> str:
@@ -117,8 +118,11 @@ def table_text(plan: Plan, rows: Sequence[Row]) -> str:
             *(
                 _figure(mean.measures[name], factor, digits)
                 for name, factor, digits in (
-                    ("length_f1", 1.0, 3), ("segment_f1", 1.0, 3), ("segment_ratio", 1.0, 2),
-                    ("perpendicular_rms", 1e3, 1), ("object_purity", 1.0, 3),
+                    ("length_f1", 1.0, 3),
+                    ("segment_f1", 1.0, 3),
+                    ("segment_ratio", 1.0, 2),
+                    ("perpendicular_rms", 1e3, 1),
+                    ("object_purity", 1.0, 3),
                     ("object_ratio", 1.0, 2),
                 )
             ),

@@ -130,9 +130,7 @@ def _run(scenario: Scenario, seen: str, cell: int, seed: int) -> PlannedRun:
 class _Drives:
     """The drives through one world, each driven once."""
 
-    def __init__(
-        self, world: World, every: int, collision: Callable[[str], None] | None
-    ) -> None:
+    def __init__(self, world: World, every: int, collision: Callable[[str], None] | None) -> None:
         self._walls = digest((world.segments, world.objects, world.heights))
         self._every, self._collision = every, collision
         self._driven: dict[str, Trajectory] = {}

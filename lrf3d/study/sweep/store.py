@@ -21,9 +21,7 @@ try:
     import pyarrow as arrow
     from pyarrow import parquet
 except ImportError as error:
-    raise MissingLibraryError(
-        "sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'"
-    ) from error
+    raise MissingLibraryError("sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'") from error
 
 TABLE, PARTS = "sweep.parquet", "parts"
 """Names of the table and of the folder of part files."""

@@ -83,12 +83,8 @@ def carry_out(place: Place, orders: Sequence[Order]) -> Report:
 
 def run_of(place: Place, order: Order) -> Run:
     """One run, simulated."""
-    scenario = replace(
-        place.scenario, mapper=dict(order.mapper), imperfections=order.imperfections
-    )
-    experiment = Experiment(
-        scenario, sigma=order.sigma, seed=order.seed, caster=place.caster
-    )
+    scenario = replace(place.scenario, mapper=dict(order.mapper), imperfections=order.imperfections)
+    experiment = Experiment(scenario, sigma=order.sigma, seed=order.seed, caster=place.caster)
     return experiment.simulate(place.trajectory)
 
 
