@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
@@ -139,13 +139,12 @@ def _scales(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
     axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
 
 
-def _colours(curves: Sequence[Curve]) -> list[str | tuple[float, float, float]]:
+def _colours(curves: Sequence[Curve]) -> list[str]:
     """The colour of the mode, the paler the later a curve comes among those of its mode."""
-    colours: list[str | tuple[float, float, float]] = []
+    colours = []
     for number, curve in enumerate(curves):
         same = [k for k, other in enumerate(curves) if other.mode == curve.mode]
         share = PALEST * same.index(number) / max(1, len(same) - 1)
         base = np.array(to_rgb(COLOURS[curve.mode]))
-        red, green, blue = (base + share * (1.0 - base)).tolist()
-        colours.append((red, green, blue))
+        colours.append(to_hex(tuple((base + share * (1.0 - base)).tolist())))
     return colours

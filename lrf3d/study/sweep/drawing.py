@@ -21,6 +21,16 @@ MOST_CURVES = 8
 MOST_LINES = 60
 """Lines of a table for the eye at most; the summary has all."""
 
+TOLD = {
+    "length_f1": (1.0, 3),
+    "segment_f1": (1.0, 3),
+    "segment_ratio": (1.0, 2),
+    "perpendicular_rms": (1e3, 1),
+    "object_purity": (1.0, 3),
+    "object_ratio": (1.0, 2),
+}
+"""What the table for the eye tells, what its values are multiplied by, and their decimals."""
+
 
 def draw_figures(plan: Plan, rows: Sequence[Row], folder: Path) -> dict[str, Path]:
     """Draw every world over everything that is varied in numbers.
@@ -67,7 +77,7 @@ def curves_of(means: Sequence[CellMean], column: str, plan: Plan) -> tuple[list[
         mine = [m for m in means if all(m.columns[name] == v for name, v in chosen.items())]
         words = ", ".join(f"{name.removesuffix('_m')} {value}" for name, value in
                           zip(others, choice, strict=True))  # fmt: skip
-        curves.append(_curve(mine, column, mode, words))
+        curves.append(_curve(mine, column, str(mode), words))
     return curves, averaged
 
 
@@ -115,18 +125,8 @@ def table_text(plan: Plan, rows: Sequence[Row]) -> str:
         (
             mean.world,
             *(_word(mean.columns[name]) for name in told),
-            *(
-                _figure(mean.measures[name], factor, digits)
-                for name, factor, digits in (
-                    ("length_f1", 1.0, 3),
-                    ("segment_f1", 1.0, 3),
-                    ("segment_ratio", 1.0, 2),
-                    ("perpendicular_rms", 1e3, 1),
-                    ("object_purity", 1.0, 3),
-                    ("object_ratio", 1.0, 2),
-                )
-            ),
-        )  # fmt: skip
+            *(_figure(mean.measures[name], *how) for name, how in TOLD.items()),
+        )
         for mean in means
     ]
     text = table(head, lines[:MOST_LINES])

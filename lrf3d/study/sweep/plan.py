@@ -112,7 +112,11 @@ def make_plan(grid: Grid, *, collision: Callable[[str], None] | None = None) -> 
             seen, place = drives.place(scenario)
             # A threshold that cannot be is better known now than on a worker.
             mode = Experiment(scenario).mapper().mode
-            usual = {"mode": mode, "sigma_m": scenario.sigmas[0], "beams": scenario.lrf.beams}
+            usual: dict[str, Value] = {
+                "mode": mode,
+                "sigma_m": scenario.sigmas[0],
+                "beams": scenario.lrf.beams,
+            }
             varied = {column_of(key): value for key, value in values.items()}
             places.setdefault(seen, place)
             cells.append(Cell(scenario.name, seen, {**usual, **varied}))
