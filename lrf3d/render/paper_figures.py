@@ -79,6 +79,8 @@ def draw_updates(updates: Mapping[str, Float], interval: float, titles: tuple[st
 
 def draw_search(pairs: Sequence[PairPoint], titles: tuple[str, str]) -> Figure:
     """Comparisons of lines by the size of the known map."""
-    sheet = Sheet(LEFT + WIDE + RIGHT, BELOW + TALL + 0.35 + HEAD, titles)
-    draw_pairs(sheet.panel(LEFT, BELOW, WIDE, TALL), pairs)
+    sheet = Sheet(LEFT + WIDE + RIGHT, BELOW + TALL + HEAD, titles)
+    axes = sheet.panel(LEFT, BELOW, WIDE, TALL)
+    draw_pairs(axes, pairs)
+    axes.set_title("", loc="left")  # The headline says it.
     return sheet.save(None)

@@ -23,7 +23,7 @@ PANELS = (
     ("length_f1", "length F1", 1.0),
     ("segment_f1", "segment F1", 1.0),
     ("object_purity", "object purity", 1.0),
-    ("perpendicular_rms", "distance from the true walls, RMS [mm]", 1e3),
+    ("perpendicular_rms", "RMS distance from walls [mm]", 1e3),
     ("segment_ratio", "segments by visible walls", 1.0),
     ("object_ratio", "unions by visible objects", 1.0),
 )
@@ -38,10 +38,10 @@ RATIOS = ("segment_ratio", "object_ratio")
 PALEST = 0.6
 """How far the last of several curves of one mode is mixed with white."""
 
-COLUMNS, WIDE, TALL = 3, 4.1, 2.7
+COLUMNS, WIDE, TALL = 3, 3.1, 2.3
 """Panels of a row, and the size of each [inches]."""
 
-LEFT, RIGHT, ACROSS, BELOW, BETWEEN = 0.6, 0.25, 0.55, 1.0, 0.85
+LEFT, RIGHT, ACROSS, BELOW, BETWEEN = 0.55, 0.2, 0.5, 0.9, 0.7
 """Room left of, right of and between the panels, below all and between the rows [inches]."""
 
 
@@ -105,7 +105,7 @@ def draw_sweep(
     ]  # fmt: skip
     sheet.figure.legend(
         handles=signs, loc="lower center", bbox_to_anchor=(0.5, 0.1 / height), frameon=False,
-        ncols=min(len(signs), 6), fontsize=9, labelcolor=INK, borderaxespad=0.0,
+        ncols=min(len(signs), 4), fontsize=9, labelcolor=INK, borderaxespad=0.0,
     )  # fmt: skip
     return sheet.save(path)
 

@@ -10,8 +10,7 @@ from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import Float
 from lrf3d.render.embedded import embed_figure, embed_frame
 from lrf3d.render.figures import draw_map
-from lrf3d.render.map_benchmark_panels import StorePoint
-from lrf3d.render.paper_figures import draw_storage, draw_updates
+from lrf3d.render.paper_figures import draw_updates
 from lrf3d.robot import Trajectory
 from lrf3d.scenario import load_scenario
 from lrf3d.scoring import BuildingCount, MapScore, StorageCount, buildings_seen, score_run, storage
@@ -161,7 +160,6 @@ def city_claim(drives: dict[str, Drive]) -> Claim:
                     draw_map(drives[mode].run, title=f"The city in {mode} mode"), lines=False
                 ),
                 f"Fig. 7 redone in {mode} mode.",
-                half=True,
             )
             for mode in MODES
         ),
@@ -175,79 +173,6 @@ def city_claim(drives: dict[str, Drive]) -> Claim:
 def _mostly_whole(count: BuildingCount) -> bool | None:
     seen = count.seen_on_all_sides
     return count.whole >= WHOLE * seen if seen else None
-
-
-def memory_claim(city: dict[str, Drive], room: dict[str, Drive]) -> Claim:
-    """Unions of segments take less memory than a grid and than polylines."""
-    places = {"the room, σ = 0.07 m": room, "the city, σ = 0.04 m": city}
-    rows = []
-    for place, drives in places.items():
-        for mode in MODES:
-            count = drives[mode].stored
-            rows.append(
-                (
-                    place.split(",")[0].removeprefix("the "),
-                    mode,
-                    f"{count.segments:,} in {count.unions:,}",
-                    f"{count.union_numbers:,}",
-                    f"{count.polyline_lines:,} in {count.polylines:,}",
-                    f"{count.polyline_numbers:,}",
-                    f"{count.grid_cells:,}",
-                )
-            )
-    points = {
-        place: [
-            StorePoint(m, c.union_numbers, c.polyline_numbers, c.grid_cells)
-            for m, c in ((mode, drives[mode].stored) for mode in MODES)
-        ]
-        for place, drives in places.items()
-    }
-    figure = draw_storage(
-        points,
-        ("Numbers to store", "a segment takes 5 numbers with its union's label, a vertex of a"
-         " polyline 2, a cell of the grid 1"),
-    )  # fmt: skip
-    best = city["robust"].stored
-    return Claim(
-        "memory",
-        "Unions of line segments take less memory than grids and polylines",
-        "Section 4",
-        "An occupancy grid takes a huge amount of memory. G3, six lines as a union, would be"
-        " fourteen lines in four polylines, as views from different sides cannot be joined.",
-        f"The city takes {best.union_numbers:,} numbers as unions in robust mode,"
-        f" {best.polyline_numbers:,} as the polylines of the same scans and"
-        f" {best.grid_cells:,} cells of 0.1 m as a grid: {best.grid_cells / best.union_numbers:,.0f}"
-        " times as many.",
-        "unions take fewer numbers than polylines and than cells of a grid, in the room and in the"
-        " city",
-        {
-            mode: all(
-                drives[mode].stored.union_numbers
-                < min(drives[mode].stored.polyline_numbers, drives[mode].stored.grid_cells)
-                for drives in places.values()
-            )
-            for mode in MODES
-        },
-        (
-            Table(
-                (
-                    "place",
-                    "mode",
-                    "segments in unions",
-                    "numbers",
-                    "lines in polylines",
-                    "numbers",
-                    "cells of a grid",
-                ),
-                tuple(rows),
-            ),
-        ),
-        (Picture(embed_figure(figure), "What the maps take to store, on a logarithmic scale."),),
-        {
-            name: {mode: drive.stored.as_dict() for mode, drive in drives.items()}
-            for name, drives in (("room", room), ("city", city))
-        },
-    )
 
 
 def speed_claim(drives: dict[str, Drive]) -> Claim:
@@ -279,7 +204,7 @@ def speed_claim(drives: dict[str, Drive]) -> Claim:
         f"An update with a scan of {drives['robust'].run.lrf.beams} beams takes"
         f" {1e3 * robust['median_s']:.2f} ms in robust mode, however large the map is, and"
         f" {1e3 * paper['median_s']:.1f} ms in paper mode, where it grows with the map. A scan"
-        f" comes every {1e3 * interval:.0f} ms. Of the first updates some load compiled code.",
+        f" comes every {1e3 * interval:.0f} ms.",
         f"at least {100 * IN_TIME:.0f} % of the updates take less than the time between two scans",
         {mode: each["in_time"] >= IN_TIME for mode, each in figures.items()},
         (

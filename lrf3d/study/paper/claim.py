@@ -7,6 +7,11 @@ from typing import Any
 MODES = ("robust", "paper")
 """Modes of the mapper, the default first."""
 
+WORDS = {
+    "robust": "robust mode", "paper": "paper mode", "city": "the city", "room": "the room",
+}  # fmt: skip
+"""Where a claim may hold, in words."""
+
 
 @dataclass(frozen=True, slots=True)
 class Picture:
@@ -15,12 +20,10 @@ class Picture:
     Args:
         data: The picture as a data URI.
         caption: What is seen.
-        half: Two of these stand beside each other.
     """
 
     data: str
     caption: str
-    half: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +45,8 @@ class Claim:
         said: What the paper says.
         found: What was measured, in sentences.
         criterion: When it is said to hold.
-        holds: Whether it does, by mode, or under ``lrf3d`` where modes do not matter; None where
-            it could not be measured.
+        holds: Whether it does, by mode or by place, or under ``lrf3d`` where neither matters;
+            None where it could not be measured.
         tables: The figures.
         pictures: What is seen.
         data: The figures in JSON's types.
@@ -68,8 +71,8 @@ class Claim:
             return "not measured"
         if all(known.values()):
             return "holds"
-        right = [name for name, value in known.items() if value]
-        return f"holds in {right[0]} mode" if right else "does not hold"
+        right = [WORDS.get(name, name) for name, value in known.items() if value]
+        return f"holds in {' and '.join(right)}" if right else "does not hold"
 
     def as_dict(self) -> dict[str, Any]:
         """The claim in JSON's types, without its pictures."""

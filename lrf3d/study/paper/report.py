@@ -12,11 +12,11 @@ from lrf3d.study.paper.city import (
     city_claim,
     drive_through,
     film_claim,
-    memory_claim,
     speed_claim,
 )
 from lrf3d.study.paper.claim import MODES, Claim
 from lrf3d.study.paper.extent import Extent
+from lrf3d.study.paper.memory import grid_claim, polyline_claim
 from lrf3d.study.paper.robustness import robustness_claim
 from lrf3d.study.paper.room import ROOM, maps_claim, room_sweep, scan_claim
 from lrf3d.study.paper.search import localisation_claim, search_claim
@@ -81,7 +81,8 @@ def redo_paper(
         partial(scan_claim, extent),
         partial(maps_claim, *swept),
         partial(robustness_claim, swept, extent),
-        partial(memory_claim, city, room),
+        partial(grid_claim, city, room),
+        partial(polyline_claim, city, room),
         partial(film_claim, city["robust"], extent),
         partial(city_claim, city),
         partial(search_claim, city["robust"], extent),
@@ -93,5 +94,5 @@ def redo_paper(
     return PaperReport(found, machine, time.perf_counter() - begin)
 
 
-STEPS = 1 + 2 * len(MODES) + 9
+STEPS = 1 + 2 * len(MODES) + 10
 """Steps that progress is told in: the sweep, the drives and the claims."""

@@ -1,6 +1,6 @@
 """Robustness: how the error of a map grows with the noise, in the room and in the city."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from lrf3d.render.embedded import embed_figure
 from lrf3d.render.sweep_figure import draw_sweep
@@ -15,6 +15,12 @@ from lrf3d.study.sweep.task import Row
 
 ENOUGH = 0.8
 """Least length F1 of a map that is still one."""
+
+FIGURES = (
+    ("length_f1", 1.0, 2), ("segment_f1", 1.0, 2), ("perpendicular_rms", 1e3, 1),
+    ("object_purity", 1.0, 2),
+)  # fmt: skip
+"""Figures of the table, what they are multiplied by, and their decimals."""
 
 
 def robustness_claim(room: tuple[Plan, list[Row]], extent: Extent) -> Claim:
@@ -90,20 +96,18 @@ def _picture(name: str, plan: Plan, means: Sequence[CellMean]) -> Picture:
     )
 
 
-def _table(means: dict[str, list[CellMean]]) -> Table:
+def _table(means: Mapping[str, Sequence[CellMean]]) -> Table:
+    """The modes side by side, a row for each noise."""
     rows = []
     for place, some in means.items():
-        for mean in sorted(some, key=lambda m: (m.columns["sigma_m"], m.columns["mode"])):
-            measures = mean.measures
-            rows.append(
-                (
-                    place,
-                    f"{mean.columns['sigma_m']:g} m",
-                    str(mean.columns["mode"]),
-                    *(f"{measures[n].mean:.3f}" for n in ("length_f1", "segment_f1")),
-                    f"{1e3 * measures['perpendicular_rms'].mean:.1f} mm",
-                    f"{measures['object_purity'].mean:.2f}",
-                )
-            )
-    head = ("place", "noise σ", "mode", "length F1", "segment F1", "distance RMS", "object purity")
-    return Table(head, tuple(rows))
+        for sigma in sorted({float(mean.columns["sigma_m"]) for mean in some}):
+            at = {m.columns["mode"]: m.measures for m in some if m.columns["sigma_m"] == sigma}
+            told = [
+                f"{factor * at[mode][name].mean:.{digits}f}"
+                for name, factor, digits in FIGURES
+                for mode in MODES
+            ]
+            rows.append((place, f"{sigma:g} m", *told))
+    head = ("length F1", "segment F1", "RMS [mm]", "purity")
+    columns = (f"{name}, {mode}" for name in head for mode in MODES)
+    return Table(("place", "noise σ", *columns), tuple(rows))

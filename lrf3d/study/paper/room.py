@@ -52,9 +52,13 @@ def scan_claim(extent: Extent) -> Claim:
         "Every beam is intersected with the lines of all walls by determinants; of the points that"
         " lie on a wall and in front of the robot, the nearest is the reflection.",
         f"Two casters, one in the plane and one that lets Embree find the walls in the extruded 3D"
-        f" scene, cast {beams:,} beams of the room and of the city. They name another wall for"
-        f" {differ} of them, and their ranges differ by at most {largest:.1e} m.",
-        f"no beam meets another wall in 3D, and no range differs by more than {AGREED:g} m",
+        f" scene, cast {beams:,} beams of the room and of the city. "
+        + (
+            f"They name another wall or another distance for {differ} of them."
+            if differ or largest
+            else "They name the same wall and the very same distance for every one."
+        ),
+        "no beam meets another wall in 3D, and no range differs by more than a nanometre",
         {"lrf3d": differ == 0 and largest <= AGREED},
         pictures=(
             Picture(

@@ -52,7 +52,8 @@ def search_claim(drive: Drive, extent: Extent) -> Claim:
         f" finds the same pairs in {100 * by_place[told]['unions-first'].same:.1f} % of the scans."
         if told in by_place
         else "Only the city was measured.",
-        f"fewer comparisons everywhere, and the same pairs in {100 * SAME:.0f} % of the scans",
+        "there are fewer comparisons everywhere, and the same pairs in at least"
+        f" {100 * SAME:.0f} % of the scans",
         {
             "lrf3d": all(
                 ratios[place] > 1.0 and both["unions-first"].same >= SAME
