@@ -337,3 +337,17 @@ def test_the_command_writes_its_files_and_prints_one_object(room, tmp_path):
             CliRunner().invoke(app, [*command[3:], *flags], catch_exceptions=False)
     with pytest.raises(InputError, match="no world; name one"):
         CliRunner().invoke(app, ["sweep"], catch_exceptions=False)
+
+
+def test_without_the_extra_one_line_says_what_to_install_and_the_paper_needs_none(room):
+    code = (
+        "import sys\n"
+        "for name in ('dask', 'distributed', 'pyarrow'): sys.modules[name] = None\n"
+        "import lrf3d.study.paper.report\n"
+        f"sys.argv = ['lrf3d', 'sweep', {room!r}]\n"
+        "from lrf3d.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and done.stdout == ""
+    assert done.stderr == "lrf3d: sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'\n"

@@ -82,8 +82,8 @@ def page_text(report: PaperReport) -> str:
         f" {escape(str(report.machine['system']))}. Length F1 and segment F1 are"
         " harmonic means of precision and recall, along the walls and over matched segments; object"
         " purity is the adjusted Rand index of unions against true objects. ± is half of"
-        " the 95 % interval of a mean over seeds. Redo it with <code>lrf3d paper</code>; the figures stand in"
-        " <code>paper.json</code> too.</footer>\n</main>\n</body>\n</html>\n",
+        " the 95 % interval of a mean over seeds. Redo it with <code>lrf3d paper</code>; its"
+        " figures stand in <code>paper.json</code> too.</footer>\n</main>\n</body>\n</html>\n",
     ]
     return "\n".join(parts)
 

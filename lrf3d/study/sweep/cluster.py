@@ -14,13 +14,14 @@ from pathlib import Path
 
 import lrf3d
 from lrf3d.casting.threads import core_count
-from lrf3d.errors import InputError, MissingLibraryError
+from lrf3d.errors import InputError
+from lrf3d.study.sweep.libraries import missing_sweep
 
 try:
     import dask
     from distributed import Client, LocalCluster
 except ImportError as error:
-    raise MissingLibraryError("sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'") from error
+    raise missing_sweep() from error
 
 ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+/?")
 """Addresses of schedulers."""

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import InputError, MissingLibraryError, OutputError
+from lrf3d.errors import InputError, OutputError
 from lrf3d.output import make_folder, replacing
+from lrf3d.study.sweep.libraries import missing_sweep
 from lrf3d.study.sweep.plan import Plan
 from lrf3d.study.sweep.task import Row
 
@@ -21,7 +22,7 @@ try:
     import pyarrow as arrow
     from pyarrow import parquet
 except ImportError as error:
-    raise MissingLibraryError("sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'") from error
+    raise missing_sweep() from error
 
 TABLE, PARTS = "sweep.parquet", "parts"
 """Names of the table and of the folder of part files."""
