@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from lrf3d.casting.threads import core_count
+from lrf3d.cores import core_count
 from lrf3d.study.paper.city import (
     city_claim,
     drive_through,

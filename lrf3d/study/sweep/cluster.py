@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import lrf3d
-from lrf3d.casting.threads import core_count
+from lrf3d.cores import core_count
 from lrf3d.errors import InputError
 from lrf3d.study.sweep.libraries import missing_sweep
 
