@@ -53,6 +53,7 @@ def sweep(
     it had not been. Writes sweep.parquet, summary.json and a figure for each world and setting.
     """
     from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
+    from lrf3d.cli.film import stoppable
     from lrf3d.errors import InputError
     from lrf3d.output import make_folder, write_text
     from lrf3d.study.sweep.cluster import check_address
@@ -78,7 +79,7 @@ def sweep(
     plan = make_plan(chosen, collision=warn if ignore_collisions else None)
     name = plan.cells[0].world if grid is None else grid.stem
     folder = make_folder(Path("out") / f"{name}_sweep" if out is None else out)
-    with progress_bar("runs") as progress:
+    with stoppable(), progress_bar("runs") as progress:
         result = run(
             plan, folder, scheduler=scheduler, workers=workers, resume=resume, progress=progress
         )

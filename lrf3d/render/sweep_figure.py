@@ -44,6 +44,12 @@ COLUMNS, WIDE, TALL = 3, 3.1, 2.3
 LEFT, RIGHT, ACROSS, BELOW, BETWEEN = 0.55, 0.2, 0.5, 0.9, 0.7
 """Room left of, right of and between the panels, below all and between the rows [inches]."""
 
+LEGEND_ROW = 0.22
+"""Height of a row of the legend [inches]."""
+
+LEAST_APART = 0.1
+"""Labels of values nearer to the next than this part of an axis would run into each other."""
+
 
 @dataclass(frozen=True, slots=True)
 class Curve:
@@ -84,13 +90,14 @@ def draw_sweep(
     """
     rows = -(-len(PANELS) // COLUMNS)
     width = LEFT + COLUMNS * WIDE + (COLUMNS - 1) * ACROSS + RIGHT
-    height = BELOW + rows * TALL + (rows - 1) * BETWEEN + 0.45 + HEAD
+    below = BELOW + LEGEND_ROW * (_legend_rows(curves) - 1)
+    height = below + rows * TALL + (rows - 1) * BETWEEN + 0.45 + HEAD
     sheet = Sheet(width, height, titles)
     colours = _colours(curves)
     for number, (measure, name, factor) in enumerate(PANELS):
         row, column = divmod(number, COLUMNS)
         left = LEFT + column * (WIDE + ACROSS)
-        axes = sheet.panel(left, BELOW + (rows - 1 - row) * (TALL + BETWEEN), WIDE, TALL)
+        axes = sheet.panel(left, below + (rows - 1 - row) * (TALL + BETWEEN), WIDE, TALL)
         axes.set_title(name, loc="left", color=INK, fontsize=11, weight="bold")
         # The strongest colours lie on top.
         for curve, colour in reversed(list(zip(curves, colours, strict=True))):
@@ -98,16 +105,30 @@ def draw_sweep(
         _scales(axes, curves, measure)
         if row == rows - 1:
             axes.set_xlabel(axis, color=FAINT, fontsize=9)
+    _legend(sheet, curves, colours)
+    return sheet.save(path)
+
+
+def _legend(sheet: Sheet, curves: Sequence[Curve], colours: Sequence[str]) -> None:
+    """Say what the colours mean, a row for each mode where there are several curves of it."""
     signs = [
         Line2D([], [], color=colour, lw=1.8, marker="o", ms=5.0, mec="white", mew=0.8,
                label=f"{curve.mode} mode" + (f", {curve.choice}" if curve.choice else ""))
         for curve, colour in zip(curves, colours, strict=True)
     ]  # fmt: skip
+    rows = _legend_rows(curves)
+    # Legends are filled column by column.
+    each = -(-len(signs) // rows)
+    ordered = [signs[row * each + k] for k in range(each) for row in range(rows)]
     sheet.figure.legend(
-        handles=signs, loc="lower center", bbox_to_anchor=(0.5, 0.1 / height), frameon=False,
-        ncols=min(len(signs), 4), fontsize=9, labelcolor=INK, borderaxespad=0.0,
+        handles=ordered, loc="lower center", bbox_to_anchor=(0.5, 0.1 / sheet.size[1]),
+        frameon=False, ncols=each, fontsize=9, labelcolor=INK, borderaxespad=0.0,
     )  # fmt: skip
-    return sheet.save(path)
+
+
+def _legend_rows(curves: Sequence[Curve]) -> int:
+    modes = len({curve.mode for curve in curves})
+    return modes if len(curves) > modes else 1
 
 
 def _curve(axes: Axes, curve: Curve, measure: str, factor: float, colour: str) -> None:
@@ -129,7 +150,7 @@ def _scales(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
         axes.set_xscale("symlog", linthresh=values[1])
     axes.xaxis.set_major_locator(FixedLocator(values))
     axes.xaxis.set_minor_locator(NullLocator())
-    axes.set_xticks(values, [f"{value:g}" for value in values])
+    axes.set_xticks(values, _labels(axes, values))
     if measure in SHARES:
         axes.set_ylim(-0.02, 1.03)
         return
@@ -137,6 +158,18 @@ def _scales(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
         axes.axhline(1.0, color=FAINT, lw=1.0, ls=(0, (4, 3)), zorder=2)
     axes.set_ylim(0.0, max(1.08 * axes.get_ylim()[1], 1e-9))
     axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
+
+
+def _labels(axes: Axes, values: Sequence[float]) -> list[str]:
+    """A label for each rising value, empty where it would run into that of the next."""
+    places = axes.transAxes.inverted().transform(
+        axes.transData.transform([(value, 0.0) for value in values])
+    )[:, 0]
+    labels, last = [""] * len(values), np.inf
+    for k in reversed(range(len(values))):
+        if last - places[k] >= LEAST_APART:
+            labels[k], last = f"{values[k]:g}", places[k]
+    return labels
 
 
 def _colours(curves: Sequence[Curve]) -> list[str]:

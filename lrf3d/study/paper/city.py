@@ -129,8 +129,8 @@ def city_claim(drives: dict[str, Drive]) -> Claim:
         "city",
         "Each building of the city is represented with four line segments",
         "Section 4, Fig. 7",
-        "The global map of the city, built at d_max = 80 m and σ = 0.04 m, shows each building as"
-        " a union of four line segments.",
+        "The global map of the city, built at a largest range of 80 m and σ = 0.04 m, shows each"
+        " building as a union of four line segments.",
         f"Along {run.trajectory.length:.0f} m and {len(run):,} scans,"
         f" {counts['robust'].seen_on_all_sides} of {counts['robust'].buildings} buildings are seen"
         f" on all sides. Of these, {counts['robust'].whole} are one union with one segment a wall"

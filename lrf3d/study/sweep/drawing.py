@@ -51,7 +51,11 @@ def draw_figures(plan: Plan, rows: Sequence[Row], folder: Path) -> dict[str, Pat
             curves, averaged = curves_of(mine, column, plan)
             words = f"{_scans(plan, world)}  ·  {plan.grid.seeds} seeds"
             words += f"  ·  mean and its {100.0 * CONFIDENCE:g} % interval"
-            words += f"  ·  averaged over {', '.join(averaged)}" if averaged else ""
+            words += (
+                f"  ·  averaged over {', '.join(each.removesuffix('_m') for each in averaged)}"
+                if averaged
+                else ""
+            )
             name = column.removesuffix("_m").replace(".", "_")
             path = folder / f"{world}_{name}.png"
             axis = WORDS.get(column, column)
