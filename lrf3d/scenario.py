@@ -83,11 +83,31 @@ def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Sce
         WorldError: There is no such world, or its file cannot be used.
         InputError: A setting is none.
     """
+    return scenario_of(read_scenario_file(name_or_path), settings)
+
+
+def read_scenario_file(name_or_path: str | Path) -> WorldFile:
+    """Read what a built-in world, or a file, says.
+
+    Raises:
+        WorldError: There is no such world, or its file cannot be used.
+    """
     path = find_world(name_or_path)
     if path.suffix.lower() == ".toml":
-        file = read_toml(path)
-    else:
-        file = WorldFile(load_world(path), path=path)
+        return read_toml(path)
+    return WorldFile(load_world(path), path=path)
+
+
+def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
+    """The scenario that a file describes; those of one file share its world.
+
+    Args:
+        file: What was read.
+        settings: What holds instead of what the file says: ``laser.range_max=20``.
+
+    Raises:
+        InputError: A setting is none.
+    """
     tables = {name: dict(table) for name, table in file.tables.items()}
     for name, table in read_settings(settings).items():
         tables.setdefault(name, {}).update(table)

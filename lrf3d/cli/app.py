@@ -9,9 +9,11 @@ from lrf3d.cli.crosscheck import crosscheck
 from lrf3d.cli.export import export
 from lrf3d.cli.localise import localise
 from lrf3d.cli.map import map_
+from lrf3d.cli.paper import paper
 from lrf3d.cli.render import render
 from lrf3d.cli.run import run
 from lrf3d.cli.stress import stress
+from lrf3d.cli.sweep import sweep
 from lrf3d.cli.world import world
 from lrf3d.errors import Lrf3dError
 
@@ -36,6 +38,8 @@ app.command(epilog="Example: lrf3d stress --beams 1000000")(stress)
 app.add_typer(bench, name="bench")
 app.command("map", epilog="Example: lrf3d map drive.log.gz --out out/drive")(map_)
 app.command(epilog="Example: lrf3d localise city --seeds 100 --json")(localise)
+app.command(epilog="Example: lrf3d sweep city --sigma 0.04,0.42 --beams 91,181 --seeds 20")(sweep)
+app.command(epilog="Example: lrf3d paper --out out/paper")(paper)
 app.add_typer(world, name="world")
 
 

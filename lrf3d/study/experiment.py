@@ -46,7 +46,7 @@ class Experiment:
         mode: Mode of the mapper; the scenario's where not given.
         sigma: Noise [m] at range_max; the scenario's first where not given.
         seed: Seed of the noise.
-        caster: ``embree`` or ``planar``.
+        caster: ``embree``, ``planar``, or a caster of the world that was used before.
         own_mapper: A mapper of the user's instead of lrf3d's.
         own_noise: A noise of the user's instead of the scenario's.
         controller: A controller of the user's that drives instead of the scenario's route.
@@ -58,7 +58,7 @@ class Experiment:
     mode: str | None = None
     sigma: float | None = None
     seed: int = 0
-    caster: str = "embree"
+    caster: str | Caster = "embree"
     own_mapper: Plugin | None = None
     own_noise: Plugin | None = None
     controller: Plugin | None = None
@@ -106,8 +106,6 @@ class Experiment:
 
     def simulation(self, trajectory: Trajectory | None) -> Simulation:
         """The simulation along a trajectory, or with the controller where there is none."""
-        if self.caster not in CASTERS:
-            raise InputError(f"caster {self.caster!r}: expected one of {', '.join(CASTERS)}")
         scenario, settings = self.scenario, {}
         drive: Any = trajectory
         if trajectory is None:
@@ -127,7 +125,7 @@ class Experiment:
             scenario.world,
             drive,
             scenario.lrf,
-            caster=CASTERS[self.caster](scenario.world),
+            caster=self._caster(),
             noise=noise if self.own_noise is None else self.own_noise.make(),
             mapper=self.mapper(),
             rng=self.seed,
@@ -140,6 +138,14 @@ class Experiment:
     ) -> Run:
         """Run the simulation to its end, all of it in memory."""
         return collect(self.simulation(trajectory), progress)
+
+    def _caster(self) -> Caster:
+        """What casts the beams; one that was used before has its trees already."""
+        if not isinstance(self.caster, str):
+            return self.caster
+        if self.caster not in CASTERS:
+            raise InputError(f"caster {self.caster!r}: expected one of {', '.join(CASTERS)}")
+        return CASTERS[self.caster](self.scenario.world)
 
 
 def _start(scenario: Scenario) -> Any:

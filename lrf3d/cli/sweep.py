@@ -1,0 +1,97 @@
+"""``lrf3d sweep``: many runs over worlds, settings and seeds, here or on a cluster."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lrf3d.cli import options
+
+
+def sweep(
+    worlds: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[WORLD]…", help="Built-in worlds, or files; not with --grid."),
+    ] = None,
+    grid: Annotated[
+        Path | None, typer.Option(help="A TOML file: a world file's tables with lists of values.")
+    ] = None,
+    sigma: Annotated[
+        str | None, typer.Option(metavar="S,S,…", help="Noises [m] at range_max.")
+    ] = None,
+    beams: Annotated[str | None, typer.Option(metavar="N,N,…", help="Numbers of beams.")] = None,
+    mode: Annotated[
+        str | None, typer.Option(metavar="M,M", help="Modes of the mapper; both if not given.")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TABLE.KEY=V,V,…", help="Any key of world files; repeatable."),
+    ] = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Seeds of each setting; 20 if not given.")
+    ] = None,
+    every: Annotated[
+        int | None, typer.Option(min=1, help="Use one of so many scans of a drive.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="A Dask scheduler instead of this machine."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes here; one a core if not given.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the runs that are in the folder.")
+    ] = False,
+    ignore_collisions: options.IgnoreCollisions = False,
+    out: options.Out = None,
+    json: options.Json = False,
+) -> None:
+    """Run every combination of worlds, noises, beams, thresholds and modes with many seeds.
+
+    Results are kept as they come; a sweep that was stopped goes on with --resume, and ends as if
+    it had not been. Writes sweep.parquet, summary.json and a figure for each world and setting.
+    """
+    from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
+    from lrf3d.cli.film import stoppable
+    from lrf3d.errors import InputError
+    from lrf3d.output import make_folder, write_text
+    from lrf3d.study.sweep.cluster import check_address
+    from lrf3d.study.sweep.drawing import draw_figures, table_text
+    from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, parse_axis, parse_values, read_grid
+    from lrf3d.study.sweep.plan import make_plan
+    from lrf3d.study.sweep.sweeping import sweep as run
+
+    flags = {MODE: ("--mode", mode), SIGMA: ("--sigma", sigma), BEAMS: ("--beams", beams)}
+    axes = {
+        key: parse_values(text, flag) for key, (flag, text) in flags.items() if text is not None
+    }
+    axes.update(parse_axis(text) for text in vary or ())
+    counts = {name: n for name, n in (("seeds", seeds), ("every", every)) if n is not None}
+    if scheduler is not None:
+        check_address(scheduler)
+    if grid is not None:
+        chosen = read_grid(grid, axes, worlds=tuple(worlds or ()), **counts)
+    elif worlds:
+        chosen = Grid.usual(*worlds, axes=axes, **counts)
+    else:
+        raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
+    plan = make_plan(chosen, collision=warn if ignore_collisions else None)
+    name = plan.cells[0].world if grid is None else grid.stem
+    folder = make_folder(Path("out") / f"{name}_sweep" if out is None else out)
+    with stoppable(), progress_bar("runs") as progress:
+        result = run(
+            plan, folder, scheduler=scheduler, workers=workers, resume=resume, progress=progress
+        )
+    figures = draw_figures(plan, result.rows, folder)
+    files = {"table": result.table, **figures}
+    files["summary"] = folder / "summary.json"
+    summary = {**result.summary, "files": {key: path.name for key, path in files.items()}}
+    write_text(files["summary"], json_text(summary))
+    if json:
+        print_json(summary)
+        return
+    made = len(result.rows) - result.resumed
+    print(table_text(plan, result.rows), end="\n\n")
+    rows = [("runs", f"{len(result.rows)}, of them {made} made now in {result.took:.1f} s")]
+    print_table([*rows, *((key, str(path)) for key, path in files.items())])

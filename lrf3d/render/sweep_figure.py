@@ -1,0 +1,183 @@
+"""The figures of a sweep: scores over what is varied, with their confidence intervals.
+
+In go curves that a study has measured; a matplotlib figure leaves, and a picture file where a
+path is given.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+
+from lrf3d.render.chart import HEAD, Sheet
+from lrf3d.render.map_benchmark_panels import COLOURS
+from lrf3d.render.page import FAINT, INK
+
+PANELS = (
+    ("length_f1", "length F1", 1.0),
+    ("segment_f1", "segment F1", 1.0),
+    ("object_purity", "object purity", 1.0),
+    ("perpendicular_rms", "RMS distance from walls [mm]", 1e3),
+    ("segment_ratio", "segments by visible walls", 1.0),
+    ("object_ratio", "unions by visible objects", 1.0),
+)
+"""What the panels show: a measure, its name, and what its values are multiplied by."""
+
+SHARES = ("length_f1", "segment_f1", "object_purity")
+"""Measures from 0 to 1, which have one scale in all figures."""
+
+RATIOS = ("segment_ratio", "object_ratio")
+"""Measures of which 1 is right."""
+
+PALEST = 0.6
+"""How far the last of several curves of one mode is mixed with white."""
+
+COLUMNS, WIDE, TALL = 3, 3.1, 2.3
+"""Panels of a row, and the size of each [inches]."""
+
+LEFT, RIGHT, ACROSS, BELOW, BETWEEN = 0.55, 0.2, 0.5, 0.9, 0.7
+"""Room left of, right of and between the panels, below all and between the rows [inches]."""
+
+LEGEND_ROW = 0.22
+"""Height of a row of the legend [inches]."""
+
+LEAST_APART = 0.1
+"""Labels of values nearer to the next than this part of an axis would run into each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Means of one mode, and of one choice of all else, over what is varied.
+
+    Args:
+        mode: Mode of the mapper, which gives the colour.
+        choice: What else was chosen, in words; empty where there is no choice.
+        x: The values that are varied.
+        means: For each measure the means, one a value.
+        halves: For each measure half of the width of the intervals; NaN where there is none.
+    """
+
+    mode: str
+    choice: str
+    x: tuple[float, ...]
+    means: dict[str, tuple[float, ...]]
+    halves: dict[str, tuple[float, ...]]
+
+
+def draw_sweep(
+    curves: Sequence[Curve],
+    path: str | Path | None = None,
+    *,
+    axis: str,
+    titles: tuple[str, str],
+) -> Figure:
+    """Draw every measure over what is varied.
+
+    Args:
+        curves: The curves.
+        path: Where to write the picture; nowhere where not given.
+        axis: What is varied, in words.
+        titles: The headline, and the smaller line below it.
+
+    Raises:
+        OutputError: The picture cannot be written.
+    """
+    rows = -(-len(PANELS) // COLUMNS)
+    width = LEFT + COLUMNS * WIDE + (COLUMNS - 1) * ACROSS + RIGHT
+    below = BELOW + LEGEND_ROW * (_legend_rows(curves) - 1)
+    height = below + rows * TALL + (rows - 1) * BETWEEN + 0.45 + HEAD
+    sheet = Sheet(width, height, titles)
+    colours = _colours(curves)
+    for number, (measure, name, factor) in enumerate(PANELS):
+        row, column = divmod(number, COLUMNS)
+        left = LEFT + column * (WIDE + ACROSS)
+        axes = sheet.panel(left, below + (rows - 1 - row) * (TALL + BETWEEN), WIDE, TALL)
+        axes.set_title(name, loc="left", color=INK, fontsize=11, weight="bold")
+        # The strongest colours lie on top.
+        for curve, colour in reversed(list(zip(curves, colours, strict=True))):
+            _curve(axes, curve, measure, factor, colour)
+        _scales(axes, curves, measure)
+        if row == rows - 1:
+            axes.set_xlabel(axis, color=FAINT, fontsize=9)
+    _legend(sheet, curves, colours)
+    return sheet.save(path)
+
+
+def _legend(sheet: Sheet, curves: Sequence[Curve], colours: Sequence[str]) -> None:
+    """Say what the colours mean, a row for each mode where there are several curves of it."""
+    signs = [
+        Line2D([], [], color=colour, lw=1.8, marker="o", ms=5.0, mec="white", mew=0.8,
+               label=f"{curve.mode} mode" + (f", {curve.choice}" if curve.choice else ""))
+        for curve, colour in zip(curves, colours, strict=True)
+    ]  # fmt: skip
+    rows = _legend_rows(curves)
+    # Legends are filled column by column.
+    each = -(-len(signs) // rows)
+    ordered = [signs[row * each + k] for k in range(each) for row in range(rows)]
+    sheet.figure.legend(
+        handles=ordered, loc="lower center", bbox_to_anchor=(0.5, 0.1 / sheet.size[1]),
+        frameon=False, ncols=each, fontsize=9, labelcolor=INK, borderaxespad=0.0,
+    )  # fmt: skip
+
+
+def _legend_rows(curves: Sequence[Curve]) -> int:
+    modes = len({curve.mode for curve in curves})
+    return modes if len(curves) > modes else 1
+
+
+def _curve(axes: Axes, curve: Curve, measure: str, factor: float, colour: str) -> None:
+    """A curve with the band that holds the mean."""
+    x = np.array(curve.x)
+    mean = factor * np.array(curve.means[measure])
+    half = factor * np.nan_to_num(np.array(curve.halves[measure]))
+    axes.fill_between(x, mean - half, mean + half, color=colour, alpha=0.16, lw=0, zorder=3)
+    axes.errorbar(x, mean, half, color=colour, lw=0, elinewidth=1.0, capsize=2.0, zorder=4)
+    axes.plot(x, mean, color=colour, lw=1.8, marker="o", ms=5.0, mec="white", mew=0.8, zorder=5)
+
+
+def _scales(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
+    values = sorted({value for curve in curves for value in curve.x})
+    if values[0] > 0.0 and values[-1] >= 8.0 * values[0]:
+        axes.set_xscale("log")
+    elif values[0] == 0.0 and len(values) > 2 and values[-1] >= 8.0 * values[1]:
+        # Zero has no logarithm: it stands a step before the least value that has.
+        axes.set_xscale("symlog", linthresh=values[1])
+    axes.xaxis.set_major_locator(FixedLocator(values))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xticks(values, _labels(axes, values))
+    if measure in SHARES:
+        axes.set_ylim(-0.02, 1.03)
+        return
+    if measure in RATIOS:
+        axes.axhline(1.0, color=FAINT, lw=1.0, ls=(0, (4, 3)), zorder=2)
+    axes.set_ylim(0.0, max(1.08 * axes.get_ylim()[1], 1e-9))
+    axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
+
+
+def _labels(axes: Axes, values: Sequence[float]) -> list[str]:
+    """A label for each rising value, empty where it would run into that of the next."""
+    places = axes.transAxes.inverted().transform(
+        axes.transData.transform([(value, 0.0) for value in values])
+    )[:, 0]
+    labels, last = [""] * len(values), np.inf
+    for k in reversed(range(len(values))):
+        if last - places[k] >= LEAST_APART:
+            labels[k], last = f"{values[k]:g}", places[k]
+    return labels
+
+
+def _colours(curves: Sequence[Curve]) -> list[str]:
+    """The colour of the mode, the paler the later a curve comes among those of its mode."""
+    colours = []
+    for number, curve in enumerate(curves):
+        same = [k for k, other in enumerate(curves) if other.mode == curve.mode]
+        share = PALEST * same.index(number) / max(1, len(same) - 1)
+        base = np.array(to_rgb(COLOURS[curve.mode]))
+        colours.append(to_hex(tuple((base + share * (1.0 - base)).tolist())))
+    return colours

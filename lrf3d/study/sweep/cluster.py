@@ -1,0 +1,129 @@
+"""Cluster: the processes that runs are spread over, here or elsewhere, by Dask.
+
+Without an address, processes on this machine are started, one a core with one thread each; with
+the address of a scheduler its workers are used. Nothing listens beyond 127.0.0.1 but what the
+user has started, and there is no dashboard.
+"""
+
+import hashlib
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import lrf3d
+from lrf3d.cores import core_count
+from lrf3d.errors import InputError
+from lrf3d.study.sweep.libraries import missing_sweep
+
+try:
+    import dask
+    from distributed import Client, LocalCluster
+except ImportError as error:
+    raise missing_sweep() from error
+
+ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+/?")
+"""Addresses of schedulers."""
+
+PATIENCE = 30.0
+"""How long to wait for a scheduler and its first worker [s]."""
+
+LIVES = 20
+"""Workers that may die of one task: a machine that is short of memory kills many by chance, but a
+task that kills each of its workers must not go round for ever."""
+
+
+def check_address(address: str) -> None:
+    """See that an address is one of a scheduler, before anything else is done.
+
+    Raises:
+        InputError: It is none.
+    """
+    if not ADDRESS.fullmatch(address):
+        raise InputError(f"--scheduler {address}: expected an address as tcp://127.0.0.1:8786")
+
+
+@contextmanager
+def connected(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+    """A client of a scheduler, or of processes on this machine that end with it.
+
+    Args:
+        scheduler: Address of the scheduler, as ``tcp://HOST:PORT``; None for this machine.
+        workers: Processes on this machine; one a core where None.
+
+    Raises:
+        InputError: There is no such scheduler, it has no workers, or they cannot use this lrf3d.
+    """
+    if scheduler is not None:
+        with _remote(scheduler) as client:
+            yield client
+        return
+    settings = {
+        "distributed.scheduler.allowed-failures": LIVES,
+        # Results are small, so that workers short of memory are so for another's sake.
+        "distributed.worker.memory.pause": False,
+        "distributed.worker.memory.terminate": False,
+    }
+    with (
+        dask.config.set(settings),
+        LocalCluster(
+            n_workers=core_count() if workers is None else workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            # Port 0 is any that is free; without it two sweeps would want the same.
+            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+            worker_dashboard_address="127.0.0.1:0",
+            silence_logs=logging.CRITICAL,
+            preload=["lrf3d.study.sweep.preload"],
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _remote(address: str) -> Iterator[Client]:
+    try:
+        client = Client(address, timeout=PATIENCE)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(
+            f"--scheduler {address}: no scheduler answers there; start one with dask scheduler,"
+            " and give the tcp:// address that it prints"
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError as error:
+            raise InputError(
+                f"--scheduler {address}: it has no workers; start some with dask worker {address}"
+            ) from error
+        _check_code(client, address)
+        yield client
+
+
+def _check_code(client: Client, address: str) -> None:
+    """See that the workers have just this lrf3d: another could give other figures."""
+    try:
+        found: dict[str, str] = client.run(code_digest)
+    except Exception as error:
+        raise InputError(
+            f"--scheduler {address}: its workers cannot import lrf3d; install it there"
+        ) from error
+    ours = code_digest()
+    others = [worker for worker, theirs in found.items() if theirs != ours]
+    if others:
+        raise InputError(
+            f"--scheduler {address}: worker {others[0]} has another version of lrf3d; install"
+            " there what is installed here"
+        )
+
+
+def code_digest() -> str:
+    """A digest of the source of lrf3d as it lies on this machine."""
+    package = Path(lrf3d.__file__).parent
+    total = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        total.update(str(path.relative_to(package)).encode() + b"\0" + path.read_bytes())
+    return total.hexdigest()

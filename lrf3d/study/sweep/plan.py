@@ -1,0 +1,159 @@
+"""Plan: every run of a grid, with a key and a seed that come from what it holds.
+
+A grid enters; places, each a world with its drive and range finder, and the runs at them leave.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from lrf3d.errors import InputError
+from lrf3d.robot import Trajectory
+from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
+from lrf3d.study.experiment import Experiment, trajectory_of, with_route
+from lrf3d.study.sweep.content import digest, seed_of
+from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, Value, setting
+from lrf3d.study.sweep.task import Order, Place
+from lrf3d.world import World
+
+COLUMNS = {MODE: "mode", SIGMA: "sigma_m", BEAMS: "beams"}
+"""Columns of the table for the settings that every sweep tells; others keep their names."""
+
+KEY_DIGITS = 32
+"""Hexadecimal digits of a key: 128 bits, of which no two are the same by chance."""
+
+FORMAT = 1
+"""Counts up when the same run would give other figures, so that old ones are not mixed in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A combination of settings in a world.
+
+    Args:
+        world: Name of the world.
+        place: Digest of the place where its runs are made.
+        columns: What the table tells of it, by column.
+    """
+
+    world: str
+    place: str
+    columns: dict[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRun:
+    """A run: what to do, the number of its cell and that of its seed."""
+
+    order: Order
+    cell: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All runs of a grid.
+
+    Args:
+        grid: What is varied.
+        places: The places by their digests.
+        cells: The combinations.
+        runs: The runs, in the order of the table.
+    """
+
+    grid: Grid
+    places: dict[str, Place]
+    cells: tuple[Cell, ...]
+    runs: tuple[PlannedRun, ...]
+
+    def described(self, run: PlannedRun) -> dict[str, Value]:
+        """What the table tells of a run before it is made."""
+        cell = self.cells[run.cell]
+        return {
+            "key": run.order.key,
+            "world": cell.world,
+            **cell.columns,
+            "seed": run.seed,
+            "noise_seed": run.order.seed,
+        }
+
+    @property
+    def axes(self) -> dict[str, tuple[Value, ...]]:
+        """The values of what is varied, by column."""
+        return {column_of(name): values for name, values in self.grid.axes.items()}
+
+
+def column_of(name: str) -> str:
+    """The column that tells a setting."""
+    return COLUMNS.get(name, name)
+
+
+def make_plan(grid: Grid, *, collision: Callable[[str], None] | None = None) -> Plan:
+    """Plan all runs of a grid: worlds are read, routes found and drives driven once each.
+
+    Args:
+        grid: What is varied.
+        collision: Called with what is wrong with a drive into a wall, which then goes on.
+
+    Raises:
+        InputError: A world, a setting or a drive is none.
+        CollisionError: A drive would run into a wall.
+    """
+    places: dict[str, Place] = {}
+    cells: list[Cell] = []
+    runs: list[PlannedRun] = []
+    for name in grid.worlds:
+        file = read_scenario_file(name)
+        known = next((cell for cell in cells if cell.world == file.path.stem), None)
+        if known is not None:
+            raise InputError(f"{name}: another world of the sweep is called {known.world}, too")
+        drives = _Drives(file.world, grid.every, collision)
+        for values in grid.combinations:
+            scenario = scenario_of(file, [setting(*each) for each in values.items()])
+            seen, place = drives.place(scenario)
+            # A threshold that cannot be is better known now than on a worker.
+            mode = Experiment(scenario).mapper().mode
+            usual: dict[str, Value] = {
+                "mode": mode,
+                "sigma_m": scenario.sigmas[0],
+                "beams": scenario.lrf.beams,
+            }
+            varied = {column_of(key): value for key, value in values.items()}
+            places.setdefault(seen, place)
+            cells.append(Cell(scenario.name, seen, {**usual, **varied}))
+            runs += [_run(scenario, seen, len(cells) - 1, seed) for seed in range(grid.seeds)]
+    return Plan(grid, places, tuple(cells), tuple(runs))
+
+
+def _run(scenario: Scenario, seen: str, cell: int, seed: int) -> PlannedRun:
+    noise, mapper = (scenario.sigmas[0], scenario.imperfections), dict(scenario.mapper)
+    key = digest((FORMAT, scenario.name, seen, noise, mapper, seed))[:KEY_DIGITS]
+    # All mappers and all noises are given one draw, so that they can be compared run by run.
+    return PlannedRun(Order(key, *noise, mapper, seed_of((seen, seed))), cell, seed)
+
+
+class _Drives:
+    """The drives through one world, each driven once."""
+
+    def __init__(self, world: World, every: int, collision: Callable[[str], None] | None) -> None:
+        self._walls = digest((world.segments, world.objects, world.heights))
+        self._every, self._collision = every, collision
+        self._driven: dict[str, Trajectory] = {}
+
+    def place(self, scenario: Scenario) -> tuple[str, Place]:
+        """The place of a scenario, and its digest."""
+        robot = (
+            scenario.start, scenario.route, scenario.poses, scenario.speed,
+            scenario.scan_interval, scenario.radius,
+        )  # fmt: skip
+        # A route that is found goes where the walls are seen from.
+        asked = digest((robot, scenario.lrf.range_max if scenario.route is None else None))
+        if asked not in self._driven:
+            drive = trajectory_of(with_route(scenario), ignore_collisions=self._collision)
+            used = slice(None, None, self._every)
+            self._driven[asked] = Trajectory(drive.times[used], drive.poses[used])
+        trajectory = self._driven[asked]
+        seen = digest(
+            (self._walls, scenario.lrf, scenario.movers, scenario.radius, trajectory.times,
+             trajectory.poses)
+        )  # fmt: skip
+        return seen, Place(scenario, trajectory)
