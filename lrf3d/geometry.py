@@ -19,6 +19,8 @@ def wrap_angle(angle: ArrayLike) -> Any:
     angle = np.asarray(angle, dtype=np.float64)
     inside = (angle > -np.pi) & (angle <= np.pi)
     wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
+    # A float above π has a remainder that may round to a full turn.
+    wrapped = np.where(wrapped > -np.pi, wrapped, np.pi)
     return np.where(inside, angle, wrapped)[()]
 
 

@@ -8,6 +8,7 @@ import pytest
 from test_render import SIZE, city_run, needs_gl, ranges_of, room_run, run_of
 
 from lrf3d.errors import InputError
+from lrf3d.world import World
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.generate import BLOCK, generate_city
 
@@ -243,3 +244,18 @@ def test_cameras_of_a_world_are_kept_with_its_run(tmp_path):
     run = replace(run, world=replace(run.world, cameras=cameras))
     save_run(run, tmp_path / "run.npz")
     assert load_run(tmp_path / "run.npz").world.cameras == cameras
+
+
+@needs_gl
+def test_more_tiles_of_ground_than_are_kept_are_drawn_while_they_are_shown():
+    from lrf3d.render.film import Film
+
+    corners = 100.0 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.8], [0.0, 0.8]])
+    room = World(np.column_stack([corners, np.roll(corners, -1, axis=0)]))
+    times = np.array([0.0, 0.5, 1.0])
+    poses = np.column_stack([np.full((3, 2), 40.0), 0.2 * times])
+    film = Film(run_of(room, times, poses), size=SIZE, view="top", samples=0)
+    first = film.draw(0.5).copy()
+    film.forget()
+    assert np.array_equal(film.draw(0.5), first) and np.ptp(first[:, :, 0]) > 50
+    film.close()

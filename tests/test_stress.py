@@ -14,6 +14,7 @@ from lrf3d.casting.kernels.certify import UNDECIDED, certify
 from lrf3d.study.certificate import certified, directions
 from lrf3d.study.stress import CASES, stress, worlds
 from lrf3d.study.stress.beams import mixture
+from lrf3d.study.stress.casting import CASTING
 from lrf3d.study.stress.trial import CASTERS, allowed, try_batch
 
 seeds = st.integers(0, 2**32 - 1)
@@ -151,12 +152,12 @@ class Liar(PlanarCaster):
 
 def test_a_caster_that_lies_fails_the_run_and_leaves_an_example(monkeypatch):
     monkeypatch.setitem(CASTERS, "planar", Liar)
-    report = stress(len(CASES) * 100, processes=1)
+    report = stress(len(CASTING) * 100, parts=("casting",), processes=1)
     assert not report.passed
     assert all(tally.claims["planar"].wrong >= 2 for _, tally in report.rows)
     assert all(tally.claims["embree"].wrong == 0 for _, tally in report.rows)
     failure = report.as_dict()["failures"][0]
-    assert failure["row"] == CASES[0].name and failure["caster"] == "planar"
+    assert failure["row"] == CASTING[0].name and failure["caster"] == "planar"
     # The example is enough to repeat the beam.
     truth = certified(
         np.array(failure["segments"]),
@@ -168,7 +169,10 @@ def test_a_caster_that_lies_fails_the_run_and_leaves_an_example(monkeypatch):
 
 
 def test_a_run_repeats_whatever_the_processes():
-    one, two = (stress(4_000, rationals=300, seed=5, processes=n) for n in (1, 2))
+    one, two = (
+        stress(4_000, rationals=300, parts=("casting", "angles"), quick=True, seed=5, processes=n)
+        for n in (1, 2)
+    )
     assert one.passed and one.complete
     assert one.total.tried >= 4_000 and one.total.outright >= 300
     assert one.total.bounds + one.total.rationals == one.total.tried
@@ -185,7 +189,7 @@ def test_a_run_that_is_out_of_time_reports_what_it_tried():
 
 def test_every_case_tries_at_least_what_is_asked():
     rng = np.random.default_rng(0)
-    for case in CASES:
+    for case in CASTING:
         tally = case.attempt(rng, 300, 30)
         assert tally.tried >= 300 and tally.outright >= 30, case.name
 
@@ -213,16 +217,18 @@ def command(*arguments):
 
 
 def test_the_command_prints_one_json_object():
-    report = json.loads(command("--beams", "3000", "--rationals", "100", "--json"))
+    report = json.loads(command(*"--beams 3000 --rationals 100 --json --part casting".split()))
     assert report["passed"] and report["complete"] and report["beams"] >= 3000
     assert report["outright_by_rationals"] >= 100 and report["contradictions"] == 0
     assert report["planar"]["wrong"] == report["embree"]["wrong"] == 0
-    assert len(report["rows"]) == len(CASES) and report["failures"] == []
+    assert len(report["rows"]) == len(CASTING) and report["failures"] == []
 
 
 def test_the_command_prints_a_table():
-    text = command("--beams", "3000", "--rationals", "0")
-    assert all(any(line.startswith(case.name) for line in text.splitlines()) for case in CASES)
+    parts = "casting", "lines", "angles"
+    chosen = [word for part in parts for word in ("--part", part)]
+    text = command("--beams", "3000", "--rationals", "0", "--quick", *chosen)
+    assert all(case.name in text for case in CASES if case.part in parts)
 
 
 @pytest.mark.parametrize("count", [1, 16])

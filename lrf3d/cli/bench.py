@@ -1,4 +1,4 @@
-"""``lrf3d bench``: run time against error."""
+"""``lrf3d bench``: run time against error, of everything or of one part."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,14 +10,65 @@ from lrf3d.cli import options
 bench = typer.Typer(
     help="Measure run time against error.",
     rich_markup_mode=None,
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
+    epilog="Example: lrf3d bench --out out/bench --compare old/report.json",
 )
 
 
 @bench.callback()
-def _group() -> None:
-    """Measure run time against error."""
+def everything(
+    context: typer.Context,
+    out: Annotated[Path, typer.Option(help="Folder for report.html and report.json.")] = Path(
+        "out/bench"
+    ),
+    seconds: Annotated[float, typer.Option(min=10.0, help="Time for all parts.")] = 540.0,
+    part: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this part: ranges, maps, poses or frames; repeatable."),
+    ] = None,
+    compare: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OLD.json", help="Tell what became slower or less exact since this report."
+        ),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Measure run time against error: all parts, into one page, or one of them by its command."""
+    if context.invoked_subcommand is not None:
+        return
+    from lrf3d.cli.console import json_text, print_json, progress_bar, warn
+    from lrf3d.errors import InputError
+    from lrf3d.output import make_folder, write_text
+    from lrf3d.study.bench.comparison import compare as compare_reports
+    from lrf3d.study.bench.comparison import load_report
+    from lrf3d.study.bench.parts import PARTS
+    from lrf3d.study.bench.report_page import page_text
+    from lrf3d.study.bench.whole import bench_all
+    from lrf3d.study.bench.whole_text import whole_text
+
+    chosen = tuple(PARTS) if part is None else tuple(part)
+    for name in chosen:
+        if name not in PARTS:
+            raise InputError(f"--part {name}: expected one of {', '.join(PARTS)}")
+    # What cannot be read or written is found before the minutes of work.
+    old = None if compare is None else load_report(compare)
+    make_folder(out)
+    with progress_bar("bench") as progress:
+        report = bench_all(seconds=seconds, chosen=chosen, progress=progress)
+    comparison = None if old is None else compare_reports(report, old, str(compare))
+    told = report.as_dict()
+    if comparison is not None:
+        told["comparison"] = comparison.as_dict()
+    for key, why in report.left_out.items():
+        warn(f"{key}: left out: {why}")
+    write_text(out / "report.json", json_text(told))
+    write_text(out / "report.html", page_text(report, comparison))
+    if json:
+        print_json(told)
+    else:
+        print(f"{whole_text(report, comparison)}\n\n{out / 'report.html'}")
 
 
 @bench.command(epilog="Example: lrf3d bench scan --walls 400,10000 --figure scan.png")
@@ -192,6 +243,31 @@ def robots(
         print_json(result.as_dict())
     else:
         print_table(result.rows())
+
+
+@bench.command(epilog="Example: lrf3d bench drive --figure drive.png")
+def drive(
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Time for all; what needs more is timed once.")
+    ] = 60.0,
+    figure: Annotated[Path | None, typer.Option(help="A picture .png of time and error.")] = None,
+    json: options.Json = False,
+) -> None:
+    """Drive an hour with Euler, RK4, RK45 and exact arcs: how far off the end is, and how long."""
+    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.study.bench.drive_bench import bench_drive
+    from lrf3d.study.bench.drive_text import drive_text
+
+    with progress_bar("bench drive") as progress:
+        result = bench_drive(seconds=seconds, progress=progress)
+    if figure is not None:
+        from lrf3d.study.bench.drive_figure import draw_drive_benchmark
+
+        draw_drive_benchmark(result, figure)
+    if json:
+        print_json(result.as_dict())
+    else:
+        print(drive_text(result) if figure is None else f"{drive_text(result)}\npicture {figure}")
 
 
 def _numbers(option: str, text: str, *, least: int) -> list[int]:

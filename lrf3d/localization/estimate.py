@@ -15,6 +15,10 @@ from lrf3d.mapping.innovation import Innovation
 from lrf3d.mapping.pairing import GATE
 from lrf3d.pose import Pose, as_pose
 
+LEAST_FREE, ROUNDED = 1e-9, 64.0
+"""Share of a pair's noise that others must be able to contradict for it to be tested, beside so
+many times what rounding makes of the share."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEstimate:
@@ -78,11 +82,7 @@ class PoseEstimate:
                 self.covariance, measured[used], gradient[used], noise[used]
             )
             left = measured[used] - gradient[used] @ change
-            # What is left over varies by the noise less the share that the correction took; in
-            # these units it is as far off as from a correction made without the pair itself.
-            spread = noise[used] - gradient[used] @ covariance @ gradient[used].transpose(0, 2, 1)
-            weighted = np.linalg.solve(spread, left[:, :, None])[:, :, 0]
-            squares = (left * weighted).sum(axis=1)
+            squares = _disagreement(left, gradient[used], noise[used], self.covariance, covariance)
             if squares.max(initial=0.0) <= gate:
                 break
             used[np.flatnonzero(used)[squares.argmax()]] = False
@@ -98,6 +98,33 @@ class Correction(NamedTuple):
 
     estimate: PoseEstimate
     used: Bool
+
+
+def _disagreement(left: Float, gradient: Float, noise: Float, before: Float, after: Float) -> Float:
+    """Squared distance (k,) of each pair from what the prediction and all other pairs say.
+
+    What is left (k, 2) over varies by the noise less the share that the correction took; in these
+    units it is as far off as from a correction made without the pair itself. Where a pair alone
+    decides, nothing is left to vary, and nothing that it could disagree with.
+
+    Args:
+        left: What the correction left over of the measurements.
+        gradient: (k, 2, 3) their gradients.
+        noise: (k, 2, 2) their covariances.
+        before: (3, 3) the covariance of the pose before the correction.
+        after: (3, 3) the same after it.
+    """
+    # In units of the noise, where the share taken lies between none and all.
+    root = np.linalg.cholesky(noise)
+    left = np.linalg.solve(root, left[:, :, None])[:, :, 0]
+    gradient = np.linalg.solve(root, gradient)
+    turned = gradient.transpose(0, 2, 1)
+    free, across = np.linalg.eigh(np.eye(2) - gradient @ after @ turned)
+    rounded = np.finfo(np.float64).eps * np.einsum("kij,jl,kil->k", gradient, before, gradient)
+    telling = free > LEAST_FREE + ROUNDED * rounded[:, None]
+    parts = (left[:, None, :] @ across)[:, 0, :]
+    squares = np.where(telling, parts**2 / np.where(telling, free, 1.0), 0.0)
+    return np.asarray(squares.sum(axis=1), dtype=np.float64)
 
 
 def _correct(
@@ -117,4 +144,7 @@ def _correct(
 
 
 def _symmetric(matrix: Float) -> Float:
-    return 0.5 * (matrix + matrix.T)
+    """A covariance without what rounding leaves of asymmetry, and of variances below 0."""
+    even = 0.5 * (matrix + matrix.T)
+    np.fill_diagonal(even, np.maximum(np.diag(even), 0.0))
+    return np.asarray(even)

@@ -88,6 +88,7 @@ class GroundLayer:
         for column in range(first[0], last[0] + 1):
             for row in range(first[1], last[1] + 1):
                 self._shown.append(self._tile(column, row))
+        self._forget()
 
     def draws(self) -> Iterator[tuple[Primitive, dict[str, Any]]]:
         """What is drawn, each with its own uniforms."""
@@ -109,12 +110,15 @@ class GroundLayer:
         primitive.texture = Texture(ground.picture, far=True)
         tile = _Tile(primitive, _area(ground))
         self._tiles[place] = tile, self._scene.add(Mesh([primitive]))
-        if len(self._tiles) > _KEPT:
+        return tile
+
+    def _forget(self) -> None:
+        """Let go of the tiles that were asked for longest ago, but of none that is shown."""
+        while len(self._tiles) > max(_KEPT, len(self._shown)):
             oldest, node = self._tiles.pop(next(iter(self._tiles)))
             self._scene.remove_node(node)
             assert oldest.primitive.texture is not None
             oldest.primitive.texture.delete()
-        return tile
 
 
 def _area(ground: Ground) -> tuple[float, ...]:

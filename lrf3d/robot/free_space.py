@@ -37,6 +37,11 @@ SPACING = 0.2
 """Distance [m] between the points of the walls that distances are measured to."""
 
 
+SAMPLES, MANY_SAMPLES = 20_000_000, 1_000_000
+"""Most samples of all walls together, and from how many on those that lie together count as one:
+4,000 km and 200 km of walls, of which a window of 500 m shows a part."""
+
+
 @dataclass(frozen=True)
 class FreeSpace:
     """The cells that a robot can stand in, all joined to each other.
@@ -82,8 +87,12 @@ def find_free_space(world: World, *, least: float, clearance: float) -> FreeSpac
     if not len(world.segments):
         raise InputError(f"{world.name or 'world'}: no walls, so no route can be found")
     segments = world.segments - np.tile(world.origin, 2)
-    points, weights = sample_walls(segments, SPACING)
+    points, weights = sample_walls(segments, _spacing(segments))
     low, high = _window(points, weights)
+    # Walls out of reach of the window change nothing in it, however many there are.
+    reach = clearance + least + SURROUNDINGS
+    segments = segments[_meets(segments, low - reach, high + reach)]
+    points, weights = _thinned(*sample_walls(segments, _spacing(segments)))
     size = float(np.clip(np.sqrt(np.prod(high - low) / CELLS), *CELL_SIZES))
     # The samples stop short of the ends of the walls, which stand out the most.
     tree = cKDTree(np.vstack([points, segments.reshape(-1, 2)]))
@@ -112,6 +121,28 @@ def sample_walls(segments: Float, spacing: float) -> tuple[Float, Float]:
     place = ((step + 0.5) / counts[wall])[:, None]
     points = segments[wall, :2] * (1.0 - place) + segments[wall, 2:] * place
     return points, lengths(segments)[wall] / counts[wall]
+
+
+def _spacing(segments: Float) -> float:
+    """Distance [m] between samples: no less than lets memory hold those of walls laid on walls."""
+    return max(SPACING, float(lengths(segments).sum()) / SAMPLES)
+
+
+def _thinned(points: Float, weights: Float) -> tuple[Float, Float]:
+    """Samples (k, 2) with their weights; where there are very many, one for each small cell."""
+    if len(points) <= MANY_SAMPLES:
+        return points, weights
+    cells = np.floor((points - points.min(axis=0)) / (0.5 * SPACING)).astype(np.int64)
+    rows = cells[:, 0] * (int(cells[:, 1].max()) + 1) + cells[:, 1]
+    _, first, cell = np.unique(rows, return_index=True, return_inverse=True)
+    total = np.bincount(cell.reshape(-1), weights).astype(np.float64)
+    return points[first], total
+
+
+def _meets(segments: Float, low: Float, high: Float) -> Any:
+    """Which segments' boxes meet the box from `low` to `high`."""
+    ends = segments.reshape(-1, 2, 2)
+    return ((ends.max(axis=1) > low) & (ends.min(axis=1) < high)).all(axis=1)
 
 
 def _window(points: Float, weights: Float) -> tuple[Float, Float]:
@@ -194,7 +225,7 @@ def inside_buildings(world: World, points: Float) -> Any:
     local = world.segments - np.tile(world.origin, 2)
     places = shapely.points(points)
     middles = shapely.points(0.5 * (local[:, :2] + local[:, 2:]))
-    for number in np.unique(world.objects):
+    for number in _around(world, local, points):
         own = world.objects == number
         rings = pieces_of(local[own])
         if all(ring.closed for ring in rings):
@@ -208,3 +239,14 @@ def inside_buildings(world: World, points: Float) -> Any:
             if not shapely.contains_properly(area, middles[~own]).any():
                 inside |= shapely.contains_properly(area, places)
     return inside
+
+
+def _around(world: World, local: Float, points: Float) -> Int:
+    """Objects whose boxes hold any of the points (k, 2): a building around a point is one."""
+    ends = local.reshape(-1, 2, 2)
+    low = np.full((world.object_count, 2), np.inf)
+    high = np.full((world.object_count, 2), -np.inf)
+    np.minimum.at(low, world.objects, ends.min(axis=1))
+    np.maximum.at(high, world.objects, ends.max(axis=1))
+    held = [((point >= low) & (point <= high)).all(axis=1) for point in points]
+    return np.flatnonzero(np.any(held, axis=0))

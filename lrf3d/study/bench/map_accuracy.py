@@ -133,9 +133,11 @@ class CityDrive:
     Args:
         every: Of so many scans one is used.
         scans: How many scans from the beginning; all where not given.
+        sigma: Noise [m] at range_max where it is not what is varied.
     """
 
-    def __init__(self, *, every: int = 1, scans: int | None = None) -> None:
+    def __init__(self, *, every: int = 1, scans: int | None = None, sigma: float = SIGMA) -> None:
+        self.sigma = sigma
         self.scenario: Scenario = load_scenario("city")
         drive, used = trajectory_of(self.scenario), slice(None, None, every)
         self.trajectory = Trajectory(drive.times[used][:scans], drive.poses[used][:scans])
@@ -146,7 +148,7 @@ class CityDrive:
         setting = entry.setting
         choice: dict[str, Any] = {
             "beams": USUAL_BEAMS,
-            "sigma": SIGMA,
+            "sigma": self.sigma,
             setting.varied: setting.value,
         }
         lrf = replace(self.scenario.lrf, beams=int(choice.pop("beams")))

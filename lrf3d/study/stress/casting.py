@@ -8,7 +8,7 @@ import numpy as np
 from lrf3d.study.stress import beams, worlds
 from lrf3d.study.stress.aims import Batch
 from lrf3d.study.stress.tally import Case
-from lrf3d.study.stress.trial import try_beams
+from lrf3d.study.stress.trial import PLANAR_ULP, try_beams
 
 Maker = Callable[[np.random.Generator, int], Batch]
 
@@ -55,5 +55,8 @@ _KINDS: dict[str, Maker] = {
     "fans in a city": beams.in_a_city,
 }
 
-CASTING = tuple(Case("casting", name, partial(try_beams, make)) for name, make in _KINDS.items())
+CASTING = tuple(
+    Case("casting", name, partial(try_beams, make), bound=PLANAR_ULP, unit="ulp")
+    for name, make in _KINDS.items()
+)
 """The cases of the casters."""

@@ -6,7 +6,7 @@ from functools import reduce
 from operator import add
 from typing import Any
 
-from lrf3d.study.stress.tally import Case, Tally
+from lrf3d.study.stress.tally import Case, Findings, Tally
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,14 +14,14 @@ class Report:
     """What a run has shown.
 
     Args:
-        rows: The cases and their tallies.
+        rows: The cases with the tallies of casters, and the findings of all else.
         asked: Beams that were asked for.
         seed: Seed of the random numbers.
         seconds: Time that it took [s].
         complete: Whether all was tried; else the time was over before.
     """
 
-    rows: Sequence[tuple[Case, Tally]]
+    rows: Sequence[tuple[Case, Tally | Findings]]
     asked: int
     seed: int
     seconds: float
@@ -29,13 +29,13 @@ class Report:
 
     @property
     def total(self) -> Tally:
-        """All cases together."""
-        return reduce(add, (tally for _, tally in self.rows), Tally())
+        """All beams together."""
+        return reduce(add, (found for _, found in self.rows if isinstance(found, Tally)), Tally())
 
     @property
     def passed(self) -> bool:
         """Whether nothing failed of what was tried."""
-        return self.total.failures == 0
+        return not any(found.failures for _, found in self.rows)
 
     def as_dict(self) -> dict[str, Any]:
         """The report in JSON's types."""
@@ -47,26 +47,53 @@ class Report:
             "beams_asked": self.asked,
             **self.total.as_dict(),
             "rows": [
-                {"part": case.part, "name": case.name, **tally.as_dict()}
-                for case, tally in self.rows
+                {
+                    "part": case.part,
+                    "name": case.name,
+                    "failures": found.failures,
+                    "bound": case.bound,
+                    "unit": case.unit,
+                    **found.as_dict(),
+                }
+                for case, found in self.rows
             ],
             "failures": [
                 {"row": case.name, **example}
-                for case, tally in self.rows
-                for example in tally.examples
+                for case, found in self.rows
+                for example in found.examples
             ],
         }
 
     def text(self) -> str:
-        """A table for each part, and what it comes to."""
-        parts = dict.fromkeys(case.part for case, _ in self.rows)
-        return "\n\n".join([*(self._table(part) for part in parts), "\n".join(self._verdict())])
+        """A table for the casters, one for all else, and what it comes to."""
+        beams = [(case.name, found) for case, found in self.rows if isinstance(found, Tally)]
+        checks = [(case, found) for case, found in self.rows if isinstance(found, Findings)]
+        parts = [self._beams(beams)] if beams else []
+        parts += [self._checks(checks)] if checks else []
+        return "\n\n".join([*parts, "\n".join(self._verdict())])
 
-    def _table(self, part: str) -> str:
-        rows = [(case.name, tally) for case, tally in self.rows if case.part == part]
-        rows.append(("all", reduce(add, (tally for _, tally in rows), Tally())))
+    def _checks(self, checks: Sequence[tuple[Case, Findings]]) -> str:
+        cells = [["part", "what was tried", "cases", "failed", "largest error", "bound", "unit"]]
+        before = ""
+        for case, found in checks:
+            cells.append(
+                [
+                    case.part if case.part != before else "",
+                    case.name,
+                    f"{found.tried:,}",
+                    f"{found.failed:,}",
+                    "–" if not found.tried else f"{found.error:.3g}",
+                    f"{case.bound:g}",
+                    case.unit if not found.left_out else f"{case.unit}; left out: no OpenGL",
+                ]
+            )
+            before = case.part
+        return _aligned(cells, left=(0, 1, 6))
+
+    def _beams(self, beams: Sequence[tuple[str, Tally]]) -> str:
+        rows = [*beams, ("all", self.total)]
         subjects = list(rows[-1][1].claims)
-        head = [part, "beams", "by bound", "by rationals"]
+        head = ["casting", "beams", "by bound", "by rationals"]
         for subject in subjects:
             head += [f"{subject} wrong", "ulp", "m"]
         cells = [head]
@@ -78,23 +105,22 @@ class Report:
                 else:
                     line += ["–"] * 3
             cells.append(line)
-        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        return "\n".join(
-            "  ".join(
-                [line[0].ljust(widths[0])]
-                + [cell.rjust(width) for cell, width in zip(line[1:], widths[1:], strict=True)]
-            )
-            for line in cells
-        )
+        return _aligned(cells, left=(0,))
 
     def _verdict(self) -> list[str]:
         total = self.total
-        lines = [
-            f"{total.tried:,} beams in {self.seconds:.0f} s: {total.bounds:,} certified by error"
-            f" bounds, {total.rationals:,} by rationals, {total.outright:,} of these outright"
-        ]
+        others = [found for _, found in self.rows if isinstance(found, Findings)]
+        lines = [f"{self.seconds:.0f} s, seed {self.seed}"]
         if not self.complete:
-            lines.append(f"The time was over before all {self.asked:,} beams were tried.")
+            lines.append("The time was over before all was tried.")
+        if total.tried:
+            lines.append(
+                f"{total.tried:,} beams: {total.bounds:,} certified by error bounds,"
+                f" {total.rationals:,} by rationals, {total.outright:,} of these outright"
+            )
+        if others:
+            tried, failed = sum(one.tried for one in others), sum(one.failed for one in others)
+            lines.append(f"{tried:,} other cases: {failed:,} failed")
         for name, claims in total.claims.items():
             lines.append(
                 f"{name}: {claims.wrong:,} wrong decisions, {claims.inexact:,} ranges off by too"
@@ -103,3 +129,15 @@ class Report:
         if total.contradictions:
             lines.append(f"Bounds and rationals disagree on {total.contradictions:,} beams.")
         return lines
+
+
+def _aligned(cells: Sequence[Sequence[str]], *, left: Sequence[int]) -> str:
+    """Rows of cells under each other; some columns to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if k in left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in cells
+    )

@@ -100,15 +100,68 @@ class Tally:
 
 
 @dataclass(frozen=True, slots=True)
+class Findings:
+    """What was tried of a part that measures in a unit of its own; findings add up.
+
+    Args:
+        tried: How many trials.
+        failed: Those that raised, or whose error is beyond the bound.
+        error: The largest error.
+        examples: Failures with all that is needed to repeat them.
+        left_out: Why nothing could be tried on this machine; empty where it could.
+    """
+
+    tried: int = 0
+    failed: int = 0
+    error: float = 0.0
+    examples: tuple[dict[str, Any], ...] = ()
+    left_out: str = ""
+
+    def __add__(self, other: "Findings") -> "Findings":
+        return Findings(
+            self.tried + other.tried,
+            self.failed + other.failed,
+            max(self.error, other.error),
+            (self.examples + other.examples)[:EXAMPLES],
+            self.left_out or other.left_out,
+        )
+
+    @property
+    def failures(self) -> int:
+        """What must be 0."""
+        return self.failed
+
+    def as_dict(self) -> dict[str, Any]:
+        """The findings in JSON's types."""
+        return {
+            "cases": self.tried,
+            "failed": self.failed,
+            # An infinite error stands for an answer that is no number.
+            "largest_error": min(self.error, np.finfo(np.float64).max),
+            "left_out": self.left_out or None,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class Case:
     """A row of the table.
 
     Args:
         part: What is under test.
         name: What is hard about it.
-        attempt: Tries at least so many beams, at least so many of them by rationals anyway.
+        attempt: Tries at least so many, and of beams at least so many by rationals anyway.
+        bound: The largest error that is none.
+        unit: The unit of errors and bound.
+        tries: Trials of a whole run; 0 for a share of all beams.
+        each: Trials that a process makes at a time.
+        heavy: Whether a short run leaves it out.
     """
 
     part: str
     name: str
-    attempt: Callable[[np.random.Generator, int, int], Tally]
+    attempt: Callable[[np.random.Generator, int, int], Any]
+    bound: float
+    unit: str
+    tries: int = 0
+    each: int = 5_000
+    heavy: bool = False
