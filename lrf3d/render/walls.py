@@ -1,14 +1,17 @@
 """Walls and roofs as one primitive: faces with a place in metres, from which shaders paint."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, directions, lengths
-from lrf3d.render.primitives import Primitive, Single, quad_indices
+from lrf3d.render.arrays import Single, quad_indices
 from lrf3d.render.structures import Structures
+
+if TYPE_CHECKING:
+    from lrf3d.render.primitives import Primitive
 
 FACADE, PLAIN, ROOF, CAP = 0.0, 1.0, 2.0, 3.0
 """What a face is; the shader reads it from the whole part of the fourth colour value."""
@@ -23,8 +26,23 @@ _LOWEST_FACADE = 3.0
 """Walls below this height [m] are fences and garden walls: no windows."""
 
 
-def wall_primitive(structures: Structures) -> Primitive:
-    """Build the faces of all walls, the roofs of solids and the tops of free walls."""
+def wall_primitive(structures: Structures) -> "Primitive":
+    """Build the primitive of all walls."""
+    # The faces alone serve where there is no OpenGL.
+    from lrf3d.render.primitives import Primitive
+
+    vertices, indices = wall_faces(structures)
+    return Primitive("walls", _SIZES, vertices, indices=indices, cull=True)
+
+
+def wall_faces(structures: Structures) -> tuple[Single, NDArray[np.uint32]]:
+    """Build the faces of all walls, the roofs of solids and the tops of free walls.
+
+    Returns:
+        Vertices (v, 14): position, normal, place along and up the face [m], its length and
+        height [m], colour, and its kind with the seed of its object as fraction; and indices
+        (3 · t,) of triangles, two after the other for each wall.
+    """
     closed = structures.closed
     faces = [
         _wall_faces(structures, np.flatnonzero(closed), turned=False),
@@ -36,7 +54,7 @@ def wall_primitive(structures: Structures) -> Primitive:
     roofs, roof_indices = _roofs(structures)
     vertices = np.concatenate([quads.reshape(-1, sum(_SIZES)), roofs])
     indices = np.concatenate([quad_indices(len(quads)), roof_indices + 4 * len(quads)])
-    return Primitive("walls", _SIZES, vertices, indices=indices.astype(np.uint32), cull=True)
+    return vertices, indices.astype(np.uint32)
 
 
 def _wall_faces(structures: Structures, walls: NDArray[Any], *, turned: bool) -> Single:
