@@ -6,6 +6,7 @@ import typer
 
 from lrf3d.cli.bench import bench
 from lrf3d.cli.crosscheck import crosscheck
+from lrf3d.cli.export import export
 from lrf3d.cli.localise import localise
 from lrf3d.cli.map import map_
 from lrf3d.cli.render import render
@@ -29,6 +30,7 @@ app = typer.Typer(
 )
 app.command(epilog="Example: lrf3d run city --sigma 0.04 --out out/city")(run)
 app.command(epilog="Example: lrf3d render out/city --view top")(render)
+app.command(epilog="Example: lrf3d export out/city --to glb")(export)
 app.command(epilog="Example: lrf3d crosscheck city --json")(crosscheck)
 app.command(epilog="Example: lrf3d stress --beams 1000000")(stress)
 app.add_typer(bench, name="bench")

@@ -1,0 +1,40 @@
+"""``lrf3d export``: a run for other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lrf3d.cli import options
+
+
+def export(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run.npz, or its folder.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="The format: glb.")],
+    out: Annotated[Path | None, typer.Option(help="The file; beside the run if not given.")] = None,
+    every: Annotated[int, typer.Option(min=1, help="Keep each scan of this many.")] = 1,
+    json: options.Json = False,
+) -> None:
+    """Write a run for another program.
+
+    glb is an animated 3D scene for Blender and web viewers: the world, the robot, its beams and
+    its map as it grows.
+    """
+    from lrf3d.cli.console import print_json, print_table
+    from lrf3d.errors import InputError
+    from lrf3d.exporting import EXPORTERS, export_run
+    from lrf3d.logs import load_run
+    from lrf3d.output import make_folder
+
+    if to not in EXPORTERS:
+        raise InputError(f"--to {to}: expected one of {', '.join(EXPORTERS)}")
+    kept = load_run(run)
+    folder = run if run.is_dir() else run.parent
+    path = folder / f"run{EXPORTERS[to].ending}" if out is None else out
+    make_folder(path.parent)
+    export_run(kept, to, path, every=every)
+    scans, size = len(range(0, len(kept), every)), path.stat().st_size
+    if json:
+        print_json({"file": str(path), "format": to, "scans": scans, "bytes": size})
+        return
+    print_table([(to, str(path)), ("scans", str(scans)), ("size", f"{size / 1e6:.1f} MB")])
