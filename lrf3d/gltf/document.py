@@ -104,14 +104,23 @@ class Document:
             doubleSided=True,
         )
 
-    def texture(self, name: str, picture: bytes, kind: str, *, repeat: bool = True) -> int:
-        """Add a picture, ``image/png`` or ``image/jpeg``, and give the number of its texture."""
-        wrap = pygltflib.REPEAT if repeat else pygltflib.CLAMP_TO_EDGE
+    def texture(
+        self, name: str, picture: bytes, kind: str, *, repeat: tuple[bool, bool] = (False, False)
+    ) -> int:
+        """Add a picture and give the number of its texture.
+
+        Args:
+            name: Its name.
+            picture: The file of the picture.
+            kind: ``image/png`` or ``image/jpeg``.
+            repeat: Whether it repeats to the sides, and up and down.
+        """
+        wrap = [pygltflib.REPEAT if on else pygltflib.CLAMP_TO_EDGE for on in repeat]
         sampler = pygltflib.Sampler(
             magFilter=pygltflib.LINEAR,
             minFilter=pygltflib.LINEAR_MIPMAP_LINEAR,
-            wrapS=wrap,
-            wrapT=wrap,
+            wrapS=wrap[0],
+            wrapT=wrap[1],
         )
         image = pygltflib.Image(name=name, mimeType=kind)
         self._pictures.append((image, picture))

@@ -9,19 +9,17 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
-import pygltflib
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
+from lrf3d.gltf.robot import add_chase_camera, add_robot
 from lrf3d.gltf.scan_mesh import ScanMeshes
 from lrf3d.gltf.stage import add_stage, new_document
 from lrf3d.mapping import LineMap
 from lrf3d.render.arrays import Single, quad_indices
-from lrf3d.render.look import Look
 from lrf3d.render.palette import union_colours
-from lrf3d.render.robot_model import robot_mesh
 from lrf3d.render.structures import Structures
 from lrf3d.render.timeline import DWELL_SHARE, Timeline
 from lrf3d.simulation import Run
@@ -59,8 +57,9 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
         raise InputError(f"every {every}: expected a whole number from 1")
     timeline = Timeline(run)
     document = new_document(run.world)
-    add_stage(document, Structures.from_run(run))
-    _add_robot(document, timeline)
+    structures = Structures.from_run(run)
+    add_stage(document, structures)
+    _add_robot(document, timeline, structures)
     _add_scans(document, timeline, every)
     _add_maps(document, timeline)
     _add_trail(document, timeline)
@@ -92,7 +91,7 @@ class _Showing:
         self._document.animate(node, "scale", inputs, self._sizes[sizes], step=True)
 
 
-def _add_robot(document: Document, timeline: Timeline) -> None:
+def _add_robot(document: Document, timeline: Timeline, structures: Structures) -> None:
     """The robot, which drives, and a camera that looks over its shoulder."""
     times = _key_times(timeline)
     poses = timeline.poses(times) - [*timeline.run.world.origin, 0.0]
@@ -100,37 +99,14 @@ def _add_robot(document: Document, timeline: Timeline) -> None:
     places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
     turns = np.zeros((len(poses), 4), np.float32)
     turns[:, 2], turns[:, 3] = np.sin(headings), np.cos(headings)
-    rows, indices = robot_mesh(timeline.run.lrf.height)
-    material = document.material(
-        "robot", pbrMetallicRoughness={"metallicFactor": 0.1, "roughnessFactor": 0.5}
-    )
-    normals = rows[:, 3:6] / np.linalg.norm(rows[:, 3:6], axis=1, keepdims=True)
-    attributes = {
-        "POSITION": document.array(rows[:, 0:3], VERTICES, bounded=True),
-        "NORMAL": document.array(normals, VERTICES),
-        "COLOR_0": document.array(linear(rows[:, 6:9].astype(np.float64)), VERTICES),
-    }
-    part = document.part(material, attributes, document.array(indices, INDICES))
-    robot = document.node(
-        "robot",
-        document.root,
-        mesh=document.mesh("robot", [part]),
-        translation=places[0].tolist(),
-        rotation=turns[0].tolist(),
-    )
+    robot = add_robot(document, timeline.run.lrf.height)
+    node = document.gltf.nodes[robot]
+    node.translation, node.rotation = places[0].tolist(), turns[0].tolist()
     if len(times) > 1:
         keys = document.array((times - times[0]).astype(np.float32), KEYS, bounded=True)
         document.animate(robot, "translation", keys, document.array(places, KEYS))
         document.animate(robot, "rotation", keys, document.array(turns, KEYS))
-    _add_camera(document, robot)
-
-
-def _add_camera(document: Document, robot: int) -> None:
-    look = Look(np.array([-4.2, 0.0, 2.2]), np.array([2.0, 0.0, 0.4]), float(np.radians(50.0)))
-    lens = pygltflib.Perspective(yfov=look.field, znear=0.1, zfar=2000.0, aspectRatio=16 / 9)
-    camera = pygltflib.Camera(type="perspective", perspective=lens, name="chase")
-    document.gltf.cameras.append(camera)
-    document.node("chase camera", robot, camera=0, matrix=look.pose.T.ravel().tolist())
+    add_chase_camera(document, robot, structures)
 
 
 def _key_times(timeline: Timeline) -> Float:

@@ -7,6 +7,7 @@ counts in float32, which knows no centimetres far away.
 import io
 
 import numpy as np
+import pygltflib
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -58,7 +59,7 @@ def _add_ground(document: Document, structures: Structures) -> None:
     height, width = (2 ** round(np.log2(side)) for side in ground.picture.shape[:2])
     picture = Image.fromarray(ground.picture).resize((width, height), Image.Resampling.LANCZOS)
     picture.save(file, "JPEG", quality=88)
-    texture = document.texture("ground", file.getvalue(), "image/jpeg", repeat=False)
+    texture = document.texture("ground", file.getvalue(), "image/jpeg")
     painted = document.material(
         "ground", pbrMetallicRoughness={"baseColorTexture": {"index": texture}, **_DULL}
     )
@@ -103,18 +104,12 @@ def _add_walls(document: Document, structures: Structures) -> None:
     windows = (quads[:, 0, 13] < PLAIN) & (quads[:, 0, 8] > facades.NARROWEST)
     floors, bands = _storeys(quads[windows])
     bare = np.concatenate([_level(quads[~windows]), bands])
-    parts = [
-        *(
-            _faces(document, name, picture, faces)
-            for name, picture, faces in zip(
-                ("ground floors", "upper floors"),
-                (facades.ground_floor(), facades.upper_floors()),
-                floors,
-                strict=True,
-            )
-            if len(faces)
-        ),
-    ]
+    ground, upper = floors
+    parts = []
+    if len(ground):
+        parts.append(_faces(document, "ground floors", facades.ground_floor(), ground, rows=False))
+    if len(upper):
+        parts.append(_faces(document, "upper floors", facades.upper_floors(), upper, rows=True))
     plain = document.material("plaster", pbrMetallicRoughness=_DULL)
     if len(bare):
         parts.append(_coloured(document, plain, bare.reshape(-1, 14), quad_indices(len(bare))))
@@ -173,8 +168,12 @@ def _level(quads: Single) -> Single:
     return quads
 
 
-def _faces(document: Document, name: str, picture: bytes, faces: Single) -> object:
-    texture = document.texture(name, picture, "image/png")
+def _faces(
+    document: Document, name: str, picture: bytes, faces: Single, *, rows: bool
+) -> pygltflib.Primitive:
+    """A part of a mesh with windows, whose rows repeat or not."""
+    # Where rows do not repeat, the foot of a door must not show over the next storey's edge.
+    texture = document.texture(name, picture, "image/png", repeat=(True, rows))
     material = document.material(
         name, pbrMetallicRoughness={"baseColorTexture": {"index": texture}, **_DULL}
     )
@@ -189,7 +188,7 @@ def _coloured(
     indices: NDArray[np.uint32],
     *,
     textured: bool = False,
-) -> object:
+) -> pygltflib.Primitive:
     """A part of a mesh from vertices (v, 14) that carry their colours."""
     colours = linear(np.clip(vertices[:, 10:13], 0.0, 1.0).astype(np.float64))
     attributes = {
