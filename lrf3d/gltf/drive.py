@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
+from lrf3d.gltf.keys import jumps, key_times, scan_times
 from lrf3d.gltf.robot import add_chase_camera, add_robot
 from lrf3d.gltf.scan_mesh import ScanMeshes
 from lrf3d.gltf.stage import add_stage, new_document
@@ -21,11 +22,8 @@ from lrf3d.mapping import LineMap
 from lrf3d.render.arrays import Single, quad_indices
 from lrf3d.render.palette import union_colours
 from lrf3d.render.structures import Structures
-from lrf3d.render.timeline import DWELL_SHARE, Timeline
+from lrf3d.render.timeline import Timeline
 from lrf3d.simulation import Run
-
-_GLIDE_KEYS = 12
-"""Keys between two stops of a robot that stands and scans: enough for a soft start and end."""
 
 _TRAIL_ERROR = 0.03
 """How far a straight piece of the trail may be off [m], in place and along the way."""
@@ -93,7 +91,7 @@ class _Showing:
 
 def _add_robot(document: Document, timeline: Timeline, structures: Structures) -> None:
     """The robot, which drives, and a camera that looks over its shoulder."""
-    times = _key_times(timeline)
+    times = key_times(timeline)
     poses = timeline.poses(times) - [*timeline.run.world.origin, 0.0]
     headings = 0.5 * np.unwrap(poses[:, 2])
     places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
@@ -109,38 +107,15 @@ def _add_robot(document: Document, timeline: Timeline, structures: Structures) -
     add_chase_camera(document, robot, structures)
 
 
-def _key_times(timeline: Timeline) -> Float:
-    """Times of the film [s] between which the robot's way is straight enough."""
-    times = timeline.run.trajectory.times
-    if not timeline.dwells or len(times) < 2:
-        return times
-    glide = DWELL_SHARE + (1.0 - DWELL_SHARE) * np.linspace(0.0, 1.0, _GLIDE_KEYS + 1)
-    gaps = np.diff(times)
-    keys = times[:-1, None] + gaps[:, None] * glide
-    # Where the robot is set down behind a wall, it is here or there, but never on the way.
-    turn = times[:-1] + gaps * (DWELL_SHARE + 0.5 * (1.0 - DWELL_SHARE))
-    at = np.concatenate([turn[timeline.jumps] - 1e-3, turn[timeline.jumps] + 1e-3])
-    return np.unique(np.concatenate([times, keys.ravel(), at, [timeline.end]]))
-
-
 def _add_scans(document: Document, timeline: Timeline, every: int) -> None:
     """The beams of each scan, seen while it is the nearest in time."""
     run = timeline.run
-    scans = np.arange(0, len(run), every)
-    times = run.trajectory.times[scans]
-    if timeline.dwells:
-        gaps = np.diff(times, append=timeline.end)
-        begins, ends = times, np.minimum(times + DWELL_SHARE * gaps, timeline.end)
-        ends[-1] = timeline.end
-    else:
-        # Half before and half after its moment the robot is never far from where it scanned.
-        middles = 0.5 * (times[:-1] + times[1:])
-        begins = np.concatenate([[timeline.start], middles])
-        ends = np.concatenate([middles, [timeline.end]])
+    begins, ends = scan_times(timeline, every)
     meshes = ScanMeshes(document, run)
     showing = _Showing(document, timeline.start, timeline.end)
     group = document.node("beams", document.root)
-    for scan, begin, end in zip(scans.tolist(), begins.tolist(), ends.tolist(), strict=True):
+    scans = range(0, len(run), every)
+    for scan, begin, end in zip(scans, begins.tolist(), ends.tolist(), strict=True):
         mesh, place = meshes.add(scan)
         node = document.node(f"scan {scan}", group, mesh=mesh, translation=place)
         showing.between(node, begin, end)
@@ -191,7 +166,7 @@ def _bands(stage: LineMap, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
 
 def _add_trail(document: Document, timeline: Timeline) -> None:
     """The way that was driven, as straight pieces that grow with the robot."""
-    times = _key_times(timeline)
+    times = key_times(timeline)
     places = timeline.poses(times)[:, :2] - timeline.run.world.origin
     material = document.glowing("trail", colour=linear(_TRAIL).astype(np.float64))
     half = 0.5 * _TRAIL_WIDTH
@@ -200,11 +175,12 @@ def _add_trail(document: Document, timeline: Timeline) -> None:
     part = document.part(material, attributes, document.array(quad_indices(1), INDICES))
     mesh = document.mesh("trail", [part])
     group = document.node("trail", document.root)
+    set_down = jumps(times)
     for first, last in _straight_pieces(times, places):
         way = places[last] - places[first]
         length = float(np.hypot(*way))
         begin, end = float(times[first] - times[0]), float(times[last] - times[0])
-        if length < 1e-3 or (timeline.dwells and end - begin < 0.01):
+        if length < 1e-3 or set_down[first:last].any():
             continue
         half_turn = 0.5 * float(np.arctan2(way[1], way[0]))
         node = document.node(

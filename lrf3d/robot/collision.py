@@ -26,27 +26,41 @@ class Collision:
         )
 
 
+class Obstacles:
+    """The walls of a world, for one who asks again and again where a drive runs into them."""
+
+    def __init__(self, world: World) -> None:
+        import shapely
+
+        self._world = world
+        ends = world.segments.reshape(-1, 2, 2) - world.origin
+        self._walls = shapely.linestrings(ends)
+        self._tree = shapely.STRtree(self._walls)
+
+    def find(self, trajectory: Trajectory, radius: float) -> Collision | None:
+        """The first collision of a round robot of a radius [m] on its way, or None."""
+        import shapely
+
+        world = self._world
+        places = trajectory.poses[:, :2] - world.origin
+        ends = np.concatenate([places[1:], places[-1:]])
+        steps = shapely.linestrings(np.stack([places, ends], axis=1))
+        step, wall = self._tree.query(steps, predicate="dwithin", distance=radius)
+        if not len(step):
+            return None
+        first = step.min()
+        near = wall[step == first]
+        gaps = shapely.distance(self._walls[near], steps[first])
+        hit = int(near[np.argmin(gaps)])
+        owner = int(world.objects[hit])
+        name = f" of {world.object_names[owner]}" if owner < len(world.object_names) else ""
+        x, y = trajectory.poses[first, :2]
+        return Collision(float(trajectory.times[first]), float(x), float(y), hit, name)
+
+
 def find_collision(trajectory: Trajectory, world: World, radius: float) -> Collision | None:
     """The first collision of a round robot of a radius [m] on its way, or None."""
-    import shapely
-
-    if not len(world.segments):
-        return None
-    places = trajectory.poses[:, :2] - world.origin
-    ends = np.concatenate([places[1:], places[-1:]])
-    steps = shapely.linestrings(np.stack([places, ends], axis=1))
-    walls = shapely.linestrings(world.segments.reshape(-1, 2, 2) - world.origin)
-    step, wall = shapely.STRtree(walls).query(steps, predicate="dwithin", distance=radius)
-    if not len(step):
-        return None
-    first = step.min()
-    near = wall[step == first]
-    gaps = shapely.distance(walls[near], steps[first])
-    hit = int(near[np.argmin(gaps)])
-    owner = int(world.objects[hit])
-    name = f" of {world.object_names[owner]}" if owner < len(world.object_names) else ""
-    x, y = trajectory.poses[first, :2]
-    return Collision(float(trajectory.times[first]), float(x), float(y), hit, name)
+    return Obstacles(world).find(trajectory, radius) if len(world.segments) else None
 
 
 def check_drive(trajectory: Trajectory, world: World, radius: float) -> None:
