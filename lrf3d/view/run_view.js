@@ -4,7 +4,7 @@ import { BeamsMesh, Inset, MapBands, Replay, Rig, Stage, Trail, VIEWS } from "lr
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 const STEP = 2; // Seconds that an arrow key skips.
-const BLEND = 0.07; // Seconds over which a driven robot goes from one known pose to the next.
+const BLEND = 0.04; // Seconds in which a driven robot comes nearer to its newest known pose.
 const ICONS = { follow: "videocam", orbit: "3d_rotation", top: "map", first: "visibility" };
 const NAMES = { follow: "Follow", orbit: "Orbit", top: "From above", first: "Robot's eyes" };
 
@@ -36,7 +36,7 @@ export default {
         <div class="lrf3d-map">{{ words.map }}</div>
         <div v-if="bumped" class="lrf3d-stop">a wall is in the way</div>
       </div>
-      <canvas ref="inset" class="lrf3d-inset"></canvas>
+      <canvas ref="inset" v-show="view !== 'top'" class="lrf3d-inset"></canvas>
       <div v-if="failure" class="lrf3d-panel lrf3d-failure">{{ failure }}</div>
       <div v-if="loading && !failure" class="lrf3d-panel lrf3d-failure">getting ready …</div>
 
@@ -145,20 +145,19 @@ export default {
         this.news = null;
       }
       this.shownStage = null;
-      this.rig.choose(this.view, this.pose);
+      this.choose(this.view);
     },
 
     frame(now) {
       const seconds = Math.min(0.1, (now - this.last) / 1000);
       this.last = now;
       if (this.run) this.play(seconds);
-      else this.follow(now);
+      else this.follow(seconds);
       this.stage.place(this.pose);
-      const high = this.view === "top" || this.view === "orbit";
       this.beams.dotPaint.uniforms.focus.value =
         this.stage.canvas.height / (2 * Math.tan((this.stage.camera.fov * Math.PI) / 360));
       this.rig.update(this.pose, seconds);
-      this.stage.render(high);
+      this.stage.render(this.view);
       this.waiting = requestAnimationFrame((next) => this.frame(next));
     },
 
@@ -186,16 +185,20 @@ export default {
     },
 
     // Go on from one known pose of the driven robot to the next.
-    follow(now) {
+    follow(seconds) {
       if (!this.news) return;
-      const share = Math.min(1, (now - this.newsAt) / (1000 * BLEND));
-      const { from, news } = this;
+      const share = 1 - Math.exp(-seconds / BLEND);
+      const { pose: from, news } = this;
       this.pose = {
         ...news.pose,
         x: from.x + share * (news.pose.x - from.x),
         y: from.y + share * (news.pose.y - from.y),
         theta: from.theta + share * (news.pose.theta - from.theta),
       };
+      const [x, y] = this.trail.places.slice(-2);
+      if (Math.hypot(this.pose.x - x, this.pose.y - y) > 0.1) {
+        this.trail.add(this.pose.x, this.pose.y);
+      }
       this.showScan(news.scanPose, news.ranges, news.joined, true);
       const legs = Math.max(0, this.trail.places.length / 2 - 1);
       this.trail.show(legs, this.pose);
@@ -210,16 +213,10 @@ export default {
         this.trail.set([news.pose.x, news.pose.y]);
         this.showMap([], [], 0);
         this.pose = news.pose;
-        this.rig.choose(this.view, news.pose);
+        this.choose(this.view);
       }
-      this.from = this.pose;
-      this.newsAt = performance.now();
       this.news = { ...news, ranges: news.ranges.map((range) => range ?? Infinity) };
       this.bumped = news.bumped;
-      const [x, y] = this.trail.places.slice(-2);
-      if (Math.hypot(news.pose.x - x, news.pose.y - y) > 0.1) {
-        this.trail.add(news.pose.x, news.pose.y);
-      }
       if (news.map) this.showMap(news.map.segments, news.map.colours, news.map.objects);
     },
 
@@ -263,6 +260,12 @@ export default {
     choose(name) {
       this.view = name;
       this.rig.choose(name, this.pose);
+      this.beams.strength = name === "first" ? 0.18 : 0.42;
+      // Seen from straight above, the roofs would hide what was driven and mapped.
+      const width = name === "top" ? this.setup.size / 250 : undefined;
+      this.trail.lift(width);
+      this.bands.lift(width && 1.4 * width);
+      this.shownTime = null;
     },
 
     toggle() {

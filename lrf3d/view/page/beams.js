@@ -93,6 +93,11 @@ export class BeamsMesh {
     scene.add(this.group);
   }
 
+  // How strong the fan is: less where it would cover the picture.
+  set strength(value) {
+    this.fanMesh.material.uniforms.strength.value = value;
+  }
+
   // Show a scan taken at a pose, from where the robot stands now.
   show(pose, ranges, joined, robot) {
     const { angles, ends, away } = this;

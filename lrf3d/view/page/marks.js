@@ -2,10 +2,18 @@
 
 import { THREE } from "nicegui-scene";
 
-const WIDTH = 0.11; // Width of the trail [m].
+const WIDTH = 0.11; // Width of the trail [m], at the least.
 const HEIGHT = 0.02; // Its height over the ground [m].
 const BAND = [0.62, 0.86]; // Heights between which the map is drawn [m]: above the beams.
 const PROUD = 0.05; // How far the bands stand out of their lines [m], so that no wall hides them.
+
+// Draw a mark over all that stands, or among it again.
+function raise(mesh, over, order) {
+  mesh.material.depthTest = !over;
+  // What is translucent is drawn last, so that nothing is drawn over it.
+  mesh.material.transparent = over;
+  mesh.renderOrder = over ? order : 0;
+}
 
 export class Trail {
   constructor(scene) {
@@ -13,7 +21,16 @@ export class Trail {
     this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), this.paint);
     this.mesh.frustumCulled = false;
     scene.add(this.mesh);
+    this.width = WIDTH;
     this.set([]);
+  }
+
+  // Lay the trail over everything, so wide [m]; or on the ground, with no width given.
+  lift(width) {
+    raise(this.mesh, Boolean(width), 10);
+    this.width = Math.max(WIDTH, width ?? 0);
+    this.fill(0);
+    this.cut = 0;
   }
 
   // The places that the trail leads through: x, y, x, y, … ; legs that are jumps are left out.
@@ -51,7 +68,7 @@ export class Trail {
   put(leg, [x, y]) {
     const [x0, y0] = this.end(leg);
     const long = Math.hypot(x - x0, y - y0);
-    const half = this.jumps.has(leg) || long === 0 ? 0 : WIDTH / 2 / long;
+    const half = this.jumps.has(leg) || long === 0 ? 0 : this.width / 2 / long;
     const [dx, dy] = [-(y - y0) * half, (x - x0) * half];
     const [a, b] = [[x0 - dx, y0 - dy], [x - dx, y - dy]];
     const [c, d] = [[x + dx, y + dy], [x0 + dx, y0 + dy]];
@@ -79,10 +96,21 @@ export class MapBands {
     this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), paint);
     this.mesh.frustumCulled = false;
     scene.add(this.mesh);
+    this.proud = PROUD;
+    this.shown = [[], []];
+  }
+
+  // Lay the map over everything, so wide [m]; or along the walls, with no width given.
+  lift(width) {
+    raise(this.mesh, Boolean(width), 11);
+    this.proud = Math.max(PROUD, (width ?? 0) / 2);
+    this.show(...this.shown);
   }
 
   // segments: x1, y1, x2, y2, …; colours: red, green, blue of each in 0…255.
   show(segments, colours) {
+    this.shown = [segments, colours];
+    const { proud } = this;
     const count = segments.length / 4;
     const places = new Float32Array(54 * count);
     const paints = new Float32Array(54 * count);
@@ -90,7 +118,7 @@ export class MapBands {
     for (let i = 0; i < count; i++) {
       const [x1, y1, x2, y2] = segments.slice(4 * i, 4 * i + 4);
       const long = Math.hypot(x2 - x1, y2 - y1) || 1;
-      const [dx, dy] = [(-(y2 - y1) / long) * PROUD, ((x2 - x1) / long) * PROUD];
+      const [dx, dy] = [(-(y2 - y1) / long) * proud, ((x2 - x1) / long) * proud];
       const [low, high] = BAND;
       const [a, b] = [[x1 + dx, y1 + dy], [x2 + dx, y2 + dy]];
       const [c, d] = [[x2 - dx, y2 - dy], [x1 - dx, y1 - dy]];

@@ -8,16 +8,18 @@ export const VIEWS = ["follow", "orbit", "top", "first"];
 const AIM = 0.6; // Height that a following camera looks at [m].
 const LOW = 1.2; // Walls up to this height [m] do not hide the robot.
 const CLEARANCE = 0.4; // Distance from walls that a following camera keeps [m].
+const LOWER = 0.13; // How far under the middle a followed robot is seen, in heights of the picture.
 const CALM = 3.0; // How fast the camera follows turns [1/s].
 
+const FIELDS = { follow: 50, orbit: 50, top: 12, first: 62 }; // Angles of view [°].
+
 export class Rig {
-  constructor(stage, { indoor, walls, middle, size, height, roof }) {
-    Object.assign(this, { indoor, walls, middle, size, height, roof });
+  constructor(stage, { indoor, walls, low, high, middle, size, height, roof }) {
+    Object.assign(this, { stage, indoor, walls, low, high, middle, size, height, roof });
     this.camera = stage.camera;
     this.controls = new OrbitControls(this.camera, stage.canvas);
     this.controls.enableDamping = true;
     this.controls.dampingFactor = 0.12;
-    this.controls.maxDistance = 6 * size;
     this.target = new THREE.Vector3();
     this.free = new THREE.Vector3();
     this.heading = 0;
@@ -44,16 +46,33 @@ export class Rig {
       this.free.set(x - 0.55 * this.size, y - 0.75 * this.size, 0.6 * this.size);
     } else if (view === "top") {
       this.target.set(x, y, 0);
+      const [wide, tall] = [this.high[0] - this.low[0], this.high[1] - this.low[1]];
+      const seen = 1.25 * Math.max(4, tall, wide / this.camera.aspect);
+      const away = seen / 2 / Math.tan((FIELDS.top * Math.PI) / 360);
       // A hair off the vertical: straight down there would be no up in the picture.
-      this.free.set(x, y - 0.001 * this.size, 1.15 * this.size);
+      this.free.set(x, y - 0.001 * away, away + this.roof);
     }
-    this.camera.fov = view === "first" ? 62 : 50;
-    this.camera.updateProjectionMatrix();
+    const away = this.free.distanceTo(this.target);
+    this.controls.maxDistance = Math.max(6 * this.size, 3 * away);
+    this.camera.fov = FIELDS[view];
+    this.camera.near = view === "top" ? 0.1 * away : 0.1;
+    this.camera.far = Math.max(4000, 4 * away);
+    this.shift();
     this.camera.position.copy(this.free);
     this.controls.target.copy(this.target);
   }
 
+  // Move the middle of the picture up, so that more of the way ahead is seen; once for each size.
+  shift() {
+    const { width, height } = this.stage.canvas;
+    const lower = this.view === "follow" ? -LOWER * height : 0;
+    this.camera.setViewOffset(width, height, 0, lower, width, height);
+    this.fitted = [width, height];
+  }
+
   update(pose, seconds) {
+    const { width, height } = this.stage.canvas;
+    if (width !== this.fitted[0] || height !== this.fitted[1]) this.shift();
     if (this.view === "first") {
       const [cos, sin] = [Math.cos(pose.theta), Math.sin(pose.theta)];
       this.camera.position.set(pose.x, pose.y, this.height + 0.22);

@@ -9,15 +9,19 @@ const FAR = 4000;
 
 export class Stage {
   constructor(place, { indoor, size }) {
-    this.renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    this.renderer = new THREE.WebGLRenderer({ antialias: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     place.appendChild(this.renderer.domElement);
     this.canvas = this.renderer.domElement;
     this.scene = new THREE.Scene();
+    this.size = size;
     const colours = indoor ? ROOM : SKY;
     this.haze = new THREE.FogExp2(colours.haze, indoor ? 0.004 : Math.min(0.0032, 0.7 / size));
     this.scene.background = new THREE.Color(colours.haze);
-    if (!indoor) this.scene.add(skyDome(colours));
+    this.sky = skyDome(colours);
+    this.sky.visible = !indoor;
+    this.indoor = indoor;
+    this.scene.add(this.sky);
     // The sun stands in the file; this is the light of the sky and of the ground.
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0xb3a893, indoor ? 2.5 : 2.0));
     this.camera = new THREE.PerspectiveCamera(50, 1, 0.1, FAR);
@@ -50,7 +54,8 @@ export class Stage {
     const model = root.getObjectByName("robot");
     const upright = new THREE.Group();
     upright.add(model);
-    this.robot.add(upright, blob());
+    this.marker = marker(Math.max(1, this.size / 60));
+    this.robot.add(upright, blob(), this.marker);
     this.scene.add(this.robot);
   }
 
@@ -59,8 +64,12 @@ export class Stage {
     this.robot.rotation.z = pose.theta;
   }
 
-  render(clear) {
-    this.scene.fog = clear ? null : this.haze;
+  // From high above there is no haze, and the robot is too small to be seen but for its marker.
+  render(view) {
+    const high = view === "top" || view === "orbit";
+    this.scene.fog = high ? null : this.haze;
+    this.marker.visible = high;
+    this.sky.visible = !this.indoor && view !== "top";
     this.renderer.render(this.scene, this.camera);
   }
 }
@@ -88,6 +97,28 @@ function skyDome({ top, haze, low }) {
   const mesh = new THREE.Mesh(dome, material);
   mesh.renderOrder = -1;
   return mesh;
+}
+
+// A dart over the robot, as large as the world asks for.
+function marker(size) {
+  const outline = new THREE.Shape();
+  outline.moveTo(1.1, 0).lineTo(-0.8, 0.75).lineTo(-0.4, 0).lineTo(-0.8, -0.75).closePath();
+  const paint = { depthTest: false, transparent: true, side: THREE.DoubleSide };
+  const group = new THREE.Group();
+  for (const [color, scale, order] of [
+    [0x1f2430, 1.25, 20],
+    [0xfa750f, 1.0, 21],
+  ]) {
+    const mesh = new THREE.Mesh(
+      new THREE.ShapeGeometry(outline),
+      new THREE.MeshBasicMaterial({ color, ...paint }),
+    );
+    mesh.scale.setScalar(scale * size);
+    mesh.renderOrder = order;
+    group.add(mesh);
+  }
+  group.position.z = 1;
+  return group;
 }
 
 // The soft shade under the robot.
