@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import InputError
+from lrf3d.output import replacing
 from lrf3d.simulation import Run
 
 
@@ -22,12 +23,12 @@ class Exporter:
         name: What a file is called where no other name is given; what comes after its first dot
             is the ending of all of them.
         about: What it is and who reads it.
-        write: Writes a run to a path, whole or not at all.
+        write: Writes a run to a path, with each scan of a number kept, whole or not at all.
     """
 
     name: str
     about: str
-    write: Callable[[Run, Path], None]
+    write: Callable[[Run, Path, int], None]
 
     @property
     def endings(self) -> tuple[str, ...]:
@@ -36,28 +37,41 @@ class Exporter:
         return (f".{ending}", f".{ending.removesuffix('.gz')}") if dot else ("",)
 
 
-def _write_carmen(run: Run, path: Path) -> None:
+def _write_carmen(run: Run, path: Path, every: int) -> None:
     from lrf3d.logs.carmen_writer import write
 
-    write(run, path)
+    write(_thinned(run, every), path)
 
 
-def _write_mcap(run: Run, path: Path) -> None:
+def _write_mcap(run: Run, path: Path, every: int) -> None:
     from lrf3d.logs.ros_bag_writer import write
 
-    write(run, path)
+    write(_thinned(run, every), path)
 
 
-def _write_bag_folder(run: Run, path: Path) -> None:
+def _write_bag_folder(run: Run, path: Path, every: int) -> None:
     from lrf3d.logs.ros_bag_writer import write_folder
 
-    write_folder(run, path)
+    write_folder(_thinned(run, every), path)
+
+
+def _write_glb(run: Run, path: Path, every: int) -> None:
+    from lrf3d.gltf import run_glb
+
+    with replacing(path) as unfinished:
+        unfinished.write_bytes(run_glb(run, every=every))
+
+
+def _thinned(run: Run, every: int) -> Run:
+    """The run with each scan of a number kept, and the last of its maps."""
+    return run if every == 1 else run.part(np.arange(0, len(run), every))
 
 
 EXPORTERS: dict[str, Exporter] = {
     "carmen": Exporter("run.log.gz", "a CARMEN log", _write_carmen),
     "mcap": Exporter("run.mcap", "a ROS 2 bag as one file, for Foxglove", _write_mcap),
     "rosbag2": Exporter("run_bag", "a ROS 2 bag, for ros2 bag play", _write_bag_folder),
+    "glb": Exporter("run.glb", "an animated 3D scene for Blender and web viewers", _write_glb),
 }
 """How a run is written, by the name of the format; a new format is one more entry."""
 
@@ -81,9 +95,4 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
     exporter, path = EXPORTERS[to], Path(path)
     if not path.name.lower().endswith(exporter.endings):
         raise InputError(f"--out {path}: expected a name that ends in {exporter.endings[0]}")
-    exporter.write(thinned(run, every), path)
-
-
-def thinned(run: Run, every: int) -> Run:
-    """The run with each scan of a number kept, and the last of its maps."""
-    return run if every == 1 else run.part(np.arange(0, len(run), every))
+    exporter.write(run, path, every)

@@ -14,6 +14,7 @@ from lrf3d.cli.render import render
 from lrf3d.cli.run import run
 from lrf3d.cli.stress import stress
 from lrf3d.cli.sweep import sweep
+from lrf3d.cli.view import view
 from lrf3d.cli.world import world
 from lrf3d.errors import Lrf3dError
 
@@ -32,6 +33,7 @@ app = typer.Typer(
 )
 app.command(epilog="Example: lrf3d run city --sigma 0.04 --out out/city")(run)
 app.command(epilog="Example: lrf3d render out/city --view top")(render)
+app.command(epilog="Example: lrf3d view city")(view)
 app.command(epilog="Example: lrf3d export out/city --to mcap")(export)
 app.command(epilog="Example: lrf3d crosscheck city --json")(crosscheck)
 app.command(epilog="Example: lrf3d stress --quick")(stress)

@@ -10,7 +10,9 @@ from lrf3d.cli import options
 
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run.npz, or its folder.")],
-    to: Annotated[str, typer.Option(metavar="FORMAT", help="The format: carmen, mcap or rosbag2.")],
+    to: Annotated[
+        str, typer.Option(metavar="FORMAT", help="The format: carmen, mcap, rosbag2 or glb.")
+    ],
     out: Annotated[Path | None, typer.Option(help="The file; beside the run if not given.")] = None,
     every: Annotated[int, typer.Option(min=1, help="Keep each scan of this many.")] = 1,
     json: options.Json = False,
@@ -18,7 +20,8 @@ def export(
     """Write a run for another program.
 
     carmen is a log of one message a line; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2
-    is its folder, for ros2 bag play, rviz and slam_toolbox.
+    is its folder, for ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for
+    Blender and web viewers: the world, the robot, its beams and its map as it grows.
     """
     from lrf3d.cli.console import print_json, print_table
     from lrf3d.errors import InputError

@@ -9,7 +9,7 @@ import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, beam_directions
-from lrf3d.render.primitives import Single
+from lrf3d.render.arrays import Single
 
 _DRAWN_BEAMS = 46
 """About how many single beams are drawn: more would run into one red."""

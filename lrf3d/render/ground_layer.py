@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float
+from lrf3d.render.arrays import Single
 from lrf3d.render.ground import Ground, paint_ground, paint_tile
-from lrf3d.render.primitives import Mesh, Primitive, Single
+from lrf3d.render.primitives import Mesh, Primitive
 from lrf3d.render.structures import Structures
 from lrf3d.render.textures import Texture
 

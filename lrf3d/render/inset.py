@@ -6,10 +6,11 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry import Float
+from lrf3d.render.arrays import Single
 from lrf3d.render.beams import LINE_SIZES, line_quads
 from lrf3d.render.drawing import Drawing
 from lrf3d.render.hud import Label, Line, scale_of
-from lrf3d.render.primitives import Mesh, Primitive, Single
+from lrf3d.render.primitives import Mesh, Primitive
 from lrf3d.render.scenery import Scenery
 from lrf3d.render.timeline import Moment
 

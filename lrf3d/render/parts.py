@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int
-from lrf3d.render.primitives import Primitive, Single
+from lrf3d.render.arrays import Single
+from lrf3d.render.primitives import Primitive
 from lrf3d.render.skyline import Skyline
 
 TILE = 160.0

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.render.arrays import Single
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.textures import Texture
-
-Single = NDArray[np.float32]
 
 _FLOAT = 4
 """Bytes of a float32."""
@@ -132,10 +131,3 @@ class Mesh(pyrender.Mesh):  # type: ignore[misc]
         """Corners (2, 3) of the box around all primitives [m]."""
         boxes = np.array([primitive.bounds for primitive in self.primitives])
         return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-
-
-def quad_indices(quads: int) -> NDArray[np.uint32]:
-    """Indices (6 · quads,) of two triangles for each four vertices that run round a quad."""
-    first = np.arange(quads, dtype=np.uint32)[:, None] * 4
-    corners = np.array([[0, 1, 2, 0, 2, 3]], dtype=np.uint32)
-    return (first + corners).ravel()

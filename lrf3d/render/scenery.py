@@ -7,12 +7,13 @@ import numpy as np
 
 from lrf3d.geometry import Bool, Float
 from lrf3d.mapping import LineMap
+from lrf3d.render.arrays import Single
 from lrf3d.render.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.ground import SUN
 from lrf3d.render.ground_layer import GroundLayer
 from lrf3d.render.palette import union_colours
-from lrf3d.render.primitives import Mesh, Primitive, Single
+from lrf3d.render.primitives import Mesh, Primitive
 from lrf3d.render.robot_model import robot_primitive, world_from_robot
 from lrf3d.render.structures import Structures
 from lrf3d.render.timeline import Moment, Timeline

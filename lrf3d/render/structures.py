@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lrf3d.geometry import Bool, Float, Int, directions
 from lrf3d.render.palette import object_colours
 from lrf3d.simulation import Run
+from lrf3d.world import World
 
 INDOOR_HEIGHT = 3.5
 """Walls up to here [m] are those of rooms: a storey; they get no windows and no sun."""
@@ -55,9 +56,13 @@ class Structures:
     @classmethod
     def from_run(cls, run: Run) -> "Structures":
         """Find the solids of a run's world; what the robot drove inside of is none."""
-        world = run.world
+        return cls.from_world(run.world, run.trajectory.poses[:, :2])
+
+    @classmethod
+    def from_world(cls, world: World, path: Float | None = None) -> "Structures":
+        """Find the solids of a world; what a robot drives inside of on its path (k, 2) is none."""
         segments = world.segments - np.tile(world.origin, 2)
-        path = run.trajectory.poses[:, :2] - world.origin
+        path = np.zeros((0, 2)) if path is None else path - world.origin
         indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT)
         areas = _areas(segments, world.objects, world.object_count)
         areas[_entered(areas, path) | _holds_others(areas, segments, world.objects)] = None

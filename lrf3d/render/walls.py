@@ -1,15 +1,15 @@
 """Walls and roofs as two primitives: faces with a place in metres, from which shaders paint."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, directions, lengths
+from lrf3d.render.arrays import Single, quad_indices
 from lrf3d.render.parts import Boxes, PartedPrimitive, Parts
-from lrf3d.render.primitives import Single, quad_indices
 from lrf3d.render.skyline import Skyline
 from lrf3d.render.structures import Structures
 
@@ -51,7 +51,26 @@ class Walls:
         self.plain.select(seen)
 
 
-def build_walls(structures: Structures) -> Walls:
+class Faces(NamedTuple):
+    """Faces of walls.
+
+    Each vertex has its position, its normal, its place along and up the face [m], the face's
+    length and height [m], its colour, and its kind with the seed of its object as fraction.
+
+    Args:
+        quads: (n, 4, 14) walls and the tops of free ones.
+        objects: (n,) the object of each.
+        roofs: (t, 3, 14) triangles of the roofs of solids.
+        roof_objects: (t,) the object of each.
+    """
+
+    quads: Single
+    objects: Int
+    roofs: Single
+    roof_objects: Int
+
+
+def wall_faces(structures: Structures) -> Faces:
     """Build the faces of all walls, the roofs of solids and the tops of free walls."""
     solid, free = np.flatnonzero(structures.closed), np.flatnonzero(~structures.closed)
     quads = np.concatenate(
@@ -62,9 +81,15 @@ def build_walls(structures: Structures) -> Walls:
             _caps(structures, free),
         ]
     )
-    roofs, roof_objects = _roofs(structures)
-    windows = quads[:, 0, 13] < PLAIN
     objects = structures.objects[np.concatenate([solid, free, free, free])]
+    return Faces(quads, objects, *_roofs(structures))
+
+
+def build_walls(structures: Structures) -> Walls:
+    """Build the primitives of all walls, and the parts that they are drawn in."""
+    faces = wall_faces(structures)
+    quads, objects, roofs, roof_objects = faces
+    windows = quads[:, 0, 13] < PLAIN
     quad_parts, roof_parts, parts = _parts(structures, quads, objects, roofs, roof_objects)
     size = sum(_SIZES)
     pieces = []

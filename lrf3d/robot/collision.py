@@ -72,7 +72,7 @@ class Obstacles:
 
 def find_collision(trajectory: Trajectory, world: World, radius: float) -> Collision | None:
     """The first collision of a round robot of a radius [m] on its way, or None."""
-    return Obstacles(world).first(trajectory, radius)
+    return Obstacles(world).first(trajectory, radius) if len(world.segments) else None
 
 
 def check_drive(trajectory: Trajectory, world: World, radius: float) -> None:

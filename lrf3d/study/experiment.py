@@ -75,7 +75,7 @@ class Experiment:
         """The names of what is the user's own, and of the caster."""
         own = {"mapper": self.own_mapper, "noise": self.own_noise, "controller": self.controller}
         return {
-            "caster": self.caster,
+            "caster": self.caster if isinstance(self.caster, str) else type(self.caster).__name__,
             **{kind: plugin.name for kind, plugin in own.items() if plugin is not None},
         }
 

@@ -73,7 +73,7 @@ class Results:
         summary = {
             "name": experiment.scenario.name,
             "seed": experiment.seed,
-            "caster": experiment.caster,
+            "caster": experiment.names["caster"],
             "mode": None if experiment.own_mapper else experiment.line_mapper().mode,
             **{kind: plugin.name for kind, plugin in own.items() if plugin is not None},
             "sigma_m": sigmas[0],

@@ -55,7 +55,7 @@ def drive_through(world: str, mode: str, *, scans: int | None = None) -> Drive:
     scenario = load_scenario(world)
     drive = trajectory_of(scenario)
     experiment = Experiment(scenario, mode=mode)
-    mapper, local = TimedMapper(experiment.mapper()), experiment.mapper()
+    mapper, local = TimedMapper(experiment.line_mapper()), experiment.line_mapper()
     run = simulate(
         scenario.world,
         Trajectory(drive.times[:scans], drive.poses[:scans]),
@@ -65,7 +65,7 @@ def drive_through(world: str, mode: str, *, scans: int | None = None) -> Drive:
         mapper=mapper,
         rng=experiment.seed,
     )
-    polylines = [local_polylines(run, local, scan) for scan in range(len(run))]
+    polylines = [local_polylines(local.local_map(scan)) for scan in run.scans]
     return Drive(
         run,
         np.array(mapper.spent),

@@ -111,7 +111,7 @@ def make_plan(grid: Grid, *, collision: Callable[[str], None] | None = None) -> 
             scenario = scenario_of(file, [setting(*each) for each in values.items()])
             seen, place = drives.place(scenario)
             # A threshold that cannot be is better known now than on a worker.
-            mode = Experiment(scenario).mapper().mode
+            mode = Experiment(scenario).line_mapper().mode
             usual: dict[str, Value] = {
                 "mode": mode,
                 "sigma_m": scenario.sigmas[0],

@@ -1,0 +1,49 @@
+"""``lrf3d view``: a run or a world in the browser."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lrf3d.cli import options
+
+
+def view(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN|WORLD", help="A run.npz or its folder to play; or a world to drive in."
+        ),
+    ],
+    host: Annotated[
+        str, typer.Option(help="Address to listen at; 0.0.0.0 lets other machines in.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None,
+        typer.Option(min=1, max=65535, help="Port; the first free one from 8080 if not given."),
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
+    playback: options.Playback = None,
+    seed: options.Seed = 0,
+) -> None:
+    """Play a run in the browser, or drive through a world by hand.
+
+    A run is played, paused and scrubbed. In a world the arrow keys or the pads on the page drive
+    the robot, which scans and maps as it goes. Ctrl-C ends it.
+    """
+    from lrf3d.view.opening import open_view
+
+    def say(address: str) -> None:
+        print(f"{what} is shown at {address}; Ctrl-C ends it", flush=True)
+
+    is_run = Path(what).is_dir() or Path(what).suffix.lower() == ".npz"
+    open_view(
+        what,
+        is_run=is_run,
+        host=host,
+        port=port,
+        browser=browser,
+        playback=playback,
+        seed=seed,
+        started=say,
+    )

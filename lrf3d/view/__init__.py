@@ -1,0 +1,1 @@
+"""Runs and worlds in the browser: played back, or driven by hand."""

@@ -1,0 +1,168 @@
+"""A drive by hand: the robot obeys, scans and maps while it goes."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lrf3d.casting import EmbreeCaster
+from lrf3d.laser import LaserScan, ProportionalNoise
+from lrf3d.mapping import LineMapper
+from lrf3d.pose import Pose
+from lrf3d.robot import Trajectory, Unicycle
+from lrf3d.robot.collision import Obstacles
+from lrf3d.scenario import Scenario
+from lrf3d.view.scene import joined_beams, map_arrays
+
+TURN_RATE = 1.5
+"""Fastest turn [rad/s]: a full one in four seconds."""
+
+_RAMP = 0.35
+"""Time [s] from standing to full speed: hands like a soft start and a quick one."""
+
+_STOP = 0.2
+"""Time [s] from full speed to standing."""
+
+_LONGEST_STEP = 0.1
+"""A step of the drive lasts at most this [s], so that no hitch sends the robot off."""
+
+_MAP_STEP, _MAP_TURN = 0.12, np.radians(5.0)
+"""The mapper takes a scan where the robot has gone or turned so far [m, rad] since the last: a
+robot that stands sees nothing new, and each scan is one more witness to hear."""
+
+_MAP_SHARE = 0.2
+"""Share of the time that may go into working out the map."""
+
+_MAP_PAUSE = 0.25
+"""The map is worked out no more often than this [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What the hand wants: forward and turn (to the left), each from −1 to 1."""
+
+    forward: float = 0.0
+    turn: float = 0.0
+
+
+class HandDrive:
+    """The robot of a page.
+
+    Args:
+        scenario: The world, and how robot, range finder, noise and mapper are set up.
+        start: Where the robot starts.
+        mapper: Makes a new mapper.
+        seed: Seed of the noise.
+        clock: Gives the time [s] that working out the map is measured with.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        start: Pose,
+        mapper: Callable[[], LineMapper],
+        *,
+        seed: int = 0,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self._scenario, self._start, self._mapper_of = scenario, start, mapper
+        self._obstacles = Obstacles(scenario.world)
+        self._robot = Unicycle(scenario.radius)
+        self._caster = EmbreeCaster(scenario.world)
+        self._noise = ProportionalNoise(scenario.sigmas[0])
+        self._seed, self._clock = seed, clock
+        self.wish = Wish()
+        self.restart()
+
+    def restart(self) -> None:
+        """Go back to the start with an empty map."""
+        self.pose, self.time = self._start, 0.0
+        self.speed = self.turning = 0.0
+        self.bumped = False
+        self._fresh = True
+        self._rng = np.random.default_rng(self._seed)
+        self._mapper = self._mapper_of()
+        self._mapped: Pose | None = None
+        self._stale = False
+        self._map_due = 0.0
+
+    def step(self, seconds: float) -> dict[str, Any]:
+        """Drive on for a time [s], scan and map; gives the news for the page as plain values."""
+        seconds = min(seconds, _LONGEST_STEP)
+        self._drive(seconds)
+        scan = self._scan()
+        if self._worth_mapping():
+            self._mapper.update(scan)
+            self._mapped, self._stale = self.pose, True
+        news = self._news(scan)
+        if self._stale and self._clock() >= self._map_due:
+            news["map"] = self._map()
+        return news
+
+    def _drive(self, seconds: float) -> None:
+        """Follow the wish, and stop where the next step would touch a wall."""
+        fastest = self._scenario.speed
+        self.speed = _towards(self.speed, self.wish.forward * fastest, fastest, seconds)
+        self.turning = _towards(self.turning, self.wish.turn * TURN_RATE, TURN_RATE, seconds)
+        self.time += seconds
+        self.bumped = False
+        goal = self._robot.move(self.pose, self.speed, self.turning, seconds)
+        if goal[:2] != self.pose[:2]:
+            way = Trajectory([0.0, max(seconds, 1e-6)], [self.pose, goal])
+            if self._obstacles.first(way, self._robot.radius) is not None:
+                # A round robot can still turn on the spot.
+                self.bumped, self.speed = True, 0.0
+                goal = Pose(self.pose.x, self.pose.y, goal.theta)
+        self.pose = goal
+
+    def _scan(self) -> LaserScan:
+        true_scan = self._caster.cast(self._scenario.lrf, self.pose)
+        return self._noise(replace(true_scan, time=self.time), self._rng)
+
+    def _worth_mapping(self) -> bool:
+        if self._mapped is None:
+            return True
+        gone = np.hypot(self.pose.x - self._mapped.x, self.pose.y - self._mapped.y)
+        return bool(gone > _MAP_STEP or abs(self.pose.theta - self._mapped.theta) > _MAP_TURN)
+
+    def _map(self) -> dict[str, Any]:
+        begin = self._clock()
+        line_map = self._mapper.map
+        segments, colours = map_arrays(line_map, self._scenario.world.origin)
+        taken = self._clock() - begin
+        self._map_due = self._clock() + max(_MAP_PAUSE, taken / _MAP_SHARE)
+        self._stale = False
+        return {
+            "segments": np.round(segments, 3).ravel().tolist(),
+            "colours": colours.ravel().tolist(),
+            "objects": line_map.object_count,
+        }
+
+    def _news(self, scan: LaserScan) -> dict[str, Any]:
+        x, y = (self.pose[:2] - self._scenario.world.origin).tolist()
+        pose = {"x": x, "y": y, "theta": self.pose.theta}
+        ranges = np.where(scan.hits, np.round(scan.ranges, 3), -1.0 * (scan.ranges < 0.0))
+        fresh, self._fresh = self._fresh, False
+        return {
+            "time": self.time,
+            "pose": {**pose, "speed": self.speed, "turning": self.turning},
+            "scanPose": pose,
+            # JSON knows no infinity: a beam without return is null.
+            "ranges": [
+                None if np.isposinf(r) else v
+                for r, v in zip(scan.ranges, ranges.tolist(), strict=True)
+            ],
+            "joined": joined_beams(scan.ranges, scan.walls).tolist(),
+            "bumped": self.bumped,
+            "fresh": fresh,
+            "map": None,
+        }
+
+
+def _towards(value: float, wanted: float, full: float, seconds: float) -> float:
+    """A speed that nears the wanted one, quicker when it slows down than when it gains."""
+    slows = abs(wanted) < abs(value) or wanted * value < 0.0
+    change = full * seconds / (_STOP if slows else _RAMP)
+    return float(np.clip(wanted, value - change, value + change))

@@ -1,0 +1,64 @@
+"""Opening a view: of a run that was kept, or of a world to drive in."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lrf3d.logs import load_run
+from lrf3d.pose import Pose, as_pose
+from lrf3d.scenario import Scenario, load_scenario, start_of
+from lrf3d.study.experiment import Experiment, with_route
+from lrf3d.view.hand_drive import HandDrive
+from lrf3d.view.replay import pack_run
+from lrf3d.view.scene import Scene, make_scene
+from lrf3d.view.server import Replayed, serve
+
+
+def open_view(
+    what: str,
+    *,
+    is_run: bool,
+    host: str,
+    port: int | None,
+    browser: bool,
+    playback: float | None,
+    seed: int,
+    started: Callable[[str], None],
+) -> None:
+    """Show a run or a world in the browser until the program is interrupted.
+
+    Raises:
+        Lrf3dError: The run or the world cannot be used, or the page cannot be served.
+    """
+    scene, show = run_view(what, playback) if is_run else world_view(what, seed)
+    serve(scene, show, host=host, port=port, browser=browser, started=started)
+
+
+def run_view(path: str, playback: float | None) -> tuple[Scene, Replayed]:
+    """The scene of a run, and what is played in it."""
+    run = load_run(path)
+    scene = make_scene(
+        run.world, run.lrf, run.trajectory.poses[:, :2], title=run.world.name or "run"
+    )
+    block, told = pack_run(run)
+    return scene, Replayed(block, told, 1.0 if playback is None else playback)
+
+
+def world_view(name: str, seed: int) -> tuple[Scene, Callable[[], HandDrive]]:
+    """The scene of a world, and what makes a drive in it."""
+    scenario = with_route(load_scenario(name))
+    start = start_pose(scenario)
+    title = scenario.world.name or scenario.name
+    scene = make_scene(scenario.world, scenario.lrf, np.array([start[:2]]), title=title)
+    experiment = Experiment(scenario, seed=seed)
+    return scene, lambda: HandDrive(scenario, start, experiment.line_mapper, seed=seed)
+
+
+def start_pose(scenario: Scenario) -> Pose:
+    """Where a scenario's robot starts."""
+    if scenario.start is not None:
+        return scenario.start
+    if scenario.route is not None:
+        return start_of(scenario.route)
+    assert scenario.poses is not None
+    return as_pose(scenario.poses[0])

@@ -1,0 +1,107 @@
+// The inset: the world from above with the map as it grows, the trail, the beams and the robot.
+
+const WHOLE = 140; // Largest world [m] that is shown whole; in a larger one the inset follows.
+const WINDOW = 110; // What is shown of a larger one [m].
+const MARGIN = 1.08;
+
+export class Inset {
+  constructor(canvas, { low, high, houses, walls }) {
+    this.canvas = canvas;
+    this.ratio = Math.min(window.devicePixelRatio, 2);
+    this.side = canvas.clientWidth || 260;
+    canvas.width = canvas.height = this.side * this.ratio;
+    this.draw = canvas.getContext("2d");
+    const largest = Math.max(high[0] - low[0], high[1] - low[1], 4) * MARGIN;
+    this.whole = largest <= WHOLE;
+    this.scale = this.side / (this.whole ? largest : WINDOW);
+    this.middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
+    this.houses = new Path2D();
+    for (const house of houses) {
+      for (let i = 0; i < house.length; i += 2) {
+        if (i === 0) this.houses.moveTo(house[0], house[1]);
+        else this.houses.lineTo(house[i], house[i + 1]);
+      }
+      this.houses.closePath();
+    }
+    this.walls = new Path2D();
+    for (let i = 0; i < walls.length; i += 5) {
+      this.walls.moveTo(walls[i], walls[i + 1]);
+      this.walls.lineTo(walls[i + 2], walls[i + 3]);
+    }
+    this.map = [];
+  }
+
+  setMap(segments, colours) {
+    // One path a colour: there are far fewer unions than segments.
+    const paths = new Map();
+    for (let i = 0; 4 * i < segments.length; i++) {
+      const colour = `rgb(${Array.from(colours.slice(3 * i, 3 * i + 3)).join(",")})`;
+      if (!paths.has(colour)) paths.set(colour, new Path2D());
+      const path = paths.get(colour);
+      path.moveTo(segments[4 * i], segments[4 * i + 1]);
+      path.lineTo(segments[4 * i + 2], segments[4 * i + 3]);
+    }
+    this.map = [...paths];
+  }
+
+  show(robot, places, legs, beams, scanning) {
+    const { draw, ratio, side, scale } = this;
+    const [x, y] = this.whole ? this.middle : [robot.x, robot.y];
+    const pixel = 1 / scale;
+    draw.setTransform(1, 0, 0, 1, 0, 0);
+    draw.fillStyle = "#f4f6f9";
+    draw.fillRect(0, 0, side * ratio, side * ratio);
+    const by = ratio * scale;
+    draw.setTransform(by, 0, 0, -by, ratio * (side / 2 - scale * x), ratio * (side / 2 + scale * y));
+    draw.fillStyle = "#b9c0ca";
+    draw.fill(this.houses, "evenodd");
+    draw.strokeStyle = "#b3b9c2";
+    draw.lineWidth = pixel;
+    draw.stroke(this.walls);
+    if (scanning) this.drawFan(robot, beams);
+    draw.strokeStyle = "#2979e0";
+    draw.lineWidth = 1.6 * pixel;
+    draw.beginPath();
+    for (let i = 0; i <= legs && 2 * i < places.length; i++) {
+      draw.lineTo(places[2 * i], places[2 * i + 1]);
+    }
+    draw.lineTo(robot.x, robot.y);
+    draw.stroke();
+    draw.lineWidth = 2.2 * pixel;
+    for (const [colour, path] of this.map) {
+      draw.strokeStyle = colour;
+      draw.stroke(path);
+    }
+    this.drawRobot(robot, pixel);
+  }
+
+  drawFan(robot, { ends, reach }) {
+    const { draw } = this;
+    const fade = draw.createRadialGradient(robot.x, robot.y, 0, robot.x, robot.y, reach);
+    fade.addColorStop(0, "rgba(250,64,46,0.5)");
+    fade.addColorStop(1, "rgba(250,64,46,0)");
+    draw.fillStyle = fade;
+    draw.beginPath();
+    draw.moveTo(robot.x, robot.y);
+    for (let i = 0; i < ends.length; i += 2) draw.lineTo(ends[i], ends[i + 1]);
+    draw.closePath();
+    draw.fill();
+  }
+
+  drawRobot(robot, pixel) {
+    const { draw } = this;
+    draw.save();
+    draw.translate(robot.x, robot.y);
+    draw.rotate(robot.theta);
+    draw.scale(9 * pixel, 9 * pixel);
+    draw.beginPath();
+    for (const [x, y] of [[1.1, 0], [-0.8, 0.75], [-0.4, 0], [-0.8, -0.75]]) draw.lineTo(x, y);
+    draw.closePath();
+    draw.fillStyle = "#fa750f";
+    draw.strokeStyle = "#1f2430";
+    draw.lineWidth = 0.16;
+    draw.fill();
+    draw.stroke();
+    draw.restore();
+  }
+}

@@ -1,0 +1,142 @@
+// What the drive leaves behind: its trail on the ground, and the map as bands along the walls.
+
+import { THREE } from "nicegui-scene";
+
+const WIDTH = 0.11; // Width of the trail [m], at the least.
+const HEIGHT = 0.02; // Its height over the ground [m].
+const BAND = [0.62, 0.86]; // Heights between which the map is drawn [m]: above the beams.
+const PROUD = 0.05; // How far the bands stand out of their lines [m], so that no wall hides them.
+
+// Draw a mark over all that stands, or among it again.
+function raise(mesh, over, order) {
+  mesh.material.depthTest = !over;
+  // What is translucent is drawn last, so that nothing is drawn over it.
+  mesh.material.transparent = over;
+  mesh.renderOrder = over ? order : 0;
+}
+
+export class Trail {
+  constructor(scene) {
+    this.paint = new THREE.MeshBasicMaterial({ color: 0x2979e0, side: THREE.DoubleSide });
+    this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), this.paint);
+    this.mesh.frustumCulled = false;
+    scene.add(this.mesh);
+    this.width = WIDTH;
+    this.set([]);
+  }
+
+  // Lay the trail over everything, so wide [m]; or on the ground, with no width given.
+  lift(width) {
+    raise(this.mesh, Boolean(width), 10);
+    this.width = Math.max(WIDTH, width ?? 0);
+    this.fill(0);
+    this.cut = 0;
+  }
+
+  // The places that the trail leads through: x, y, x, y, … ; legs that are jumps are left out.
+  set(places, jumps = new Set()) {
+    this.places = Array.from(places);
+    this.jumps = jumps;
+    this.room = 0;
+    this.fill(0);
+  }
+
+  add(x, y) {
+    this.places.push(x, y);
+    this.fill(this.places.length / 2 - 2);
+  }
+
+  fill(from) {
+    const legs = Math.max(0, this.places.length / 2 - 1);
+    if (legs + 1 > this.room) {
+      this.room = 2 * legs + 64;
+      const array = new Float32Array(18 * this.room);
+      const attribute = new THREE.BufferAttribute(array, 3);
+      this.mesh.geometry.dispose();
+      this.mesh.geometry = new THREE.BufferGeometry();
+      this.mesh.geometry.setAttribute("position", attribute);
+      from = 0;
+    }
+    for (let leg = Math.max(0, from); leg < legs; leg++) this.put(leg, this.end(leg + 1));
+    this.mesh.geometry.attributes.position.needsUpdate = true;
+  }
+
+  end(place) {
+    return [this.places[2 * place], this.places[2 * place + 1]];
+  }
+
+  put(leg, [x, y]) {
+    const [x0, y0] = this.end(leg);
+    const long = Math.hypot(x - x0, y - y0);
+    const half = this.jumps.has(leg) || long === 0 ? 0 : this.width / 2 / long;
+    const [dx, dy] = [-(y - y0) * half, (x - x0) * half];
+    const [a, b] = [[x0 - dx, y0 - dy], [x - dx, y - dy]];
+    const [c, d] = [[x + dx, y + dy], [x0 + dx, y0 + dy]];
+    const corners = [a, b, c, a, c, d].flatMap((place) => [...place, HEIGHT]);
+    this.mesh.geometry.attributes.position.array.set(corners, 18 * leg);
+  }
+
+  // Show the first legs whole, and one more as far as the robot is on it.
+  show(legs, robot) {
+    const all = Math.max(0, this.places.length / 2 - 1);
+    for (let leg = this.cut ?? all; leg < Math.min(legs, all); leg++) {
+      this.put(leg, this.end(leg + 1));
+    }
+    const partly = this.places.length >= 2 && legs < this.room;
+    if (partly) this.put(legs, [robot.x, robot.y]);
+    this.cut = legs;
+    this.mesh.geometry.setDrawRange(0, 6 * (legs + (partly ? 1 : 0)));
+    this.mesh.geometry.attributes.position.needsUpdate = true;
+  }
+}
+
+export class MapBands {
+  constructor(scene) {
+    const paint = new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide });
+    this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), paint);
+    this.mesh.frustumCulled = false;
+    scene.add(this.mesh);
+    this.proud = PROUD;
+    this.shown = [[], []];
+  }
+
+  // Lay the map over everything, so wide [m]; or along the walls, with no width given.
+  lift(width) {
+    raise(this.mesh, Boolean(width), 11);
+    this.proud = Math.max(PROUD, (width ?? 0) / 2);
+    this.show(...this.shown);
+  }
+
+  // segments: x1, y1, x2, y2, …; colours: red, green, blue of each in 0…255.
+  show(segments, colours) {
+    this.shown = [segments, colours];
+    const { proud } = this;
+    const count = segments.length / 4;
+    const places = new Float32Array(54 * count);
+    const paints = new Float32Array(54 * count);
+    const colour = new THREE.Color();
+    for (let i = 0; i < count; i++) {
+      const [x1, y1, x2, y2] = segments.slice(4 * i, 4 * i + 4);
+      const long = Math.hypot(x2 - x1, y2 - y1) || 1;
+      const [dx, dy] = [(-(y2 - y1) / long) * proud, ((x2 - x1) / long) * proud];
+      const [low, high] = BAND;
+      const [a, b] = [[x1 + dx, y1 + dy], [x2 + dx, y2 + dy]];
+      const [c, d] = [[x2 - dx, y2 - dy], [x1 - dx, y1 - dy]];
+      const faces = [
+        [[...a, low], [...b, low], [...b, high], [...a, high]],
+        [[...c, low], [...d, low], [...d, high], [...c, high]],
+        [[...a, high], [...b, high], [...c, high], [...d, high]],
+      ];
+      const corners = faces.flatMap(([p, q, r, s]) => [...p, ...q, ...r, ...p, ...r, ...s]);
+      places.set(corners, 54 * i);
+      const [red, green, blue] = colours.slice(3 * i, 3 * i + 3);
+      colour.setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
+      for (let corner = 0; corner < 18; corner++) colour.toArray(paints, 54 * i + 3 * corner);
+    }
+    this.mesh.geometry.dispose();
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    geometry.setAttribute("color", new THREE.BufferAttribute(paints, 3));
+    this.mesh.geometry = geometry;
+  }
+}

@@ -1,0 +1,142 @@
+// The scene that stands: sky, light, and the world and the robot from a GLB file.
+// All is in the frame of the world less its origin, z up, in metres.
+
+import { THREE, GLTFLoader } from "nicegui-scene";
+
+const SKY = { top: 0x5c84c8, haze: 0xd4e0ee, low: 0xd4e0ee };
+const ROOM = { top: 0xdfe4e8, haze: 0xccd2d9, low: 0xccd2d9 };
+const FAR = 4000;
+
+export class Stage {
+  constructor(place, { indoor, size }) {
+    this.renderer = new THREE.WebGLRenderer({ antialias: true });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    place.appendChild(this.renderer.domElement);
+    this.canvas = this.renderer.domElement;
+    this.scene = new THREE.Scene();
+    this.size = size;
+    const colours = indoor ? ROOM : SKY;
+    this.haze = new THREE.FogExp2(colours.haze, indoor ? 0.004 : Math.min(0.0032, 0.7 / size));
+    this.scene.background = new THREE.Color(colours.haze);
+    this.sky = skyDome(colours);
+    this.sky.visible = !indoor;
+    this.indoor = indoor;
+    this.scene.add(this.sky);
+    // The sun stands in the file; this is the light of the sky and of the ground.
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0xb3a893, indoor ? 2.5 : 2.0));
+    this.camera = new THREE.PerspectiveCamera(50, 1, 0.1, FAR);
+    this.camera.up.set(0, 0, 1);
+    this.resize(place);
+    new ResizeObserver(() => this.resize(place)).observe(place);
+  }
+
+  resize(place) {
+    const { clientWidth: width, clientHeight: height } = place;
+    if (!width || !height) return;
+    this.renderer.setSize(width, height);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+  }
+
+  // Load the file; the robot's node is handed out, to be moved.
+  async load(address) {
+    const file = await new GLTFLoader().loadAsync(address);
+    const root = file.scene;
+    // The file has y up, as its format wants.
+    root.rotation.x = Math.PI / 2;
+    root.traverse((node) => {
+      const map = node.material?.map;
+      if (map) map.anisotropy = this.renderer.capabilities.getMaxAnisotropy();
+    });
+    this.scene.add(root);
+    this.robot = new THREE.Group();
+    this.robot.rotation.order = "ZYX";
+    const model = root.getObjectByName("robot");
+    const upright = new THREE.Group();
+    upright.add(model);
+    this.marker = marker(Math.max(1, this.size / 60));
+    this.robot.add(upright, blob(), this.marker);
+    this.scene.add(this.robot);
+  }
+
+  place(pose) {
+    this.robot.position.set(pose.x, pose.y, 0);
+    this.robot.rotation.z = pose.theta;
+  }
+
+  // From high above there is no haze, and the robot is too small to be seen but for its marker.
+  render(view) {
+    const high = view === "top" || view === "orbit";
+    this.scene.fog = high ? null : this.haze;
+    this.marker.visible = high;
+    this.sky.visible = !this.indoor && view !== "top";
+    this.renderer.render(this.scene, this.camera);
+  }
+}
+
+// A dome whose colour goes from the haze at the horizon to the blue overhead.
+function skyDome({ top, haze, low }) {
+  const dome = new THREE.SphereGeometry(FAR * 0.9, 32, 24);
+  dome.rotateX(Math.PI / 2);
+  const places = dome.attributes.position;
+  const colours = new Float32Array(3 * places.count);
+  const [blue, pale, ground] = [top, haze, low].map((value) => new THREE.Color(value));
+  const colour = new THREE.Color();
+  for (let i = 0; i < places.count; i++) {
+    const up = places.getZ(i) / (FAR * 0.9);
+    colour.copy(pale).lerp(up > 0 ? blue : ground, Math.min(1, Math.abs(up) * 1.8));
+    colour.toArray(colours, 3 * i);
+  }
+  dome.setAttribute("color", new THREE.BufferAttribute(colours, 3));
+  const material = new THREE.MeshBasicMaterial({
+    vertexColors: true,
+    side: THREE.BackSide,
+    fog: false,
+    depthWrite: false,
+  });
+  const mesh = new THREE.Mesh(dome, material);
+  mesh.renderOrder = -1;
+  return mesh;
+}
+
+// A dart over the robot, as large as the world asks for.
+function marker(size) {
+  const outline = new THREE.Shape();
+  outline.moveTo(1.1, 0).lineTo(-0.8, 0.75).lineTo(-0.4, 0).lineTo(-0.8, -0.75).closePath();
+  const paint = { depthTest: false, transparent: true, side: THREE.DoubleSide };
+  const group = new THREE.Group();
+  for (const [color, scale, order] of [
+    [0x1f2430, 1.25, 20],
+    [0xfa750f, 1.0, 21],
+  ]) {
+    const mesh = new THREE.Mesh(
+      new THREE.ShapeGeometry(outline),
+      new THREE.MeshBasicMaterial({ color, ...paint }),
+    );
+    mesh.scale.setScalar(scale * size);
+    mesh.renderOrder = order;
+    group.add(mesh);
+  }
+  group.position.z = 1;
+  return group;
+}
+
+// The soft shade under the robot.
+function blob() {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 64;
+  const draw = canvas.getContext("2d");
+  const shade = draw.createRadialGradient(32, 32, 8, 32, 32, 32);
+  shade.addColorStop(0, "rgba(0,0,0,0.6)");
+  shade.addColorStop(1, "rgba(0,0,0,0)");
+  draw.fillStyle = shade;
+  draw.fillRect(0, 0, 64, 64);
+  const material = new THREE.MeshBasicMaterial({
+    map: new THREE.CanvasTexture(canvas),
+    transparent: true,
+    depthWrite: false,
+  });
+  const mesh = new THREE.Mesh(new THREE.PlaneGeometry(1.2, 1.2), material);
+  mesh.position.z = 0.02;
+  return mesh;
+}

@@ -1,0 +1,57 @@
+"""A run as the page wants it: one block of plain arrays, and where each stands in it."""
+
+from typing import Any
+
+import numpy as np
+
+from lrf3d.gltf.keys import jumps, key_times, scan_times
+from lrf3d.render.timeline import Timeline
+from lrf3d.simulation import Run
+from lrf3d.view.scene import joined_beams, map_arrays
+
+_ALIGNMENT = 4
+"""Bytes that the start of every array is a multiple of."""
+
+
+def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
+    """All that moves in a run, in its world's local frame.
+
+    Returns:
+        The arrays one after the other, and what the page is told of them: type, first byte and
+        length of each, the legs of the way that are jumps, and the time that the run starts at.
+    """
+    timeline = Timeline(run)
+    origin = run.world.origin
+    shift = np.array([*origin, 0.0])
+    times = key_times(timeline)
+    poses = timeline.poses(times) - shift
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    begins, ends = scan_times(timeline)
+    maps = [map_arrays(stage, origin) for stage in run.maps]
+    stage_times = run.trajectory.times[list(run.stages)]
+    arrays = {
+        "keyTimes": (times - timeline.start, np.float32),
+        "keyPoses": (poses, np.float32),
+        "begins": (begins - timeline.start, np.float32),
+        "ends": (ends - timeline.start, np.float32),
+        "poses": (run.trajectory.poses - shift, np.float32),
+        "ranges": (run.ranges, np.float32),
+        "stageTimes": (stage_times - timeline.start, np.float32),
+        "stageSizes": ([len(stage) for stage in run.maps], np.int32),
+        "stageObjects": ([stage.object_count for stage in run.maps], np.int32),
+        "segments": (np.concatenate([segments for segments, _ in maps]), np.float32),
+        "colours": (np.concatenate([colours for _, colours in maps]), np.uint8),
+        "joined": (joined_beams(run.ranges, run.walls), np.uint8),
+    }
+    block, layout = bytearray(), {}
+    for name, (values, kind) in arrays.items():
+        array = np.asarray(values, kind).ravel()
+        layout[name] = (array.dtype.name, len(block), len(array))
+        block += array.tobytes()
+        block += bytes(-len(block) % _ALIGNMENT)
+    told = {
+        "layout": layout,
+        "jumps": np.flatnonzero(jumps(times)).tolist(),
+        "start": timeline.start,
+    }
+    return bytes(block), told

@@ -1,0 +1,317 @@
+// The page: the scene with its words and buttons, played back or driven.
+
+import { BeamsMesh, Inset, MapBands, Replay, Rig, Stage, Trail, VIEWS } from "lrf3d-view";
+
+const SPEEDS = [0.5, 1, 2, 4, 8, 16];
+const STEP = 2; // Seconds that an arrow key skips.
+const BLEND = 0.04; // Seconds in which a driven robot comes nearer to its newest known pose.
+const ICONS = { follow: "videocam", orbit: "3d_rotation", top: "map", first: "visibility" };
+const NAMES = { follow: "Follow", orbit: "Orbit", top: "From above", first: "Robot's eyes" };
+
+const KEYS = {
+  ArrowUp: "ahead",
+  KeyW: "ahead",
+  ArrowDown: "back",
+  KeyS: "back",
+  ArrowLeft: "left",
+  KeyA: "left",
+  ArrowRight: "right",
+  KeyD: "right",
+};
+
+export default {
+  props: { setup: Object },
+  emits: ["drive", "again"],
+
+  template: `
+    <div class="lrf3d">
+      <div ref="place" class="lrf3d-scene"></div>
+      <div class="lrf3d-panel lrf3d-hud">
+        <div class="lrf3d-title">lrf3d <span>{{ setup.title }}</span></div>
+        <div>t <b class="lrf3d-t">{{ words.t }}</b> s &ensp; v <b class="lrf3d-v">{{ words.v }}</b> m/s
+          &ensp; ω <b>{{ words.w }}</b> °/s</div>
+        <div>x <b class="lrf3d-x">{{ words.x }}</b> &ensp; y <b class="lrf3d-y">{{ words.y }}</b>
+          &ensp; θ <b class="lrf3d-theta">{{ words.theta }}</b>°</div>
+        <div class="lrf3d-warm">{{ words.beams }}</div>
+        <div class="lrf3d-map">{{ words.map }}</div>
+        <div v-if="bumped" class="lrf3d-stop">a wall is in the way</div>
+      </div>
+      <canvas ref="inset" v-show="view !== 'top'" class="lrf3d-inset"></canvas>
+      <div v-if="failure" class="lrf3d-panel lrf3d-failure">{{ failure }}</div>
+      <div v-if="loading && !failure" class="lrf3d-panel lrf3d-failure">getting ready …</div>
+
+      <div v-if="!setup.replay" class="lrf3d-pads">
+        <button v-for="pad in ['left', 'ahead', 'back', 'right']" :key="pad"
+          :class="['lrf3d-pad', 'lrf3d-pad-' + pad, { 'lrf3d-held': held[pad] }]" :aria-label="pad"
+          @pointerdown.prevent="hold(pad, true, $event)" @pointerup="hold(pad, false)"
+          @pointercancel="hold(pad, false)" @lostpointercapture="hold(pad, false)"
+          @contextmenu.prevent>
+          <q-icon :name="'keyboard_arrow_' + { left: 'left', ahead: 'up', back: 'down', right: 'right' }[pad]" />
+        </button>
+      </div>
+
+      <div class="lrf3d-panel lrf3d-bar">
+        <template v-if="setup.replay">
+          <q-btn round flat dense class="lrf3d-play" :icon="playing ? 'pause' : time >= end ? 'replay' : 'play_arrow'"
+            :aria-label="playing ? 'pause' : 'play'" @click="toggle" />
+          <q-slider class="lrf3d-slider" v-model="time" :min="0" :max="end" :step="0" color="orange"
+            aria-label="time" @pan="(phase) => (scrubbing = phase === 'start')" />
+          <span class="lrf3d-clock">{{ clock(time) }} / {{ clock(end) }}</span>
+          <q-btn flat dense no-caps class="lrf3d-speed" :label="speed + '×'" aria-label="speed">
+            <q-menu auto-close dark><q-list dense>
+              <q-item v-for="value in speeds" :key="value" clickable @click="speed = value">
+                <q-item-section>{{ value }}×</q-item-section></q-item>
+            </q-list></q-menu>
+          </q-btn>
+        </template>
+        <template v-else>
+          <span class="lrf3d-hint">Drive with the arrow keys or the pads</span>
+          <q-btn flat dense no-caps icon="restart_alt" label="Start again" class="lrf3d-again" @click="again" />
+        </template>
+        <span class="lrf3d-gap"></span>
+        <q-btn v-for="name in views" :key="name" round flat dense :icon="icons[name]"
+          :class="'lrf3d-view-' + name" :color="view === name ? 'orange' : 'grey-4'"
+          :aria-label="names[name]" @click="choose(name)">
+          <q-tooltip>{{ names[name] }} (V)</q-tooltip>
+        </q-btn>
+      </div>
+    </div>`,
+
+  data() {
+    return {
+      views: VIEWS,
+      speeds: SPEEDS,
+      icons: ICONS,
+      names: NAMES,
+      view: "follow",
+      time: 0,
+      end: 0,
+      speed: this.setup.speed,
+      playing: false,
+      scrubbing: false,
+      loading: true,
+      bumped: false,
+      failure: "",
+      held: { ahead: false, back: false, left: false, right: false },
+      words: { t: "0.0", v: "0.00", w: "0", x: "", y: "", theta: "", beams: "", map: "" },
+    };
+  },
+
+  async mounted() {
+    try {
+      await this.build();
+    } catch (error) {
+      this.failure = `This browser cannot show the scene: ${error.message}`;
+      throw error;
+    }
+    this.onKey = (event) => this.key(event);
+    this.onBlur = () => Object.keys(this.held).forEach((way) => this.hold(way, false));
+    document.addEventListener("keydown", this.onKey);
+    document.addEventListener("keyup", this.onKey);
+    window.addEventListener("blur", this.onBlur);
+    this.loading = false;
+    this.playing = Boolean(this.setup.replay);
+    this.last = performance.now();
+    this.frame(this.last);
+  },
+
+  unmounted() {
+    cancelAnimationFrame(this.waiting);
+    document.removeEventListener("keydown", this.onKey);
+    document.removeEventListener("keyup", this.onKey);
+    window.removeEventListener("blur", this.onBlur);
+  },
+
+  methods: {
+    async build() {
+      // Nothing of this is for Vue to watch: it would wrap every array of every buffer.
+      const { setup } = this;
+      this.stage = new Stage(this.$refs.place, setup);
+      await this.stage.load(setup.glb);
+      const { scene } = this.stage;
+      this.beams = new BeamsMesh(scene, setup.laser);
+      this.trail = new Trail(scene);
+      this.bands = new MapBands(scene);
+      this.inset = new Inset(this.$refs.inset, setup);
+      this.rig = new Rig(this.stage, { ...setup, height: setup.laser.height });
+      if (setup.replay) {
+        this.run = await Replay.load(setup.replay.file, setup.replay.layout, setup.laser.angles.length);
+        this.end = this.run.end;
+        this.trail.set(this.run.places(), new Set(setup.replay.jumps));
+        this.pose = this.run.pose(0);
+      } else {
+        this.pose = { ...setup.start, speed: 0, turning: 0 };
+        this.trail.set([this.pose.x, this.pose.y]);
+        this.news = null;
+      }
+      this.shownStage = null;
+      this.choose(this.view);
+    },
+
+    frame(now) {
+      const seconds = Math.min(0.1, (now - this.last) / 1000);
+      this.last = now;
+      if (this.run) this.play(seconds);
+      else this.follow(seconds);
+      this.stage.place(this.pose);
+      this.beams.dotPaint.uniforms.focus.value =
+        this.stage.canvas.height / (2 * Math.tan((this.stage.camera.fov * Math.PI) / 360));
+      this.rig.update(this.pose, seconds);
+      this.stage.render(this.view);
+      this.waiting = requestAnimationFrame((next) => this.frame(next));
+    },
+
+    play(seconds) {
+      if (this.playing && !this.scrubbing) {
+        this.time = Math.min(this.end, this.time + seconds * this.speed);
+        if (this.time >= this.end) this.playing = false;
+      }
+      const { run, time } = this;
+      if (time === this.shownTime) return;
+      this.shownTime = time;
+      this.pose = run.pose(time);
+      const scan = run.scan(time);
+      this.showScan(scan.pose, scan.ranges, scan.joined, scan.on);
+      const stage = run.stage(time);
+      if (stage !== this.shownStage) {
+        this.shownStage = stage;
+        const { segments, colours, objects } = run.map(stage);
+        this.showMap(segments, colours, objects);
+      }
+      const legs = run.legs(time);
+      this.trail.show(legs, this.pose);
+      this.inset.show(this.pose, this.trail.places, legs, this.beamsSeen(), scan.on);
+      this.say(this.setup.replay.start + time);
+    },
+
+    // Go on from one known pose of the driven robot to the next.
+    follow(seconds) {
+      if (!this.news) return;
+      const share = 1 - Math.exp(-seconds / BLEND);
+      const { pose: from, news } = this;
+      this.pose = {
+        ...news.pose,
+        x: from.x + share * (news.pose.x - from.x),
+        y: from.y + share * (news.pose.y - from.y),
+        theta: from.theta + share * (news.pose.theta - from.theta),
+      };
+      const [x, y] = this.trail.places.slice(-2);
+      if (Math.hypot(this.pose.x - x, this.pose.y - y) > 0.1) {
+        this.trail.add(this.pose.x, this.pose.y);
+      }
+      this.showScan(news.scanPose, news.ranges, news.joined, true);
+      const legs = Math.max(0, this.trail.places.length / 2 - 1);
+      this.trail.show(legs, this.pose);
+      this.inset.show(this.pose, this.trail.places, legs, this.beamsSeen(), true);
+      this.say(news.time);
+    },
+
+    // Called from Python: what the driven robot does and sees.
+    state(news) {
+      if (!this.stage) return;
+      if (news.fresh) {
+        this.trail.set([news.pose.x, news.pose.y]);
+        this.showMap([], [], 0);
+        this.pose = news.pose;
+        this.choose(this.view);
+      }
+      this.news = { ...news, ranges: news.ranges.map((range) => range ?? Infinity) };
+      this.bumped = news.bumped;
+      if (news.map) this.showMap(news.map.segments, news.map.colours, news.map.objects);
+    },
+
+    showScan(pose, ranges, joined, on) {
+      this.beams.group.visible = on;
+      const hits = ranges.filter((range) => Number.isFinite(range));
+      const nearest = hits.length ? hits.reduce((a, b) => Math.min(a, b)).toFixed(2) + " m" : "none";
+      this.beamText = on
+        ? `${hits.length} / ${ranges.length} beams hit, nearest ${nearest}`
+        : "beams off";
+      if (on) this.beams.show(pose, ranges, joined, this.pose);
+    },
+
+    showMap(segments, colours, objects) {
+      this.bands.show(segments, colours);
+      this.inset.setMap(segments, colours);
+      const count = segments.length / 4;
+      this.mapText = `${count} segment${count === 1 ? "" : "s"} in ${objects} object${objects === 1 ? "" : "s"}`;
+    },
+
+    beamsSeen() {
+      return { ends: this.beams.ends, reach: this.setup.laser.reach };
+    },
+
+    say(time) {
+      const { pose } = this;
+      const [x, y] = this.setup.origin;
+      const turn = (180 / Math.PI) * pose.theta;
+      this.words = {
+        t: time.toFixed(1),
+        v: pose.speed.toFixed(2),
+        w: ((180 / Math.PI) * pose.turning).toFixed(0),
+        x: (x + pose.x).toFixed(2),
+        y: (y + pose.y).toFixed(2),
+        theta: (turn - 360 * Math.round(turn / 360)).toFixed(1),
+        beams: this.beamText,
+        map: this.mapText ?? "no map yet",
+      };
+    },
+
+    choose(name) {
+      this.view = name;
+      this.rig.choose(name, this.pose);
+      this.beams.strength = name === "first" ? 0.18 : 0.42;
+      // Seen from straight above, the roofs would hide what was driven and mapped.
+      const width = name === "top" ? this.setup.size / 250 : undefined;
+      this.trail.lift(width);
+      this.bands.lift(width && 1.4 * width);
+      this.shownTime = null;
+    },
+
+    toggle() {
+      if (!this.playing && this.time >= this.end) this.time = 0;
+      this.playing = !this.playing;
+    },
+
+    again() {
+      this.$emit("again");
+    },
+
+    clock(seconds) {
+      const whole = Math.floor(seconds);
+      return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
+    },
+
+    key(event) {
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      const down = event.type === "keydown";
+      const way = KEYS[event.code];
+      if (!this.run && way) {
+        event.preventDefault();
+        this.hold(way, down);
+      } else if (down && event.code === "KeyV") {
+        this.choose(VIEWS[(VIEWS.indexOf(this.view) + 1) % VIEWS.length]);
+      } else if (down && this.run) {
+        this.playKey(event);
+      }
+    },
+
+    playKey(event) {
+      const skip = { ArrowLeft: -STEP, ArrowRight: STEP, Home: -Infinity, End: Infinity }[event.code];
+      // A button or slider that has the focus answers to these keys itself.
+      if (document.activeElement?.closest?.(".lrf3d-bar")) document.activeElement.blur();
+      if (event.code === "Space") this.toggle();
+      else if (skip) this.time = Math.min(this.end, Math.max(0, this.time + skip));
+      else return;
+      event.preventDefault();
+    },
+
+    hold(way, down, event) {
+      if (event) event.target.setPointerCapture(event.pointerId);
+      if (this.held[way] === down) return;
+      this.held[way] = down;
+      const { ahead, back, left, right } = this.held;
+      this.$emit("drive", { forward: ahead - back, turn: left - right });
+    },
+  },
+};

@@ -1,0 +1,156 @@
+"""The page and its server: NiceGUI brings both, with three.js, and needs no other host.
+
+Everything is served from this machine; the page loads nothing from elsewhere.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import InputError, MissingLibraryError, OutputError
+from lrf3d.view.hand_drive import HandDrive, Wish
+from lrf3d.view.scene import Scene
+
+FIRST_PORT, PORTS = 8080, 100
+"""Ports that are tried where none is given."""
+
+_STEP = 0.05
+"""Time between two steps of a drive [s]."""
+
+_FOLDER = Path(__file__).parent
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """A run to play back: its arrays, what is told of them, and simulated seconds in a second."""
+
+    block: bytes
+    told: dict[str, Any]
+    playback: float
+
+
+def serve(
+    scene: Scene,
+    show: Replayed | Callable[[], HandDrive],
+    *,
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    browser: bool = True,
+    started: Callable[[str], None] = lambda address: None,
+) -> None:
+    """Show a run or a drive in the browser until the program is interrupted.
+
+    Args:
+        scene: The scene.
+        show: A run to play back, or what makes the drive of a new page.
+        host: The address to listen at; others than 127.0.0.1 let other machines in.
+        port: The port; the first free one from 8080 where not given.
+        browser: Whether to open the browser.
+        started: Called with the address of the page when it can be opened.
+
+    Raises:
+        MissingLibraryError: NiceGUI is not installed.
+        OutputError: The port is taken.
+    """
+    try:
+        from nicegui import app, ui
+    except ImportError as error:
+        raise MissingLibraryError(
+            f"the view needs NiceGUI ({error}); install it: pip install 'lrf3d[view]'"
+        ) from None
+    from fastapi import Response
+
+    from lrf3d.view.element import RunView
+
+    port = _free_port(host, port)
+    setup = {**scene.setup, "glb": "/lrf3d/scene.glb", "replay": None, "speed": 1.0}
+
+    @app.get("/lrf3d/scene.glb")
+    def _scene() -> Response:
+        return Response(scene.glb, media_type="model/gltf-binary")
+
+    if isinstance(show, Replayed):
+        setup["replay"] = {**show.told, "file": "/lrf3d/run"}
+        setup["speed"] = show.playback
+        block = show.block
+
+        @app.get("/lrf3d/run")
+        def _run() -> Response:
+            return Response(block, media_type="application/octet-stream")
+
+    @ui.page("/", title=f"lrf3d {scene.setup['title']}")
+    def _page() -> None:
+        ui.add_css((_FOLDER / "page.css").read_text(encoding="utf-8"))
+        if isinstance(show, Replayed):
+            RunView(setup)
+        else:
+            _attach(show(), setup)
+
+    app.on_startup(lambda: started(f"http://{host}:{port}"))
+    ui.run(
+        host=host,
+        port=port,
+        show=browser,
+        reload=False,
+        title="lrf3d",
+        favicon="🤖",
+        dark=True,
+        show_welcome_message=False,
+        uvicorn_logging_level="error",
+    )
+
+
+def _attach(drive: HandDrive, setup: dict[str, Any]) -> None:
+    """Put a drive onto the page that is being made."""
+    from nicegui import ui
+
+    from lrf3d.view.element import RunView
+
+    x, y = (np.array(drive.pose[:2]) - setup["origin"]).tolist()
+    view = RunView({**setup, "start": {"x": x, "y": y, "theta": drive.pose.theta}})
+
+    def obey(event: Any) -> None:
+        forward, turn = (
+            min(1.0, max(-1.0, float(event.args[name]))) for name in ("forward", "turn")
+        )
+        drive.wish = Wish(forward, turn)
+
+    view.on("drive", obey)
+    view.on("again", lambda: drive.restart())
+    loop = asyncio.get_event_loop()
+    last = loop.time()
+
+    async def step() -> None:
+        nonlocal last
+        now = loop.time()
+        seconds, last = now - last, now
+        # In a thread, so that working out a large map holds up no other page.
+        news = await loop.run_in_executor(None, drive.step, seconds)
+        view.run_method("state", news)
+
+    ui.timer(_STEP, step)
+
+
+def _free_port(host: str, port: int | None) -> int:
+    """The port that was asked for, or the first free one."""
+    tried = range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else [port]
+    for number in tried:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((host, number))
+            except socket.gaierror:
+                raise InputError(f"--host {host}: no such address") from None
+            except OSError as error:
+                if port is not None:
+                    raise OutputError(
+                        f"--port {port}: {error.strerror} at {host}; choose another"
+                    ) from None
+                continue
+        return number
+    raise OutputError(f"no free port from {FIRST_PORT} on; choose one with --port")
