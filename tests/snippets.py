@@ -32,7 +32,7 @@ NOT_OURS = re.compile(
 SMALL = {
     "run": "--no-video --set robot.scan_interval=1 --set laser.beams=61",
     "render": "--size 64x64 --fps 1 --playback 4 --workers 1",
-    "stress": "--beams 300 --rationals 3",
+    "stress": "--part casting --beams 300 --rationals 3",
     "localise": "--seeds 1 --workers 1",
     "bench map": "--seeds 1 --seconds 1",
     "bench score": "--seeds 1 --poses 3 --beams 61 --vertices 10",

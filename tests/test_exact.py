@@ -106,7 +106,9 @@ def test_moving_scaling_and_turning_a_world_moves_scales_and_turns_its_ranges(
     assert turned == (wall, t)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize(
+    "case", [case for case in CASES if case.part == "casting"], ids=lambda case: case.name
+)
 def test_both_casters_give_what_rationals_give(case):
     beams = 200
     tally = case.attempt(np.random.default_rng(20), beams, beams)
