@@ -6,7 +6,9 @@ called once.
 """
 
 import re
+import runpy
 import shlex
+import sys
 import tomllib
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
@@ -14,6 +16,7 @@ from io import StringIO
 from pathlib import Path
 
 import numpy as np
+import pytest
 import typer
 from markdown_it import MarkdownIt
 from typer.testing import CliRunner
@@ -25,16 +28,17 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 NOT_OURS = re.compile(
-    r"git clone |python3 -m venv |\. \.venv|\.venv/bin/pip |pip install |scripts/"
+    r"git clone |python3 -m venv |\. \.venv|\.venv/bin/pip |pip install |scripts/|dask "
 )
 """Lines of shell that set up lrf3d, or call other programs."""
 
 SMALL = {
     "run": "--no-video --set robot.scan_interval=1 --set laser.beams=61",
     "render": "--size 64x64 --fps 1 --playback 4 --workers 1",
-    "stress": "--part casting --beams 300 --rationals 3",
     "localise": "--seeds 1 --workers 1",
+    "sweep": "--every 60 --seeds 1 --workers 1 --resume",
     "bench map": "--seeds 1 --seconds 1",
+    "bench robots": "--robots 8 --seconds 0.1",
     "bench score": "--seeds 1 --poses 3 --beams 61 --vertices 10",
 }
 """What is added to a command; of an option that is given twice the last one holds."""
@@ -42,13 +46,19 @@ SMALL = {
 INSTEAD = {
     r"\brun city\b": "run paper_room --out out/city",
     r"\b(crosscheck|localise) city\b": r"\1 paper_room",
+    r"\bbench robots city\b": "bench robots corridor",
+    r"--scans \d+": "--scans 60",
+    r"generate maze": "generate maze --size 14",
+    r"\bsweep city( corridor)?\b": "sweep paper_room",
+    r"--scheduler tcp://\S+": "--out out/cluster",
     r"--at \d+": "--at 2",
     r"/front/scan": "/scan",
 }
 """What is called instead of what takes long, or of what a reader has and a test has not."""
 
-CHECKED = ("bench scan", "bench render")
-"""Commands that are parsed and not called: peers take their time, and tests of their own do it."""
+CHECKED = {"bench", "bench scan", "bench render", "bench drive", "paper", "stress", "view"}
+"""Commands that are parsed and not called, as tests of their own call them: peers and pages take
+their time, and `view` shows its page until it is stopped."""
 
 FOOTPRINTS = """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon",
@@ -89,6 +99,7 @@ class Workshop:
         for name, to in (("drive.log.gz", "carmen"), ("drive.mcap", "mcap")):
             self.call(f"lrf3d export out/city --to {to} --out {name}")
         self.call("lrf3d export out/city --to rosbag2 --out rosbag2_2026_01_31")
+        Path("examples").symlink_to(ROOT / "examples")
         Path("footprints.geojson").write_text(FOOTPRINTS)
         _write_plan(Path("plan.dxf"))
         _write_scans(Path("scans.npz"))
@@ -103,6 +114,8 @@ class Workshop:
                 with redirect_stdout(StringIO()) as said:
                     exec(compile(code, str(page), "exec"), names)
                 printed.append(said.getvalue())
+            elif snippet.language == "toml" and snippet.code.startswith("worlds ="):
+                Path("study.toml").write_text(snippet.code)
             elif snippet.language == "toml":
                 # A table that stands alone is one more of the world before it.
                 alone = "[[object]]" not in snippet.code
@@ -119,6 +132,8 @@ class Workshop:
         """Call a line of shell that is ours; of the others the scripts must be there."""
         if NOT_OURS.match(line):
             assert not line.startswith("scripts/") or (ROOT / line.split()[0]).is_file()
+        elif line.startswith("python "):
+            _script(line)
         elif line:
             assert line.startswith("lrf3d "), f"what is {line!r}?"
             self.call(line)
@@ -144,16 +159,26 @@ def small(line):
     return words + shlex.split(SMALL.get(_named(words), ""))
 
 
+def _script(line):
+    """Run a program of the examples in a world that takes no time."""
+    path, *words = shlex.split(line)[1:]
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()):
+        patch.setattr(sys, "argv", [path, *(word.replace("city", "corridor") for word in words)])
+        runpy.run_path(path, run_name="__main__")
+
+
 def _named(words):
-    """The command that words call."""
-    return " ".join(words[: 2 if words[0] in ("bench", "world") else 1])
+    """The command that words call; a group may be one by itself."""
+    group = words[0] in ("bench", "world") and words[1:] and not words[1].startswith("-")
+    return " ".join(words[: 2 if group else 1])
 
 
 def _check(words):
     """See that a command takes these words."""
-    group, name, *rest = words
-    command = typer.main.get_command(app).commands[group].commands[name]
-    command.make_context(name, rest)
+    command, name = typer.main.get_command(app), _named(words)
+    for part in name.split():
+        command = command.commands[part]
+    command.make_context(name, words[len(name.split()) :])
 
 
 def _write_plan(path):
