@@ -21,15 +21,17 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Put the pages into the navigation, groups of commands as groups of pages."""
     entries: list[Any] = ["commands/index.md"]
     groups: dict[str, list[Any]] = {}
-    for path, _ in commands(typer.main.get_command(app)):
+    listed = list(commands(typer.main.get_command(app)))
+    in_groups = {path[0] for path, _ in listed if len(path) > 1}
+    for path, _ in listed:
         page = {" ".join(path): f"commands/{'-'.join(path)}.md"}
-        if len(path) == 1:
+        if path[0] in in_groups:
+            if path[0] not in groups:
+                groups[path[0]] = []
+                entries.append({path[0]: groups[path[0]]})
+            groups[path[0]].append(page)
+        else:
             entries.append(page)
-            continue
-        if path[0] not in groups:
-            groups[path[0]] = []
-            entries.append({path[0]: groups[path[0]]})
-        groups[path[0]].append(page)
     for item in config.nav or []:
         if "Commands" in item:
             item["Commands"] = entries
@@ -59,12 +61,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def commands(command: Any, path: tuple[str, ...] = ()) -> Commands:
-    """All commands that do something, with their names."""
+    """All commands that do something, with their names; a group may do something by itself."""
     for name, inner in command.commands.items():
-        if hasattr(inner, "commands"):
-            yield from commands(inner, (*path, name))
-        else:
+        group = hasattr(inner, "commands")
+        if not group or inner.invoke_without_command:
             yield (*path, name), inner
+        if group:
+            yield from commands(inner, (*path, name))
 
 
 def page(path: tuple[str, ...], command: Any) -> str:
