@@ -32,9 +32,6 @@ NOT_OURS = re.compile(
 )
 """Lines of shell that set up lrf3d, or call other programs."""
 
-SHOWN = re.compile(r'--8<-- "(examples/\S+)"')
-"""A program that the site shows in full; lines of shell beside it run it."""
-
 SMALL = {
     "run": "--no-video --set robot.scan_interval=1 --set laser.beams=61",
     "render": "--size 64x64 --fps 1 --playback 4 --workers 1",
@@ -112,9 +109,7 @@ class Workshop:
         """Run all snippets of a page; return what each block of Python printed."""
         names, world, printed = {}, "", []
         for snippet in snippets(page):
-            if shown := SHOWN.fullmatch(snippet.code.strip()):
-                assert (ROOT / shown[1]).is_file()
-            elif snippet.language == "python":
+            if snippet.language == "python":
                 # As many empty lines go before as makes an error name its line of the page.
                 code = "\n" * snippet.line + snippet.code
                 with redirect_stdout(StringIO()) as said:

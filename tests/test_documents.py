@@ -5,13 +5,16 @@ import re
 import subprocess
 import sys
 import zlib
+from functools import partial
 
 import pytest
 import typer
+from distributed import Client
 from snippets import PAGES, ROOT, Workshop, snippets
 
 import lrf3d
 from lrf3d.cli.app import app
+from lrf3d.study.sweep import sweeping
 
 README = PAGES[0]
 
@@ -41,7 +44,7 @@ def shared(tmp_path_factory):
 
 @pytest.fixture
 def workshop(shared, monkeypatch):
-    """The folder of all snippets, to be in; films are drawn small there."""
+    """The folder of all snippets, to be in; films are small there, and sweeps start no process."""
     monkeypatch.chdir(shared.folder)
     render = lrf3d.render_video
 
@@ -49,6 +52,8 @@ def workshop(shared, monkeypatch):
         render(run, path, size=(64, 64), fps=1.0, playback=100.0, workers=1)
 
     monkeypatch.setattr(lrf3d, "render_video", small)
+    cluster = partial(Client, processes=False, n_workers=1, threads_per_worker=1)
+    monkeypatch.setattr(sweeping, "connected", lambda *_: cluster(dashboard_address=None))
     return shared
 
 
