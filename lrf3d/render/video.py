@@ -59,8 +59,8 @@ def render_video(
         workers: Number of processes; as many as there are cores where not given.
         renderer: What draws: ``gl``, or ``embree`` which needs no OpenGL and takes longer; where
             not given, OpenGL where it is there.
-        progress: Called with frames done and frames in all, as the film grows; for a .gif once
-            more from 0, when all frames are drawn and get their palette.
+        progress: Called with frames done and frames in all, as the film grows. A .gif is packed
+            when all of it is drawn; then a frame that is drawn counts as a part of one.
 
     Raises:
         InputError: An argument is out of its range.
@@ -82,8 +82,24 @@ def render_video(
         # A folder that cannot be written to is better known before the film is drawn.
         unfinished.touch()
         unfinished.unlink()
-        parts, frames = draw_parts(job, Path(folder), workers, progress)
-        kind.join(parts, frames, unfinished, fps=fps, progress=progress)
+        drawing = share_of(progress, 0.0, 1.0 - kind.joining, len(job.times))
+        parts, frames = draw_parts(job, Path(folder), workers, drawing)
+        joining = share_of(progress, 1.0 - kind.joining, 1.0, len(job.times))
+        kind.join(parts, frames, unfinished, fps=fps, progress=joining)
+
+
+def share_of(progress: Progress | None, first: float, last: float, total: int) -> Progress | None:
+    """Progress of one stage of a work in so many steps, from one share of the whole to another."""
+    if progress is None:
+        return None
+    whole = progress
+
+    def report(done: int, steps: int) -> None:
+        share = first + (last - first) * (done / steps)
+        # Rounded down, but for what a sum of shares lacks.
+        whole(int(share * total + 1e-6), total)
+
+    return report
 
 
 def render_frames(
