@@ -12,6 +12,7 @@ from lrf3d.render.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.ground import SUN
 from lrf3d.render.ground_layer import GroundLayer
+from lrf3d.render.movers import MovingBodies
 from lrf3d.render.palette import union_colours
 from lrf3d.render.primitives import Mesh, Primitive
 from lrf3d.render.robot_model import robot_primitive, world_from_robot
@@ -48,6 +49,7 @@ class Scenery:
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
         self.walls = build_walls(self.structures)
         self.robot = robot_primitive(run.lrf.height)
+        self.movers = MovingBodies(run.movers, self.origin, self.structures.indoor)
         self.ground = GroundLayer(self.structures, self.scene)
         self.sky = Primitive("sky", (2,), _mesh(10, 10))
         self.blob = Primitive("blob", (2,), corners, blend=True)
@@ -85,6 +87,7 @@ class Scenery:
             self.trace,
             self.dots,
             self.map,
+            *self.movers.all,
         )
 
     @property
@@ -94,6 +97,7 @@ class Scenery:
 
     def show(self, moment: Moment) -> dict[str, Any]:
         """Bring robot, trail, beams and map up to a moment; gives the uniforms that say where."""
+        self.movers.place(moment.time)
         place = moment.pose - np.array([*self.origin, 0.0])
         shift = -0.16 * SUN[:2] * (0.0 if self.structures.indoor else 1.0)
         moved: dict[str, Any] = {
@@ -136,7 +140,7 @@ class Scenery:
         return float(times[moment.scan] + share * (times[moment.scan + 1] - times[moment.scan]))
 
     def _show_beams(self, moment: Moment, place: Float) -> None:
-        shown = (moment.scan, moment.scanning, *place[:2])
+        shown = (moment.scan, moment.scanning, *place[:2], self.movers.poses.tobytes())
         if shown == self._scan_shown:
             return
         self._scan_shown = shown
@@ -149,7 +153,9 @@ class Scenery:
         local = np.array(scan.pose) - np.array([*self.origin, 0.0])
         world = self.run.world
         walls = world.segments - np.tile(self.origin, 2)
-        self.beams = Beams.from_scan(replace(scan, pose=local), walls, world.objects, place[:2])
+        self.beams = Beams.from_scan(
+            replace(scan, pose=local), walls, world.objects, place[:2], self.movers.carry
+        )
         self.fan.update(self.beams.fan(height))
         self.lines.update(self.beams.lines(height, self.reach))
         self.trace.update(self.beams.trace(height))
