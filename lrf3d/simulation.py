@@ -15,7 +15,7 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.steering import Controller
 from lrf3d.world import World
-from lrf3d.world.cameras import FilmPlan
+from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -55,7 +55,7 @@ class Run:
     stages: tuple[int, ...]
     maps: tuple[LineMap, ...]
     movers: "tuple[Mover, ...]" = ()
-    film: FilmPlan = FilmPlan()
+    film: FilmPlan = USUAL_FILM
 
     def __len__(self) -> int:
         return len(self.trajectory)

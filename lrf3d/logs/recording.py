@@ -25,7 +25,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.simulation import Run, Stages, total_of
 from lrf3d.steering import Recorded, Steered
-from lrf3d.world.cameras import FilmPlan
+from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
 if TYPE_CHECKING:
     from lrf3d.steps import Simulation, Step
@@ -45,7 +45,7 @@ def record(
     *,
     resume: bool = False,
     about: Mapping[str, str] | None = None,
-    film: FilmPlan = FilmPlan(),
+    film: FilmPlan = USUAL_FILM,
     progress: Progress = lambda done, total: None,
 ) -> Run:
     """Run a simulation into a file, in constant memory and safe from crashes.

@@ -54,7 +54,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.simulation import Run
 from lrf3d.world import World
-from lrf3d.world.cameras import FilmPlan, FixedCamera
+from lrf3d.world.cameras import USUAL_FILM, FilmPlan, FixedCamera
 
 if TYPE_CHECKING:
     from lrf3d.casting.mover import Mover
@@ -176,6 +176,12 @@ def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
     )
 
 
+def _film(arrays: dict[str, Any]) -> FilmPlan:
+    if "film_view" not in arrays:
+        return USUAL_FILM
+    return FilmPlan(str(arrays["film_view"]), float(arrays["film_playback"]))
+
+
 def _movers(arrays: dict[str, Any]) -> "tuple[Mover, ...]":
     if "mover_heights" not in arrays:
         return ()
@@ -238,5 +244,5 @@ def _run(arrays: dict[str, Any]) -> Run:
         tuple(arrays["stages"].tolist()),
         maps,
         _movers(arrays),
-        FilmPlan(str(arrays.get("film_view", "chase")), float(arrays.get("film_playback", 1.0))),
+        _film(arrays),
     )

@@ -138,7 +138,7 @@ class MovingBodies:
     def _at(self, time: float) -> Float:
         """Poses (m, 3) of all at a time [s] in the film's frame."""
         poses = [mover.path.at(np.array([time]))[0] for mover in self._movers]
-        return np.array(poses).reshape(-1, 3) - self._origin
+        return np.asarray(np.reshape(poses, (-1, 3)) - self._origin)
 
 
 def _moved(points: Float, pose: Float) -> Float:

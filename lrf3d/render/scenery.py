@@ -27,6 +27,9 @@ _FAN_REACH = 42.0
 TRAIL_WIDTH = 0.11
 """Width of the trail on the ground [m]."""
 
+_SHARPEST = -0.2
+"""Cosine of the sharpest bend of the trail that is mitred: beyond, the tip would be long."""
+
 _HAZE = (0.83, 0.88, 0.935)
 _HAZE_INDOOR = (0.80, 0.825, 0.85)
 
@@ -70,7 +73,7 @@ class Scenery:
             "indoor": float(self.structures.indoor),
             "lift": 0.0,
             "reach": self.reach,
-            "strength": 0.42,
+            "strength": 0.30 if self.structures.indoor else 0.37,
         }
 
     @property
@@ -180,17 +183,33 @@ def _trail(run: Run, origin: Float, jumps: Bool) -> Primitive:
     """The whole path as a ribbon, a quad for each leg; the shader shows what has been driven."""
     places = run.trajectory.poses[:, :2] - origin
     times = run.trajectory.times - run.trajectory.times[0]
-    way = np.diff(places, axis=0)
-    length = np.hypot(way[:, 0], way[:, 1])[:, None]
-    along = way / np.maximum(length, 1e-9)
-    side = np.column_stack([-along[:, 1], along[:, 0]])
-    rows = np.zeros((len(way), 6, 5), np.float32)
+    sides = _sides(places, jumps)
+    rows = np.zeros((len(places) - 1, 6, 5), np.float32)
     for corner, (end, turn) in enumerate([(0, 1), (0, -1), (1, -1), (0, 1), (1, -1), (1, 1)]):
         rows[:, corner, :2] = places[end : len(places) - 1 + end]
-        rows[:, corner, 2:4] = turn * side
+        rows[:, corner, 2:4] = turn * sides[:, end]
         rows[:, corner, 4] = times[end : len(places) - 1 + end]
     rows[jumps, :, 2:4] = 0.0
     return Primitive("trail", (2, 2, 1), rows.reshape(-1, 5), blend=True)
+
+
+def _sides(places: Float, jumps: Bool) -> Float:
+    """To the left of each leg at its start and its end (k − 1, 2, 2), mitred with its neighbours.
+
+    A robot that turns where it stands, and one that was set down elsewhere, begins a new ribbon.
+    """
+    way = np.diff(places, axis=0)
+    length = np.hypot(way[:, 0], way[:, 1])
+    side = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
+    sides = np.repeat(side[:, None], 2, axis=1)
+    before, after = side[:-1], side[1:]
+    bend = np.einsum("ij,ij->i", before, after)
+    moves = (length > 1e-6) & ~jumps
+    joined = moves[:-1] & moves[1:] & (bend > _SHARPEST)
+    mitre = (before + after) / (1.0 + np.maximum(bend, _SHARPEST))[:, None]
+    sides[:-1, 1][joined] = mitre[joined]
+    sides[1:, 0][joined] = mitre[joined]
+    return sides
 
 
 def _map_lines(stage: LineMap, origin: Float, height: float) -> Single:

@@ -67,9 +67,7 @@ class Results:
 
             path, names = folder / "run.npz", experiment.names
             film = FilmPlan(experiment.scenario.view, experiment.scenario.playback)
-            runs = [
-                record(simulation, path, resume=resume, about=names, film=film, progress=count)
-            ]
+            runs = [record(simulation, path, resume=resume, about=names, film=film, progress=count)]
             for sigma in sigmas[1:]:
                 runs.append(replace(experiment, sigma=sigma).simulate(trajectory, count))
         seconds = perf_counter() - begin

@@ -63,6 +63,10 @@ class FilmPlan:
     playback: float = 1.0
 
 
+USUAL_FILM = FilmPlan()
+"""How a run is filmed of which nothing is said."""
+
+
 def check_view(view: str, cameras: Sequence[FixedCamera]) -> None:
     """See that a view is one that every world has, or one of the cameras.
 
