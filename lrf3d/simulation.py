@@ -15,10 +15,12 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.steering import Controller
 from lrf3d.world import World
+from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
 if TYPE_CHECKING:
     from typing import Unpack
 
+    from lrf3d.casting.mover import Mover
     from lrf3d.steps import Settings, Simulation
 
 MAP_SNAPSHOTS = 100
@@ -40,6 +42,8 @@ class Run:
         stages: Scans after which the map was kept, rising; the last is the last scan. None where
             the mapper makes no LineMap.
         maps: The map at each of the stages.
+        movers: What moved in the world beside the robot.
+        film: How the run is filmed where nothing else is asked for.
     """
 
     world: World
@@ -50,6 +54,8 @@ class Run:
     walls: Int
     stages: tuple[int, ...]
     maps: tuple[LineMap, ...]
+    movers: "tuple[Mover, ...]" = ()
+    film: FilmPlan = USUAL_FILM
 
     def __len__(self) -> int:
         return len(self.trajectory)
@@ -179,6 +185,7 @@ def collect(
         walls[:done],
         tuple(maps),
         tuple(maps.values()),
+        simulation.movers,
     )
 
 

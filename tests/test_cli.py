@@ -62,6 +62,20 @@ def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):
     assert summary["map"]["segments"] == 4 and summary["buildings"]["whole"] == 1
 
 
+def test_a_run_is_rendered_as_its_world_file_says(room, tmp_path):
+    from lrf3d.logs import load_run
+    from lrf3d.world.cameras import FilmPlan
+
+    room.write_text(ROOM + '[film]\nview = "top"\nplayback = 7.0\n')
+    done = lrf3d("run", room, "--no-video", "--scans", 3, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert load_run(tmp_path / "out").film == FilmPlan("top", 7.0)
+    done = lrf3d("render", tmp_path / "out", "--size", "64x64", "--fps", 7, "--samples", 0)
+    assert done.returncode == 0, done.stderr
+    # Three scans, half a second apart, seven times as fast.
+    assert "frames  2 of 64x64" in done.stdout
+
+
 def test_the_same_seed_repeats_bit_for_bit_and_another_does_not(room, tmp_path):
     maps = []
     for name, seed in (("a", 5), ("b", 5), ("c", 6)):

@@ -159,6 +159,53 @@ def test_a_webp_of_a_scene_that_stands_still_is_as_long_as_the_film(tmp_path):
 
 
 @needs_gl
+@pytest.mark.parametrize("ending", [".mp4", ".webp", ".gif"])
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):
+    # A run of one scan lasts no time, and is looked at for a moment.
+    run = room_run()
+    run = run.part(np.arange(1))
+    length = video.Timeline(run).end - video.Timeline(run).start
+    path = tmp_path / f"run{ending}"
+    fps = (frames - 0.5) / length
+    video.render_video(run, path, size=(64, 36), fps=fps, samples=0, workers=2)
+    with av.open(str(path)) if ending == ".mp4" else Image.open(path) as film:
+        if ending == ".mp4":
+            assert film.streams.video[0].frames == frames
+        else:
+            # Pictures that are the same are shown as one.
+            assert film.size == (64, 36) and 1 <= film.n_frames <= frames
+            pixels = np.array(film.convert("RGB")).astype(int)
+            alone = video.frame(run, 0.0, size=(64, 36), samples=0).astype(int)
+            assert np.abs(pixels - alone).mean() < 8.0
+    if ending == ".webp":
+        _, times = pictures_of(path)
+        assert sum(times) == round(1000 * frames / fps)
+
+
+@needs_gl
+@pytest.mark.parametrize("ending", [".gif", ".webp"])
+def test_progress_goes_once_from_start_to_end(tmp_path, ending):
+    seen = []
+    video.render_video(
+        room_run(),
+        tmp_path / f"a{ending}",
+        size=(64, 36),
+        fps=10,
+        samples=0,
+        workers=1,
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    total = seen[0][1]
+    assert {frames for _, frames in seen} == {total}
+    done = [frames for frames, _ in seen]
+    assert done == sorted(done) and done[-1] == total
+    if ending == ".gif":
+        # Packing is work too, so that all drawn is not all done.
+        assert any(0.6 * total < frames < total for frames in done)
+
+
+@needs_gl
 def test_single_frames_are_the_pictures_of_their_times(tmp_path):
     run = city_run(seconds=2.0)
     folder = tmp_path / "frames"

@@ -26,7 +26,7 @@ _ANIMATIONS = (".gif", ".webp")
 
 @dataclass(frozen=True, slots=True)
 class FilmOptions:
-    """What was asked for of a film; None is what the kind of film and of machine make of it.
+    """What was asked for of a film; None is what the run, the kind of film or the machine say.
 
     Args:
         size: Width and height [pixels].
@@ -40,8 +40,8 @@ class FilmOptions:
 
     size: tuple[int, int] | None
     fps: float | None
-    playback: float
-    view: str
+    playback: float | None
+    view: str | None
     samples: int
     workers: int | None
     renderer: str | None

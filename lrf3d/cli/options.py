@@ -95,8 +95,8 @@ def film_options(
     return FilmOptions(
         size=None if size is None else parse_size(size),
         fps=fps,
-        playback=1.0 if playback is None else playback,
-        view="chase" if view is None else view,
+        playback=playback,
+        view=view,
         samples=samples,
         workers=workers,
         renderer=None if renderer is None else renderer.value,

@@ -56,7 +56,6 @@ def run(
     Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4. What is named
     MODULE:OBJECT is imported from the current folder or the installed modules.
     """
-    from dataclasses import replace
     from pathlib import Path
 
     from lrf3d.cli.film import make_film
@@ -81,12 +80,7 @@ def run(
     scenario = load_scenario(world, settings or ())
     if controller is None:
         scenario = with_route(scenario)
-    asked = replace(
-        asked,
-        view=scenario.view if view is None else view,
-        playback=scenario.playback if playback is None else playback,
-    )
-    check_view(asked.view, scenario.world.cameras)
+    check_view(scenario.view if view is None else view, scenario.world.cameras)
     folder = make_folder(Path("out") / scenario.name if out is None else out)
     sigmas = tuple(sigma) if sigma else scenario.sigmas
     experiment = Experiment(

@@ -20,11 +20,12 @@ from lrf3d.laser import LaserScan
 from lrf3d.logs.arrays import DAMAGES, read_arrays
 from lrf3d.logs.journal import COLUMNS, Array, Journal, column_shape, read_origin
 from lrf3d.logs.npz_writer import Column, write_npz
-from lrf3d.logs.run_file import head_columns, load_run, map_columns
+from lrf3d.logs.run_file import head_columns, load_run, map_columns, mover_columns
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.simulation import Run, Stages, total_of
 from lrf3d.steering import Recorded, Steered
+from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
 if TYPE_CHECKING:
     from lrf3d.steps import Simulation, Step
@@ -44,6 +45,7 @@ def record(
     *,
     resume: bool = False,
     about: Mapping[str, str] | None = None,
+    film: FilmPlan = USUAL_FILM,
     progress: Progress = lambda done, total: None,
 ) -> Run:
     """Run a simulation into a file, in constant memory and safe from crashes.
@@ -55,6 +57,7 @@ def record(
             was, begin. Without it, what was left of one is given up.
         about: Names by which parts of the simulation are known that cannot be looked into, such
             as a mapper and its settings.
+        film: How the run is filmed where nothing else is asked for; it is kept beside the run.
         progress: Called with the scans that are done and all.
 
     Returns:
@@ -84,7 +87,7 @@ def record(
             else:
                 checkpoint.unlink(missing_ok=True)
             recorder.run(lambda done: progress(done, total))
-            recorder.write(path, json.dumps(origin, sort_keys=True))
+            recorder.write(path, json.dumps(origin, sort_keys=True), film)
         finally:
             journal.close()
     except OSError as error:
@@ -153,7 +156,7 @@ class _Recorder:
                 simulation.take(scan, mapped=simulation.done < self._checked)
         simulation.rng.bit_generator.state = journal.chunks[-1].rng
 
-    def write(self, path: Path, origin: str) -> None:
+    def write(self, path: Path, origin: str, film: FilmPlan) -> None:
         """Write the finished run, streaming."""
         journal, simulation = self.journal, self.simulation
         scans, beams = journal.scans, simulation.lrf.beams
@@ -170,7 +173,8 @@ class _Recorder:
         write_npz(
             path,
             [
-                *head_columns(simulation.world, simulation.lrf),
+                *head_columns(simulation.world, simulation.lrf, film),
+                *mover_columns(simulation.movers),
                 *columns,
                 *map_columns(maps, list(maps.values())),
                 Column.of("origin", np.array(origin)),

@@ -10,6 +10,15 @@ segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
 camera_names (c,)     names of the cameras that stand in the world; cameras (c, 7) their
                       position and target x, y, z [m] and angle of view [degrees]
 lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
+film_view             name of the camera that the run is filmed from, and film_playback the seconds
+                      of the run in a second of the film, where nothing else is asked for; missing
+                      in older files, which are filmed from ``chase`` at 1
+mover_heights (m,)    heights [m] of what moved beside the robot; missing, as is what follows, where
+                      nothing did, and in older files
+mover_corners (m,)    how many corners each outline has; mover_outlines (…, 2) the corners [m] of
+                      all, in their own frames
+mover_stops (m,)      how many poses each path has; mover_times (…,) [s] and mover_poses (…, 3)
+                      those of all
 scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
 times (k,)            time of each scan [s]
 poses (k, 3)          x, y [m], theta [rad] of each scan
@@ -33,7 +42,7 @@ looked at. Where a program was stopped, a journal lies in its place: see `record
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,7 +54,10 @@ from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.simulation import Run
 from lrf3d.world import World
-from lrf3d.world.cameras import FixedCamera
+from lrf3d.world.cameras import USUAL_FILM, FilmPlan, FixedCamera
+
+if TYPE_CHECKING:
+    from lrf3d.casting.mover import Mover
 
 VERSION = 1
 
@@ -59,7 +71,8 @@ def save_run(run: Run, path: str | Path) -> None:
     write_npz(
         path,
         [
-            *head_columns(run.world, run.lrf),
+            *head_columns(run.world, run.lrf, run.film),
+            *mover_columns(run.movers),
             Column.of("times", run.trajectory.times),
             Column.of("poses", run.trajectory.poses),
             Column.of("ranges", run.ranges),
@@ -70,7 +83,7 @@ def save_run(run: Run, path: str | Path) -> None:
     )
 
 
-def head_columns(world: World, lrf: LaserRangeFinder) -> list[Column]:
+def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Column]:
     """What is known of a run before its first scan."""
     arrays = {
         "version": np.array(VERSION),
@@ -88,6 +101,23 @@ def head_columns(world: World, lrf: LaserRangeFinder) -> list[Column]:
             [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
         ),
         "scan_duration": np.array(lrf.scan_duration),
+        "film_view": np.array(film.view),
+        "film_playback": np.array(film.playback),
+    }
+    return [Column.of(name, array) for name, array in arrays.items()]
+
+
+def mover_columns(movers: "Sequence[Mover]") -> list[Column]:
+    """What moved beside the robot; nothing where nothing did."""
+    if not movers:
+        return []
+    arrays = {
+        "mover_heights": np.array([mover.height for mover in movers]),
+        "mover_corners": np.array([len(mover.outline) for mover in movers]),
+        "mover_outlines": np.concatenate([mover.outline for mover in movers]),
+        "mover_stops": np.array([len(mover.path) for mover in movers]),
+        "mover_times": np.concatenate([mover.path.times for mover in movers]),
+        "mover_poses": np.concatenate([mover.path.poses for mover in movers]),
     }
     return [Column.of(name, array) for name, array in arrays.items()]
 
@@ -146,6 +176,31 @@ def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
     )
 
 
+def _film(arrays: dict[str, Any]) -> FilmPlan:
+    if "film_view" not in arrays:
+        return USUAL_FILM
+    return FilmPlan(str(arrays["film_view"]), float(arrays["film_playback"]))
+
+
+def _movers(arrays: dict[str, Any]) -> "tuple[Mover, ...]":
+    if "mover_heights" not in arrays:
+        return ()
+    # The compiler that comes with casting is not waited for where nothing moves.
+    from lrf3d.casting.mover import Mover
+
+    outlines = np.split(arrays["mover_outlines"], np.cumsum(arrays["mover_corners"])[:-1])
+    ends = np.cumsum(arrays["mover_stops"])[:-1]
+    paths = zip(
+        np.split(arrays["mover_times"], ends), np.split(arrays["mover_poses"], ends), strict=True
+    )
+    return tuple(
+        Mover(outline, Trajectory(times, poses), height)
+        for outline, (times, poses), height in zip(
+            outlines, paths, arrays["mover_heights"].tolist(), strict=True
+        )
+    )
+
+
 def _run(arrays: dict[str, Any]) -> Run:
     scans = len(arrays["times"]), int(arrays["lrf"][2])
     for name in ("ranges", "truth", "walls"):
@@ -188,4 +243,6 @@ def _run(arrays: dict[str, Any]) -> Run:
         arrays["walls"],
         tuple(arrays["stages"].tolist()),
         maps,
+        _movers(arrays),
+        _film(arrays),
     )

@@ -3,6 +3,7 @@
 All arrays are in the film's frame.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,14 @@ TRACE_COLOUR = (1.0, 0.27, 0.12, 0.95)
 BEAM_COLOUR = (1.0, 0.30, 0.22)
 
 
+Carry = Callable[[Float, Bool, float], Float]
+"""Moves ends (beams, 2), of which some are loose (beams,), since a time [s] to where they are."""
+
+
+def _stay(ends: Float, loose: Bool, since: float) -> Float:
+    return ends
+
+
 @dataclass(frozen=True, eq=False)
 class Beams:
     """One scan, ready to be drawn.
@@ -72,11 +81,14 @@ class Beams:
     beam_angle: float
 
     @classmethod
-    def from_scan(cls, scan: LaserScan, walls: Float, objects: Int, apex: Float) -> "Beams":
+    def from_scan(
+        cls, scan: LaserScan, walls: Float, objects: Int, apex: Float, carry: Carry = _stay
+    ) -> "Beams":
         """Make beams of a scan whose pose, like walls (n, 4) and apex (2,), is in the film's frame.
 
         The apex is where the robot stands now, a little past the pose of the scan: the beams then
-        follow the robot while the points stay on their walls.
+        follow the robot while the points stay on their walls, and move with what moves: ends
+        that lie on no known wall are carried on.
         """
         origin = np.array([scan.pose.x, scan.pose.y])
         # A beam without return goes as far as it can be measured; one too near ends at once.
@@ -84,13 +96,14 @@ class Beams:
         ranges = np.where(scan.hits, scan.ranges, np.where(scan.ranges < 0.0, 0.0, far))
         ends = origin + ranges[:, None] * beam_directions(scan.pose.theta, scan.angles)
         known = scan.walls >= 0
+        ends = carry(ends, scan.hits & ~known, scan.time)
         close = np.hypot(*(ends[1:] - ends[:-1]).T) < _TRACE_GAP
         same = np.where(known[1:] & known[:-1], scan.walls[1:] == scan.walls[:-1], close)
         joined = scan.hits[1:] & scan.hits[:-1] & same
         points = ends[scan.hits]
         sides = _sides(origin, points, walls, scan.walls[scan.hits])
         if np.hypot(*(apex - origin)) > 1e-6:
-            if known[scan.hits].all():
+            if known.any():
                 near = np.isin(objects, np.unique(objects[scan.walls[known]]))
                 ends = _seen_from(apex, ends, walls[near])
             else:

@@ -70,7 +70,8 @@ class Film:
         width, height = self._size
         look = self.camera.look(time, width / height)
         words = self._hud.lines(moment) if self._hud is not None else ()
-        shown = (moment.scan, moment.scanning, moment.pose.tobytes(), look.key, words)
+        moving = time if self.scenery.run.movers else 0.0
+        shown = (moment.scan, moment.scanning, moment.pose.tobytes(), look.key, words, moving)
         if shown == self._shown:
             # Nothing has moved, no word has changed: the last picture is this one.
             return self._picture
@@ -124,6 +125,7 @@ class Film:
         """What hides what is behind it, in order: first what hides much, the sky last."""
         scenery = self.scenery
         yield scenery.robot, {}
+        yield from scenery.movers.bodies()
         yield scenery.walls.facades, {}
         yield scenery.walls.plain, {}
         yield from scenery.ground.draws()
@@ -138,6 +140,7 @@ class Film:
         scenery, on = self.scenery, self._layers
         if "shadow" in on:
             yield scenery.blob, {}
+            yield from scenery.movers.shades()
         if "trail" in on:
             yield scenery.trail, {}
         if "fan" in on:

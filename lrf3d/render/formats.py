@@ -11,7 +11,7 @@ from lrf3d.render import encoder, gif, webp
 from lrf3d.render.pictures import Picture
 
 Progress = Callable[[int, int], None]
-"""Called with the number of frames done and the number of all."""
+"""Called with the number of steps done and the number of all."""
 
 
 class PartEncoder(Protocol):
@@ -43,7 +43,7 @@ class Join(Protocol):
         fps: float,
         progress: Progress | None,
     ) -> None:
-        """Make it, and say how many frames are done where that takes long."""
+        """Make it; where that takes long, say how many of how many steps are done."""
         ...
 
 
@@ -57,12 +57,14 @@ class Format:
         join: Makes a film of parts.
         fastest: Most frames a second that players show.
         even: Whether width and height have to be even.
+        joining: About which share of the time joining takes, for progress.
     """
 
     part: Callable[..., PartEncoder]
     join: Join
     fastest: float
     even: bool
+    joining: float = 0.0
 
 
 def _join_mp4(
@@ -88,7 +90,7 @@ def _join_webp(
 
 
 FORMATS: dict[str, Format] = {
-    ".gif": Format(encoder.LosslessEncoder, gif.join_gif, gif.FASTEST, even=False),
+    ".gif": Format(encoder.LosslessEncoder, gif.join_gif, gif.FASTEST, even=False, joining=0.4),
     ".mp4": Format(encoder.Encoder, _join_mp4, 1000.0, even=True),
     ".webp": Format(webp.WebpEncoder, _join_webp, webp.FASTEST, even=False),
 }

@@ -32,8 +32,17 @@ def join_gif(
     fps: float,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Make a GIF that plays without end of parts of a film."""
-    palette = _palette(parts)
+    """Make a GIF that plays without end of parts of a film.
+
+    All frames are gone through twice, and progress counts them so: for the palette, and with it.
+    """
+    total = sum(frames)
+
+    def report(done: int) -> None:
+        if progress is not None:
+            progress(done, 2 * total)
+
+    palette = _palette(parts, report)
     graph = av.filter.Graph()
     pictures = _buffer(graph, _first_frame(parts))
     colours = _buffer(graph, palette)
@@ -46,7 +55,6 @@ def join_gif(
     palette.pts, palette.time_base = 0, _CENTISECOND
     colours.push(palette)
     colours.push(None)
-    total = sum(frames)
     with av.open(str(path), "w", format="gif", options={"loop": "0"}) as film:
         rate = Fraction(fps).limit_denominator(1000)
         stream: Any = film.add_stream("gif", rate=rate)
@@ -59,15 +67,14 @@ def join_gif(
             pictures.push(frame)
             for drawn in _drain(sink):
                 film.mux(stream.encode(drawn))
-            if progress is not None:
-                progress(number + 1, total)
+            report(total + number + 1)
         pictures.push(None)
         for drawn in _drain(sink):
             film.mux(stream.encode(drawn))
         film.mux(stream.encode(None))
 
 
-def _palette(parts: Sequence[Path]) -> Any:
+def _palette(parts: Sequence[Path], report: Callable[[int], None]) -> Any:
     """The colours that serve all frames of a film best, as a picture."""
     graph = av.filter.Graph()
     pictures = _buffer(graph, _first_frame(parts))
@@ -78,6 +85,7 @@ def _palette(parts: Sequence[Path]) -> Any:
     for number, frame in enumerate(_frames(parts)):
         frame.pts, frame.time_base = number, _CENTISECOND
         pictures.push(frame)
+        report(number + 1)
     pictures.push(None)
     return sink.pull()
 

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, directions
 from lrf3d.render.streets import centre_lines, dashes
 from lrf3d.render.structures import Structures
 
@@ -36,8 +36,15 @@ _STREETS = 30.0
 _MARGIN = 6.0
 """How far the picture reaches past walls and their shadows [m]: farther than pavements go."""
 
-_PAVEMENT = 2.2
+_PAVEMENT = 1.7
 """Width of the pavement round buildings [m]."""
+
+_TURN = 1.6
+"""Radius of the turns of kerbs between houses [m]: alleys up to twice as wide are paved."""
+
+_FINER = 2
+"""Pixels to a side that marks and kerbs are painted with in place of one: their edges are seen from
+near, where steps would show."""
 
 _CONTACT = 0.9
 """How far the shade at the foot of walls reaches [m]."""
@@ -47,7 +54,7 @@ _ASPHALT, _STONE, _MARK, _FLOOR = (94, 93, 91), (156, 152, 144), (204, 200, 188)
 _BEYOND, _BEYOND_INDOOR = (0.50, 0.52, 0.46), (0.765, 0.78, 0.79)
 """Colours of the ground: of streets, pavements, marks, floors, and of what lies past the world."""
 
-_SHADE, _CONTACT_SHADE, _FLOOR_SHADE = (140, 148, 166), (158, 160, 166), (188, 186, 184)
+_SHADE, _CONTACT_SHADE, _FLOOR_SHADE = (156, 163, 178), (164, 166, 171), (188, 186, 184)
 """What light is left: in the sun's shadow, where the sky still shines, and at the foot of walls."""
 
 _GRID_STRENGTH = 22
@@ -113,6 +120,15 @@ class _Brush:
         self.corner = corner
         self.pixel = pixel
 
+    def finer(self) -> "_Brush":
+        """A brush for the same place with finer pixels."""
+        width, height = self.size
+        return _Brush(_FINER * width, _FINER * height, self.corner, self.pixel / _FINER)
+
+    def reduced(self, picture: Image.Image) -> Image.Image:
+        """A picture of this brush in the pixels of the one that it is finer than."""
+        return picture.filter(ImageFilter.BoxBlur(1)).reduce(_FINER)
+
     def blank(self) -> Image.Image:
         return Image.new("L", self.size, 0)
 
@@ -132,9 +148,14 @@ class _Brush:
     def lines(self, picture: Image.Image, segments: Float, width: float) -> None:
         """Draw segments (n, 4) of a width [m]."""
         draw = ImageDraw.Draw(picture)
-        pixels = max(1, round(width / self.pixel))
+        if width > 2.0 * self.pixel:
+            # Lines are as wide as whole pixels; as shapes they are as wide as they should be.
+            side = 0.5 * width * directions(segments)[:, ::-1] * [-1.0, 1.0]
+            start, end = segments[:, :2], segments[:, 2:]
+            self.quads(picture, np.stack([start - side, end - side, end + side, start + side], 1))
+            return
         for segment in segments.reshape(-1, 2, 2):
-            draw.line(self._points(segment), fill=255, width=pixels)
+            draw.line(self._points(segment), fill=255, width=1)
 
     def grid(self, picture: Image.Image, metres: float, width: float, fill: int) -> None:
         """Draw lines every so many metres, at multiples of it in the film's frame."""
@@ -166,20 +187,21 @@ def _paint_streets(structures: Structures, brush: _Brush) -> Image.Image:
     brush.quads(shadow, _shadows(structures))
     brush.lines(foot, structures.segments, 0.3)
     brush.polygons(foot, structures.solids)
-    pavement, marks, lines = brush.blank(), brush.blank(), brush.blank()
+    fine = brush.finer()
+    pavement, marks, lines = fine.blank(), fine.blank(), brush.blank()
     kerb = shapely.buffer(structures.solids, _PAVEMENT, quad_segs=4)
     if brush.pixel <= _COARSE:
-        # Rounding the kerb outward and inward again closes alleys that are narrower than a car.
-        kerb = shapely.buffer(shapely.union_all(kerb), 1.2, quad_segs=4)
-        kerb = shapely.buffer(kerb, -1.2, quad_segs=4)
-        brush.lines(marks, dashes(centre_lines(structures, kerb)), 0.16)
+        # Rounding the kerb outward and inward again closes alleys that are narrower than a car,
+        # and gives it the wide turns that streets have.
+        kerb = shapely.buffer(shapely.union_all(kerb), _TURN, quad_segs=6)
+        kerb = shapely.buffer(kerb, -_TURN, quad_segs=6)
+        fine.lines(marks, dashes(centre_lines(structures, kerb)), 0.16)
         brush.grid(lines, 5.0, 0.07, _GRID_STRENGTH)
-    brush.polygons(pavement, kerb)
+    fine.polygons(pavement, kerb)
     ground = Image.new("RGB", brush.size, _ASPHALT)
-    # Polygons are painted with hard edges, which show as steps from near.
-    ground.paste(_STONE, mask=pavement.filter(ImageFilter.BoxBlur(1)))
+    ground.paste(_STONE, mask=fine.reduced(pavement))
     ground.paste((255, 255, 255), mask=lines)
-    ground.paste(_MARK, mask=marks.filter(ImageFilter.BoxBlur(0.7)))
+    ground.paste(_MARK, mask=fine.reduced(marks))
     ground = ImageChops.multiply(ground, _tinted(brush.soft(shadow, 0.12), _SHADE))
     return ImageChops.multiply(ground, _tinted(brush.soft(foot, _CONTACT), _CONTACT_SHADE))
 

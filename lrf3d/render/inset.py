@@ -94,6 +94,8 @@ class Inset:
         renderer.draw(self._walls, {**uniforms, "width": 1.6 * self._scale})
         renderer.draw(scenery.fan, uniforms)
         renderer.draw(scenery.trail, uniforms)
+        for plan, special in scenery.movers.plans(1.0 / metre):
+            renderer.draw(plan, {**uniforms, **special})
         renderer.draw(scenery.dots, uniforms)
         renderer.draw(scenery.map, {**uniforms, "width": 2.3 * self._scale})
         renderer.draw(self._robot, {**uniforms, "place": self._robot_matrix(moment)})

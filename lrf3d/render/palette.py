@@ -32,6 +32,9 @@ PAINT = np.array(
 )
 """Walls and things in rooms: pale paint."""
 
+MOVERS = np.array([[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]])
+"""What moves beside the robot: strong, and none is the robot's orange."""
+
 _HUE_STEP = 0.6180339887
 """The golden ratio's fraction of a turn: neighbours in number lie far apart in hue."""
 

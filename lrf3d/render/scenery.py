@@ -12,6 +12,7 @@ from lrf3d.render.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.ground import SUN
 from lrf3d.render.ground_layer import GroundLayer
+from lrf3d.render.movers import MovingBodies
 from lrf3d.render.palette import union_colours
 from lrf3d.render.primitives import Mesh, Primitive
 from lrf3d.render.robot_model import robot_primitive, world_from_robot
@@ -25,6 +26,9 @@ _FAN_REACH = 42.0
 
 TRAIL_WIDTH = 0.11
 """Width of the trail on the ground [m]."""
+
+_SHARPEST = -0.2
+"""Cosine of the sharpest bend of the trail that is mitred: beyond, the tip would be long."""
 
 _HAZE = (0.83, 0.88, 0.935)
 _HAZE_INDOOR = (0.80, 0.825, 0.85)
@@ -48,6 +52,7 @@ class Scenery:
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
         self.walls = build_walls(self.structures)
         self.robot = robot_primitive(run.lrf.height)
+        self.movers = MovingBodies(run.movers, self.origin, self.structures.indoor)
         self.ground = GroundLayer(self.structures, self.scene)
         self.sky = Primitive("sky", (2,), _mesh(10, 10))
         self.blob = Primitive("blob", (2,), corners, blend=True)
@@ -68,7 +73,7 @@ class Scenery:
             "indoor": float(self.structures.indoor),
             "lift": 0.0,
             "reach": self.reach,
-            "strength": 0.42,
+            "strength": 0.30 if self.structures.indoor else 0.37,
         }
 
     @property
@@ -85,6 +90,7 @@ class Scenery:
             self.trace,
             self.dots,
             self.map,
+            *self.movers.all,
         )
 
     @property
@@ -94,6 +100,7 @@ class Scenery:
 
     def show(self, moment: Moment) -> dict[str, Any]:
         """Bring robot, trail, beams and map up to a moment; gives the uniforms that say where."""
+        self.movers.place(moment.time)
         place = moment.pose - np.array([*self.origin, 0.0])
         shift = -0.16 * SUN[:2] * (0.0 if self.structures.indoor else 1.0)
         moved: dict[str, Any] = {
@@ -136,7 +143,7 @@ class Scenery:
         return float(times[moment.scan] + share * (times[moment.scan + 1] - times[moment.scan]))
 
     def _show_beams(self, moment: Moment, place: Float) -> None:
-        shown = (moment.scan, moment.scanning, *place[:2])
+        shown = (moment.scan, moment.scanning, *place[:2], self.movers.poses.tobytes())
         if shown == self._scan_shown:
             return
         self._scan_shown = shown
@@ -149,7 +156,9 @@ class Scenery:
         local = np.array(scan.pose) - np.array([*self.origin, 0.0])
         world = self.run.world
         walls = world.segments - np.tile(self.origin, 2)
-        self.beams = Beams.from_scan(replace(scan, pose=local), walls, world.objects, place[:2])
+        self.beams = Beams.from_scan(
+            replace(scan, pose=local), walls, world.objects, place[:2], self.movers.carry
+        )
         self.fan.update(self.beams.fan(height))
         self.lines.update(self.beams.lines(height, self.reach))
         self.trace.update(self.beams.trace(height))
@@ -174,17 +183,33 @@ def _trail(run: Run, origin: Float, jumps: Bool) -> Primitive:
     """The whole path as a ribbon, a quad for each leg; the shader shows what has been driven."""
     places = run.trajectory.poses[:, :2] - origin
     times = run.trajectory.times - run.trajectory.times[0]
-    way = np.diff(places, axis=0)
-    length = np.hypot(way[:, 0], way[:, 1])[:, None]
-    along = way / np.maximum(length, 1e-9)
-    side = np.column_stack([-along[:, 1], along[:, 0]])
-    rows = np.zeros((len(way), 6, 5), np.float32)
+    sides = _sides(places, jumps)
+    rows = np.zeros((len(places) - 1, 6, 5), np.float32)
     for corner, (end, turn) in enumerate([(0, 1), (0, -1), (1, -1), (0, 1), (1, -1), (1, 1)]):
         rows[:, corner, :2] = places[end : len(places) - 1 + end]
-        rows[:, corner, 2:4] = turn * side
+        rows[:, corner, 2:4] = turn * sides[:, end]
         rows[:, corner, 4] = times[end : len(places) - 1 + end]
     rows[jumps, :, 2:4] = 0.0
     return Primitive("trail", (2, 2, 1), rows.reshape(-1, 5), blend=True)
+
+
+def _sides(places: Float, jumps: Bool) -> Float:
+    """To the left of each leg at its start and its end (k − 1, 2, 2), mitred with its neighbours.
+
+    A robot that turns where it stands, and one that was set down elsewhere, begins a new ribbon.
+    """
+    way = np.diff(places, axis=0)
+    length = np.hypot(way[:, 0], way[:, 1])
+    side = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
+    sides = np.repeat(side[:, None], 2, axis=1)
+    before, after = side[:-1], side[1:]
+    bend = np.einsum("ij,ij->i", before, after)
+    moves = (length > 1e-6) & ~jumps
+    joined = moves[:-1] & moves[1:] & (bend > _SHARPEST)
+    mitre = (before + after) / (1.0 + np.maximum(bend, _SHARPEST))[:, None]
+    sides[:-1, 1][joined] = mitre[joined]
+    sides[1:, 0][joined] = mitre[joined]
+    return sides
 
 
 def _map_lines(stage: LineMap, origin: Float, height: float) -> Single:

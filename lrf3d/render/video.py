@@ -39,8 +39,8 @@ def render_video(
     *,
     size: tuple[int, int] = (1280, 720),
     fps: float = 25.0,
-    playback: float = 1.0,
-    view: str = "chase",
+    playback: float | None = None,
+    view: str | None = None,
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
@@ -53,14 +53,15 @@ def render_video(
         path: The file to write; it appears whole or not at all. Its ending says which kind.
         size: Width and height [pixels], both even for .mp4.
         fps: Frames a second; a .gif can have up to 50, a .webp up to 200.
-        playback: Seconds of the run in a second of the film.
-        view: Name of the camera: ``chase``, ``first``, ``orbit``, ``top``, or one of the world's.
+        playback: Seconds of the run in a second of the film; the run's own where not given.
+        view: Name of the camera: ``chase``, ``first``, ``orbit``, ``top``, or one of the world's;
+            the run's own where not given.
         samples: Samples a pixel against jagged edges: 4, or 0 for none.
         workers: Number of processes; as many as there are cores where not given.
         renderer: What draws: ``gl``, or ``embree`` which needs no OpenGL and takes longer; where
             not given, OpenGL where it is there.
-        progress: Called with frames done and frames in all, as the film grows; for a .gif once
-            more from 0, when all frames are drawn and get their palette.
+        progress: Called with frames done and frames in all, as the film grows. A .gif is packed
+            when all of it is drawn; then a frame that is drawn counts as a part of one.
 
     Raises:
         InputError: An argument is out of its range.
@@ -82,8 +83,24 @@ def render_video(
         # A folder that cannot be written to is better known before the film is drawn.
         unfinished.touch()
         unfinished.unlink()
-        parts, frames = draw_parts(job, Path(folder), workers, progress)
-        kind.join(parts, frames, unfinished, fps=fps, progress=progress)
+        drawing = share_of(progress, 0.0, 1.0 - kind.joining, len(job.times))
+        parts, frames = draw_parts(job, Path(folder), workers, drawing)
+        joining = share_of(progress, 1.0 - kind.joining, 1.0, len(job.times))
+        kind.join(parts, frames, unfinished, fps=fps, progress=joining)
+
+
+def share_of(progress: Progress | None, first: float, last: float, total: int) -> Progress | None:
+    """Progress of one stage of a work in so many steps, from one share of the whole to another."""
+    if progress is None:
+        return None
+    whole = progress
+
+    def report(done: int, steps: int) -> None:
+        share = first + (last - first) * (done / steps)
+        # Rounded down, but for what a sum of shares lacks.
+        whole(int(share * total + 1e-6), total)
+
+    return report
 
 
 def render_frames(
@@ -92,8 +109,8 @@ def render_frames(
     *,
     size: tuple[int, int] = (1280, 720),
     fps: float = 25.0,
-    playback: float = 1.0,
-    view: str = "chase",
+    playback: float | None = None,
+    view: str | None = None,
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
@@ -140,9 +157,9 @@ def frame(
     time: float,
     *,
     size: tuple[int, int] = (1280, 720),
-    view: str = "chase",
+    view: str | None = None,
     samples: int = 4,
-    playback: float = 1.0,
+    playback: float | None = None,
     renderer: str | None = None,
 ) -> NDArray[np.uint8]:
     """Draw a run at a time [s] as one picture, as it is in the film of that playback.
@@ -154,6 +171,7 @@ def frame(
         InputError: An argument is out of its range.
         MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
     """
+    view, playback = _view_and_playback(run, view, playback)
     _check(run, size, view, samples)
     if not (math.isfinite(time) and math.isfinite(playback) and playback > 0.0):
         raise InputError(f"time {time} and playback {playback}: expected finite numbers of seconds")
@@ -178,14 +196,15 @@ def _job(
     run: Run,
     size: tuple[int, int],
     fps: float,
-    playback: float,
-    view: str,
+    playback: float | None,
+    view: str | None,
     samples: int,
     workers: int | None,
     renderer: str | None,
     ending: str,
 ) -> Job:
     """The film to draw, when all that is asked for can be."""
+    view, playback = _view_and_playback(run, view, playback)
     _check(run, size, view, samples)
     if not (fps > 0.0 and math.isfinite(fps) and playback > 0.0 and math.isfinite(playback)):
         raise InputError(f"fps {fps:g} and playback {playback:g}: expected more than 0")
@@ -194,6 +213,14 @@ def _job(
     times = Timeline(run, playback=playback).frame_times(fps)
     drawn = choose_renderer(renderer)
     return Job(run, times, size, fps, playback, view, samples, drawn, ending)
+
+
+def _view_and_playback(run: Run, view: str | None, playback: float | None) -> tuple[str, float]:
+    """What is asked for, and of what is not, what the run says."""
+    return (
+        run.film.view if view is None else view,
+        run.film.playback if playback is None else playback,
+    )
 
 
 def _check(run: Run, size: tuple[int, int], view: str, samples: int) -> None:

@@ -12,6 +12,7 @@ from lrf3d.render.arrays import Single, quad_indices
 from lrf3d.render.parts import Boxes, PartedPrimitive, Parts
 from lrf3d.render.skyline import Skyline
 from lrf3d.render.structures import Structures
+from lrf3d.render.sun_shade import shade_quads, shade_roofs
 
 FACADE, PLAIN, ROOF, CAP = 0.0, 1.0, 2.0, 3.0
 """What a face is; the shader reads it from the whole part of the fourth colour value."""
@@ -21,6 +22,9 @@ CAP_WIDTH = 0.12
 
 _SIZES = (3, 3, 2, 2, 4)
 """Position, normal, place along and up the face [m], its length and height [m], colour and kind."""
+
+_SHADED_SIZES = (*_SIZES, 1)
+"""The same, and how far under the edge of its shade a corner lies [m]."""
 
 _LOWEST_FACADE = 3.0
 """Walls below this height [m] are fences and garden walls: no windows."""
@@ -82,19 +86,22 @@ def wall_faces(structures: Structures) -> Faces:
         ]
     )
     objects = structures.objects[np.concatenate([solid, free, free, free])]
-    return Faces(quads, objects, *_roofs(structures))
+    solid = np.arange(len(structures.solids))
+    return Faces(quads, objects, *_roofs(structures, structures.solids, solid)[:2])
 
 
 def build_walls(structures: Structures) -> Walls:
     """Build the primitives of all walls, and the parts that they are drawn in."""
     faces = wall_faces(structures)
-    quads, objects, roofs, roof_objects = faces
+    quads, face = shade_quads(structures, faces.quads)
+    objects = faces.objects[face]
+    roofs, roof_objects = _shaded_roofs(structures)
     windows = quads[:, 0, 13] < PLAIN
     quad_parts, roof_parts, parts = _parts(structures, quads, objects, roofs, roof_objects)
-    size = sum(_SIZES)
+    size = sum(_SHADED_SIZES)
     pieces = []
     for program, chosen, triangles in (
-        ("facade", windows, np.zeros((0, 3, size), np.float32)),
+        ("facade", windows, roofs[:0]),
         ("walls", ~windows, roofs),
     ):
         count = int(chosen.sum())
@@ -102,7 +109,7 @@ def build_walls(structures: Structures) -> Walls:
         pieces.append(
             PartedPrimitive(
                 program,
-                _SIZES,
+                _SHADED_SIZES,
                 np.concatenate([quads[chosen].reshape(-1, size), triangles.reshape(-1, size)]),
                 np.concatenate([quad_indices(count), corners]).reshape(-1, 3).astype(np.uint32),
                 np.concatenate([np.repeat(quad_parts[chosen], 2), roof_parts[: len(triangles)]]),
@@ -202,16 +209,30 @@ def _flat(corners: Float, heights: Float, colours: Float, kind: float) -> Single
     return faces
 
 
-def _roofs(structures: Structures) -> tuple[Single, Int]:
-    """Triangles (t, 3, 14) of the roofs, and the object (t,) of each."""
-    if not len(structures.solids):
-        return np.zeros((0, 3, sum(_SIZES)), np.float32), np.zeros(0, np.int64)
-    triangles, solid = shapely.get_parts(
-        shapely.constrained_delaunay_triangles(structures.solids), return_index=True
+def _shaded_roofs(structures: Structures) -> tuple[Single, Int]:
+    """Triangles (t, 3, 15) of the roofs, each corner with its shade, and the object of each."""
+    polygons, solid, under = shade_roofs(structures)
+    roofs, objects, piece = _roofs(structures, polygons, solid)
+    shade = np.broadcast_to(under[piece, None, None], (len(roofs), 3, 1))
+    return np.concatenate([roofs, shade.astype(np.float32)], axis=2), objects
+
+
+def _roofs(structures: Structures, polygons: Any, solids: Int) -> tuple[Single, Int, Int]:
+    """Triangles (t, 3, 14) of roofs, from polygons of solids by number.
+
+    Returns:
+        The triangles, and the object (t,) and the polygon (t,) of each.
+    """
+    if not len(polygons):
+        none = np.zeros(0, np.int64)
+        return np.zeros((0, 3, sum(_SIZES)), np.float32), none, none
+    triangles, piece = shapely.get_parts(
+        shapely.constrained_delaunay_triangles(polygons), return_index=True
     )
+    solid = solids[piece]
     corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0.0
     corners[clockwise] = corners[clockwise][:, ::-1]
     faces = _flat(corners, structures.solid_heights[solid], structures.solid_colours[solid], ROOF)
-    return faces, structures.solid_objects[solid]
+    return faces, structures.solid_objects[solid], piece

@@ -25,6 +25,9 @@ _MILLISECOND = Fraction(1, 1000)
 _ANIMATED = 0x02
 """The flag of a file that moves; no other is set: all pixels are opaque."""
 
+_LOSSY = b"VP8 "
+"""The name of a picture's data within a frame, or alone in a file that does not move."""
+
 _DURATION = 12
 """Where in a frame its duration stands: three bytes, little end first."""
 
@@ -81,14 +84,15 @@ def join_webp(parts: Sequence[Path], frames: Sequence[int], path: Path, *, fps: 
     shown: list[bytes] = []
     done = 0
     for part, count in zip(parts, frames, strict=True):
-        found = [bytearray(data) for name, data in _chunks(part.read_bytes()) if name == b"ANMF"]
+        found = _shown_frames(part)
         # The encoder shows equal pictures as one; how long the last is shown, it cannot know.
         whole = milliseconds(done + count, fps) - milliseconds(done, fps)
         rest = whole - sum(_duration(frame) for frame in found[:-1])
         found[-1][_DURATION : _DURATION + 3] = rest.to_bytes(3, "little")
         shown += [bytes(frame) for frame in found]
         done += count
-    width, height = _size(parts[0])
+    # The first frame covers all.
+    width, height = _size(shown[0])
     canvas = (width - 1).to_bytes(3, "little") + (height - 1).to_bytes(3, "little")
     body = b"WEBP" + _chunk(b"VP8X", struct.pack("<I", _ANIMATED) + canvas)
     # White behind the pictures, and no end.
@@ -101,9 +105,21 @@ def _duration(frame: bytes | bytearray) -> int:
     return int.from_bytes(frame[_DURATION : _DURATION + 3], "little")
 
 
-def _size(part: Path) -> tuple[int, int]:
-    """Width and height of a part [pixels], from its first frame, which covers all."""
-    frame = next(data for name, data in _chunks(part.read_bytes()) if name == b"ANMF")
+def _shown_frames(part: Path) -> list[bytearray]:
+    """The contents of the frames of a part; one that never changes is a still picture."""
+    chunks = list(_chunks(part.read_bytes()))
+    frames = [bytearray(data) for name, data in chunks if name == b"ANMF"]
+    if frames:
+        return frames
+    picture = next(data for name, data in chunks if name == _LOSSY)
+    # The size stands behind the frame's tag and start code, two bits of each for a scale.
+    sides = (side & 0x3FFF for side in struct.unpack_from("<HH", picture, 6))
+    place = bytes(6) + b"".join((side - 1).to_bytes(3, "little") for side in sides)
+    return [bytearray(place + bytes(4) + _chunk(_LOSSY, picture))]
+
+
+def _size(frame: bytes | bytearray) -> tuple[int, int]:
+    """Width and height of a frame [pixels]."""
     return 1 + int.from_bytes(frame[6:9], "little"), 1 + int.from_bytes(frame[9:12], "little")
 
 

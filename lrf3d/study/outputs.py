@@ -12,6 +12,7 @@ from lrf3d.simulation import Run
 from lrf3d.study.experiment import Experiment, Progress, trajectory_of
 from lrf3d.study.summary import drawn_part, summarise
 from lrf3d.study.timed_mapper import Timed
+from lrf3d.world.cameras import FilmPlan
 
 Bar = Callable[[str], AbstractContextManager[Progress]]
 
@@ -65,7 +66,8 @@ class Results:
                 progress(done, total)
 
             path, names = folder / "run.npz", experiment.names
-            runs = [record(simulation, path, resume=resume, about=names, progress=count)]
+            film = FilmPlan(experiment.scenario.view, experiment.scenario.playback)
+            runs = [record(simulation, path, resume=resume, about=names, film=film, progress=count)]
             for sigma in sigmas[1:]:
                 runs.append(replace(experiment, sigma=sigma).simulate(trajectory, count))
         seconds = perf_counter() - begin

@@ -50,6 +50,23 @@ class FixedCamera:
             )
 
 
+@dataclass(frozen=True, slots=True)
+class FilmPlan:
+    """How a run is filmed where nothing else is asked for.
+
+    Args:
+        view: Name of the camera, one that every world has or one of the world's.
+        playback: Seconds of the run in a second of the film.
+    """
+
+    view: str = "chase"
+    playback: float = 1.0
+
+
+USUAL_FILM = FilmPlan()
+"""How a run is filmed of which nothing is said."""
+
+
 def check_view(view: str, cameras: Sequence[FixedCamera]) -> None:
     """See that a view is one that every world has, or one of the cameras.
 

@@ -1,5 +1,6 @@
 in vec3 way;
 in vec2 cell;
+in float under;
 flat in vec2 room;
 flat in vec3 wall;
 flat in vec3 light;
@@ -7,6 +8,7 @@ flat in vec4 style;
 flat in vec2 ends;
 out vec4 colour;
 
+const vec3 SKYLIGHT = 0.68 * vec3(0.95, 0.98, 1.06);
 const float PLINTH = 0.45;  // height of the darker foot [m]
 
 void main() {
@@ -38,7 +40,9 @@ void main() {
     float height = cell.y * room.y;
     float foot = 1.0 / (1.0 + 1.1 * height * (1.0 + height));
     float shade = 1.0 - 0.22 * foot + (cell.y >= ends.y ? 0.10 : 0.0) - (height <= PLINTH ? 0.14 : 0.0);
-    result *= light * shade;
+    // In the shade, the sky alone gives light; the sun's rim is some centimetres wide.
+    float shaded = clamp(under / (fwidth(under) + 0.04) + 0.5, 0.0, 1.0);
+    result *= mix(light, SKYLIGHT, shaded) * shade;
     float far = dot(way, way);
     colour = vec4(mix(result, haze.rgb, far / (1.0 + far)), 1.0);
 }

@@ -3,8 +3,10 @@ layout(location = 1) in vec3 normal;
 layout(location = 2) in vec2 along_up;
 layout(location = 3) in vec2 extent;
 layout(location = 4) in vec4 colour_kind;
+layout(location = 5) in float under_shade;
 out vec3 way;               // from the eye, in units of the haze
 out vec2 cell;              // along and up the face, in rooms
+out float under;            // how far under the edge of its shade [m]
 flat out vec2 room;         // width of a bay and height of a storey [m]
 flat out vec3 wall;         // colour of the plaster
 flat out vec3 light;        // how much of each colour the face gets
@@ -23,6 +25,7 @@ void main() {
     float storeys = max(1.0, floor((extent.y - CORNICE) / STOREY));
     room = vec2(extent.x / bays, (extent.y - CORNICE) / storeys);
     cell = along_up / room;
+    under = under_shade;
     wall = colour_kind.rgb;
     float bright = dot(normal, sun);
     light = (0.73 + 0.52 * max(bright, 0.0) + 0.10 * min(bright, 0.0))

@@ -5,11 +5,15 @@ import math
 from lrf3d.casting.kernels.compiling import inner
 
 # Columns of the table of faces.
-NORMAL, OFFSET, ALONG, UP, EXTENT, COLOUR, KIND, COLUMNS = 0, 3, 4, 8, 12, 14, 17, 18
+NORMAL, OFFSET, ALONG, UP, EXTENT, COLOUR, KIND, UNDER, COLUMNS = 0, 3, 4, 8, 12, 14, 17, 18, 22
 
 BAY, STOREY, CORNICE, NARROW, PLINTH = 2.7, 3.1, 0.45, 1.7, 0.45
 """About the distance between windows and the height of a storey, the band under the roof, the
 shortest face with a window, and the height of the darker foot [m]."""
+
+
+SKYLIGHT = 0.68
+"""What is left of the light where others hide the sun."""
 
 
 @inner
@@ -85,21 +89,26 @@ def facade(face, along, up, along_step, up_step):
 
 
 @inner
-def face_colour(face, facing, along, up, along_step, up_step, bright, indoor):
-    """Colour of a face at a place along and up it [m], lit; facing is −1 seen from behind."""
+def face_colour(face, facing, along, up, along_step, up_step, bright, indoor, shaded):
+    """Colour of a face at a place along and up it [m], lit; facing is −1 seen from behind.
+
+    Shaded is how much of the sun others hide, 0…1.
+    """
     kind = math.floor(face[KIND])
     light = 0.73 + 0.52 * max(bright, 0.0) + 0.10 * min(bright, 0.0)
     if kind < 0.5:
         if facing < 0.0:
             along = face[EXTENT] - along
         shade, r, g, b = facade(face, along, up, along_step, up_step)
-        light *= shade
-        if bright >= 0.0:
-            return r * light * 1.04, g * light * 1.01, b * light * 0.96
-        return r * light * 0.95, g * light * 0.98, b * light * 1.06
+        warm = bright >= 0.0
+        red = mix(light * (1.04 if warm else 0.95), SKYLIGHT * 0.95, shaded)
+        green = mix(light * (1.01 if warm else 0.98), SKYLIGHT * 0.98, shaded)
+        blue = mix(light * (0.96 if warm else 1.06), SKYLIGHT * 1.06, shaded)
+        return r * shade * red, g * shade * green, b * shade * blue
     r, g, b = face[COLOUR], face[COLOUR + 1], face[COLOUR + 2]
     if kind < 1.5:
         light = mix(light, 0.90 + 0.16 * bright, indoor)
+        light = mix(light, SKYLIGHT, shaded)
         if up <= (0.09 if indoor > 0.5 else 0.0):
             light *= 0.62
         near = 3.5 * up
@@ -109,6 +118,7 @@ def face_colour(face, facing, along, up, along_step, up_step, bright, indoor):
             light = 1.02
         else:
             r, g, b, light = mix(r, 0.52, 0.75), mix(g, 0.52, 0.75), mix(b, 0.53, 0.75), 1.08
+            light *= mix(1.0, SKYLIGHT, shaded)
     else:
         light = 0.55 if indoor > 0.5 else 0.85
     return r * light, g * light, b * light

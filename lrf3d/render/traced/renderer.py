@@ -179,13 +179,13 @@ def _vertices(primitive: Primitive) -> Float:
 
 
 def _wall_triangles(scene: Any) -> NDArray[np.float32]:
-    """The triangles (t, 3, 14) of all walls and roofs of a scene."""
-    found = [np.zeros((0, 14), np.float32)]
+    """The triangles (t, 3, 15) of all walls and roofs of a scene."""
+    found = [np.zeros((0, 15), np.float32)]
     for mesh in scene.meshes:
         for primitive in mesh.primitives:
             if isinstance(primitive, PartedPrimitive):
                 found.append(primitive.vertices[primitive.triangles.ravel()])
-    return np.concatenate(found).reshape(-1, 3, 14)
+    return np.concatenate(found).reshape(-1, 3, 15)
 
 
 def _camera(uniforms: Uniforms, box: Box) -> Float:

@@ -23,6 +23,7 @@ from lrf3d.render.traced.facades import (
     KIND,
     NORMAL,
     OFFSET,
+    UNDER,
     UP,
     clamp,
     face_colour,
@@ -34,6 +35,9 @@ GROUND, SKY = -1, -2
 
 SUN, HAZE, INDOOR, BEYOND = 0, 3, 7, 8
 """Columns of the light."""
+
+RIM, LEAST_LIT = 0.04, 100.0
+"""Width of the sun's rim on a face [m], and by how much all of a face is lit that has no shade."""
 
 SHARPER = -0.6
 """By how much finer copies of the ground are taken: streets are seen at a slant."""
@@ -78,7 +82,7 @@ def ground_colour(x, y, step, texels, levels, grounds, light):
     u, v = (x - ground[4]) * ground[6], (y - ground[5]) * ground[7]
     past = max(abs(u - 0.5) - 0.5, 0.0) / ground[6] + max(abs(v - 0.5) - 0.5, 0.0) / ground[7]
     share = min(past / light[BEYOND + 3], 1.0)
-    r, g, b = picture_colour(x, y, step, 0.0, texels, levels, ground)
+    r, g, b = picture_colour(x, y, step, 4.0 * min(16.0 * share, 1.0), texels, levels, ground)
     return (
         mix(r, light[BEYOND], share),
         mix(g, light[BEYOND + 1], share),
@@ -93,7 +97,7 @@ def picture_colour(x, y, step, sharper, texels, levels, ground):
     first, count = int(ground[8]), int(ground[9])
     level = first
     texel_size = 1.0 / (ground[6] * levels[first, 1])
-    if step > texel_size * texel_size:
+    if step > texel_size * texel_size or (sharper > 0.0 and step > 0.0):
         finer = 0.5 * math.log2(step / (texel_size * texel_size)) + sharper
         level += min(max(int(finer + 0.5), 0), count - 1)
     start, width, height = levels[level, 0], levels[level, 1], levels[level, 2]
@@ -137,8 +141,10 @@ def see(px, py, hit, camera, faces, texels, levels, grounds, light):
             along += face[ALONG + 2] * (camera[2] + z) + face[ALONG + 3]
             up = face[UP] * (camera[0] + x) + face[UP + 1] * (camera[1] + y)
             up += face[UP + 2] * (camera[2] + z) + face[UP + 3]
-            along_step = up_step = 0.0
-            if face[KIND] < 1.0:
+            under = face[UNDER] * (camera[0] + x) + face[UNDER + 1] * (camera[1] + y)
+            under += face[UNDER + 2] * (camera[2] + z) + face[UNDER + 3]
+            along_step = up_step = under_step = 0.0
+            if face[KIND] < 1.0 or under > -LEAST_LIT:
                 for way in (6, 9):
                     turn = (nx * camera[way] + ny * camera[way + 1] + nz * camera[way + 2]) / slope
                     sx = depth * (camera[way] - turn * dx)
@@ -148,9 +154,13 @@ def see(px, py, hit, camera, faces, texels, levels, grounds, light):
                         face[ALONG] * sx + face[ALONG + 1] * sy + face[ALONG + 2] * sz
                     )
                     up_step += abs(face[UP] * sx + face[UP + 1] * sy + face[UP + 2] * sz)
+                    under_step += abs(
+                        face[UNDER] * sx + face[UNDER + 1] * sy + face[UNDER + 2] * sz
+                    )
+            shaded = clamp(under / (under_step + RIM) + 0.5, 0.0, 1.0)
             bright = nx * light[SUN] + ny * light[SUN + 1] + nz * light[SUN + 2]
             r, g, b = face_colour(
-                face, facing, along, up, along_step, up_step, facing * bright, light[INDOOR]
+                face, facing, along, up, along_step, up_step, facing * bright, light[INDOOR], shaded
             )
             r, g, b = hazed(r, g, b, x, y, z, light)
             return r, g, b, 1.0 / depth, hit

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float
-from lrf3d.render.traced.facades import ALONG, COLUMNS, EXTENT, NORMAL, OFFSET, UP
+from lrf3d.render.traced.facades import ALONG, COLUMNS, EXTENT, NORMAL, OFFSET, UNDER, UP
 
 Ids = NDArray[np.int32]
 
@@ -15,7 +15,7 @@ class Surfaces:
     """Triangles that rays are cast at.
 
     Args:
-        triangles: (t, 3, 14) their corners, in the rows that ``walls.py`` makes.
+        triangles: (t, 3, 15) their corners, in the rows that ``walls.py`` makes.
 
     Attributes:
         faces: The table of them, see :func:`face_table`.
@@ -41,10 +41,11 @@ class Surfaces:
 
 
 def face_table(triangles: NDArray[np.float32]) -> Float:
-    """The table (t, COLUMNS) of triangles (t, 3, 14).
+    """The table (t, COLUMNS) of triangles (t, 3, 15).
 
     Of each triangle: its plane, where along and up the face a point is as linear functions of the
-    point, the face's length and height, and its colour and kind.
+    point, the face's length and height, its colour and kind, and how far under the edge of its
+    shade a point is, again as a linear function.
     """
     corners = triangles[:, :, :3].astype(np.float64)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -54,12 +55,12 @@ def face_table(triangles: NDArray[np.float32]) -> Float:
     facing = triangles[:, 0, 3:6].astype(np.float64)
     table[:, NORMAL:OFFSET] = facing
     table[:, OFFSET] = np.einsum("ij,ij->i", facing, corners[:, 0])
-    for column, value in ((ALONG, 6), (UP, 7)):
+    for column, value in ((ALONG, 6), (UP, 7), (UNDER, 14)):
         values = triangles[:, :, value].astype(np.float64)
         to_first, to_second = (values[:, k] - values[:, 0] for k in (1, 2))
         slope: Any = to_first[:, None] * np.cross(second, normal)
         slope = (slope + to_second[:, None] * np.cross(normal, first)) / square
         table[:, column : column + 3] = slope
         table[:, column + 3] = values[:, 0] - np.einsum("ij,ij->i", slope, corners[:, 0])
-    table[:, EXTENT:COLUMNS] = triangles[:, 0, 8:14]
+    table[:, EXTENT:UNDER] = triangles[:, 0, 8:14]
     return table

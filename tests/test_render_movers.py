@@ -1,0 +1,152 @@
+"""What moves beside the robot, and how a run is filmed: kept with it, and drawn where it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_render import SIZE, city_run, needs_gl, room_run
+
+import lrf3d
+from lrf3d.casting.mover import Mover, round_outline
+from lrf3d.logs import load_run, save_run
+from lrf3d.render.movers import MovingBodies
+from lrf3d.robot import Trajectory
+from lrf3d.world.cameras import FilmPlan
+
+WALK = Trajectory([0.0, 4.0], [(-22.0, 1.0, 0.0), (-14.0, -1.0, 1.5)])
+CART = np.array([[1.0, 0.5], [-1.0, 0.5], [-1.0, -0.5], [1.0, -0.5]])
+L_SHAPE = np.array([[0, 0], [2, 0], [2, 0.7], [0.7, 0.7], [0.7, 2], [0, 2]]) - 0.6
+MOVERS = (Mover(round_outline(0.4), WALK, 1.8), Mover(CART, Trajectory([0.0], [(-20, 3, 1)]), 1.0))
+ALL = (*MOVERS, Mover(L_SHAPE, Trajectory([0.0], [(-12, 0, 2.0)]), 0.8))
+
+RENDERERS = pytest.mark.parametrize("renderer", [pytest.param("gl", marks=needs_gl), "embree"])
+
+
+def drawn(run, time, **settings):
+    from lrf3d.render.video import frame
+
+    return frame(run, time, **{"size": SIZE, "samples": 0, **settings}).astype(int)
+
+
+def same(first, second):
+    return all(
+        np.array_equal(a.outline, b.outline)
+        and np.array_equal(a.path.times, b.path.times)
+        and np.array_equal(a.path.poses, b.path.poses)
+        and a.height == b.height
+        for a, b in zip(first, second, strict=True)
+    )
+
+
+def test_a_run_keeps_what_moves_and_how_it_is_filmed(tmp_path):
+    run = replace(room_run(), movers=ALL, film=FilmPlan("top", 3.5))
+    save_run(run, tmp_path / "run.npz")
+    back = load_run(tmp_path)
+    assert same(back.movers, ALL) and back.film == run.film
+
+
+def test_older_runs_are_read_without_them(tmp_path):
+    save_run(replace(room_run(), movers=ALL, film=FilmPlan("top", 3.5)), tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as file:
+        kept = {n: file[n] for n in file.files if not n.startswith(("mover_", "film_"))}
+    np.savez(tmp_path / "run.npz", **kept)
+    back = load_run(tmp_path)
+    assert back.movers == () and back.film == FilmPlan("chase", 1.0)
+
+
+def test_simulations_and_recordings_keep_what_moves(tmp_path):
+    def made():
+        world, poses = room_run().world, room_run().trajectory.poses[:3]
+        return {"world": world, "drive": poses, "movers": ALL}
+
+    settings = made()
+    run = lrf3d.simulate(settings.pop("world"), settings.pop("drive"), **settings)
+    assert same(run.movers, ALL)
+    film = FilmPlan("first", 2.0)
+    kept = lrf3d.record(lrf3d.Simulation(**made()), tmp_path / "run.npz", film=film)
+    assert same(kept.movers, ALL) and kept.film == film
+
+
+@RENDERERS
+def test_a_film_is_seen_as_its_run_says(renderer):
+    run = replace(room_run(), film=FilmPlan("top", 3.0))
+    own = drawn(run, 1.0, renderer=renderer)
+    asked = drawn(run, 1.0, renderer=renderer, view="top", playback=3.0)
+    assert np.array_equal(own, asked)
+    assert np.abs(own - drawn(run, 1.0, renderer=renderer, view="chase")).mean() > 5.0
+
+
+@RENDERERS
+def test_bodies_are_drawn_where_they_are_and_nowhere_else(renderer):
+    from lrf3d.render.film import Film
+
+    run = city_run()
+    films = [
+        Film(each, size=SIZE, view="orbit", samples=0, renderer=renderer, layers=("shadow",))
+        for each in (run, replace(run, movers=MOVERS))
+    ]
+    for time in (1.0, 1.1, 3.3):
+        bare, moving = (film.draw(time).astype(int) for film in films)
+        look = films[1].camera.look(time, SIZE[0] / SIZE[1])
+        rows, columns = np.nonzero(np.abs(bare - moving).max(axis=2) > 12)
+        assert len(rows) > 20
+        origin = np.array([*run.world.origin, 0.0])
+        x, y, _ = WALK.at(np.array([time]))[0]
+        # All that has changed lies round the walker or the cart, or in their shade.
+        spots = np.array([(x, y, 0.9), (-20.0, 3.0, 0.5)])
+        pixels = np.array([on_picture(look, spot - origin) for spot in spots])
+        away = np.hypot(columns[:, None] - pixels[:, 0], rows[:, None] - pixels[:, 1])
+        metre = 0.5 * SIZE[1] / np.tan(0.5 * look.field) / np.linalg.norm(look.eye - look.target)
+        assert (away.min(axis=1) < 3.2 * metre).all()
+        assert (away.min(axis=0) < 1.0 * metre).all()
+    for film in films:
+        film.close()
+
+
+def on_picture(look, place):
+    """The pixel x, y of a place, by the look's own pose."""
+    local = np.linalg.inv(look.pose) @ [*place, 1.0]
+    focus = 0.5 * SIZE[1] / np.tan(0.5 * look.field)
+    return (
+        0.5 * SIZE[0] - focus * local[0] / local[2],
+        0.5 * SIZE[1] + focus * local[1] / local[2],
+    )
+
+
+@RENDERERS
+def test_bodies_move_while_the_robot_stands(renderer):
+    run = city_run()
+    stand = Trajectory(run.trajectory.times, np.tile(run.trajectory.poses[0], (len(run), 1)))
+    run = replace(run, trajectory=stand, movers=MOVERS)
+    first, second = (drawn(run, time, renderer=renderer, view="chase") for time in (1.0, 1.05))
+    assert (np.abs(first - second).max(axis=2) > 20).sum() > 3
+
+
+@needs_gl
+@pytest.mark.parametrize("view", ["chase", "top", "orbit"])
+def test_both_renderers_draw_the_same_bodies(view):
+    run = replace(city_run(), movers=ALL)
+    pictures = [drawn(run, 2.1, renderer=name, view=view, samples=4) for name in ("gl", "embree")]
+    apart = np.abs(pictures[0] - pictures[1]).max(axis=2)
+    assert apart.mean() < 1.0 and (apart > 48).mean() < 0.005
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_returns_go_with_the_body_that_they_are_of(turned):
+    outline = L_SHAPE[::-1] if turned else L_SHAPE
+    path = Trajectory([0.0, 1.0], [(500.0, 3.0, 0.0), (504.0, 5.0, 1.0)])
+    origin = np.array([490.0, 0.0])
+    bodies = MovingBodies((Mover(outline, path),), origin, False)
+    bodies.place(0.7)
+    seen = Mover(outline, path).walls(0.2)[:, :2] - origin
+    now = Mover(outline, path).walls(0.7)[:, :2] - origin
+    points = np.concatenate([seen, seen, [[3.0, 40.0]]])
+    loose = np.arange(len(points)) < len(seen)
+    loose[-1] = True
+    carried = bodies.carry(points, loose, 0.2)
+    assert carried[: len(seen)] == pytest.approx(now)
+    assert np.array_equal(carried[len(seen) :], points[len(seen) :])
+
+
+def test_nothing_is_made_where_nothing_moves():
+    assert MovingBodies((), np.zeros(2), False).all == ()
