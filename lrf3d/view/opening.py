@@ -51,7 +51,9 @@ def world_view(name: str, seed: int) -> tuple[Scene, Callable[[], HandDrive]]:
     title = scenario.world.name or scenario.name
     scene = make_scene(scenario.world, scenario.lrf, np.array([start[:2]]), title=title)
     experiment = Experiment(scenario, seed=seed)
-    return scene, lambda: HandDrive(scenario, start, experiment.line_mapper, seed=seed)
+    # Compilers and trees take their time; nobody shall wait for them with a key held down.
+    HandDrive(experiment, start).step(0.0)
+    return scene, lambda: HandDrive(experiment, start)
 
 
 def start_pose(scenario: Scenario) -> Pose:

@@ -112,7 +112,12 @@ def _attach(drive: HandDrive, setup: dict[str, Any]) -> None:
     from lrf3d.view.element import RunView
 
     x, y = (np.array(drive.pose[:2]) - setup["origin"]).tolist()
-    view = RunView({**setup, "start": {"x": x, "y": y, "theta": drive.pose.theta}})
+    start = {"x": x, "y": y, "theta": drive.pose.theta}
+    movers = [
+        {"outline": mover.outline.ravel().tolist(), "height": mover.height}
+        for mover in drive.movers
+    ]
+    view = RunView({**setup, "start": start, "movers": movers})
 
     def obey(event: Any) -> None:
         forward, turn = (
