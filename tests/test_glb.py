@@ -247,13 +247,9 @@ def test_fewer_scans_are_kept_where_that_is_asked_for():
 def test_a_range_finder_of_one_beam_is_drawn():
     run = city_run()
     lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=run.lrf.range_max)
-    single = replace(
-        run,
-        lrf=lrf,
-        ranges=run.ranges[:, 45:46],
-        truth=run.truth[:, 45:46],
-        walls=run.walls[:, 45:46],
-    )
+    middle = slice(45, 46)
+    ranges, walls = run.ranges[:, middle], run.walls[:, middle]
+    single = replace(run, lrf=lrf, ranges=ranges, truth=ranges, walls=walls)
     assert len(Glb(run_glb(single)).nodes("beams")) == len(run)
 
 
