@@ -27,7 +27,7 @@ BAYS, STOREYS = 8, 4
 PALE = 0.86
 """How bright the bare wall is in the texture: what is whiter, such as frames, can still be told."""
 
-_TILE = (64, 64)
+_TILE = (128, 128)
 _FINER = 4
 _FRAME, _BARE = (255, 255, 255), (round(255 * PALE),) * 3
 _DARK_GLASS, _LIGHT_GLASS = np.array([70, 92, 126]), np.array([136, 168, 208])

@@ -39,16 +39,9 @@ class ScanMeshes:
         self._material = document.glowing("beams", translucent=True)
         step = max(1, round(run.lrf.beams / _SINGLE_BEAMS))
         self._chosen = np.arange((run.lrf.beams - 1) % step // 2, run.lrf.beams, step)
-        fan = run.lrf.beams - 1
-        # The apex, two ends for each triangle of the fan, the ends of single beams.
-        triangles = np.zeros((fan, 3), np.uint32)
-        triangles[:, 1] = 1 + 2 * np.arange(fan)
-        triangles[:, 2] = triangles[:, 1] + 1
-        self._fan = triangles
-        self._first_end = 1 + 2 * fan
+        # Single beams come first: of them every scan has as many.
         lines = np.zeros((len(self._chosen), 2), np.uint32)
-        lines[:, 1] = self._first_end + 1 + np.arange(len(self._chosen))
-        lines[:, 0] = self._first_end
+        lines[:, 1] = 1 + np.arange(len(self._chosen))
         self._lines = document.array(lines.ravel(), INDICES)
 
     def add(self, index: int) -> tuple[int, list[float]]:
@@ -63,16 +56,20 @@ class ScanMeshes:
         single, reached = beams.ends[self._chosen] - beams.apex, beams.ranges[self._chosen]
         trace, quads = self._trace(beams)
         rows = [
-            self._rows(np.zeros((1, 2)), np.zeros(1), FAN_COLOUR, FAN_STRENGTH, 1.5),
-            self._rows(ends, ranges, FAN_COLOUR, FAN_STRENGTH, 1.5),
             self._rows(np.zeros((1, 2)), np.zeros(1), BEAM_COLOUR, _BEAM_STRENGTH, 1.0),
             self._rows(single, reached, BEAM_COLOUR, _BEAM_STRENGTH, 1.0),
+            self._rows(np.zeros((1, 2)), np.zeros(1), FAN_COLOUR, FAN_STRENGTH, 1.5),
+            self._rows(ends, ranges, FAN_COLOUR, FAN_STRENGTH, 1.5),
             trace,
         ]
+        # Two ends for each triangle of the fan, and one apex before them all.
+        apex = 1 + len(single)
+        wedges = apex + np.zeros((len(ends) // 2, 3), np.uint32)
+        wedges[:, 1:] += 1 + np.arange(len(ends), dtype=np.uint32).reshape(-1, 2)
         flat = np.concatenate(rows)
         positions = flat[:, :3].astype(np.float32)
         colours = np.round(255.0 * flat[:, 3:]).astype(np.uint8)
-        triangles = np.concatenate([self._fan, quads + (len(flat) - len(trace))])
+        triangles = np.concatenate([wedges, quads + (len(flat) - len(trace))])
         small = np.uint16 if len(flat) < 65535 else np.uint32
         document = self._document
         attributes = {

@@ -31,13 +31,6 @@ _SUNLIGHT = 3.0
 _DULL = {"metallicFactor": 0.0, "roughnessFactor": 0.95}
 
 
-def world_glb(world: World) -> bytes:
-    """A world as a GLB file, with nothing that moves."""
-    document = new_document(world)
-    add_stage(document, Structures.from_world(world))
-    return document.glb()
-
-
 def new_document(world: World) -> Document:
     """An empty document for a world: its root keeps the world's origin and name."""
     return Document(world.name or "world", {"origin": world.origin.tolist(), "world": world.name})

@@ -1,19 +1,19 @@
-"""A drive by hand: the robot obeys, scans and maps while it goes."""
+"""A drive by hand: the robot obeys, scans and maps while it goes, among all that moves."""
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster
-from lrf3d.laser import LaserScan, ProportionalNoise
-from lrf3d.mapping import LineMapper
+from lrf3d.casting.timed import timed
+from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import Obstacles
-from lrf3d.scenario import Scenario
+from lrf3d.study.experiment import Experiment
 from lrf3d.view.scene import joined_beams, map_arrays
 
 TURN_RATE = 1.5
@@ -38,6 +38,9 @@ _MAP_SHARE = 0.2
 _MAP_PAUSE = 0.25
 """The map is worked out no more often than this [s]."""
 
+_PATROL = 3600.0
+"""For how long movers are on their way [s]; then they stand."""
+
 
 @dataclass(frozen=True, slots=True)
 class Wish:
@@ -51,28 +54,27 @@ class HandDrive:
     """The robot of a page.
 
     Args:
-        scenario: The world, and how robot, range finder, noise and mapper are set up.
+        experiment: The world, and how robot, range finder, noise and mapper are set up.
         start: Where the robot starts.
-        mapper: Makes a new mapper.
-        seed: Seed of the noise.
         clock: Gives the time [s] that working out the map is measured with.
     """
 
     def __init__(
         self,
-        scenario: Scenario,
+        experiment: Experiment,
         start: Pose,
-        mapper: Callable[[], LineMapper],
         *,
-        seed: int = 0,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._scenario, self._start, self._mapper_of = scenario, start, mapper
+        scenario = experiment.scenario
+        self._experiment, self._scenario, self._start = experiment, scenario, start
         self._obstacles = Obstacles(scenario.world)
         self._robot = Unicycle(scenario.radius)
-        self._caster = EmbreeCaster(scenario.world)
-        self._noise = ProportionalNoise(scenario.sigmas[0])
-        self._seed, self._clock = seed, clock
+        self.movers = experiment.movers(_PATROL)
+        # Where the hand will drive while a beam turns nobody knows: a scan takes no time.
+        self._caster = timed(EmbreeCaster(scenario.world), scenario.lrf, None, self.movers)
+        self._noise = scenario.imperfections.noise(experiment.noise)
+        self._clock = clock
         self.wish = Wish()
         self.restart()
 
@@ -82,8 +84,8 @@ class HandDrive:
         self.speed = self.turning = 0.0
         self.bumped = False
         self._fresh = True
-        self._rng = np.random.default_rng(self._seed)
-        self._mapper = self._mapper_of()
+        self._rng = np.random.default_rng(self._experiment.seed)
+        self._mapper = self._experiment.line_mapper()
         self._mapped: Pose | None = None
         self._stale = False
         self._map_due = 0.0
@@ -118,8 +120,8 @@ class HandDrive:
         self.pose = goal
 
     def _scan(self) -> LaserScan:
-        true_scan = self._caster.cast(self._scenario.lrf, self.pose)
-        return self._noise(replace(true_scan, time=self.time), self._rng)
+        true_scan = self._caster.cast_at(self._scenario.lrf, np.array(self.pose), self.time)
+        return self._noise(true_scan, self._rng)
 
     def _worth_mapping(self) -> bool:
         if self._mapped is None:
@@ -140,6 +142,15 @@ class HandDrive:
             "objects": line_map.object_count,
         }
 
+    def _moved(self) -> list[float]:
+        """Where movers are: x, y [m] in the local frame, theta [rad] of each in turn."""
+        shift = np.array([*self._scenario.world.origin, 0.0])
+        return [
+            value
+            for mover in self.movers
+            for value in (mover.path.at(np.array([self.time]))[0] - shift).tolist()
+        ]
+
     def _news(self, scan: LaserScan) -> dict[str, Any]:
         x, y = (self.pose[:2] - self._scenario.world.origin).tolist()
         pose = {"x": x, "y": y, "theta": self.pose.theta}
@@ -154,6 +165,7 @@ class HandDrive:
                 None if np.isposinf(r) else v
                 for r, v in zip(scan.ranges, ranges.tolist(), strict=True)
             ],
+            "movers": self._moved(),
             "joined": joined_beams(scan.ranges, scan.walls).tolist(),
             "bumped": self.bumped,
             "fresh": fresh,

@@ -11,7 +11,7 @@ from lrf3d.study.experiment import Experiment, with_route
 from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.replay import pack_run
 from lrf3d.view.scene import Scene, make_scene
-from lrf3d.view.server import Replayed, serve
+from lrf3d.view.server import Replayed, free_port, serve
 
 
 def open_view(
@@ -30,6 +30,7 @@ def open_view(
     Raises:
         Lrf3dError: The run or the world cannot be used, or the page cannot be served.
     """
+    port = free_port(host, port)
     scene, show = run_view(what, playback) if is_run else world_view(what, seed)
     serve(scene, show, host=host, port=port, browser=browser, started=started)
 
@@ -51,7 +52,9 @@ def world_view(name: str, seed: int) -> tuple[Scene, Callable[[], HandDrive]]:
     title = scenario.world.name or scenario.name
     scene = make_scene(scenario.world, scenario.lrf, np.array([start[:2]]), title=title)
     experiment = Experiment(scenario, seed=seed)
-    return scene, lambda: HandDrive(scenario, start, experiment.line_mapper, seed=seed)
+    # Compilers and trees take their time; nobody shall wait for them with a key held down.
+    HandDrive(experiment, start).step(0.0)
+    return scene, lambda: HandDrive(experiment, start)
 
 
 def start_pose(scenario: Scenario) -> Pose:

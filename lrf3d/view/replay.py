@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.gltf.keys import jumps, key_times, scan_times
+from lrf3d.mapping import LineMap
 from lrf3d.render.timeline import Timeline
 from lrf3d.simulation import Run
 from lrf3d.view.scene import joined_beams, map_arrays
@@ -27,7 +28,8 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
     poses = timeline.poses(times) - shift
     poses[:, 2] = np.unwrap(poses[:, 2])
     begins, ends = scan_times(timeline)
-    maps = [map_arrays(stage, origin) for stage in run.maps]
+    # The first of them is empty, so that there is one also where a run has no map.
+    maps = [map_arrays(stage, origin) for stage in (LineMap.empty(), *run.maps)]
     stage_times = run.trajectory.times[list(run.stages)]
     arrays = {
         "keyTimes": (times - timeline.start, np.float32),

@@ -1,9 +1,10 @@
 // The page: the scene with its words and buttons, played back or driven.
 
-import { BeamsMesh, Inset, MapBands, Replay, Rig, Stage, Trail, VIEWS } from "lrf3d-view";
+import { BeamsMesh, Inset, MapBands, Movers, Replay, Rig, Stage, Trail, VIEWS } from "lrf3d-view";
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 const STEP = 2; // Seconds that an arrow key skips.
+const LONGEST = 0.5; // Seconds that a frame stands for at most: a hidden page draws none.
 const BLEND = 0.04; // Seconds in which a driven robot comes nearer to its newest known pose.
 const ICONS = { follow: "videocam", orbit: "3d_rotation", top: "map", first: "visibility" };
 const NAMES = { follow: "Follow", orbit: "Orbit", top: "From above", first: "Robot's eyes" };
@@ -19,6 +20,12 @@ const KEYS = {
   KeyD: "right",
 };
 
+// A number in so many decimals, and never −0.
+function rounded(value, decimals) {
+  const text = value.toFixed(decimals);
+  return Number(text) === 0 ? (0).toFixed(decimals) : text;
+}
+
 export default {
   props: { setup: Object },
   emits: ["drive", "again"],
@@ -28,10 +35,10 @@ export default {
       <div ref="place" class="lrf3d-scene"></div>
       <div class="lrf3d-panel lrf3d-hud">
         <div class="lrf3d-title">lrf3d <span>{{ setup.title }}</span></div>
-        <div>t <b class="lrf3d-t">{{ words.t }}</b> s &ensp; v <b class="lrf3d-v">{{ words.v }}</b> m/s
-          &ensp; ω <b>{{ words.w }}</b> °/s</div>
-        <div>x <b class="lrf3d-x">{{ words.x }}</b> &ensp; y <b class="lrf3d-y">{{ words.y }}</b>
-          &ensp; θ <b class="lrf3d-theta">{{ words.theta }}</b>°</div>
+        <div><span>t <b class="lrf3d-t">{{ words.t }}</b> s</span> &ensp;
+          <span>v <b class="lrf3d-v">{{ words.v }}</b> m/s</span> &ensp; <span>ω <b>{{ words.w }}</b> °/s</span></div>
+        <div><span>x <b class="lrf3d-x">{{ words.x }}</b></span> &ensp;
+          <span>y <b class="lrf3d-y">{{ words.y }}</b></span> &ensp; <span>θ <b class="lrf3d-theta">{{ words.theta }}</b>°</span></div>
         <div class="lrf3d-warm">{{ words.beams }}</div>
         <div class="lrf3d-map">{{ words.map }}</div>
         <div v-if="bumped" class="lrf3d-stop">a wall is in the way</div>
@@ -110,6 +117,7 @@ export default {
     document.addEventListener("keyup", this.onKey);
     window.addEventListener("blur", this.onBlur);
     this.loading = false;
+    if (this.early) this.state(this.early);
     this.playing = Boolean(this.setup.replay);
     this.last = performance.now();
     this.frame(this.last);
@@ -142,6 +150,7 @@ export default {
       } else {
         this.pose = { ...setup.start, speed: 0, turning: 0 };
         this.trail.set([this.pose.x, this.pose.y]);
+        this.movers = new Movers(scene, setup.movers);
         this.news = null;
       }
       this.shownStage = null;
@@ -149,15 +158,16 @@ export default {
     },
 
     frame(now) {
-      const seconds = Math.min(0.1, (now - this.last) / 1000);
+      const seconds = Math.min(LONGEST, (now - this.last) / 1000);
       this.last = now;
       if (this.run) this.play(seconds);
       else this.follow(seconds);
       this.stage.place(this.pose);
       this.beams.dotPaint.uniforms.focus.value =
         this.stage.canvas.height / (2 * Math.tan((this.stage.camera.fov * Math.PI) / 360));
-      this.rig.update(this.pose, seconds);
-      this.stage.render(this.view);
+      const turned = this.rig.update(this.pose, seconds);
+      if (this.changed || turned) this.stage.render(this.view);
+      this.changed = false;
       this.waiting = requestAnimationFrame((next) => this.frame(next));
     },
 
@@ -169,6 +179,7 @@ export default {
       const { run, time } = this;
       if (time === this.shownTime) return;
       this.shownTime = time;
+      this.changed = true;
       this.pose = run.pose(time);
       const scan = run.scan(time);
       this.showScan(scan.pose, scan.ranges, scan.joined, scan.on);
@@ -187,6 +198,7 @@ export default {
     // Go on from one known pose of the driven robot to the next.
     follow(seconds) {
       if (!this.news) return;
+      this.changed = true;
       const share = 1 - Math.exp(-seconds / BLEND);
       const { pose: from, news } = this;
       this.pose = {
@@ -202,13 +214,19 @@ export default {
       this.showScan(news.scanPose, news.ranges, news.joined, true);
       const legs = Math.max(0, this.trail.places.length / 2 - 1);
       this.trail.show(legs, this.pose);
-      this.inset.show(this.pose, this.trail.places, legs, this.beamsSeen(), true);
+      this.movers.show(news.movers);
+      this.inset.show(this.pose, this.trail.places, legs, this.beamsSeen(), true, this.movers);
       this.say(news.time);
     },
 
     // Called from Python: what the driven robot does and sees.
     state(news) {
-      if (!this.stage) return;
+      if (this.loading) {
+        // The map and the start are told once; they wait until there is something to show them on.
+        const { map = null, fresh = false } = this.early ?? {};
+        this.early = { ...news, map: news.map ?? map, fresh: news.fresh || fresh };
+        return;
+      }
       if (news.fresh) {
         this.trail.set([news.pose.x, news.pose.y]);
         this.showMap([], [], 0);
@@ -225,7 +243,7 @@ export default {
       const hits = ranges.filter((range) => Number.isFinite(range));
       const nearest = hits.length ? hits.reduce((a, b) => Math.min(a, b)).toFixed(2) + " m" : "none";
       this.beamText = on
-        ? `${hits.length} / ${ranges.length} beams hit, nearest ${nearest}`
+        ? `${hits.length} / ${ranges.length} beams hit, min ${nearest}`
         : "beams off";
       if (on) this.beams.show(pose, ranges, joined, this.pose);
     },
@@ -247,11 +265,11 @@ export default {
       const turn = (180 / Math.PI) * pose.theta;
       this.words = {
         t: time.toFixed(1),
-        v: pose.speed.toFixed(2),
-        w: ((180 / Math.PI) * pose.turning).toFixed(0),
-        x: (x + pose.x).toFixed(2),
-        y: (y + pose.y).toFixed(2),
-        theta: (turn - 360 * Math.round(turn / 360)).toFixed(1),
+        v: rounded(pose.speed, 2),
+        w: rounded((180 / Math.PI) * pose.turning, 0),
+        x: rounded(x + pose.x, 2),
+        y: rounded(y + pose.y, 2),
+        theta: rounded(turn - 360 * Math.round(turn / 360), 1),
         beams: this.beamText,
         map: this.mapText ?? "no map yet",
       };

@@ -39,7 +39,7 @@ def serve(
     show: Replayed | Callable[[], HandDrive],
     *,
     host: str = "127.0.0.1",
-    port: int | None = None,
+    port: int,
     browser: bool = True,
     started: Callable[[str], None] = lambda address: None,
 ) -> None:
@@ -49,13 +49,12 @@ def serve(
         scene: The scene.
         show: A run to play back, or what makes the drive of a new page.
         host: The address to listen at; others than 127.0.0.1 let other machines in.
-        port: The port; the first free one from 8080 where not given.
+        port: The port.
         browser: Whether to open the browser.
         started: Called with the address of the page when it can be opened.
 
     Raises:
         MissingLibraryError: NiceGUI is not installed.
-        OutputError: The port is taken.
     """
     try:
         from nicegui import app, ui
@@ -67,7 +66,6 @@ def serve(
 
     from lrf3d.view.element import RunView
 
-    port = _free_port(host, port)
     setup = {**scene.setup, "glb": "/lrf3d/scene.glb", "replay": None, "speed": 1.0}
 
     @app.get("/lrf3d/scene.glb")
@@ -112,7 +110,12 @@ def _attach(drive: HandDrive, setup: dict[str, Any]) -> None:
     from lrf3d.view.element import RunView
 
     x, y = (np.array(drive.pose[:2]) - setup["origin"]).tolist()
-    view = RunView({**setup, "start": {"x": x, "y": y, "theta": drive.pose.theta}})
+    start = {"x": x, "y": y, "theta": drive.pose.theta}
+    movers = [
+        {"outline": mover.outline.ravel().tolist(), "height": mover.height}
+        for mover in drive.movers
+    ]
+    view = RunView({**setup, "start": start, "movers": movers})
 
     def obey(event: Any) -> None:
         forward, turn = (
@@ -136,8 +139,13 @@ def _attach(drive: HandDrive, setup: dict[str, Any]) -> None:
     ui.timer(_STEP, step)
 
 
-def _free_port(host: str, port: int | None) -> int:
-    """The port that was asked for, or the first free one."""
+def free_port(host: str, port: int | None) -> int:
+    """The port that was asked for at a host, or the first free one from 8080.
+
+    Raises:
+        InputError: There is no such host.
+        OutputError: The port is taken.
+    """
     tried = range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else [port]
     for number in tried:
         with socket.socket() as probe:

@@ -3,6 +3,7 @@
 const WHOLE = 140; // Largest world [m] that is shown whole; in a larger one the inset follows.
 const WINDOW = 110; // What is shown of a larger one [m].
 const MARGIN = 1.08;
+const MOVER = "#7a3fb8";
 
 export class Inset {
   constructor(canvas, { low, high, houses, walls }) {
@@ -44,7 +45,7 @@ export class Inset {
     this.map = [...paths];
   }
 
-  show(robot, places, legs, beams, scanning) {
+  show(robot, places, legs, beams, scanning, movers) {
     const { draw, ratio, side, scale } = this;
     const [x, y] = this.whole ? this.middle : [robot.x, robot.y];
     const pixel = 1 / scale;
@@ -72,7 +73,27 @@ export class Inset {
       draw.strokeStyle = colour;
       draw.stroke(path);
     }
+    draw.fillStyle = MOVER;
+    for (const body of movers?.seen() ?? []) {
+      draw.beginPath();
+      for (const [left, up] of body) draw.lineTo(left, up);
+      draw.fill();
+    }
     this.drawRobot(robot, pixel);
+    this.drawScale();
+  }
+
+  // How much is seen, as in the film.
+  drawScale() {
+    const { draw, ratio, side } = this;
+    const text = `${Math.round(side / this.scale)} m`;
+    draw.setTransform(ratio, 0, 0, ratio, 0, 0);
+    draw.font = '12px "DejaVu Sans", "Segoe UI", system-ui, sans-serif';
+    const wide = draw.measureText(text).width;
+    draw.fillStyle = "rgba(244,246,249,0.8)";
+    draw.fillRect(0, side - 24, wide + 16, 24);
+    draw.fillStyle = "#3c4654";
+    draw.fillText(text, 8, side - 8);
   }
 
   drawFan(robot, { ends, reach }) {

@@ -43,7 +43,9 @@ export class Rig {
       this.free.add(this.target);
     } else if (view === "orbit") {
       this.target.set(x, y, 0);
-      this.free.set(x - 0.55 * this.size, y - 0.75 * this.size, 0.6 * this.size);
+      // Into rooms one looks more steeply, so that the near wall hides less.
+      const [left, back, up] = this.indoor ? [0.4, 0.55, 0.8] : [0.55, 0.75, 0.6];
+      this.free.set(x - left * this.size, y - back * this.size, up * this.size);
     } else if (view === "top") {
       this.target.set(x, y, 0);
       const [wide, tall] = [this.high[0] - this.low[0], this.high[1] - this.low[1]];
@@ -70,9 +72,20 @@ export class Rig {
     this.fitted = [width, height];
   }
 
+  // Go on by so many seconds; tells whether anything is seen from elsewhere than before.
   update(pose, seconds) {
     const { width, height } = this.stage.canvas;
     if (width !== this.fitted[0] || height !== this.fitted[1]) this.shift();
+    this.move(pose, seconds);
+    this.camera.updateMatrixWorld();
+    const { projectionMatrix: lens, matrixWorld: place } = this.camera;
+    const seen = [width, height, ...lens.elements, ...place.elements];
+    const turned = seen.some((value, i) => value !== this.seen?.[i]);
+    this.seen = seen;
+    return turned;
+  }
+
+  move(pose, seconds) {
     if (this.view === "first") {
       const [cos, sin] = [Math.cos(pose.theta), Math.sin(pose.theta)];
       this.camera.position.set(pose.x, pose.y, this.height + 0.22);

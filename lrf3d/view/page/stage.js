@@ -6,6 +6,9 @@ import { THREE, GLTFLoader } from "nicegui-scene";
 const SKY = { top: 0x5c84c8, haze: 0xd4e0ee, low: 0xd4e0ee };
 const ROOM = { top: 0xdfe4e8, haze: 0xccd2d9, low: 0xccd2d9 };
 const FAR = 4000;
+const ROBOT = 0.75; // Width of the robot [m].
+const MARKED = 30; // A robot of fewer pixels than this has a marker,
+const MARKER = 26; // about as wide as this.
 
 export class Stage {
   constructor(place, { indoor, size }) {
@@ -54,7 +57,7 @@ export class Stage {
     const model = root.getObjectByName("robot");
     const upright = new THREE.Group();
     upright.add(model);
-    this.marker = marker(Math.max(1, this.size / 60));
+    this.marker = marker();
     this.robot.add(upright, blob(), this.marker);
     this.scene.add(this.robot);
   }
@@ -64,11 +67,14 @@ export class Stage {
     this.robot.rotation.z = pose.theta;
   }
 
-  // From high above there is no haze, and the robot is too small to be seen but for its marker.
+  // From high above there is no haze, and a robot too small to be seen has a marker.
   render(view) {
     const high = view === "top" || view === "orbit";
     this.scene.fog = high ? null : this.haze;
-    this.marker.visible = high;
+    const away = this.camera.position.distanceTo(this.robot.position);
+    const pixel = (2 * away * Math.tan((this.camera.fov * Math.PI) / 360)) / this.canvas.clientHeight;
+    this.marker.visible = high && MARKED * pixel > ROBOT;
+    this.marker.scale.setScalar(MARKER * pixel);
     this.sky.visible = !this.indoor && view !== "top";
     this.renderer.render(this.scene, this.camera);
   }
@@ -99,8 +105,8 @@ function skyDome({ top, haze, low }) {
   return mesh;
 }
 
-// A dart over the robot, as large as the world asks for.
-function marker(size) {
+// A dart over the robot, half as wide as its scale.
+function marker() {
   const outline = new THREE.Shape();
   outline.moveTo(1.1, 0).lineTo(-0.8, 0.75).lineTo(-0.4, 0).lineTo(-0.8, -0.75).closePath();
   const paint = { depthTest: false, transparent: true, side: THREE.DoubleSide };
@@ -113,7 +119,7 @@ function marker(size) {
       new THREE.ShapeGeometry(outline),
       new THREE.MeshBasicMaterial({ color, ...paint }),
     );
-    mesh.scale.setScalar(scale * size);
+    mesh.scale.setScalar(0.5 * scale);
     mesh.renderOrder = order;
     group.add(mesh);
   }

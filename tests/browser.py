@@ -1,0 +1,117 @@
+"""Debian's Chromium, without a window, and the pages of ``lrf3d view`` in it."""
+
+import importlib.util
+import io
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from PIL import Image
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+
+OPTIONS = [
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    *(["--no-sandbox"] if os.geteuid() == 0 else []),
+]
+"""Chromium draws in software, and as root it wants to be told that this is meant."""
+
+PATIENCE = 60.0
+"""After this time [s] what has not come will not come."""
+
+
+def missing():
+    """Why there is no browser here; empty where there is one."""
+    if CHROMIUM is None:
+        return "Chromium is not installed: apt-get install chromium"
+    for name in ("playwright", "nicegui"):
+        if importlib.util.find_spec(name) is None:
+            return f"{name} is not installed: pip install 'lrf3d[dev]'"
+    return ""
+
+
+needs_browser = pytest.mark.skipif(bool(missing()), reason=missing() or "none")
+
+
+@contextmanager
+def served(what, *options):
+    """Serve a view of a run or a world; gives its address, and sees that Ctrl-C ends it."""
+    command = [sys.executable, "-m", "lrf3d", "view", str(what), "--no-browser", *options]
+    # NiceGUI does not serve where it believes to be tested.
+    plain = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
+    program = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=plain
+    )
+    try:
+        line = program.stdout.readline()
+        address = re.search(r"http://\S+(?=;)", line)
+        assert address, line + program.stderr.read()
+        yield address.group()
+        assert program.poll() is None
+        program.send_signal(signal.SIGINT)
+        said = program.communicate(timeout=PATIENCE)
+        assert (program.returncode, said) == (130, ("", "lrf3d: stopped\n"))
+    finally:
+        program.kill()
+        program.wait()
+        program.stdout.close()
+        program.stderr.close()
+
+
+@contextmanager
+def started():
+    """Chromium, for as many pages as are wanted."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def opened(browser, address, size=(660, 372)):
+    """A page in Chromium, ready to be used; whatever it complains of fails the test."""
+    complaints, asked = [], []
+    with browser.new_page(viewport=dict(zip(("width", "height"), size, strict=True))) as page:
+        page.set_default_timeout(1000.0 * PATIENCE)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on(
+            "console",
+            lambda said: said.type in ("error", "warning") and complaints.append(said.text),
+        )
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(address)
+        page.locator(".lrf3d-failure").wait_for(state="detached")
+        yield page
+        assert complaints == []
+        own = tuple(f"{kind}{address}/" for kind in ("", "blob:"))
+        assert [url for url in asked if not url.startswith((*own, "data:"))] == []
+
+
+def until(is_so):
+    """Wait until something is so, and give what it gave."""
+    end = time.monotonic() + PATIENCE
+    while (answer := is_so()) is None or answer is False:
+        assert time.monotonic() < end, "it never came to be so"
+    return answer
+
+
+def picture(page):
+    """The page as it is seen: (height, width, 3) of 0…255."""
+    file = io.BytesIO(page.screenshot())
+    return np.asarray(Image.open(file).convert("RGB")).astype(int)
+
+
+def number(page, name):
+    """A number that the page shows, by the ending of its class."""
+    return float(page.inner_text(f".lrf3d-{name}"))

@@ -1,0 +1,266 @@
+"""Runs and worlds as GLB: valid to the Khronos validator, and true to the run at every time."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pygltflib
+import pytest
+from khronos import faults, needs_validator
+from test_cli import lrf3d, refused
+from test_render import city_run, run_of
+
+from lrf3d.errors import InputError
+from lrf3d.exporting import export_run
+from lrf3d.gltf import run_glb, still_glb
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.logs import save_run
+from lrf3d.mapping import LineMap
+from lrf3d.render.structures import Structures
+from lrf3d.render.timeline import Timeline
+from lrf3d.scenario import load_scenario
+from lrf3d.study.experiment import Experiment, trajectory_of
+from lrf3d.world import World
+from lrf3d.world.glb_writer import glb_bytes
+
+FAR = (85_000.0, 447_500.0)
+
+
+def simulated(name, every):
+    """A built-in world, driven; each scan of so many is taken."""
+    scenario = load_scenario(name, ["laser.beams=61"])
+    drive = trajectory_of(scenario)
+    drive = replace(drive, times=drive.times[::every], poses=drive.poses[::every])
+    return Experiment(scenario, seed=3).simulate(drive)
+
+
+RUNS = {
+    "city": lambda: simulated("city", 40),
+    "corridor": lambda: simulated("corridor", 20),
+    "paper_room": lambda: simulated("paper_room", 1),
+    "without a map": lambda: replace(city_run(), stages=(), maps=()),
+    "of an empty map": lambda: replace(city_run(), maps=(LineMap.empty(),)),
+    "of one scan": lambda: city_run().part(np.array([0])),
+    "far away": lambda: city_run(FAR),
+    "that sees nothing": lambda: run_of(
+        World([[0, 0, 1, 0]]), [0, 1, 2], [(9, 9, 0), (9, 10, 1), (9, 11, 2)], range_max=2.0
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("glb")
+    made = {}
+    for name, make in RUNS.items():
+        run = make()
+        made[name] = run, folder / f"{name}.glb"
+        export_run(run, "glb", made[name][1])
+    return made
+
+
+@needs_validator
+def test_the_khronos_validator_finds_no_fault_in_runs(files):
+    assert faults(*(path for _, path in files.values())) == []
+
+
+@needs_validator
+def test_the_khronos_validator_finds_no_fault_in_worlds(tmp_path):
+    paths = []
+    for name in ("city", "corridor", "paper_room"):
+        world = load_scenario(name).world
+        for kind, data in (
+            ("plain", glb_bytes(world)),
+            ("drawn", still_glb(world, Structures.from_world(world), 0.5)),
+        ):
+            paths.append(tmp_path / f"{name}-{kind}.glb")
+            paths[-1].write_bytes(data)
+    assert faults(*paths) == []
+
+
+@needs_validator
+def test_the_khronos_validator_finds_a_fault_where_there_is_one(tmp_path):
+    broken = pygltflib.GLTF2.load_from_bytes(run_glb(city_run()))
+    broken.accessors[0].count += 10_000_000
+    broken.save_binary(tmp_path / "broken.glb")
+    assert faults(tmp_path / "broken.glb")
+
+
+class Glb:
+    """A GLB file as arrays."""
+
+    def __init__(self, data):
+        self.gltf = pygltflib.GLTF2.load_from_bytes(data)
+        self.blob = self.gltf.binary_blob()
+        channels = self.gltf.animations[0].channels if self.gltf.animations else []
+        self.channels = {(c.target.node, c.target.path): c.sampler for c in channels}
+
+    def array(self, number):
+        accessor = self.gltf.accessors[number]
+        view = self.gltf.bufferViews[accessor.bufferView]
+        kinds = {5126: np.float32, 5121: np.uint8, 5123: np.uint16, 5125: np.uint32}
+        columns = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor.type]
+        start = view.byteOffset + accessor.byteOffset
+        kind = kinds[accessor.componentType]
+        flat = np.frombuffer(self.blob, kind, accessor.count * columns, start)
+        return flat.reshape(accessor.count, columns)
+
+    def nodes(self, group):
+        """Numbers of the nodes in a group."""
+        return next(node.children for node in self.gltf.nodes if node.name == group)
+
+    def node(self, name):
+        return next(i for i, node in enumerate(self.gltf.nodes) if node.name == name)
+
+    def value(self, node, path, time):
+        """What a player shows at a time: the node's own, or what the animation gives."""
+        if (node, path) not in self.channels:
+            default = {"scale": [1, 1, 1], "translation": [0, 0, 0]}.get(path)
+            return np.array(getattr(self.gltf.nodes[node], path) or default, float)
+        sampler = self.gltf.animations[0].samplers[self.channels[node, path]]
+        times, values = self.array(sampler.input)[:, 0], self.array(sampler.output)
+        if sampler.interpolation == "STEP":
+            return values[max(0, np.searchsorted(times, time, side="right") - 1)]
+        return np.array([np.interp(time, times, column) for column in values.T])
+
+    def positions(self, node):
+        mesh = self.gltf.meshes[self.gltf.nodes[node].mesh]
+        return self.array(mesh.primitives[0].attributes.POSITION)
+
+    def colours(self, node):
+        mesh = self.gltf.meshes[self.gltf.nodes[node].mesh]
+        return self.array(mesh.primitives[0].attributes.COLOR_0)
+
+
+def seen(glb, group, time):
+    """The nodes of a group that have a size at a time."""
+    return [node for node in glb.nodes(group) if glb.value(node, "scale", time).max() > 0.0]
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), FAR])
+def test_the_robot_drives_as_in_the_run_wherever_the_world_lies(offset):
+    run = city_run(offset)
+    glb = Glb(run_glb(run))
+    origin = np.array(glb.gltf.nodes[0].extras["origin"])
+    robot = glb.node("robot")
+    for time, pose in zip(run.trajectory.times, run.trajectory.poses, strict=True):
+        elapsed = time - run.trajectory.times[0]
+        x, y, z = glb.value(robot, "translation", elapsed)
+        assert (x, y) == pytest.approx(pose[:2] - origin, abs=1e-4) and z == 0.0
+        _, _, sine, cosine = glb.value(robot, "rotation", elapsed)
+        turn = 2.0 * np.arctan2(sine, cosine) - pose[2]
+        assert np.cos(turn) == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_one_scan_is_seen_at_a_time_and_it_is_the_nearest(every):
+    run = city_run()
+    glb = Glb(run_glb(run, every=every))
+    times = run.trajectory.times[::every]
+    for time in np.linspace(0.01, times[-1] - times[0] - 0.01, 37):
+        (node,) = seen(glb, "beams", time)
+        nearest = int(np.abs(times - times[0] - time).argmin()) * every
+        assert glb.gltf.nodes[node].name == f"scan {nearest}"
+
+
+def test_a_robot_that_stands_and_scans_goes_with_its_beams_off():
+    run = simulated("paper_room", 1)
+    timeline = Timeline(run)
+    assert timeline.dwells
+    glb = Glb(run_glb(run))
+    shown = [len(seen(glb, "beams", time)) for time in np.linspace(0.0, timeline.end, 90)[:-1]]
+    assert set(shown) == {0, 1}
+
+
+def test_the_trace_lies_on_the_points_that_the_scan_met():
+    run = city_run(FAR)
+    glb = Glb(run_glb(run))
+    for index in (0, len(run) - 1):
+        node = glb.node(f"scan {index}")
+        place = np.array(glb.gltf.nodes[node].translation)
+        assert place[2] == pytest.approx(run.lrf.height)
+        points = run.scan(index).points() - run.world.origin
+        trace = glb.positions(node)[-2 * len(points) :].reshape(-1, 2, 3) + place
+        off = np.hypot(*(trace[:, 0, :2] - points).T)
+        # It stands before the wall by 2 cm, so that both never share a pixel.
+        assert off.max() < 0.021
+        assert np.array_equal(trace[:, 0, :2], trace[:, 1, :2])
+
+
+def test_the_fan_spans_the_field_of_view_from_the_laser():
+    run = simulated("paper_room", 1)
+    glb = Glb(run_glb(run))
+    for index in range(len(run)):
+        mesh = glb.gltf.meshes[glb.gltf.nodes[glb.node(f"scan {index}")].mesh]
+        triangles = glb.array(mesh.primitives[0].indices).reshape(-1, 3)
+        places = glb.positions(glb.node(f"scan {index}"))
+        fan = places[triangles[(places[triangles[:, 0]] == 0.0).all(axis=1)]].astype(float)
+        begin, end = np.arctan2(fan[:, 1:, 1], fan[:, 1:, 0]).T
+        turned = (end - begin + np.pi) % (2.0 * np.pi) - np.pi
+        assert (turned > 0.0).all()
+        assert turned.sum() == pytest.approx(run.lrf.angle_max - run.lrf.angle_min, abs=1e-4)
+
+
+def test_the_map_grows_and_ends_as_the_map_of_the_run():
+    run = simulated("paper_room", 1)
+    glb = Glb(run_glb(run))
+    begins = run.trajectory.times[list(run.stages)] - run.trajectory.times[0]
+    for begin, stage in zip(begins, run.maps, strict=True):
+        (node,) = seen(glb, "map", begin + 1e-3)
+        corners = glb.positions(node).reshape(len(stage), 12, 3)
+        ends = (stage.segments - np.tile(run.world.origin, 2)).reshape(-1, 2, 2)
+        for place in ends.transpose(1, 0, 2):
+            assert np.hypot(*(corners[:, :, :2] - place[:, None]).T).min(axis=0).max() < 0.051
+        colours = glb.colours(node).reshape(len(stage), 12, 4)[:, 0]
+        assert len(np.unique(colours, axis=0)) == len(np.unique(stage.objects))
+
+
+def test_the_trail_follows_the_robot():
+    run = city_run()
+    glb = Glb(run_glb(run))
+    timeline = Timeline(run)
+    for time in np.linspace(0.3, timeline.end - timeline.start, 9):
+        ends = []
+        for node in glb.nodes("trail"):
+            length = glb.value(node, "scale", time)[0]
+            x, y, _ = glb.gltf.nodes[node].translation
+            _, _, sine, cosine = glb.gltf.nodes[node].rotation
+            turn = 2.0 * np.arctan2(sine, cosine)
+            if length > 0.0:
+                ends.append([x + length * np.cos(turn), y + length * np.sin(turn)])
+        pose = timeline.poses(np.array([timeline.start + time]))[0, :2] - run.world.origin
+        assert np.hypot(*(np.array(ends) - pose).T).min() < 0.05
+
+
+def test_the_same_run_gives_the_same_bytes():
+    assert run_glb(city_run()) == run_glb(city_run())
+
+
+def test_fewer_scans_are_kept_where_that_is_asked_for():
+    run = city_run()
+    glb = Glb(run_glb(run, every=4))
+    assert len(glb.nodes("beams")) == len(range(0, len(run), 4))
+    with pytest.raises(InputError, match="every 0"):
+        run_glb(run, every=0)
+
+
+def test_a_range_finder_of_one_beam_is_drawn():
+    run = city_run()
+    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=run.lrf.range_max)
+    middle = slice(45, 46)
+    ranges, walls = run.ranges[:, middle], run.walls[:, middle]
+    single = replace(run, lrf=lrf, ranges=ranges, truth=ranges, walls=walls)
+    assert len(Glb(run_glb(single)).nodes("beams")) == len(run)
+
+
+def test_the_command_writes_the_file_and_refuses_what_is_no_run(tmp_path):
+    run = city_run()
+    save_run(run, tmp_path / "run.npz")
+    done = lrf3d("export", tmp_path, "--to", "glb", "--every", "2", "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    data = (tmp_path / "run.glb").read_bytes()
+    assert data == run_glb(run, every=2) and told["bytes"] == len(data)
+    (tmp_path / "run.npz").write_bytes(b"PK\x03\x04" + bytes(100))
+    said = refused("export", tmp_path, "--to", "glb", "--out", tmp_path / "other.glb")
+    assert "run.npz" in said and not (tmp_path / "other.glb").exists()

@@ -1,0 +1,369 @@
+"""Runs and worlds in the browser: the page is there, draws, plays and obeys."""
+
+import re
+import socket
+import sys
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from browser import needs_browser, number, opened, picture, served, started, until
+from test_cli import lrf3d, refused
+from test_glb import FAR, simulated
+from test_render import city_run
+
+from lrf3d.errors import InputError, MissingLibraryError, OutputError, WorldError
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.logs import save_run
+from lrf3d.pose import Pose
+from lrf3d.scenario import load_scenario
+from lrf3d.study.experiment import Experiment
+from lrf3d.view.hand_drive import HandDrive, Wish
+from lrf3d.view.opening import open_view, run_view, world_view
+from lrf3d.view.replay import pack_run
+
+YARD = """\
+name = "yard"
+
+[[object]]
+name = "walls"
+points = [[0, 0], [16, 0], [16, 9], [0, 9]]
+closed = true
+
+[[object]]
+name = "shed"
+points = [[6, 6], [8, 6], [8, 8], [6, 8]]
+closed = true
+
+[robot]
+route = [[2, 3], [13, 3]]
+speed = 2.0
+
+[laser]
+beams = 61
+range_max = 30.0
+"""
+MOVER = """
+[[mover]]
+route = [[9, 2], [9, 7]]
+radius = 0.4
+"""
+
+
+@pytest.fixture
+def yard(tmp_path):
+    path = tmp_path / "yard.toml"
+    path.write_text(YARD)
+    return path
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    run = simulated("paper_room", 1)
+    save_run(run, folder / "run.npz")
+    return run, folder
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with started() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def played(recorded):
+    """The address where the run is shown."""
+    with served(recorded[1]) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """The address where the yard is shown."""
+    path = tmp_path_factory.mktemp("driven") / "yard.toml"
+    path.write_text(YARD + MOVER)
+    with served(path) as address:
+        yield address
+
+
+def robot(pixels):
+    """The robot in the middle of a picture: its row and column, and of how many pixels it is."""
+    left, top = 280, 190
+    rows, columns = np.nonzero(orange(pixels[top:310, left:380]))
+    return np.array([rows.mean() + top, columns.mean() + left]), len(rows)
+
+
+def orange(pixels):
+    """Which pixels have the robot's colour."""
+    red, green, blue = np.moveaxis(pixels, -1, 0)
+    return (red > 180) & (green > 70) & (green < 150) & (blue < 70)
+
+
+# In the browser ---------------------------------------------------------------------------------
+
+
+@needs_browser
+def test_the_page_of_a_run_draws_plays_and_is_scrubbed(recorded, played, chromium):
+    run, _ = recorded
+    with opened(chromium, played) as page:
+        # It plays by itself.
+        until(lambda: number(page, "t") > 0.2)
+        pixels = picture(page)
+        assert pixels.std(axis=(0, 1)).min() > 20.0
+        (_, column), count = robot(pixels)
+        assert count > 60 and abs(column - 330) < 12
+        page.click("[aria-label=pause]")
+        assert page.inner_text(".lrf3d-play") == "play_arrow"
+        # The end of the run, with its map, as the file has them.
+        page.keyboard.press("End")
+        until(lambda: number(page, "t") == pytest.approx(page_end(run), abs=0.06))
+        shown = page.inner_text(".lrf3d-map")
+        assert shown == f"{len(run.map)} segments in {run.map.object_count} objects"
+        x, y, theta = run.trajectory.poses[-1]
+        assert (number(page, "x"), number(page, "y")) == pytest.approx((x, y), abs=0.006)
+        assert np.cos(np.radians(number(page, "theta")) - theta) > 0.999
+        # A click in the middle of the slider is the middle of the run.
+        page.locator(".lrf3d-slider").click()
+        until(lambda: number(page, "t") == pytest.approx(page_end(run) / 2, abs=0.3))
+        page.keyboard.press("Home")
+        until(lambda: number(page, "t") == 0.0)
+        page.keyboard.press("Space")
+        until(lambda: number(page, "t") > 0.0)
+
+
+def page_end(run):
+    """How long a run plays [s]."""
+    return float(unpacked(run)["keyTimes"][-1])
+
+
+@needs_browser
+def test_the_camera_follows_circles_and_is_turned_by_hand(recorded, played, chromium):
+    run, _ = recorded
+    with opened(chromium, played) as page:
+        page.click("[aria-label=pause]")
+        follow = until(lambda: still(page))
+        seen = {"follow": follow}
+        for name in ("orbit", "top", "first"):
+            page.click(f".lrf3d-view-{name}")
+            seen[name] = until(lambda: still(page))
+        for one, other in combinations(seen.values(), 2):
+            assert np.abs(one - other).mean() > 5.0
+        # V goes on to the first view again, and the picture is the same.
+        page.keyboard.press("v")
+        page.mouse.move(330, 110)
+        again = until(lambda: still(page))
+        assert np.abs(again - follow)[:310].mean() < 1.0
+        page.mouse.down()
+        page.mouse.move(420, 110, steps=4)
+        page.mouse.up()
+        until(lambda: np.abs(picture(page) - follow)[:310].mean() > 5.0)
+        # At another time the robot is elsewhere, but where it was in the picture.
+        page.keyboard.press("End")
+        until(lambda: number(page, "t") == pytest.approx(page_end(run), abs=0.06))
+        (row, column), count = robot(picture(page))
+        assert count > 60 and abs(row - robot(follow)[0][0]) < 40 and abs(column - 330) < 20
+
+
+def still(page):
+    """The page, once two pictures in a row are the same."""
+    before = picture(page)
+    after = picture(page)
+    return after if np.array_equal(before, after) else None
+
+
+@needs_browser
+def test_keys_and_pads_drive_the_robot_through_a_world(driven, chromium):
+    with opened(chromium, driven) as page:
+        until(lambda: number(page, "x") == 2.0)
+        start = picture(page)
+        assert start.std(axis=(0, 1)).min() > 20.0
+        page.keyboard.down("ArrowUp")
+        until(lambda: number(page, "x") > 3.5)
+        page.keyboard.up("ArrowUp")
+        until(lambda: number(page, "v") == 0.0)
+        assert number(page, "y") == 3.0 and number(page, "theta") == 0.0
+        assert re.search(r"^\d+ / 61 beams hit", page.inner_text(".lrf3d-warm"))
+        assert re.search(r"^[1-9]\d* segments? in ", page.inner_text(".lrf3d-map"))
+        page.hover("[aria-label=left]")
+        page.mouse.down()
+        until(lambda: number(page, "theta") > 45.0)
+        page.mouse.up()
+        page.hover("[aria-label=back]")
+        page.mouse.down()
+        until(lambda: number(page, "v") < -0.5)
+        # The wall behind it stops it.
+        page.get_by_text("a wall is in the way").wait_for()
+        page.mouse.up()
+        assert number(page, "y") > 0.3
+        page.click(".lrf3d-again")
+        until(lambda: (number(page, "x"), number(page, "y")) == (2.0, 3.0))
+
+
+@needs_browser
+def test_the_page_fits_a_telephone(driven, chromium):
+    wide, tall = 360, 740
+    with opened(chromium, driven, (wide, tall)) as page:
+        until(lambda: number(page, "x") == 2.0)
+        boxes = {
+            name: page.locator(f".lrf3d-{name}").bounding_box()
+            for name in ("hud", "inset", "bar", "pads")
+        }
+        for name, box in boxes.items():
+            assert box["x"] >= 0 and box["x"] + box["width"] <= wide, name
+            assert box["y"] >= 0 and box["y"] + box["height"] <= tall, name
+        for one, other in combinations(boxes.values(), 2):
+            apart = [
+                max(one[at] - other[at] - other[size], other[at] - one[at] - one[size]) >= 0
+                for at, size in (("x", "width"), ("y", "height"))
+            ]
+            assert any(apart)
+
+
+# Without it -------------------------------------------------------------------------------------
+
+
+def unpacked(run):
+    block, told = pack_run(run)
+    return {
+        name: np.frombuffer(block, kind, length, begin)
+        for name, (kind, begin, length) in told["layout"].items()
+    }
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), FAR])
+def test_the_page_gets_the_run_as_it_is(offset):
+    run = city_run(offset)
+    arrays = unpacked(run)
+    shift = np.array([*run.world.origin, 0.0])
+    poses = arrays["poses"].reshape(-1, 3) + shift
+    assert poses == pytest.approx(run.trajectory.poses, abs=1e-4)
+    assert arrays["ranges"].reshape(run.ranges.shape) == pytest.approx(run.ranges, rel=1e-6)
+    segments = arrays["segments"].reshape(-1, 4) + np.tile(run.world.origin, 2)
+    assert segments == pytest.approx(run.map.segments, abs=1e-4)
+    assert arrays["stageSizes"].tolist() == [len(run.map)]
+    assert len(arrays["colours"]) == 3 * len(run.map)
+
+
+def test_a_run_without_a_map_is_shown():
+    arrays = unpacked(replace(city_run(), stages=(), maps=()))
+    assert len(arrays["segments"]) == len(arrays["stageTimes"]) == 0
+
+
+def hand(text, tmp_path, **settings):
+    path = tmp_path / "world.toml"
+    path.write_text(text)
+    scenario = load_scenario(path)
+    return HandDrive(Experiment(scenario, **settings), Pose(2.0, 3.0, 0.0))
+
+
+def test_a_hand_drives_stops_before_walls_and_starts_again(tmp_path):
+    drive = hand(YARD, tmp_path, seed=4)
+    first = drive.step(0.05)
+    assert first["fresh"] and first["map"] is not None
+    drive.wish = Wish(forward=1.0)
+    news = [drive.step(0.05) for _ in range(200)]
+    speeds = np.array([each["pose"]["speed"] for each in news])
+    assert speeds.max() == pytest.approx(2.0) and not any(each["fresh"] for each in news)
+    # Ten seconds at 2 m/s would lead through the wall at x = 16.
+    assert any(each["bumped"] for each in news) and 15.0 < drive.pose.x < 15.65 + 1e-9
+    assert drive.pose.y == 3.0
+    drive.restart()
+    drive.wish = Wish()
+    again = drive.step(0.05)
+    assert again == first
+
+
+def test_a_hand_cannot_ask_for_more_than_the_robot_can_or_for_a_long_step(tmp_path):
+    drive = hand(YARD, tmp_path)
+    drive.wish = Wish(forward=1.0)
+    drive.step(1e6)
+    assert drive.pose.x < 2.0 + 2.0 * 0.1 + 1e-9
+
+
+def test_what_moves_is_seen_by_the_laser_and_told_to_the_page(tmp_path):
+    drive = hand(YARD + MOVER, tmp_path)
+    without = hand(YARD, tmp_path)
+    origin = load_scenario(tmp_path / "world.toml").world.origin
+    nearer = 0
+    for _ in range(60):
+        news, plain = drive.step(0.1), without.step(0.1)
+        x, y = np.array(news["movers"][:2]) + origin
+        assert x == pytest.approx(9.0) and 2.0 <= y <= 7.0
+        nearer += sum(a < b - 1.0 for a, b in zip(news["ranges"], plain["ranges"], strict=True))
+    assert plain["movers"] == [] and nearer > 60
+
+
+def test_the_noise_of_the_scenario_is_that_of_the_drive(tmp_path):
+    drive = hand(YARD + "\n[noise]\nsigma = 0\nresolution = 0.5\n", tmp_path)
+    ranges = np.array(drive.step(0.05)["ranges"], float)
+    assert np.array_equal(ranges, np.round(2.0 * ranges) / 2.0)
+
+
+def test_a_beam_without_return_is_told_as_none(tmp_path):
+    drive = hand(YARD.replace("range_max = 30.0", "range_max = 4.0"), tmp_path)
+    ranges = drive.step(0.05)["ranges"]
+    assert None in ranges and all(r is None or 0.0 < r < 4.5 for r in ranges)
+
+
+def test_a_world_is_warm_before_its_page_is_offered(yard, monkeypatch):
+    steps = []
+    step = HandDrive.step
+    monkeypatch.setattr(HandDrive, "step", lambda *of: steps.append(of) or step(*of))
+    scene, make = world_view(str(yard), seed=0)
+    assert len(steps) == 1 and scene.setup["title"] == "yard"
+    assert make().pose == (2.0, 3.0, 0.0)
+
+
+def test_the_scene_of_a_run_is_that_of_its_world(recorded):
+    run, folder = recorded
+    scene, show = run_view(str(folder), None)
+    assert scene.setup["laser"]["angles"] == run.lrf.angles.tolist()
+    assert len(scene.setup["walls"]) == 5 * len(run.world.segments)
+    assert show.playback == 1.0 and scene.glb[:4] == b"glTF"
+
+
+def test_what_cannot_be_shown_ends_in_one_line(tmp_path):
+    damaged = tmp_path / "run.npz"
+    damaged.write_bytes(b"PK\x03\x04" + bytes(1000))
+    assert "run.npz" in refused("view", damaged)
+
+
+def shown(what, **options):
+    """Show what cannot be shown."""
+    usual = {"host": "127.0.0.1", "port": None, "browser": False, "playback": None, "seed": 0}
+    open_view(str(what), is_run=False, started=print, **{**usual, **options})
+
+
+def test_what_is_wrong_is_named(yard):
+    with pytest.raises(WorldError, match="nowhere"):
+        shown("nowhere")
+    with pytest.raises(InputError, match="--host 300\\.1\\.1\\.1"):
+        shown(yard, host="300.1.1.1")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(OutputError, match=f"--port {port}"):
+            shown(yard, port=port)
+
+
+def test_without_nicegui_the_extra_is_named(yard, monkeypatch):
+    monkeypatch.setitem(sys.modules, "nicegui", None)
+    with pytest.raises(MissingLibraryError, match=r"lrf3d\[view\]"):
+        shown(yard)
+
+
+def test_help_comes_without_the_page():
+    done = lrf3d("view", "--help")
+    assert done.returncode == 0 and "RUN|WORLD" in done.stdout
+
+
+def test_a_range_finder_of_one_beam_is_played():
+    run = city_run()
+    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=run.lrf.range_max)
+    middle = slice(45, 46)
+    ranges, walls = run.ranges[:, middle], run.walls[:, middle]
+    arrays = unpacked(replace(run, lrf=lrf, ranges=ranges, truth=ranges, walls=walls))
+    assert len(arrays["joined"]) == 0 and len(arrays["ranges"]) == len(run)
