@@ -85,13 +85,15 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path:
         ),
         ('<ellipse transform="rotate(90)" rx="2" ry="1"/>', (-1, -2), (1, 2)),
         (
-            '<defs><rect id="r" width="2" height="1"/></defs><use href="#r" transform="rotate(90)"/>',
+            '<defs><rect id="r" width="2" height="1"/></defs>'
+            '<use href="#r" transform="rotate(90)"/>',
             (-1, 0),
             (0, 2),
         ),
         # Viewports within the drawing have a frame of their own.
         (
-            '<svg x="1" y="1" width="5" height="2" viewBox="10 0 10 4"><path d="M10 0h10v4"/></svg>',
+            '<svg x="1" y="1" width="5" height="2" viewBox="10 0 10 4">'
+            '<path d="M10 0h10v4"/></svg>',
             (1, 1),
             (6, 3),
         ),
