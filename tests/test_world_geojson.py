@@ -202,7 +202,8 @@ def test_an_outline_that_crosses_itself_is_mended(tmp_path: Path) -> None:
         ('{"type": "LineString", "coordinates": [[1, 2], ["3", 2]]}', "feature 0: .*point 1 is"),
         ('{"type": "LineString", "coordinates": [[1, 2], [1e99, 2]]}', "feature 0: .*at most 1e"),
         ('{"type": "LineString", "coordinates": [[1, 2], [1e999, 2]]}', "feature 0: .*at most 1e"),
-        ('{"type": "Polygon", "coordinates": []}', "feature 0: Polygon without rings"),
+        ('{"type": "Polygon", "coordinates": []}', "holds no Polygon and no LineString"),
+        ('{"type": "MultiPolygon", "coordinates": [[]]}', "feature 0: Polygon without rings"),
         (
             '{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [1, 2]]]}',
             "feature 0: Polygon ring 0 has 2 different points",

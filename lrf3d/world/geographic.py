@@ -43,7 +43,7 @@ def from_web_mercator(points: Float) -> Float:
     """Longitudes and latitudes (k, 2) [°] of points (k, 2) [m] of a web map."""
     longitude = points[:, 0] / MERCATOR_RADIUS
     latitude = np.arctan(np.sinh(points[:, 1] / MERCATOR_RADIUS))
-    return np.degrees(np.column_stack([longitude, latitude]))
+    return np.asarray(np.degrees(np.column_stack([longitude, latitude])), dtype=np.float64)
 
 
 def looks_geographic(outlines: Sequence[Float]) -> bool:
