@@ -11,7 +11,14 @@ from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import Obstacles
+from lrf3d.robot.unicycle import arcs
 from lrf3d.world import World
+
+CHORD_ERROR = 0.001
+"""Farthest [m] that the chords lie off an arc that is searched for collisions."""
+
+MOST_CHORDS = 10_000
+"""Chords of one arc: a robot that spins faster than this shows is at fault anyway."""
 
 
 class Controller(Protocol):
@@ -115,7 +122,17 @@ class Steered:
             )
         before, self.pose = self.pose, self._robot.move(self.pose, v, omega, self.interval)
         if self._obstacles is not None and self.radius is not None:
-            way = Trajectory([time, time + self.interval], [before, self.pose])
+            way = self._way(time, before, v, omega)
             collision = self._obstacles.first(way, self.radius)
             if collision is not None:
                 raise CollisionError(f"{collision}; the controller drove it there")
+
+    def _way(self, time: float, start: Pose, v: float, omega: float) -> Trajectory:
+        """The arc up to the next scan in chords that keep within `CHORD_ERROR` of it."""
+        # The sagitta of a chord over a time t is |v·ω|·t²/8.
+        chords = self.interval * np.sqrt(abs(v) * abs(omega) / (8.0 * CHORD_ERROR))
+        count = int(np.clip(np.ceil(chords), 1, MOST_CHORDS))
+        shares = np.linspace(0.0, 1.0, count + 1)
+        held = (np.full(count + 1, value) for value in (v, omega))
+        poses = arcs(np.tile(start, (count + 1, 1)), *held, shares * self.interval)
+        return Trajectory(time + shares * self.interval, poses)

@@ -197,6 +197,19 @@ def test_a_robot_with_a_radius_does_not_drive_through_walls():
     assert len(list(Simulation(ROOM, Ahead(), LRF, **settings))) == 100
 
 
+def test_a_wall_is_met_between_two_scans_of_a_round_drive():
+    class Round:
+        def command(self, time, pose, scan):
+            return 2.0 * np.pi * 2.5 / 10.0, 2.0 * np.pi / 10.0
+
+    # In ten seconds the robot is back where it began, 0.2 m off the wall at the far side.
+    settings = {"start": (7.3, 2.0, np.pi / 2), "scans": 2, "scan_interval": 10.0}
+    walls = World(np.array([[2.1, 0.0, 2.1, 9.0]]))
+    assert len(list(Simulation(walls, Round(), LRF, radius=0.1, **settings))) == 2
+    with pytest.raises(CollisionError, match=r"wall 0 at t = 4\.\d+ s near \(2\.\d+, "):
+        list(Simulation(walls, Round(), LRF, radius=0.3, **settings))
+
+
 def test_scans_that_take_time_need_to_know_the_way():
     class Still:
         def command(self, time, pose, scan):

@@ -1,12 +1,15 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.errors import WorldError
+from lrf3d.errors import CollisionError, WorldError
 from lrf3d.robot import find_collision, follow_route
 from lrf3d.scenario import Scenario, load_scenario, start_of
+from lrf3d.study.experiment import trajectory_of
+from lrf3d.world import World
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"
 
@@ -116,6 +119,28 @@ def test_the_routes_of_the_built_in_worlds_keep_off_the_walls(name: str) -> None
     assert scenario.route is not None
     drive = follow_route(scenario.route, start=scenario.start, speed=scenario.speed, lookahead=1.0)
     assert find_collision(drive, scenario.world, scenario.radius + 0.1) is None
+
+
+@pytest.mark.parametrize("interval", [0.05, 2.3, 10.0])
+def test_how_seldom_is_scanned_does_not_change_the_way(interval: float) -> None:
+    corridor = load_scenario("corridor")
+    seldom = trajectory_of(replace(corridor, scan_interval=interval))
+    step = interval / max(1, round(interval / 0.05))
+    way = trajectory_of(replace(corridor, scan_interval=step))
+    assert (seldom.poses[:-1] == way.poses[:-1][:: round(interval / step)]).all()
+    assert (seldom.poses[-1] == way.poses[-1]).all()
+    assert seldom.times == pytest.approx(
+        np.minimum(np.arange(len(seldom)) * interval, way.times[-1])
+    )
+
+
+def test_a_wall_between_two_scans_is_met() -> None:
+    wall = World(np.array([[5.0, -1.0, 5.0, 1.0]]))
+    around = np.array([[0.0, 0.0], [5.0, 6.0], [10.0, 0.0]])
+    scenario = Scenario(wall, start=start_of(around), route=around, speed=1.0, scan_interval=60.0)
+    assert len(trajectory_of(scenario)) == 2
+    with pytest.raises(CollisionError, match="wall 0"):
+        trajectory_of(replace(scenario, route=np.array([[0.0, 0.0], [5.0, 0.5], [10.0, 0.0]])))
 
 
 def test_the_city_is_that_of_the_paper_and_its_buildings_are_seen_from_all_sides() -> None:

@@ -73,6 +73,59 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path:
     assert world.bounds == pytest.approx(np.array([[0.03, 0.03], [0.05, 0.1]]))
 
 
+@pytest.mark.parametrize(
+    ("body", "low", "high"),
+    [
+        # Shapes that are turned, alone, in a group or by a use.
+        ('<rect transform="rotate(90)" width="2" height="1"/>', (-1, 0), (0, 2)),
+        (
+            '<g transform="translate(5 5) rotate(180)"><rect width="2" height="1"/></g>',
+            (3, 4),
+            (5, 5),
+        ),
+        ('<ellipse transform="rotate(90)" rx="2" ry="1"/>', (-1, -2), (1, 2)),
+        (
+            '<defs><rect id="r" width="2" height="1"/></defs>'
+            '<use href="#r" transform="rotate(90)"/>',
+            (-1, 0),
+            (0, 2),
+        ),
+        # Viewports within the drawing have a frame of their own.
+        (
+            '<svg x="1" y="1" width="5" height="2" viewBox="10 0 10 4">'
+            '<path d="M10 0h10v4"/></svg>',
+            (1, 1),
+            (6, 3),
+        ),
+        ('<svg x="1" y="2"><path d="M0 0h3v4"/></svg>', (1, 2), (4, 6)),
+        (
+            '<symbol id="s" viewBox="0 0 4 4"><path d="M0 0h4v4"/></symbol>'
+            '<use href="#s" x="1" width="8" height="8"/>',
+            (1, 0),
+            (9, 8),
+        ),
+        # What clips, masks, fills and marks is no outline.
+        (
+            '<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
+            '<pattern><path d="M0 0h9v9"/></pattern><marker><path d="M0 0h9v9"/></marker>'
+            '<rect clip-path="url(#c)" width="3" height="2"/>',
+            (0, 0),
+            (3, 2),
+        ),
+    ],
+)
+def test_an_svg_drawing_is_read_as_browsers_draw_it(body, low, high, tmp_path: Path) -> None:
+    world = svg(tmp_path, body, 'width="10m" height="10m" viewBox="0 0 10 10"')
+    drawn = np.array([[low[0], 10 - high[1]], [high[0], 10 - low[1]]])
+    assert world.bounds == pytest.approx(drawn, abs=0.01)
+
+
+def test_a_viewport_of_no_size_in_an_svg_drawing_is_refused(tmp_path: Path) -> None:
+    for box in ("0 0 0 4", "a", "0 0 nan 1"):
+        with pytest.raises(WorldError, match=r"a\.svg: viewBox is"):
+            svg(tmp_path, f'<svg viewBox="{box}"><path d="M0 0h3"/></svg>')
+
+
 def test_a_sheet_without_a_height_keeps_its_proportions(tmp_path: Path) -> None:
     world = svg(tmp_path, '<rect width="10" height="20"/>', 'width="1in" viewBox="0 0 10 20"')
     assert world.bounds == pytest.approx(np.array([[0, 0], [0.0254, 0.0508]]))
@@ -123,6 +176,12 @@ def test_curves_blocks_and_layers_of_a_dxf_drawing(tmp_path: Path) -> None:
     assert world.bounds == pytest.approx(np.array([[-3, -3], [50, 52]]), abs=0.01)
     radii = np.hypot(*(0.5 * (world.segments[:, :2] + world.segments[:, 2:])).T)
     assert 3.0 - radii[radii < 4].min() <= CURVE_ERROR
+
+
+def test_the_lines_of_a_multiline_are_walls(tmp_path: Path) -> None:
+    world = dxf(tmp_path, lambda space: space.add_mline([(0, 0), (10, 0), (10, 5)]))
+    assert len(world.segments) == 4
+    assert world.bounds == pytest.approx(np.array([[0, -1], [11, 5]]))
 
 
 def test_lines_drawn_twice_count_once() -> None:

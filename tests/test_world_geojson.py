@@ -202,7 +202,8 @@ def test_an_outline_that_crosses_itself_is_mended(tmp_path: Path) -> None:
         ('{"type": "LineString", "coordinates": [[1, 2], ["3", 2]]}', "feature 0: .*point 1 is"),
         ('{"type": "LineString", "coordinates": [[1, 2], [1e99, 2]]}', "feature 0: .*at most 1e"),
         ('{"type": "LineString", "coordinates": [[1, 2], [1e999, 2]]}', "feature 0: .*at most 1e"),
-        ('{"type": "Polygon", "coordinates": []}', "feature 0: Polygon without rings"),
+        ('{"type": "Polygon", "coordinates": []}', "holds no Polygon and no LineString"),
+        ('{"type": "MultiPolygon", "coordinates": [[]]}', "feature 0: Polygon without rings"),
         (
             '{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [1, 2]]]}',
             "feature 0: Polygon ring 0 has 2 different points",
@@ -226,3 +227,36 @@ def test_a_height_that_is_none_is_refused_with_its_feature(height: object, tmp_p
     good = polygon(rectangle(0, 0, 5, 5))
     with pytest.raises(WorldError, match=r"feature 1: height is .*expected metres"):
         read(tmp_path, good, polygon(rectangle(9, 0, 5, 5), height=height))
+
+
+@pytest.mark.parametrize(
+    "crs", ["urn:ogc:def:crs:EPSG::3857", "EPSG:3857", "http://www.opengis.net/def/crs/EPSG/0/3857"]
+)
+def test_the_stretched_metres_of_web_maps_are_laid_flat(crs: str, tmp_path: Path) -> None:
+    degrees = np.array([[4.35, 52.0], [4.351, 52.0], [4.351, 52.0005], [4.35, 52.0005]])
+    flat = read(tmp_path, polygon(degrees.tolist()))
+    radius = 6_378_137.0
+    north = radius * np.log(np.tan(np.pi / 4 + np.radians(degrees[:, 1]) / 2))
+    web = np.column_stack([radius * np.radians(degrees[:, 0]), north])
+    assert np.ptp(web[:, 0]) > 1.5 * np.ptp(flat.segments[:, 0])
+    told = {"type": "name", "properties": {"name": crs}}
+    world = read(tmp_path, polygon(web.tolist()), crs=told)
+    assert world.bounds == pytest.approx(flat.bounds, abs=1e-6)
+    assert world.place == pytest.approx(flat.place)
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"), [("40'", 12.192), ("12,5", 12.5), ("10 ft 6 in", 3.2004)]
+)
+def test_a_height_may_be_written_as_people_write_it(text, metres, tmp_path: Path) -> None:
+    world = read(tmp_path, polygon([[0, 0], [9, 0], [9, 9]], height=text))
+    assert world.heights == pytest.approx(metres)
+
+
+def test_an_empty_geometry_is_none(tmp_path: Path) -> None:
+    empty = {
+        "type": "Feature",
+        "properties": {},
+        "geometry": {"type": "Polygon", "coordinates": []},
+    }
+    assert len(read(tmp_path, empty, polygon([[0, 0], [9, 0], [9, 9]])).segments) == 3

@@ -43,6 +43,28 @@ def width(points: np.ndarray) -> float:
     return float(best) if np.isfinite(best) else 0.0
 
 
+@pytest.mark.parametrize("kind", ["RGBA", "LA", "P"])
+def test_the_opacity_of_a_picture_is_read_as_map_server_reads_it(kind: str, tmp_path: Path) -> None:
+    # A post that shows through, within the room: its colour alone is dark enough.
+    opaque, grey = np.full((50, 60), 255), room()
+    grey[20:30, 20:30], opaque[20:30, 20:30] = 60, 100
+    picture = Image.merge("LA", [Image.fromarray(p.astype(np.uint8)) for p in (grey, opaque)])
+    if kind == "P":
+        picture = picture.convert("RGBA").quantize(8)
+    elif kind == "RGBA":
+        picture = picture.convert("RGBA")
+    path = save_map(tmp_path, grey)
+    picture.save(tmp_path / "map.png")
+    objects = {}
+    for mode in ("trinary", "scale"):
+        path.write_text(path.read_text() + f"mode: {mode}\n")
+        objects[mode] = load_world(path).object_count
+    # Opacity is one of four colours: (3 · 60 + 100) / 4 = 70 is still dark enough.
+    assert objects == {"trinary": 2, "scale": 1}
+    path.write_text(path.read_text() + "mode: trinary\noccupied_thresh: 0.74\n")
+    assert load_world(path).object_count == 1
+
+
 points_of_grids = arrays(
     np.int64, st.tuples(st.integers(1, 9), st.just(2)), elements=st.integers(0, 8)
 )

@@ -61,6 +61,11 @@ class Trajectory:
         speeds = np.column_stack([ahead, turns]) / np.diff(self.times)[:, None]
         return np.vstack([speeds, speeds[-1:]])
 
+    def every(self, count: int) -> "Trajectory":
+        """The trajectory of each pose of so many, from the first on, and of the last."""
+        kept = np.append(np.arange(0, len(self) - 1, count), len(self) - 1)
+        return Trajectory(self.times[kept], self.poses[kept])
+
     def at(self, times: Float) -> Float:
         """Poses (m, 3) at times (m,) [s].
 

@@ -13,6 +13,7 @@ from lrf3d.errors import CollisionError, InputError
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.line_mapper import FLOOR
 from lrf3d.robot import Trajectory, check_drive, follow_route
+from lrf3d.robot.following import CONTROL_STEP
 from lrf3d.robot.laps import chain_laps, drive_laps
 from lrf3d.robot.patrol import patrol
 from lrf3d.robot.planner import plan_route
@@ -191,7 +192,13 @@ def trajectory_of(
         return Trajectory(POSE_INTERVAL * stops, scenario.poses[stops % len(scenario.poses)])
     if scenario.route is None:
         raise InputError(f"{scenario.name}: neither poses nor a route to drive")
-    how = {"speed": scenario.speed, "lookahead": LOOKAHEAD, "dt": scenario.scan_interval}
+    # The robot is steered, and must keep clear of walls, between its scans as well.
+    commands = max(1, round(scenario.scan_interval / CONTROL_STEP))
+    how = {
+        "speed": scenario.speed,
+        "lookahead": LOOKAHEAD,
+        "dt": scenario.scan_interval / commands,
+    }
     if scans is None:
         laps: tuple[Trajectory, ...] = (follow_route(scenario.route, start=scenario.start, **how),)
     else:
@@ -203,4 +210,5 @@ def trajectory_of(
         if ignore_collisions is None:
             raise
         ignore_collisions(str(error))
+    laps = tuple(lap.every(commands) for lap in laps)
     return laps[0] if scans is None else chain_laps(laps[0], laps[1], scans)

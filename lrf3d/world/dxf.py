@@ -1,8 +1,9 @@
-"""Worlds from DXF drawings: lines, polylines, arcs, circles, ellipses and splines become walls.
+"""Worlds from DXF drawings: lines, polylines, arcs, circles, ellipses, splines become walls.
 
 A path enters; a :class:`World` leaves. ``$INSUNITS`` gives the unit; a drawing without one is in
-metres. Blocks are put in where they are inserted. Curves become chords no farther from them than
-:data:`~lrf3d.world.drawing.CURVE_ERROR`, or a two-thousandth of their size where that is less.
+metres. Blocks are put in where they are inserted, multilines as their lines. Curves
+become chords no farther from them than :data:`~lrf3d.world.drawing.CURVE_ERROR`, or a
+two-thousandth of their size where that is less.
 Walls that touch are one object. Layers that are off or frozen, paper space, hatches, texts and
 dimensions are no walls; heights (z) are ignored.
 """
@@ -109,6 +110,8 @@ def _entities(layout: Any, path: Path, hidden: set[str]) -> Iterator[Any]:
                 waiting.append((iter(entity.multi_insert()), depth))
             else:
                 waiting.append((iter(entity.virtual_entities()), depth + 1))
+        elif entity.dxftype() == "MLINE":
+            waiting.append((iter(entity.virtual_entities()), depth))
         elif entity.dxftype() in OUTLINES:
             yield entity
 

@@ -1,5 +1,7 @@
 """Longitudes and latitudes: telling them from metres, and laying them flat."""
 
+import json
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +17,33 @@ WIDEST = 0.5
 LARGEST_BUILDING = 0.01
 """Median extent of the outlines [°] up to which a file is taken for degrees: about 1 km, or as
 metres the width of a finger."""
+
+DEGREES = {"4326", "4258", "4269"}
+"""EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart."""
+
+WEB_MERCATOR = {"3857", "900913", "3785", "102100", "102113"}
+"""EPSG's and ESRI's codes of the projection of web maps, which enlarges Delft by 1.6."""
+
+MERCATOR_RADIUS = 6_378_137.0
+"""Radius [m] of the sphere of web maps."""
+
+_CODE = re.compile(r"(?:EPSG|ESRI)\D.*?(\d{4,6})\b")
+
+
+def code_of(reference: object) -> str:
+    """The EPSG code that a GeoJSON ``crs`` names; 4326 for CRS84, nothing where there is none."""
+    text = json.dumps(reference)
+    if "CRS84" in text:
+        return "4326"
+    match = _CODE.search(text)
+    return match.group(1) if match else ""
+
+
+def from_web_mercator(points: Float) -> Float:
+    """Longitudes and latitudes (k, 2) [°] of points (k, 2) [m] of a web map."""
+    longitude = points[:, 0] / MERCATOR_RADIUS
+    latitude = np.arctan(np.sinh(points[:, 1] / MERCATOR_RADIUS))
+    return np.asarray(np.degrees(np.column_stack([longitude, latitude])), dtype=np.float64)
 
 
 def looks_geographic(outlines: Sequence[Float]) -> bool:

@@ -2,7 +2,8 @@
 
 A path enters, a :class:`World` leaves. Coordinates are metres and are kept as they are, also far
 from the origin; a file in longitude and latitude, which GeoJSON proper is in, is recognised by
-its ``crs`` or by its size and laid flat about its middle. Heights above ground (Z) are ignored.
+its ``crs`` or by its size and laid flat about its middle, as are the stretched metres of web maps
+(EPSG:3857). Heights above ground (Z) are ignored.
 """
 
 import json
@@ -15,7 +16,15 @@ from lrf3d.geometry import Float
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.dissolve import STRAIGHT
-from lrf3d.world.geographic import centre_of, lay_flat, looks_geographic
+from lrf3d.world.geographic import (
+    DEGREES,
+    WEB_MERCATOR,
+    centre_of,
+    code_of,
+    from_web_mercator,
+    lay_flat,
+    looks_geographic,
+)
 from lrf3d.world.geojson_features import features_of
 from lrf3d.world.model import World
 from lrf3d.world.schema import PLACE, Invalid, point
@@ -42,6 +51,9 @@ def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
     if not outlines:
         raise WorldError(f"{path}: holds no Polygon and no LineString, so there is no wall")
     place = _place(data)
+    if code_of(data.get("crs")) in WEB_MERCATOR and data.get("units") != "m":
+        features = [feature.moved(from_web_mercator) for feature in features]
+        outlines = [from_web_mercator(outline) for outline in outlines]
     if _is_geographic(data, outlines):
         centre = centre_of(outlines)
         place = float(centre[0]), float(centre[1])
@@ -113,4 +125,4 @@ def _is_geographic(data: dict[str, Any], outlines: list[Float]) -> bool:
     reference = data.get("crs")
     if reference is None:
         return looks_geographic(outlines)
-    return any(name in json.dumps(reference) for name in ("CRS84", "EPSG::4326", "EPSG:4326"))
+    return code_of(reference) in DEGREES | WEB_MERCATOR

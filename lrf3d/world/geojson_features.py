@@ -17,7 +17,9 @@ from lrf3d.world.schema import FARTHEST, MOST_OBJECTS, shown
 LEVEL_HEIGHT = 3.0
 """Height of a storey [m], for buildings that give their levels alone."""
 
-_METRES = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(?:m|metres?|meters?)?\s*")
+_METRES = re.compile(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*(?:m|metres?|meters?)?\s*")
+_FEET = re.compile(r"""\s*(\d+(?:\.\d+)?)\s*(?:ft|feet|')\s*(?:(\d+(?:\.\d+)?)\s*(?:in|"))?\s*""")
+_FOOT, _INCH = 0.3048, 0.0254
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +120,9 @@ class _Reader:
         if not isinstance(parts, list):
             self.refuse(f"expected a GeoJSON geometry with {key}, found type {shown(kind)}")
         match kind:
+            case "Polygon" | "LineString" if not parts:
+                # An empty geometry is none (RFC 7946, section 3.1).
+                pass
             case "Polygon":
                 yield self.polygon(parts), True
             case "MultiPolygon":
@@ -190,13 +195,21 @@ class _Reader:
         return None
 
     def number(self, value: object, key: str) -> float:
-        if isinstance(value, str) and (match := _METRES.fullmatch(value)):
-            return float(match.group(1))
-        if type(value) in (int, float):
-            assert isinstance(value, int | float)
-            if math.isfinite(value) and 0.0 <= value <= FARTHEST:
-                return float(value)
+        metres = metres_of(value) if isinstance(value, str) else value
+        if type(metres) in (int, float):
+            assert isinstance(metres, int | float)
+            if math.isfinite(metres) and 0.0 <= metres <= FARTHEST:
+                return float(metres)
         self.refuse(f'{key} is {shown(value)}, expected metres such as 12.5 or "12.5 m"')
+
+
+def metres_of(text: str) -> float | None:
+    """Metres of a length as people write it, such as 12, 12,5 m or 40'; None where it is none."""
+    if match := _METRES.fullmatch(text):
+        return float(match.group(1).replace(",", "."))
+    if match := _FEET.fullmatch(text):
+        return _FOOT * float(match.group(1)) + _INCH * float(match.group(2) or 0.0)
+    return None
 
 
 def _without_repeats(points: Float, before: Float) -> Float:

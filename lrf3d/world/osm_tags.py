@@ -3,10 +3,8 @@
 Source: the wiki's pages Key:building, Key:height, Key:min_height and Key:building:levels.
 """
 
-import re
-
 from lrf3d.world.colours import parse_colour
-from lrf3d.world.geojson_features import LEVEL_HEIGHT
+from lrf3d.world.geojson_features import LEVEL_HEIGHT, metres_of
 
 HIGHEST = 1000.0
 """Height [m] above which a tag is taken for a slip of the pen."""
@@ -17,27 +15,23 @@ ABOVE_BEAMS = 2.0
 NO_WALLS = {"no", "roof", "carport"}
 """Values of the tag building that are of no walls."""
 
-_METRES = re.compile(r"\s*(\d+(?:[.,]\d+)?)\s*(?:m|metres?|meters?)?\s*")
-_FEET = re.compile(r"""\s*(\d+(?:\.\d+)?)\s*(?:ft|feet|')\s*(?:(\d+(?:\.\d+)?)\s*(?:in|"))?\s*""")
-_FOOT, _INCH = 0.3048, 0.0254
-
 
 def is_building(tags: dict[str, str]) -> bool:
     """Whether tags are of a building whose walls stand on the ground."""
     if tags.get("building", "no") in NO_WALLS or tags.get("location") == "underground":
         return False
-    above = _metres(tags.get("min_height", ""))
+    above = metres_of(tags.get("min_height", ""))
     if above is None:
-        above = LEVEL_HEIGHT * (_metres(tags.get("building:min_level", "")) or 0.0)
+        above = LEVEL_HEIGHT * (metres_of(tags.get("building:min_level", "")) or 0.0)
     return above < ABOVE_BEAMS
 
 
 def tag_height(tags: dict[str, str]) -> float | None:
     """Height [m] of a building above the ground, or None where nothing is said."""
-    height = _metres(tags.get("height", "")) or _metres(tags.get("building:height", ""))
+    height = metres_of(tags.get("height", "")) or metres_of(tags.get("building:height", ""))
     if height is None:
-        levels = _metres(tags.get("building:levels", "")) or 0.0
-        height = LEVEL_HEIGHT * (levels + (_metres(tags.get("roof:levels", "")) or 0.0))
+        levels = metres_of(tags.get("building:levels", "")) or 0.0
+        height = LEVEL_HEIGHT * (levels + (metres_of(tags.get("roof:levels", "")) or 0.0))
     return height if 0.0 < height <= HIGHEST else None
 
 
@@ -50,11 +44,3 @@ def name_of(tags: dict[str, str]) -> str:
     """What a building is called: its name, or street and number."""
     address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
     return tags.get("name") or address
-
-
-def _metres(text: str) -> float | None:
-    if match := _METRES.fullmatch(text):
-        return float(match.group(1).replace(",", "."))
-    if match := _FEET.fullmatch(text):
-        return _FOOT * float(match.group(1)) + _INCH * float(match.group(2) or 0.0)
-    return None

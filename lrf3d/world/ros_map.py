@@ -147,18 +147,30 @@ def _is_place(value: object) -> bool:
 
 def _occupied(description: _Description) -> Bool:
     """Which cells (rows, columns) are occupied, the first row at the bottom."""
-    share = _darkness(description)
+    mode = description.data["mode"]
+    share, opaque = _darkness(description, with_alpha=mode == "trinary")
     if description.negate:
         share = 1.0 - share
-    if description.data["mode"] == "raw":
+    if mode == "scale":
+        # What shows through is unknown.
+        share = np.where(opaque, share, 0.0)
+    if mode == "raw":
         # The value of a pixel is the occupancy in per cent, and more than that is unknown.
         value = np.round(255.0 * (1.0 - share))
         share = np.where(value <= 100.0, value / 100.0, 0.0)
     return np.asarray(share[::-1] > description.occupied)
 
 
-def _darkness(description: _Description) -> Float:
-    """How dark the pixels (rows, columns) of the picture are, from 0 for white to 1 for black."""
+def _darkness(description: _Description, *, with_alpha: bool) -> tuple[Float, Bool | bool]:
+    """How dark the pixels (rows, columns) of the picture are, from 0 for white to 1 for black.
+
+    Args:
+        description: What names the picture.
+        with_alpha: Whether opacity counts as one more colour, as map_server has it.
+
+    Returns:
+        The darkness, and which pixels are opaque; True where all are.
+    """
     from PIL import Image, UnidentifiedImageError
 
     picture = description.picture
@@ -174,7 +186,8 @@ def _darkness(description: _Description) -> Float:
                     )
                 top = 65535.0 if image.mode.startswith("I") else 255.0
                 if image.mode in ("P", "PA", "1", "CMYK"):
-                    image = image.convert("RGB")
+                    clear = image.mode == "PA" or "transparency" in image.info
+                    image = image.convert("RGBA" if clear else "RGB")
                 pixels = np.asarray(image)
         except WorldError:
             raise
@@ -185,7 +198,15 @@ def _darkness(description: _Description) -> Float:
             raise WorldError(f"{picture}: damaged picture ({reason})") from None
         except Image.DecompressionBombError:
             raise WorldError(f"{picture}: a picture that is far too large") from None
+    opaque: Bool | bool = True
     if pixels.ndim == 3:
-        colours = 1 if pixels.shape[2] == 2 else 3
-        pixels = pixels[..., :colours].mean(axis=2, dtype=np.float32)
-    return np.asarray(1.0 - pixels.astype(np.float32) / np.float32(top))
+        channels = pixels.shape[2]
+        colours = 1 if channels == 2 else 3
+        light = pixels[..., :colours].mean(axis=2, dtype=np.float32)
+        if channels > colours:
+            alpha = pixels[..., colours]
+            opaque = alpha == 255
+            if with_alpha:
+                light = np.float32(0.75) * light + np.float32(0.25) * alpha
+        pixels = light
+    return np.asarray(1.0 - pixels.astype(np.float32) / np.float32(top)), opaque

@@ -22,6 +22,7 @@ from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
 from lrf3d.world.model import World
 from lrf3d.world.schema import FARTHEST
 from lrf3d.world.svg_bounds import check_svg
+from lrf3d.world.svg_viewports import flatten_viewports
 
 FINEST = 2e-4
 """Chords lie no farther from their curves than this share of the sheet: a drawing on paper is a
@@ -64,13 +65,15 @@ def read_svg(path: Path) -> World:
     for key in ("width", "height", "viewBox", "preserveAspectRatio"):
         root.attrib.pop(key, None)
     x, y, width, height = sheet.box
+    flatten_viewports(root)
     root.attrib.update(viewBox=f"{x} {y} {width} {height}", width=f"{width}", height=f"{height}")
     drawing = SVG.parse(BytesIO(ElementTree.tostring(root)), ppi=96.0)
     tolerance = min(CURVE_ERROR, FINEST * max(width, height) * sheet.scale) / sheet.scale
     strokes = []
     for element in drawing.elements():
         if isinstance(element, Shape) and element.values.get("visibility") in (None, "visible"):
-            for part in Outline(element).as_subpaths():
+            # Shapes that are turned keep their transform apart until it is asked for.
+            for part in abs(Outline(element)).as_subpaths():
                 points = _points(part, tolerance)
                 strokes.append((np.array([0.0, height]) + points * [1.0, -1.0]) * sheet.scale)
     return world_of_strokes(strokes, path)
