@@ -35,6 +35,13 @@ apart, a bottom that joins them is wide enough to be seen."""
 ACROSS = 0.5
 """Sine of the angle by which a link runs before a wall that it leads to the face of."""
 
+ABUTS = 0.5
+"""Longest link [m] that may run before a wall which goes on to both sides of it: what abuts on a
+wall is seen up to almost there, and what is seen no nearer merely stands before it."""
+
+SIDE = 0.3
+"""How far [m] a wall reaches beside a link if it goes on there."""
+
 FAR = 15.0
 """Longest link [m] behind two walls: as deep as most buildings are."""
 
@@ -69,7 +76,9 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
     """
     parents = np.arange(len(ends))
     sizes = np.ones(len(ends), np.int64)
-    pairs, links = _find_links(ends)
+    candidates = pairs_within(ends, FAR)
+    starts, near = _neighbours(candidates, len(ends))
+    pairs, links = _find_links(ends, candidates)
     order = np.argsort(links[:, 4], kind="mergesort")
     waiting, strong = np.empty(len(order), np.int64), np.zeros(len(order), np.bool_)
     count = 0
@@ -79,6 +88,11 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
         if one == other:
             continue
         length = links[place, 4]
+        if length > ABUTS:
+            wall, across = pairs[place]
+            others = near[starts[wall] : starts[wall + 1]]
+            if _goes_before(links[place], ends, wall, across, others):
+                continue
         if length > SHORT:
             if passed(links[place, :4], beams, floor, growth, PASSED, 0):
                 continue
@@ -107,8 +121,8 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
         kept, gone = min(one, other), max(one, other)
         parents[gone] = kept
         sizes[kept] += sizes[gone]
-    for wall in range(len(ends)):
-        parents[wall] = _root(parents, wall)
+    for place in range(len(ends)):
+        parents[place] = _root(parents, place)
     return parents
 
 
@@ -121,12 +135,11 @@ def _root(parents: Int, wall: int) -> int:  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def _find_links(ends: Float) -> tuple[Int, Float]:  # pragma: no cover
+def _find_links(ends: Float, candidates: Int) -> tuple[Int, Float]:  # pragma: no cover
     """Pairs (k, 2) of walls that a link may join, and the links (k, 6).
 
     A link is x1 y1 x2 y2, its length [m], and 1 where it runs before a wall.
     """
-    candidates = pairs_within(ends, FAR)
     pairs, links = np.empty((64, 2), np.int64), np.empty((64, 6))
     kept = 0
     for wall, other in candidates:
@@ -156,8 +169,19 @@ def _find_links(ends: Float) -> tuple[Int, Float]:  # pragma: no cover
 
 @njit(cache=True, nogil=True)
 def _shortest_link(one: Float, other: Float) -> Float:  # pragma: no cover
-    """The shortest line (4,) between an end of one of two segments and the other segment."""
+    """The shortest line (4,) from one of two segments to the other."""
     link = np.zeros(4)
+    dx, dy = one[2] - one[0], one[3] - one[1]
+    u, v = other[2] - other[0], other[3] - other[1]
+    turn = dx * v - dy * u
+    if turn != 0.0:
+        ahead = ((other[0] - one[0]) * v - (other[1] - one[1]) * u) / turn
+        along = ((other[0] - one[0]) * dy - (other[1] - one[1]) * dx) / turn
+        if 0.0 <= ahead <= 1.0 and 0.0 <= along <= 1.0:
+            # They cross: one was united through the other.
+            link[0] = link[2] = one[0] + ahead * dx
+            link[1] = link[3] = one[1] + ahead * dy
+            return link
     least = np.inf
     for turn in range(4):
         own, across = (one, other) if turn < 2 else (other, one)
@@ -182,6 +206,62 @@ def _before(wall: Float, link: Float) -> float:  # pragma: no cover
     last = (dx * (link[3] - wall[1]) - dy * (link[2] - wall[0])) / size
     before: float = max(first, last)
     return before
+
+
+@njit(cache=True, nogil=True)
+def _neighbours(pairs: Int, count: int) -> tuple[Int, Int]:  # pragma: no cover
+    """The partners of each of some walls in pairs (k, 2), in one row, and where each wall's begin."""
+    first = np.zeros(count + 2, np.int64)
+    for pair in pairs:
+        first[pair[0] + 2] += 1
+        first[pair[1] + 2] += 1
+    first = np.cumsum(first)
+    near = np.empty(2 * len(pairs), np.int64)
+    for pair in pairs:
+        for turn in range(2):
+            wall, other = pair[turn], pair[1 - turn]
+            near[first[wall + 1]] = other
+            first[wall + 1] += 1
+    return first[:-1], near
+
+
+@njit(cache=True, nogil=True)
+def _goes_before(
+    link: Float, ends: Float, one: int, other: int, others: Int
+) -> bool:  # pragma: no cover
+    """Whether a link (6,) of two walls runs far before a face that goes on to both sides of it."""
+    for wall in others:
+        if wall != other and _stands_off(link, ends[wall]):
+            return True
+    # A wall may go on, unseen, to the face of another.
+    if _stands_off(link, ends[one]) and not _goes_along(link, ends[other]):
+        return True
+    return _stands_off(link, ends[other]) and not _goes_along(link, ends[one])
+
+
+@njit(cache=True, nogil=True)
+def _goes_along(link: Float, wall: Float) -> bool:  # pragma: no cover
+    """Whether a link (6,) runs along the line of a wall (4,) that it begins or ends at."""
+    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+    aside: float = abs(dx * (link[3] - link[1]) - dy * (link[2] - link[0]))
+    return aside <= ALONG * link[4] * np.hypot(dx, dy)
+
+
+@njit(cache=True, nogil=True)
+def _stands_off(link: Float, wall: Float) -> bool:  # pragma: no cover
+    """Whether a link (6,) meets the inside of a wall (4,) and runs far before its face there."""
+    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+    size = np.hypot(dx, dy)
+    begin = (dx * (link[1] - wall[1]) - dy * (link[0] - wall[0])) / size
+    end = (dx * (link[3] - wall[1]) - dy * (link[2] - wall[0])) / size
+    most, least = max(begin, end), min(begin, end)
+    rise = most - least
+    if least > 1e-6 or rise < ACROSS * link[4] or most * link[4] < ABUTS * rise:
+        return False
+    share = begin / (begin - end)
+    x, y = link[0] + share * (link[2] - link[0]), link[1] + share * (link[3] - link[1])
+    place: float = (dx * (x - wall[0]) + dy * (y - wall[1])) / size
+    return SIDE < place < size - SIDE
 
 
 @njit(cache=True, nogil=True)
