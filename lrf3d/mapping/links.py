@@ -2,7 +2,8 @@
 
 Walls are of one object where a link between them exists that no beam has passed. What lies behind
 the faces of both walls is taken for solid until a beam passes through it. A link that runs before
-one of them, across a niche or a corner, must be short, and beams may reach into the niche. A long
+one of them, to a corner that was not seen, must be short and lead to where that wall may end: what
+stands before a wall that goes on behind it is no part of it, unless it was seen to touch. A long
 one says something only where all sight from wall to wall is barred, and two objects of several
 walls are one only by two such links: a single one may be a lane that no beam happened to find.
 """
@@ -50,9 +51,6 @@ BEHIND = 0.3
 
 SPREAD = (0.1, 0.5, 0.9)
 """Where on two walls the lines of sight between them begin and end, as parts of their lengths."""
-
-NICHE = 0.5
-"""How deep a niche may be, as a part of its width, that beams reach into across a link."""
 
 SEVERAL = 3
 """Walls from which on an object is joined to another such by two long links and not by one."""
@@ -116,7 +114,7 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
                     waiting[count], strong[count] = place, barred
                     count += 1
                     continue
-        elif length > TOUCH and _short_parted(links[place], beams, floor, growth):
+        elif length > TOUCH and passed(links[place, :4], beams, floor, growth, PASSED, STRAY):
             continue
         kept, gone = min(one, other), max(one, other)
         parents[gone] = kept
@@ -262,14 +260,6 @@ def _stands_off(link: Float, wall: Float) -> bool:  # pragma: no cover
     x, y = link[0] + share * (link[2] - link[0]), link[1] + share * (link[3] - link[1])
     place: float = (dx * (x - wall[0]) + dy * (y - wall[1])) / size
     return SIDE < place < size - SIDE
-
-
-@njit(cache=True, nogil=True)
-def _short_parted(
-    link: Float, beams: Beams, floor: float, growth: float
-) -> bool:  # pragma: no cover
-    """Whether beams have passed a short link (6,), and gone on deeper than into a niche."""
-    return passed(link[:4], beams, floor, growth, max(PASSED, NICHE * link[4]), STRAY)
 
 
 @njit(cache=True, nogil=True)
