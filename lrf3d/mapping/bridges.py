@@ -10,7 +10,7 @@ from numba import njit
 from lrf3d.geometry import Float
 from lrf3d.mapping.evidence import PASSED
 from lrf3d.mapping.grid import pairs_within
-from lrf3d.mapping.links import passed
+from lrf3d.mapping.passing import passed
 from lrf3d.mapping.scan_archive import Beams
 from lrf3d.mapping.wall_merging import Rule, merge, misfit
 from lrf3d.mapping.wall_rows import Walls

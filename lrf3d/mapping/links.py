@@ -2,7 +2,8 @@
 
 Walls are of one object where a link between them exists that no beam has passed. What lies behind
 the faces of both walls is taken for solid until a beam passes through it. A link that runs before
-one of them, across a niche or a corner, must be short, and beams may reach into the niche. A long
+one of them, to a corner that was not seen, must be short and lead to where that wall may end: what
+stands before a wall that goes on behind it is no part of it, unless it was seen to touch. A long
 one says something only where all sight from wall to wall is barred, and two objects of several
 walls are one only by two such links: a single one may be a lane that no beam happened to find.
 """
@@ -11,41 +12,26 @@ import numpy as np
 from numba import njit
 
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.evidence import PASSED, SIGMAS, beams_between
+from lrf3d.mapping.evidence import PASSED
 from lrf3d.mapping.grid import pairs_within
+from lrf3d.mapping.link_lines import (
+    ABUTS,
+    BEHIND,
+    FAR,
+    SHORT,
+    find_links,
+    goes_before,
+    neighbours,
+    reach_before,
+)
+from lrf3d.mapping.passing import passed
 from lrf3d.mapping.scan_archive import Beams
 
 TOUCH = 0.1
 """Walls that come nearer than this [m] touch: no beam that passes between them need be trusted."""
 
-SHORT = 3.0
-"""Longest link [m] that may run before a wall: less than a lane between buildings."""
-
-HIDDEN = 4.0
-"""Longest link [m] along which a wall may go on, unseen, to the face of another: a corner that
-something hid."""
-
-ALONG = 0.1
-"""Sine of the angle by which such a link may stray before the wall that it continues."""
-
-FACING = 1.0
-"""Longest link [m] between the faces of two walls, across a niche: where such walls are farther
-apart, a bottom that joins them is wide enough to be seen."""
-
-ACROSS = 0.5
-"""Sine of the angle by which a link runs before a wall that it leads to the face of."""
-
-FAR = 15.0
-"""Longest link [m] behind two walls: as deep as most buildings are."""
-
-BEHIND = 0.3
-"""Sine of the angle by which a link may run before a wall and still count as behind it."""
-
 SPREAD = (0.1, 0.5, 0.9)
 """Where on two walls the lines of sight between them begin and end, as parts of their lengths."""
-
-NICHE = 0.5
-"""How deep a niche may be, as a part of its width, that beams reach into across a link."""
 
 SEVERAL = 3
 """Walls from which on an object is joined to another such by two long links and not by one."""
@@ -55,6 +41,13 @@ ALIKE = 1.0
 
 STRAY = 1
 """Beams that may pass a short link: noise that lets one pass is rare, but links are many."""
+
+FEW = 8
+"""Beams that may reach into the corner behind a short link: by more the corner was seen, and what
+joins there was seen too."""
+
+NICHE = 0.5
+"""How deep such a corner may be, as a part of the link's length."""
 
 
 @njit(cache=True, nogil=True)
@@ -69,7 +62,9 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
     """
     parents = np.arange(len(ends))
     sizes = np.ones(len(ends), np.int64)
-    pairs, links = _find_links(ends)
+    candidates = pairs_within(ends, FAR)
+    starts, near = neighbours(candidates, len(ends))
+    pairs, links = find_links(ends, candidates)
     order = np.argsort(links[:, 4], kind="mergesort")
     waiting, strong = np.empty(len(order), np.int64), np.zeros(len(order), np.bool_)
     count = 0
@@ -79,6 +74,11 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
         if one == other:
             continue
         length = links[place, 4]
+        if length > ABUTS:
+            wall, across = pairs[place]
+            others = near[starts[wall] : starts[wall + 1]]
+            if goes_before(links[place], ends, wall, across, others):
+                continue
         if length > SHORT:
             if passed(links[place, :4], beams, floor, growth, PASSED, 0):
                 continue
@@ -102,13 +102,13 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
                     waiting[count], strong[count] = place, barred
                     count += 1
                     continue
-        elif length > TOUCH and _short_parted(links[place], beams, floor, growth):
+        elif length > TOUCH and _parted(links[place], beams, floor, growth):
             continue
         kept, gone = min(one, other), max(one, other)
         parents[gone] = kept
         sizes[kept] += sizes[gone]
-    for wall in range(len(ends)):
-        parents[wall] = _root(parents, wall)
+    for place in range(len(ends)):
+        parents[place] = _root(parents, place)
     return parents
 
 
@@ -118,78 +118,6 @@ def _root(parents: Int, wall: int) -> int:  # pragma: no cover
         parents[wall] = parents[parents[wall]]
         wall = parents[wall]
     return wall
-
-
-@njit(cache=True, nogil=True)
-def _find_links(ends: Float) -> tuple[Int, Float]:  # pragma: no cover
-    """Pairs (k, 2) of walls that a link may join, and the links (k, 6).
-
-    A link is x1 y1 x2 y2, its length [m], and 1 where it runs before a wall.
-    """
-    candidates = pairs_within(ends, FAR)
-    pairs, links = np.empty((64, 2), np.int64), np.empty((64, 6))
-    kept = 0
-    for wall, other in candidates:
-        link = _shortest_link(ends[wall], ends[other])
-        length = np.hypot(link[2] - link[0], link[3] - link[1])
-        one, another = _before(ends[wall], link), _before(ends[other], link)
-        before, less = max(one, another), min(one, another)
-        if (
-            length > FAR
-            or (length > FACING and less > ACROSS * length)
-            or (
-                (length > SHORT and before > BEHIND * length)
-                and (length > HIDDEN or less > ALONG * length)
-            )
-        ):
-            continue
-        if kept == len(pairs):
-            pairs = np.concatenate((pairs, np.empty_like(pairs)))
-            links = np.concatenate((links, np.empty_like(links)))
-        pairs[kept, 0], pairs[kept, 1] = wall, other
-        links[kept, :4] = link
-        links[kept, 4] = length
-        links[kept, 5] = before > BEHIND * length
-        kept += 1
-    return pairs[:kept], links[:kept]
-
-
-@njit(cache=True, nogil=True)
-def _shortest_link(one: Float, other: Float) -> Float:  # pragma: no cover
-    """The shortest line (4,) between an end of one of two segments and the other segment."""
-    link = np.zeros(4)
-    least = np.inf
-    for turn in range(4):
-        own, across = (one, other) if turn < 2 else (other, one)
-        x, y = own[2 * (turn % 2)], own[2 * (turn % 2) + 1]
-        dx, dy = across[2] - across[0], across[3] - across[1]
-        place = ((x - across[0]) * dx + (y - across[1]) * dy) / (dx * dx + dy * dy)
-        place = min(max(place, 0.0), 1.0)
-        u, v = across[0] + place * dx, across[1] + place * dy
-        away = (x - u) ** 2 + (y - v) ** 2
-        if away < least:
-            least = away
-            link[0], link[1], link[2], link[3] = x, y, u, v
-    return link
-
-
-@njit(cache=True, nogil=True)
-def _before(wall: Float, link: Float) -> float:  # pragma: no cover
-    """How far [m] a link gets before the face of a wall that it begins or ends at."""
-    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
-    size = np.hypot(dx, dy)
-    first = (dx * (link[1] - wall[1]) - dy * (link[0] - wall[0])) / size
-    last = (dx * (link[3] - wall[1]) - dy * (link[2] - wall[0])) / size
-    before: float = max(first, last)
-    return before
-
-
-@njit(cache=True, nogil=True)
-def _short_parted(
-    link: Float, beams: Beams, floor: float, growth: float
-) -> bool:  # pragma: no cover
-    """Whether beams have passed a short link (6,), and gone on deeper than into a niche."""
-    return passed(link[:4], beams, floor, growth, max(PASSED, NICHE * link[4]), STRAY)
 
 
 @njit(cache=True, nogil=True)
@@ -203,41 +131,16 @@ def _barred(
         for across in SPREAD:
             line[2:] = other[:2] + across * (other[2:] - other[:2])
             length = np.hypot(line[2] - line[0], line[3] - line[1])
-            if max(_before(one, line), _before(other, line)) <= BEHIND * length:
+            if max(reach_before(one, line), reach_before(other, line)) <= BEHIND * length:
                 if passed(line, beams, floor, growth, PASSED, 0):
                     return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def passed(
-    link: Float, beams: Beams, floor: float, growth: float, depth: float, spare: int
-) -> bool:  # pragma: no cover
-    """Whether more beams than are to spare have passed a link (4,) and gone on by a depth [m]."""
-    x1, y1, x2, y2 = link
-    length = np.hypot(x2 - x1, y2 - y1)
-    if length == 0.0:
-        return False
-    ux, uy = (x2 - x1) / length, (y2 - y1) / length
-    for scan in range(len(beams.places)):
-        ox, oy = beams.places[scan]
-        ax, ay, bx, by = x1 - ox, y1 - oy, x2 - ox, y2 - oy
-        aside = ax * uy - ay * ux
-        if abs(aside) < 1e-9 or ax * ax + ay * ay > (beams.reaches[scan] + length) ** 2:
-            continue
-        one = np.arctan2(ay, ax)
-        turned = np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
-        start = one if turned > 0.0 else one + turned
-        for turn in range(2):
-            low, high = beams_between(beams, scan, start, abs(turned), turn)
-            for beam in range(low, high):
-                incidence = beams.units[beam, 0] * uy - beams.units[beam, 1] * ux
-                if incidence * aside <= 0.0:
-                    continue
-                reach = aside / incidence
-                deviation = np.sqrt(floor * floor + (growth * reach) ** 2)
-                if abs(beams.ranges[beam]) - reach > depth + SIGMAS * deviation:
-                    spare -= 1
-                    if spare < 0:
-                        return True
-    return False
+def _parted(link: Float, beams: Beams, floor: float, growth: float) -> bool:  # pragma: no cover
+    """Whether beams have passed a short link (6,): many of them, or deeper than into a corner."""
+    depth = max(PASSED, NICHE * link[4]) if link[5] > 0.0 else PASSED
+    return passed(link[:4], beams, floor, growth, depth, STRAY) or passed(
+        link[:4], beams, floor, growth, PASSED, FEW
+    )
