@@ -133,6 +133,6 @@ class Steered:
         chords = self.interval * np.sqrt(abs(v) * abs(omega) / (8.0 * CHORD_ERROR))
         count = int(np.clip(np.ceil(chords), 1, MOST_CHORDS))
         shares = np.linspace(0.0, 1.0, count + 1)
-        held = (np.full(count + 1, value) for value in (v, omega))
-        poses = arcs(np.tile(start, (count + 1, 1)), *held, shares * self.interval)
+        begin, ones = np.tile(start, (count + 1, 1)), np.ones(count + 1)
+        poses = arcs(begin, v * ones, omega * ones, shares * self.interval)
         return Trajectory(time + shares * self.interval, poses)

@@ -350,4 +350,5 @@ def test_without_the_extra_one_line_says_what_to_install_and_the_paper_needs_non
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 1 and done.stdout == ""
-    assert done.stderr == "lrf3d: sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'\n"
+    what = "sweeps and clusters need Dask and Parquet; pip install 'lrf3d[sweep]'"
+    assert done.stderr == f"lrf3d: {what}\n"

@@ -36,6 +36,7 @@ class FilmOptions:
         samples: Samples a pixel, 0 or 4.
         workers: Number of processes.
         renderer: Name of the renderer.
+        scheduler: Address of the Dask scheduler whose workers draw; None for this machine.
     """
 
     size: tuple[int, int] | None
@@ -45,6 +46,7 @@ class FilmOptions:
     samples: int
     workers: int | None
     renderer: str | None
+    scheduler: str | None = None
 
     def still(self, renderer: str) -> dict[str, Any]:
         """What a single picture is drawn with by a renderer."""
@@ -63,6 +65,7 @@ class FilmOptions:
             **replace(self, size=self.size or usual).still(renderer),
             "fps": self.fps or (_GIF_RATE if ending == ".gif" else _RATE),
             "workers": self.workers,
+            "scheduler": self.scheduler,
         }
 
 

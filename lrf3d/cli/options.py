@@ -73,6 +73,10 @@ Samples = Annotated[int, typer.Option(help="Samples a pixel against jagged edges
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Processes that draw the film; one a core if not given.")
 ]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="tcp://HOST:PORT", help="A Dask scheduler instead of this machine."),
+]
 
 
 def film_options(
@@ -84,6 +88,7 @@ def film_options(
     samples: int,
     workers: int | None,
     renderer: Renderer | None,
+    scheduler: str | None = None,
 ) -> "FilmOptions":
     """What was asked for of a film, checked.
 
@@ -100,6 +105,7 @@ def film_options(
         samples=samples,
         workers=workers,
         renderer=None if renderer is None else renderer.value,
+        scheduler=scheduler,
     )
 
 

@@ -33,10 +33,7 @@ def sweep(
     every: Annotated[
         int | None, typer.Option(min=1, help="Use one of so many scans of a drive.")
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="A Dask scheduler instead of this machine."),
-    ] = None,
+    scheduler: options.Scheduler = None,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes here; one a core if not given.")
     ] = None,
@@ -54,9 +51,9 @@ def sweep(
     """
     from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
     from lrf3d.cli.film import stoppable
+    from lrf3d.cluster.connection import check_address
     from lrf3d.errors import InputError
     from lrf3d.output import make_folder, write_text
-    from lrf3d.study.sweep.cluster import check_address
     from lrf3d.study.sweep.drawing import draw_figures, table_text
     from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, parse_axis, parse_values, read_grid
     from lrf3d.study.sweep.plan import make_plan

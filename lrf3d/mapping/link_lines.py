@@ -150,7 +150,7 @@ def _goes_along(link: Float, wall: Float) -> bool:  # pragma: no cover
     """Whether a link (6,) runs along the line of a wall (4,) that it begins or ends at."""
     dx, dy = wall[2] - wall[0], wall[3] - wall[1]
     aside: float = abs(dx * (link[3] - link[1]) - dy * (link[2] - link[0]))
-    return aside <= BEHIND * link[4] * np.hypot(dx, dy)
+    return bool(aside <= BEHIND * link[4] * np.hypot(dx, dy))
 
 
 @njit(cache=True, nogil=True)
@@ -167,4 +167,4 @@ def _stands_off(link: Float, wall: Float) -> bool:  # pragma: no cover
     share = begin / (begin - end)
     x, y = link[0] + share * (link[2] - link[0]), link[1] + share * (link[3] - link[1])
     place: float = (dx * (x - wall[0]) + dy * (y - wall[1])) / size
-    return SIDE < place < size - SIDE
+    return bool(SIDE < place < size - SIDE)

@@ -29,16 +29,22 @@ NAME_PLACES = [
 ]  # fmt: skip
 """Where a name may stand, from its point [points]; the first free place is taken."""
 
+NOTE_PLACES = [
+    (0, -12), (0, 12), (9, -9), (-9, -9), (9, 9), (-9, 9), (9, 0), (-9, 0), (0, -22), (0, 22),
+]  # fmt: skip
+"""Where a small note may stand, from its point [points]: below it, if there is room."""
+
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """Words that stand beside a point (x, y) of a panel."""
+    """Words that stand beside a point (x, y) of a panel; a note is smaller, and may be left out."""
 
     words: str
     x: float
     y: float
     colour: str
     bold: bool = False
+    note: bool = False
 
 
 class Sheet:
@@ -91,6 +97,18 @@ class Sheet:
         return save_figure(self.figure, path)
 
 
+def say_where_empty(axes: Axes) -> None:
+    """On a panel without a point, say so instead of showing a scale of nothing."""
+    if np.isfinite(axes.dataLim.get_points()).all():
+        return
+    axes.grid(visible=False)
+    axes.tick_params(labelleft=False, labelbottom=False)
+    axes.text(
+        0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", va="center", fontsize=9,
+        color=FAINT,
+    )  # fmt: skip
+
+
 def write_names(axes: Axes, names: Sequence[Name]) -> None:
     """Write names beside their points, each where no point and no other name stands yet."""
     dots = axes.transData.transform(
@@ -99,10 +117,12 @@ def write_names(axes: Axes, names: Sequence[Name]) -> None:
     frame = axes.get_window_extent()
     taken: list[Bbox] = []
     for name in names:
-        for right, up in NAME_PLACES:
+        places = NOTE_PLACES if name.note else NAME_PLACES
+        for right, up in places:
             text = axes.annotate(
                 name.words, (name.x, name.y), (right, up), textcoords="offset points",
-                fontsize=9, color=name.colour, weight="bold" if name.bold else "normal",
+                fontsize=7.5 if name.note else 9, color=name.colour,
+                weight="bold" if name.bold else "normal",
                 ha="left" if right > 0 else "right" if right < 0 else "center", va="center",
                 zorder=8,
             )  # fmt: skip
@@ -111,7 +131,7 @@ def write_names(axes: Axes, names: Sequence[Name]) -> None:
             inside = frame.containsx(box.x0) and frame.containsx(box.x1)
             inside &= frame.containsy(box.y0) and frame.containsy(box.y1)
             if inside and not box.count_overlaps(taken) and not any(box.contains(*d) for d in dots):
+                taken.append(box)
                 break
-            if (right, up) != NAME_PLACES[-1]:
+            if name.note or (right, up) != places[-1]:
                 text.remove()
-        taken.append(box)

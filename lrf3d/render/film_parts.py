@@ -1,11 +1,10 @@
-"""A film's parts, each drawn and encoded by a process of its own: :mod:`lrf3d.render.worker`."""
+"""A film's parts, drawn and encoded at the same time by processes of this machine."""
 
 import math
 import os
 import pickle
 import selectors
 import subprocess
-import sys
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.cores import core_count
+from lrf3d.render.drawer import end_drawer, failure_of, start_drawer
 from lrf3d.render.worker import Job
 
 Progress = Callable[[int, int], None]
@@ -22,59 +22,46 @@ _FRAMES_A_WORKER = 20
 """A process that draws fewer frames than this takes longer to start than it saves."""
 
 
+def split_frames(total: int, parts: int | None, *, at_once: int) -> list[tuple[int, int]]:
+    """The first frame of each part and the one after its last; no part is empty.
+
+    Args:
+        total: Frames of the film.
+        parts: How many parts are asked for; None for as many as are worth starting.
+        at_once: How many parts can be drawn at one time.
+    """
+    count = parts or min(at_once, math.ceil(total / _FRAMES_A_WORKER))
+    bounds = np.linspace(0, total, min(count, total) + 1).round().astype(int).tolist()
+    return list(pairwise(bounds))
+
+
+def part_name(number: int) -> str:
+    """The name of a part's file or folder; their order is that of the film."""
+    return f"part{number:03d}"
+
+
 def draw_parts(
     job: Job, folder: Path, workers: int | None, progress: Progress | None
 ) -> tuple[list[Path], list[int]]:
     """Draw the film in parts, one process each; gives the files and how long each is [frames]."""
-    total = len(job.times)
     cores = core_count()
-    count = workers or min(cores, math.ceil(total / _FRAMES_A_WORKER))
-    bounds = np.linspace(0, total, min(count, total) + 1).round().astype(int).tolist()
+    ranges = split_frames(len(job.times), workers, at_once=cores)
     job_file = folder / "job.pickle"
     job_file.write_bytes(pickle.dumps(job, pickle.HIGHEST_PROTOCOL))
-    ranges = list(pairwise(bounds))
-    parts = [folder / f"part{number:03d}" for number in range(len(ranges))]
+    parts = [folder / part_name(number) for number in range(len(ranges))]
     threads = max(1, cores // len(ranges))
     processes: list[subprocess.Popen[bytes]] = []
     try:
         for (first, last), part in zip(ranges, parts, strict=True):
-            processes.append(_start(job_file, first, last, part, threads))
-        _follow(processes, total, progress)
+            processes.append(start_drawer(job_file, first, last, part, threads=threads))
+        _follow(processes, len(job.times), progress)
         for process, part in zip(processes, parts, strict=True):
             if process.wait() != 0:
-                raise _failure(process.returncode, part)
+                raise failure_of(process.returncode, part)
     finally:
         for process in processes:
-            process.kill()
-            process.wait()
-            assert process.stdout is not None
-            process.stdout.close()
+            end_drawer(process)
     return parts, [last - first for first, last in ranges]
-
-
-def _start(
-    job_file: Path, first: int, last: int, part: Path, threads: int
-) -> "subprocess.Popen[bytes]":
-    """Start a process that draws the frames from first to before last."""
-    environment = {
-        **os.environ,
-        # Read by Mesa's software OpenGL: more threads than cores only wait for each other.
-        "LP_NUM_THREADS": str(threads),
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-    }
-    command = [sys.executable, "-m", "lrf3d.render.worker"]
-    with part.with_suffix(".log").open("wb") as log:
-        return subprocess.Popen(
-            [*command, str(job_file), str(first), str(last), str(part)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=log,
-            env=environment,
-            # An interrupt is for the caller, who then ends these.
-            start_new_session=True,
-        )
 
 
 def _follow(
@@ -95,14 +82,3 @@ def _follow(
                 done += len(read)
             if progress is not None:
                 progress(done, total)
-
-
-def _failure(status: int, part: Path) -> Exception:
-    """What ended a process: the error that it left, or the end of what it printed."""
-    left = part.with_suffix(".error")
-    if left.exists():
-        error = pickle.loads(left.read_bytes())
-        assert isinstance(error, Exception)
-        return error
-    log = part.with_suffix(".log").read_text(errors="replace").strip()
-    return RuntimeError(f"drawing a part of the film failed with status {status}:\n{log[-3000:]}")

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from lrf3d.render.chart import HEAD, Sheet
+from lrf3d.render.chart import HEAD, Sheet, say_where_empty
 from lrf3d.render.map_benchmark_panels import (
     COLOURS,
     PairPoint,
@@ -66,7 +66,7 @@ def draw_map_benchmark_figure(
     *,
     titles: tuple[str, str],
 ) -> Figure:
-    """Draw what was measured of maps; panels of what was not stay empty.
+    """Draw what was measured of maps; panels of what was not say so.
 
     Raises:
         OutputError: The picture cannot be written.
@@ -91,6 +91,8 @@ def draw_map_benchmark_figure(
     draw_sizes(lower[1], sizes)
     draw_stores(lower[2], stores)
     draw_pairs(lower[3], pairs)
+    for axes in sheet.figure.axes:
+        say_where_empty(axes)
     sheet.figure.legend(
         handles=_signs(), loc="upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK,
         bbox_to_anchor=(1.0 - RIGHT / WIDTH, 1.0 - 0.25 * HEAD / sheet.size[1]),

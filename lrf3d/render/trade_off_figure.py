@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from lrf3d.render.chart import HEAD, SPINE, Name, Sheet, write_names
@@ -25,7 +24,7 @@ OWN = "#d6361f"
 COLOURS = ("#2f6fb3", "#2a9187", "#7a3fb0", "#e8890c", "#b25fa8", "#68727f", "#8a6d1f")
 """Colours of the others, in their order."""
 
-PANEL, TALL, GAP, FOOT, TITLES = 6.1, 4.1, 0.95, 1.0, 0.3
+PANEL, TALL, GAP, FOOT, TITLES = 4.6, 3.5, 0.9, 0.95, 0.3
 """Width and height of a panel, room left of it, below and above all [inches]."""
 
 SHELF, SEAM = 0.13, 0.03
@@ -107,7 +106,7 @@ def _draw(axes: Axes, panel: Panel) -> None:
     families = list(dict.fromkeys(way.family for way in ways))
     own = next((way.family for way in ways if way.chosen), None)
     others = iter(COLOURS * len(families))
-    names = []
+    names, notes = [], []
     for family in families:
         mine = sorted((way for way in ways if way.family == family), key=lambda way: way.seconds[1])
         colour = OWN if family == own else next(others)
@@ -125,16 +124,15 @@ def _draw(axes: Axes, panel: Panel) -> None:
             [x[k] for k in chosen], [y[k] for k in chosen], s=150, facecolor="none",
             edgecolor=INK, linewidths=1.4, zorder=6,
         )  # fmt: skip
-        for k, way in enumerate(mine):
-            text = axes.annotate(
-                way.setting, (x[k], y[k]), (0, -9), textcoords="offset points", fontsize=7,
-                color=FAINT, ha="center", va="top", zorder=7,
-            )  # fmt: skip
-            text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+        notes += [
+            Name(way.setting, x[k], y[k], FAINT, note=True)
+            for k, way in enumerate(mine)
+            if way.setting
+        ]
         at = chosen[0] if chosen else int(np.argmin(y))
         names.append(Name(family, x[at], y[at], colour, bold=family == own))
     tell_times(axes, "x")
-    write_names(axes, names)
+    write_names(axes, names + notes)
 
 
 def _error_axis(axes: Axes, errors: Sequence[float]) -> Callable[[float], float]:

@@ -44,6 +44,7 @@ def render_video(
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
+    scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> None:
     """Draw a run as a film: H.264 in .mp4, or an animation in .webp or .gif that plays on and on.
@@ -60,19 +61,25 @@ def render_video(
         workers: Number of processes; as many as there are cores where not given.
         renderer: What draws: ``gl``, or ``embree`` which needs no OpenGL and takes longer; where
             not given, OpenGL where it is there.
+        scheduler: Address of a Dask scheduler, ``tcp://HOST:PORT``, whose workers draw instead of
+            this machine; ``workers`` then says in how many parts, by default as many as they draw
+            at once. Machines that are alike give the same file as one with as many workers.
         progress: Called with frames done and frames in all, as the film grows. A .gif is packed
             when all of it is drawn; then a frame that is drawn counts as a part of one.
 
     Raises:
-        InputError: An argument is out of its range.
-        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
+        InputError: An argument is out of its range, or the scheduler cannot be used.
+        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw; or a scheduler is
+            named, and Dask is not there.
         OutputError: The file cannot be written.
     """
     from lrf3d.render.formats import format_of
 
     path = Path(path)
     kind = format_of(path)
-    job = _job(run, size, fps, playback, view, samples, workers, renderer, path.suffix.lower())
+    job = _job(
+        run, size, fps, playback, view, samples, workers, renderer, path.suffix.lower(), scheduler
+    )
     if kind.even and (size[0] % 2 or size[1] % 2):
         raise InputError(f"size {size[0]}x{size[1]}: H.264 needs even numbers")
     if fps > kind.fastest:
@@ -84,7 +91,7 @@ def render_video(
         unfinished.touch()
         unfinished.unlink()
         drawing = share_of(progress, 0.0, 1.0 - kind.joining, len(job.times))
-        parts, frames = draw_parts(job, Path(folder), workers, drawing)
+        parts, frames = _draw(job, Path(folder), workers, scheduler, drawing)
         joining = share_of(progress, 1.0 - kind.joining, 1.0, len(job.times))
         kind.join(parts, frames, unfinished, fps=fps, progress=joining)
 
@@ -114,6 +121,7 @@ def render_frames(
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
+    scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> int:
     """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.
@@ -124,19 +132,20 @@ def render_frames(
         How many there are.
 
     Raises:
-        InputError: An argument is out of its range, or the folder has something in it.
+        InputError: An argument is out of its range, the folder has something in it, or the
+            scheduler cannot be used.
         MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
         OutputError: The folder cannot be written.
     """
     folder = Path(folder)
-    job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES)
+    job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES, scheduler)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder}: there is something already; name a new or an empty folder")
     make_folder(folder.parent)
     try:
         # Beside its place, so that it can be put there at once.
         with tempfile.TemporaryDirectory(prefix=".lrf3d-", dir=folder.parent) as place:
-            parts, _ = draw_parts(job, Path(place), workers, progress)
+            parts, _ = _draw(job, Path(place), workers, scheduler, progress)
             whole = Path(place) / "frames"
             whole.mkdir()
             for part in parts:
@@ -202,6 +211,7 @@ def _job(
     workers: int | None,
     renderer: str | None,
     ending: str,
+    scheduler: str | None,
 ) -> Job:
     """The film to draw, when all that is asked for can be."""
     view, playback = _view_and_playback(run, view, playback)
@@ -211,7 +221,7 @@ def _job(
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}: expected at least 1")
     times = Timeline(run, playback=playback).frame_times(fps)
-    drawn = choose_renderer(renderer)
+    drawn = choose_renderer(renderer, here=scheduler is None)
     return Job(run, times, size, fps, playback, view, samples, drawn, ending)
 
 
@@ -221,6 +231,17 @@ def _view_and_playback(run: Run, view: str | None, playback: float | None) -> tu
         run.film.view if view is None else view,
         run.film.playback if playback is None else playback,
     )
+
+
+def _draw(
+    job: Job, folder: Path, workers: int | None, scheduler: str | None, progress: Progress | None
+) -> tuple[list[Path], list[int]]:
+    """Draw the parts of a film, here or on a cluster."""
+    if scheduler is None:
+        return draw_parts(job, folder, workers, progress)
+    from lrf3d.render.cluster_parts import draw_parts_on
+
+    return draw_parts_on(scheduler, job, folder, workers, progress)
 
 
 def _check(run: Run, size: tuple[int, int], view: str, samples: int) -> None:

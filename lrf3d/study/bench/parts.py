@@ -250,13 +250,13 @@ def frames(seconds: float, extent: Extent, progress: Progress) -> Part:
 def _drawn(title: str, samples: int) -> str:
     """What is special about a way to draw."""
     _, _, words = title.partition(", ")
-    return f"{words or f'{samples or 1} samples'}"
+    return words or (f"{samples} samples" if samples else "1 sample")
 
 
 PARTS: dict[str, tuple[Callable[[float, Extent, Progress], Part], float]] = {
-    "ranges": (ranges, 0.32),
-    "maps": (maps, 0.28),
-    "poses": (poses, 0.16),
+    "ranges": (ranges, 0.25),
+    "maps": (maps, 0.36),
+    "poses": (poses, 0.15),
     "frames": (frames, 0.24),
 }
 """The parts in their order, each with its share of the time."""

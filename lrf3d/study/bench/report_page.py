@@ -12,7 +12,7 @@ from lrf3d.render.trade_off_figure import Way as Drawn
 from lrf3d.study.bench.comparison import Comparison
 from lrf3d.study.bench.part import Part, Way
 from lrf3d.study.bench.report_style import STYLE
-from lrf3d.study.bench.text import duration
+from lrf3d.study.bench.text import duration, left_out_lines, times_words
 from lrf3d.study.bench.whole import Report
 from lrf3d.study.bench.whole_text import change_row, error_words, verdict
 
@@ -92,7 +92,7 @@ def _section(part: Part) -> str:
         pieces.append(_figure(part.draw, f"{part.title}, in detail"))
     pieces.append(_ways(part))
     if part.skipped:
-        lines = "".join(f"<li>{escape(line)}</li>" for line in part.skipped)
+        lines = "".join(f"<li>{escape(line)}</li>" for line in left_out_lines(part.skipped))
         pieces.append(f'<p class="small">Left out:</p><ul class="small">{lines}</ul>')
     return "\n".join([*pieces, f'<p class="small">Took {part.took:.0f} s.</p></section>'])
 
@@ -135,7 +135,7 @@ def _savings(part: Part) -> str:
                 escape(saving.name),
                 duration(saving.done),
                 duration(saving.skipped),
-                f"{ratio:.3g} ×",
+                times_words(ratio),
                 f'<span class="bar"><i style="width:{share:.1f}%"></i></span>',
             ]
         )

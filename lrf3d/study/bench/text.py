@@ -118,11 +118,25 @@ def saving_table(savings: Sequence[Saving]) -> str:
             saving.name,
             duration(saving.skipped),
             duration(saving.done),
-            f"{saving.done / saving.skipped:.3g} ×",
+            times_words(saving.done / saving.skipped),
         )
         for saving in savings
     ]
     return table(("work that is skipped", "skipped", "done", "saves"), rows)
+
+
+def times_words(ratio: float) -> str:
+    """How many times as much, with three digits."""
+    return f"{ratio:,.0f} ×" if ratio >= 100.0 else f"{ratio:.3g} ×"
+
+
+def left_out_lines(lines: Sequence[str]) -> list[str]:
+    """What was left out, as ``WHAT: WHY``, with all that one reason holds for in one line."""
+    whys: dict[str, list[str]] = {}
+    for line in lines:
+        what, _, why = line.rpartition(": ")
+        whys.setdefault(why, []).append(what)
+    return [f"{', '.join(dict.fromkeys(whats))}: {why}" for why, whats in whys.items()]
 
 
 def duration(seconds: float) -> str:

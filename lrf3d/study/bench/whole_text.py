@@ -1,7 +1,7 @@
 """The report of ``bench`` as text: what lrf3d chooses in each part, and what has changed."""
 
 from lrf3d.study.bench.comparison import Change, Comparison
-from lrf3d.study.bench.text import duration, saving_table, table
+from lrf3d.study.bench.text import duration, left_out_lines, saving_table, table
 from lrf3d.study.bench.whole import Report
 
 
@@ -12,7 +12,11 @@ def whole_text(report: Report, comparison: Comparison | None = None) -> str:
     if savings:
         parts.append(saving_table(savings))
     left_out = [f"left out: {key}: {why}" for key, why in report.left_out.items()]
-    left_out += [f"left out: {part.key}: {line}" for part in report.parts for line in part.skipped]
+    left_out += [
+        f"left out: {part.key}: {line}"
+        for part in report.parts
+        for line in left_out_lines(part.skipped)
+    ]
     if left_out:
         parts.append("\n".join(left_out))
     if comparison is not None:

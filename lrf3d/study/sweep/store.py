@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lrf3d.cluster.libraries import missing_sweep
 from lrf3d.errors import InputError, OutputError
 from lrf3d.output import make_folder, replacing
-from lrf3d.study.sweep.libraries import missing_sweep
 from lrf3d.study.sweep.plan import Plan
 from lrf3d.study.sweep.task import Row
 

@@ -1,15 +1,15 @@
 """The sweep: all runs of a plan over a cluster, into a folder, and what they amount to."""
 
 import time
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lrf3d.cluster.connection import connected
+from lrf3d.cluster.holding import hold
 from lrf3d.errors import InputError, Lrf3dError
 from lrf3d.study.sweep.batches import Batch, Batches
-from lrf3d.study.sweep.cluster import connected
 from lrf3d.study.sweep.content import digest
 from lrf3d.study.sweep.plan import Plan
 from lrf3d.study.sweep.store import TABLE, Store
@@ -94,14 +94,8 @@ def _work(client: Any, plan: Plan, runs: list[Any], store: Store, progress: Prog
 
     def send(batch: Batch) -> Any:
         if batch.place not in places:
-            # A place is the result of a task and no data that was handed around: when the last
-            # worker that held it has died, it is made again.
             packed = plan.places[batch.place].packed()
-            with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
-                places[batch.place] = client.submit(
-                    unpack, packed, key=f"lrf3d-place-{batch.place}"
-                )
+            places[batch.place] = hold(client, unpack, packed, key=f"lrf3d-place-{batch.place}")
         orders = [run.order for run in batch.runs]
         key = f"lrf3d-runs-{digest([order.key for order in orders])}"
         future = client.submit(carry_out, places[batch.place], orders, key=key)

@@ -1,4 +1,4 @@
-"""Cluster: the processes that runs are spread over, here or elsewhere, by Dask.
+"""Connection: a client of processes on this machine, or of a scheduler that the user has started.
 
 Without an address, processes on this machine are started, one a core with one thread each; with
 the address of a scheduler its workers are used. Nothing listens beyond 127.0.0.1 but what the
@@ -12,14 +12,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import lrf3d
+from lrf3d.cluster.libraries import missing_sweep
 from lrf3d.cores import core_count
 from lrf3d.errors import InputError
-from lrf3d.study.sweep.libraries import missing_sweep
 
 try:
     import dask
     from distributed import Client, LocalCluster
+    from distributed.utils import silence_logging_cmgr
 except ImportError as error:
     raise missing_sweep() from error
 
@@ -45,7 +45,7 @@ def check_address(address: str) -> None:
 
 
 @contextmanager
-def connected(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+def connected(scheduler: str | None, workers: int | None = None) -> Iterator[Client]:
     """A client of a scheduler, or of processes on this machine that end with it.
 
     Args:
@@ -76,7 +76,7 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Client]:
             scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
             worker_dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
-            preload=["lrf3d.study.sweep.preload"],
+            preload=["lrf3d.cluster.preload"],
         ) as cluster,
         Client(cluster) as client,
     ):
@@ -92,7 +92,8 @@ def _remote(address: str) -> Iterator[Client]:
             f"--scheduler {address}: no scheduler answers there; start one with dask scheduler,"
             " and give the tcp:// address that it prints"
         ) from error
-    with client:
+    # Of a scheduler that is lost we speak ourselves, in one line.
+    with client, silence_logging_cmgr(logging.CRITICAL):
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError as error:
@@ -122,7 +123,7 @@ def _check_code(client: Client, address: str) -> None:
 
 def code_digest() -> str:
     """A digest of the source of lrf3d as it lies on this machine."""
-    package = Path(lrf3d.__file__).parent
+    package = Path(__file__).parents[1]
     total = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         total.update(str(path.relative_to(package)).encode() + b"\0" + path.read_bytes())

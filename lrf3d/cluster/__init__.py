@@ -1,0 +1,1 @@
+"""Clusters: work that is spread over processes, on this machine or on others, by Dask."""
