@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting.clusters import ends_of, narrowest_cluster
 from lrf3d.casting.embree_library import embree_library
+from lrf3d.casting.embree_walls import all_clear_parts
+from lrf3d.casting.wall_tree import build_tree
 
 pytestmark = pytest.mark.skipif(embree_library() is None, reason="Embree is called by embreex")
 
@@ -94,6 +96,23 @@ def test_the_narrowest_cluster_is_as_wide_as_its_ends_are(seed, count, offset, c
     found = narrowest_cluster(ends_of(rng.permutation(walls)))
     assert found <= min(widths) * (1 + 1e-9)
     assert found == pytest.approx(min(widths), rel=1e-6, abs=1e-9)
+
+
+def test_where_walls_crowd_none_is_called_clear_and_casting_stays_exact():
+    turn = np.pi * np.arange(200) / 200.0
+    ends = 10.0 * np.column_stack([np.cos(turn), np.sin(turn)])
+    world = World(np.vstack([np.column_stack([-ends, ends]), [[12.0, -9.0, 12.0, 9.0]]]))
+    tree = build_tree(world.segments, np.arange(len(world.segments), dtype=np.int32))
+    for delta in (1e-6, 1e-12):
+        parts = all_clear_parts(tree, delta)
+        for low, high in (parts[:, :2].T, parts[:, 2:].T):
+            assert (low > high).sum() == 200
+    poses = [(6.0, 7.0, 0.3), (11.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+    lrf = LaserRangeFinder(beams=721)
+    ranges, walls = EmbreeCaster(world).scan_batch(lrf, poses)
+    expected = PlanarCaster(world).scan_batch(lrf, poses)
+    np.testing.assert_array_equal(ranges, expected[0])
+    np.testing.assert_array_equal(walls[:2], expected[1][:2])
 
 
 def test_a_wall_that_stands_alone_has_no_width():

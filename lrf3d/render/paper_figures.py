@@ -72,8 +72,8 @@ def draw_updates(updates: Mapping[str, Float], interval: float, titles: tuple[st
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("scan of the drive", color=FAINT, fontsize=9)
     axes.set_ylabel("time of an update", color=FAINT, fontsize=9)
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.93), ncols=3, frameon=False,
-                fontsize=9, labelcolor=INK)  # fmt: skip
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False,
+                fontsize=9, labelcolor=INK, borderaxespad=0.2)  # fmt: skip
     return sheet.save(None)
 
 

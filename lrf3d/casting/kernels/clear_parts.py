@@ -5,13 +5,18 @@ import numpy as np
 from lrf3d.casting.kernels.compiling import compiled
 from lrf3d.casting.kernels.tree import STACK
 
+MOST_NEAR = 64
+"""Walls that may stand near a wall until its clear part is given up: where a million go through
+one point, to look at them all would take each of them a million steps."""
+
 
 @compiled
 def clear_parts(boxes, links, walls, reach, parts):
     """The part (n, 2) of each wall, from 0 to 1, that has no other wall within reach [m].
 
     Where it is in pieces, the one is given that holds the part that was found for a larger reach,
-    and if there was none about the longest. Where there is none the first number is above.
+    and if there was none about the longest. Where there is none, or more than MOST_NEAR walls are
+    near, the first number is above. Within less reach no more of them are.
     """
     clear = np.empty((len(walls), 2))
     stack = np.empty(STACK, np.int64)
@@ -23,6 +28,7 @@ def clear_parts(boxes, links, walls, reach, parts):
         middle = 0.5 * (parts[row, 0] + parts[row, 1])
         stack[0] = 0
         top = 1
+        near = 0
         while top > 0 and low <= high:
             top -= 1
             node = stack[top]
@@ -41,11 +47,14 @@ def clear_parts(boxes, links, walls, reach, parts):
                 if other == row:
                     continue
                 begin, end = _near_part(px, py, qx, qy, walls[other], reach)
+                near += begin <= end
                 if begin <= high and end >= low and begin <= end:
                     if begin > middle if held else begin - low > high - end:
                         high = begin
                     else:
                         low = end
+            if near > MOST_NEAR:
+                low, high = 1.0, 0.0
         clear[row, 0], clear[row, 1] = low, high
     return clear
 

@@ -40,7 +40,8 @@ table { border-collapse: collapse; width: 100%; font-size: 14px; margin: 18px 0 
   font-variant-numeric: tabular-nums; }
 th { text-align: right; font-weight: 600; color: var(--faint); font-size: 12.5px; }
 th, td { padding: 6px 10px; border-bottom: 1px solid var(--line); text-align: right;
-  white-space: nowrap; }
+  vertical-align: bottom; }
+td { white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; padding-left: 0; }
 thead th { border-bottom: 1.5px solid var(--ink); }
 tbody tr:last-child td { border-bottom: 0; }

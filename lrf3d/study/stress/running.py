@@ -1,11 +1,13 @@
 """Running the cases: shared over processes, repeatable, and within a time."""
 
-import multiprocessing
+import multiprocessing.connection
+import os
 import signal
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from itertools import islice
+from threading import Thread
 from time import perf_counter
 from typing import Any
 
@@ -140,7 +142,7 @@ def _done(tasks: list[Task], processes: int, end: float) -> Iterator[tuple[Task,
         return
     # Forked processes could inherit a lock that a thread of Embree or numba holds just then.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=context, initializer=_quiet) as pool:
+    with ProcessPoolExecutor(processes, mp_context=context, initializer=_serve) as pool:
         waiting = iter(tasks)
         running = {pool.submit(perform, task): task for task in islice(waiting, 2 * processes)}
         try:
@@ -159,6 +161,14 @@ def _done(tasks: list[Task], processes: int, end: float) -> Iterator[tuple[Task,
             pool.shutdown(cancel_futures=True)
 
 
-def _quiet() -> None:
-    """Leave an interrupt to the process that all others work for."""
+def _serve() -> None:
+    """Leave an interrupt to the process that all others work for, and end when it is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    caller = multiprocessing.parent_process()
+    assert caller is not None
+    Thread(target=_end_with, args=(caller.sentinel,), daemon=True).start()
+
+
+def _end_with(caller: int) -> None:
+    multiprocessing.connection.wait([caller])
+    os._exit(1)
