@@ -22,6 +22,7 @@ from lrf3d.study.experiment import Experiment
 from lrf3d.view.hand_drive import HandDrive, Wish
 from lrf3d.view.opening import open_view, run_view, world_view
 from lrf3d.view.replay import pack_run
+from lrf3d.world import World
 
 YARD = """\
 name = "yard"
@@ -171,6 +172,22 @@ def still(page):
     before = picture(page)
     after = picture(page)
     return after if np.array_equal(before, after) else None
+
+
+@needs_browser
+def test_a_hostile_name_is_shown_and_not_run(tmp_path, chromium):
+    run = city_run()
+    name = "</title><script>seen = 1</script><img src=x onerror='seen = 2'>{{seen = 3}}`${1}`"
+    walls = run.world
+    save_run(
+        replace(run, world=World(walls.segments, walls.objects, walls.heights, name)),
+        tmp_path / "run.npz",
+    )
+    with served(tmp_path) as address, opened(chromium, address) as page:
+        until(lambda: number(page, "t") > 0.0)
+        assert page.inner_text(".lrf3d-title") == f"lrf3d {name}"
+        assert page.title() == f"lrf3d {name}"
+        assert page.evaluate("typeof seen") == "undefined"
 
 
 @needs_browser

@@ -191,7 +191,7 @@ export default {
       }
       const legs = run.legs(time);
       this.trail.show(legs, this.pose);
-      this.inset.show(this.pose, this.trail.places, legs, this.beamsSeen(), scan.on);
+      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), scan.on);
       this.say(this.setup.replay.start + time);
     },
 
@@ -215,7 +215,7 @@ export default {
       const legs = Math.max(0, this.trail.places.length / 2 - 1);
       this.trail.show(legs, this.pose);
       this.movers.show(news.movers);
-      this.inset.show(this.pose, this.trail.places, legs, this.beamsSeen(), true, this.movers);
+      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), true, this.movers);
       this.say(news.time);
     },
 
