@@ -3,7 +3,6 @@
 const WHOLE = 140; // Largest world [m] that is shown whole; in a larger one the inset follows.
 const WINDOW = 110; // What is shown of a larger one [m].
 const MARGIN = 1.08;
-const MOVER = "#7a3fb8";
 
 export class Inset {
   constructor(canvas, { low, high, houses, walls }) {
@@ -74,8 +73,8 @@ export class Inset {
       draw.strokeStyle = colour;
       draw.stroke(path);
     }
-    draw.fillStyle = MOVER;
-    for (const body of movers?.seen() ?? []) {
+    for (const [body, colour] of movers.seen()) {
+      draw.fillStyle = colour;
       draw.beginPath();
       for (const [left, up] of body) draw.lineTo(left, up);
       draw.fill();
