@@ -10,6 +10,7 @@ from khronos import faults, needs_validator
 from test_cli import lrf3d, refused
 from test_render import city_run, run_of
 
+from lrf3d.casting.mover import Mover, round_outline
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
 from lrf3d.gltf import run_glb, still_glb
@@ -18,6 +19,7 @@ from lrf3d.logs import save_run
 from lrf3d.mapping import LineMap
 from lrf3d.render.structures import Structures
 from lrf3d.render.timeline import Timeline
+from lrf3d.robot import Trajectory
 from lrf3d.scenario import load_scenario
 from lrf3d.study.experiment import Experiment, trajectory_of
 from lrf3d.world import World
@@ -40,6 +42,9 @@ RUNS = {
     "paper_room": lambda: simulated("paper_room", 1),
     "without a map": lambda: replace(city_run(), stages=(), maps=()),
     "of an empty map": lambda: replace(city_run(), maps=(LineMap.empty(),)),
+    "with movers": lambda: replace(
+        city_run(), movers=(Mover(round_outline(0.4), Trajectory([0.0], [(-20, 3, 1)])),)
+    ),
     "of one scan": lambda: city_run().part(np.array([0])),
     "far away": lambda: city_run(FAR),
     "that sees nothing": lambda: run_of(
@@ -264,3 +269,20 @@ def test_the_command_writes_the_file_and_refuses_what_is_no_run(tmp_path):
     (tmp_path / "run.npz").write_bytes(b"PK\x03\x04" + bytes(100))
     said = refused("export", tmp_path, "--to", "glb", "--out", tmp_path / "other.glb")
     assert "run.npz" in said and not (tmp_path / "other.glb").exists()
+
+
+def test_what_moves_is_where_it_was_in_the_run():
+    path = Trajectory([0.5, 2.0, 3.0], [(-22, 1, 3.0), (-14, -1, -3.0), (-14, 3, 1.0)])
+    standing = Trajectory([0.0], [(-20, 3, 1)])
+    movers = tuple(Mover(round_outline(0.4), way, 1.8) for way in (path, standing))
+    run = replace(city_run(), movers=movers)
+    glb = Glb(run_glb(run))
+    for number, mover in enumerate(movers):
+        node = glb.node(f"mover-{number}")
+        assert glb.positions(node)[:, 2].max() == pytest.approx(1.8, abs=0.01)
+        for time in np.linspace(0.0, Timeline(run).end, 23):
+            x, y, theta = mover.path.at(np.array([time]))[0] - [*run.world.origin, 0.0]
+            assert glb.value(node, "translation", time) == pytest.approx([x, y, 0], abs=1e-4)
+            _, _, sine, cosine = glb.value(node, "rotation", time)
+            # Players go round the circle from key to key; here the way is cut straight.
+            assert np.cos(2.0 * np.arctan2(sine, cosine) - theta) > 0.99

@@ -13,15 +13,18 @@ from test_cli import lrf3d, refused
 from test_glb import FAR, simulated
 from test_render import city_run
 
+from lrf3d.casting.mover import Mover, round_outline
 from lrf3d.errors import InputError, MissingLibraryError, OutputError, WorldError
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.logs import save_run
 from lrf3d.pose import Pose
+from lrf3d.robot import Trajectory
 from lrf3d.scenario import load_scenario
 from lrf3d.study.experiment import Experiment
 from lrf3d.view.hand_drive import HandDrive, Wish
 from lrf3d.view.opening import open_view, run_view, world_view
 from lrf3d.view.replay import pack_run
+from lrf3d.world import World
 
 YARD = """\
 name = "yard"
@@ -133,6 +136,14 @@ def test_the_page_of_a_run_draws_plays_and_is_scrubbed(recorded, played, chromiu
         until(lambda: number(page, "t") > 0.0)
 
 
+@needs_browser
+def test_the_page_shows_what_moved_in_a_run(tmp_path, chromium):
+    way = Trajectory([0.0, 4.0], [(-22.0, 3.0, 0.0), (-14.0, 3.0, 0.0)])
+    save_run(replace(city_run(), movers=(Mover(round_outline(0.4), way),)), tmp_path / "run.npz")
+    with served(tmp_path) as address, opened(chromium, address) as page:
+        until(lambda: number(page, "t") > 0.2)
+
+
 def page_end(run):
     """How long a run plays [s]."""
     return float(unpacked(run)["keyTimes"][-1])
@@ -171,6 +182,22 @@ def still(page):
     before = picture(page)
     after = picture(page)
     return after if np.array_equal(before, after) else None
+
+
+@needs_browser
+def test_a_hostile_name_is_shown_and_not_run(tmp_path, chromium):
+    run = city_run()
+    name = "</title><script>seen = 1</script><img src=x onerror='seen = 2'>{{seen = 3}}`${1}`"
+    walls = run.world
+    save_run(
+        replace(run, world=World(walls.segments, walls.objects, walls.heights, name)),
+        tmp_path / "run.npz",
+    )
+    with served(tmp_path) as address, opened(chromium, address) as page:
+        until(lambda: number(page, "t") > 0.0)
+        assert page.inner_text(".lrf3d-title") == f"lrf3d {name}"
+        assert page.title() == f"lrf3d {name}"
+        assert page.evaluate("typeof seen") == "undefined"
 
 
 @needs_browser
@@ -244,6 +271,24 @@ def test_the_page_gets_the_run_as_it_is(offset):
     assert segments == pytest.approx(run.map.segments, abs=1e-4)
     assert arrays["stageSizes"].tolist() == [len(run.map)]
     assert len(arrays["colours"]) == 3 * len(run.map)
+
+
+def test_the_page_gets_what_moved_beside_the_robot():
+    way = Trajectory([0.5, 2.0], [(-22, 1, 3.0), (-14, -1, -3.0)])
+    movers = (
+        Mover(round_outline(0.4), way),
+        Mover(round_outline(0.3), Trajectory([0], [(1, 2, 3)])),
+    )
+    run = replace(city_run(), movers=movers)
+    arrays = unpacked(run)
+    times, poses = arrays["moverTimes"], arrays["moverPoses"].reshape(-1, 3)
+    shift = np.array([*run.world.origin, 0.0])
+    for mover, end in zip(movers, np.cumsum(arrays["moverSizes"]), strict=True):
+        first = end - arrays["moverSizes"][movers.index(mover)]
+        due = mover.path.at(times[first:end] + run.trajectory.times[0])
+        assert poses[first:end, :2] + shift[:2] == pytest.approx(due[:, :2], abs=1e-4)
+        # From key to key it turns the shorter way.
+        assert np.abs(np.diff(poses[first:end, 2])).max() < np.pi
 
 
 def test_a_run_without_a_map_is_shown():

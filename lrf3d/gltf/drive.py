@@ -15,6 +15,7 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
 from lrf3d.gltf.keys import jumps, key_times, scan_times
+from lrf3d.gltf.movers import drive_movers
 from lrf3d.gltf.robot import add_chase_camera, add_robot
 from lrf3d.gltf.scan_mesh import ScanMeshes
 from lrf3d.gltf.stage import add_stage, new_document
@@ -58,6 +59,7 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     structures = Structures.from_run(run)
     add_stage(document, structures)
     _add_robot(document, timeline, structures)
+    drive_movers(document, timeline)
     _add_scans(document, timeline, every)
     _add_maps(document, timeline)
     _add_trail(document, timeline)

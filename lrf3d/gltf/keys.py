@@ -1,9 +1,14 @@
 """When things of a run are keyed for players that go straight from key to key."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lrf3d.geometry import Bool, Float
 from lrf3d.render.timeline import DWELL_SHARE, Timeline
+
+if TYPE_CHECKING:
+    from lrf3d.casting.mover import Mover
 
 _GLIDE_KEYS = 12
 """Keys between two stops of a robot that stands and scans: enough for a soft start and end."""
@@ -25,6 +30,16 @@ def key_times(timeline: Timeline) -> Float:
     turn = turn[timeline.jumps]
     keys = np.concatenate([times, keys.ravel(), turn - _SET_DOWN, turn + _SET_DOWN])
     return np.unique(np.append(keys, timeline.end))
+
+
+def mover_keys(mover: "Mover", timeline: Timeline) -> tuple[Float, Float]:
+    """Times (k,) [s] of a run between which a mover goes straight, and its poses (k, 3) there."""
+    times = mover.path.times
+    within = times[(times > timeline.start) & (times < timeline.end)]
+    keys = np.unique([timeline.start, *within, timeline.end])
+    poses = mover.path.at(keys)
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    return keys, poses
 
 
 def jumps(times: Float) -> Bool:

@@ -22,6 +22,9 @@ from lrf3d.world import World
 _HORIZON = 800.0
 """How far the ground goes past its picture [m]."""
 
+_FADE = 0.08
+"""Share of the ground's picture, at its edges, in which it goes over into the land around."""
+
 _FOOT = 0.80
 """Light that is left at the foot of walls."""
 
@@ -51,6 +54,10 @@ def _add_ground(document: Document, structures: Structures) -> None:
     # Sides that are powers of two spare old graphics cards a copy.
     height, width = (2 ** round(np.log2(side)) for side in ground.picture.shape[:2])
     picture = Image.fromarray(ground.picture).resize((width, height), Image.Resampling.LANCZOS)
+    land = Image.new(
+        "RGB", picture.size, tuple(np.round(255 * np.array(ground.beyond)).astype(int))
+    )
+    picture = Image.composite(picture.convert("RGB"), land, _fading(width, height))
     picture.save(file, "JPEG", quality=88)
     texture = document.texture("ground", file.getvalue(), "image/jpeg")
     painted = document.material(
@@ -82,6 +89,17 @@ def _add_ground(document: Document, structures: Structures) -> None:
         indices = document.array(quad_indices(len(quads) // 4), INDICES)
         parts.append(document.part(material, attributes, indices))
     document.node("ground", document.root, mesh=document.mesh("ground", parts))
+
+
+def _fading(width: int, height: int) -> Image.Image:
+    """How much of the ground is seen: all of it but at the edges, where it fades."""
+    along, up = (
+        np.clip(np.minimum(places, 1.0 - places) / _FADE, 0.0, 1.0)
+        for places in ((np.arange(side) + 0.5) / side for side in (width, height))
+    )
+    share = np.outer(up, along)
+    smooth = share * share * (3.0 - 2.0 * share)
+    return Image.fromarray(np.round(255.0 * smooth).astype(np.uint8))
 
 
 def _rectangle(x0: float, y0: float, x1: float, y1: float) -> Single:

@@ -1,14 +1,26 @@
-"""A world with the robot in it as glTF, for pages that move it themselves."""
+"""A world with the robot and what moves beside it as glTF, for pages that move them themselves."""
 
+from typing import TYPE_CHECKING
+
+from lrf3d.gltf.movers import add_movers
 from lrf3d.gltf.robot import add_robot
 from lrf3d.gltf.stage import add_stage, new_document
 from lrf3d.render.structures import Structures
 from lrf3d.world import World
 
+if TYPE_CHECKING:
+    from lrf3d.casting.mover import Mover
 
-def still_glb(world: World, structures: Structures, laser_height: float) -> bytes:
-    """A world and the robot, which stands in the world's origin, as a GLB file."""
+
+def still_glb(
+    world: World,
+    structures: Structures,
+    laser_height: float,
+    movers: "tuple[Mover, ...]" = (),
+) -> bytes:
+    """A world as a GLB file, with the robot and movers, which all stand in the world's origin."""
     document = new_document(world)
     add_stage(document, structures)
     add_robot(document, laser_height)
+    add_movers(document, movers)
     return document.glb()

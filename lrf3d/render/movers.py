@@ -42,6 +42,19 @@ _LEAST = 2.5
 """Half the size of a body in the inset [pixels] at the least, where it would be lost."""
 
 
+def mover_colours(movers: "tuple[Mover, ...]") -> Float:
+    """Colours (m, 3) of what moves, 0…1."""
+    return np.asarray(MOVERS[np.arange(len(movers)) % len(MOVERS)])
+
+
+def mover_bodies(movers: "tuple[Mover, ...]") -> list[Single]:
+    """Triangles (v, 9) of each body, in its own frame: position [m], normal, colour."""
+    return [
+        _body(_counter_clockwise(mover.outline), mover.height, colour)
+        for mover, colour in zip(movers, mover_colours(movers), strict=True)
+    ]
+
+
 class MovingBodies:
     """Draws what moves beside the robot; nothing where nothing does.
 
@@ -56,10 +69,9 @@ class MovingBodies:
         self._origin = np.array([*origin, 0.0])
         self._indoor = indoor
         self._outlines = [_counter_clockwise(mover.outline) for mover in movers]
-        colours = MOVERS[np.arange(len(movers)) % len(MOVERS)]
+        colours = mover_colours(movers)
         self._bodies = [
-            Primitive("robot", (3, 3, 3), _body(outline, mover.height, colour), cull=True)
-            for outline, mover, colour in zip(self._outlines, movers, colours, strict=True)
+            Primitive("robot", (3, 3, 3), body, cull=True) for body in mover_bodies(movers)
         ]
         self._plans = [
             Primitive("flat", (2, 4), _plan(outline, colour), blend=True)

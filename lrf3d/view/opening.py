@@ -39,7 +39,11 @@ def run_view(path: str, playback: float | None) -> tuple[Scene, Replayed]:
     """The scene of a run, and what is played in it."""
     run = load_run(path)
     scene = make_scene(
-        run.world, run.lrf, run.trajectory.poses[:, :2], title=run.world.name or "run"
+        run.world,
+        run.lrf,
+        run.trajectory.poses[:, :2],
+        title=run.world.name or "run",
+        movers=run.movers,
     )
     block, told = pack_run(run)
     return scene, Replayed(block, told, 1.0 if playback is None else playback)
@@ -50,10 +54,12 @@ def world_view(name: str, seed: int) -> tuple[Scene, Callable[[], HandDrive]]:
     scenario = with_route(load_scenario(name))
     start = start_pose(scenario)
     title = scenario.world.name or scenario.name
-    scene = make_scene(scenario.world, scenario.lrf, np.array([start[:2]]), title=title)
     experiment = Experiment(scenario, seed=seed)
+    drive = HandDrive(experiment, start)
     # Compilers and trees take their time; nobody shall wait for them with a key held down.
-    HandDrive(experiment, start).step(0.0)
+    drive.step(0.0)
+    path = np.array([start[:2]])
+    scene = make_scene(scenario.world, scenario.lrf, path, title=title, movers=drive.movers)
     return scene, lambda: HandDrive(experiment, start)
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.gltf.keys import jumps, key_times, scan_times
+from lrf3d.gltf.keys import jumps, key_times, mover_keys, scan_times
 from lrf3d.mapping import LineMap
 from lrf3d.render.timeline import Timeline
 from lrf3d.simulation import Run
@@ -31,6 +31,7 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
     # The first of them is empty, so that there is one also where a run has no map.
     maps = [map_arrays(stage, origin) for stage in (LineMap.empty(), *run.maps)]
     stage_times = run.trajectory.times[list(run.stages)]
+    ways = [mover_keys(mover, timeline) for mover in run.movers]
     arrays = {
         "keyTimes": (times - timeline.start, np.float32),
         "keyPoses": (poses, np.float32),
@@ -43,6 +44,15 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         "stageObjects": ([stage.object_count for stage in run.maps], np.int32),
         "segments": (np.concatenate([segments for segments, _ in maps]), np.float32),
         "colours": (np.concatenate([colours for _, colours in maps]), np.uint8),
+        "moverSizes": ([len(times) for times, _ in ways], np.int32),
+        "moverTimes": (
+            np.concatenate([*(times - timeline.start for times, _ in ways), []]),
+            np.float32,
+        ),
+        "moverPoses": (
+            np.concatenate([*(poses - shift for _, poses in ways), np.empty((0, 3))]),
+            np.float32,
+        ),
         "joined": (joined_beams(run.ranges, run.walls), np.uint8),
     }
     block, layout = bytearray(), {}

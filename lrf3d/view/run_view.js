@@ -140,6 +140,7 @@ export default {
       this.beams = new BeamsMesh(scene, setup.laser);
       this.trail = new Trail(scene);
       this.bands = new MapBands(scene);
+      this.movers = new Movers(scene, this.stage.root, setup.movers);
       this.inset = new Inset(this.$refs.inset, setup);
       this.rig = new Rig(this.stage, { ...setup, height: setup.laser.height });
       if (setup.replay) {
@@ -150,7 +151,6 @@ export default {
       } else {
         this.pose = { ...setup.start, speed: 0, turning: 0 };
         this.trail.set([this.pose.x, this.pose.y]);
-        this.movers = new Movers(scene, setup.movers);
         this.news = null;
       }
       this.shownStage = null;
@@ -189,9 +189,10 @@ export default {
         const { segments, colours, objects } = run.map(stage);
         this.showMap(segments, colours, objects);
       }
+      this.movers.show(run.movers(time));
       const legs = run.legs(time);
       this.trail.show(legs, this.pose);
-      this.inset.show(this.pose, this.trail.places, legs, this.beamsSeen(), scan.on);
+      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), scan.on, this.movers);
       this.say(this.setup.replay.start + time);
     },
 
@@ -215,7 +216,7 @@ export default {
       const legs = Math.max(0, this.trail.places.length / 2 - 1);
       this.trail.show(legs, this.pose);
       this.movers.show(news.movers);
-      this.inset.show(this.pose, this.trail.places, legs, this.beamsSeen(), true, this.movers);
+      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), true, this.movers);
       this.say(news.time);
     },
 

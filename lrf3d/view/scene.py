@@ -1,7 +1,7 @@
 """What the page is told of a world before anything moves, in the world's local frame."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -11,9 +11,13 @@ from lrf3d.gltf import still_glb
 from lrf3d.gltf.scan_mesh import REACH
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
+from lrf3d.render.movers import mover_colours
 from lrf3d.render.palette import union_colours
 from lrf3d.render.structures import Structures
 from lrf3d.world import World
+
+if TYPE_CHECKING:
+    from lrf3d.casting.mover import Mover
 
 _LEAST_SIZE = 6.0
 """Size [m] that cameras take a world for at the least."""
@@ -32,8 +36,15 @@ class Scene:
     glb: bytes
 
 
-def make_scene(world: World, lrf: LaserRangeFinder, path: Float, *, title: str) -> Scene:
-    """The scene of a world, with where the robot goes (k, 2) [m]."""
+def make_scene(
+    world: World,
+    lrf: LaserRangeFinder,
+    path: Float,
+    *,
+    title: str,
+    movers: "tuple[Mover, ...]" = (),
+) -> Scene:
+    """The scene of a world, with where the robot goes (k, 2) [m], and what moves beside it."""
     structures = Structures.from_world(world, path)
     places = np.concatenate([world.segments.reshape(-1, 2), path]) - world.origin
     low, high = places.min(axis=0), places.max(axis=0)
@@ -49,6 +60,13 @@ def make_scene(world: World, lrf: LaserRangeFinder, path: Float, *, title: str) 
         "roof": float(structures.heights.max(initial=0.0)),
         "walls": np.round(walls, 3).ravel().tolist(),
         "houses": _outlines(structures),
+        "movers": [
+            {
+                "outline": mover.outline.ravel().tolist(),
+                "colour": np.round(255.0 * colour).astype(int).tolist(),
+            }
+            for mover, colour in zip(movers, mover_colours(movers), strict=True)
+        ],
         "laser": {
             "angles": lrf.angles.tolist(),
             "rangeMax": lrf.range_max,
@@ -56,7 +74,7 @@ def make_scene(world: World, lrf: LaserRangeFinder, path: Float, *, title: str) 
             "reach": min(lrf.range_max, REACH),
         },
     }
-    return Scene(setup, still_glb(world, structures, lrf.height))
+    return Scene(setup, still_glb(world, structures, lrf.height, movers))
 
 
 def joined_beams(ranges: Float, walls: Int) -> Bool:

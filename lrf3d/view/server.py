@@ -111,11 +111,7 @@ def _attach(drive: HandDrive, setup: dict[str, Any]) -> None:
 
     x, y = (np.array(drive.pose[:2]) - setup["origin"]).tolist()
     start = {"x": x, "y": y, "theta": drive.pose.theta}
-    movers = [
-        {"outline": mover.outline.ravel().tolist(), "height": mover.height}
-        for mover in drive.movers
-    ]
-    view = RunView({**setup, "start": start, "movers": movers})
+    view = RunView({**setup, "start": start})
 
     def obey(event: Any) -> None:
         forward, turn = (

@@ -40,7 +40,7 @@ const DOTS = {
     void main() {
       paint = tint;
       vec4 seen = modelViewMatrix * vec4(position, 1.0);
-      gl_PointSize = clamp(0.10 * focus / -seen.z, 3.0, 14.0);
+      gl_PointSize = clamp(0.07 * focus / -seen.z, 2.5, 12.0);
       gl_Position = projectionMatrix * seen;
     }`,
   fragmentShader: `

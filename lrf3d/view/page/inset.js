@@ -3,7 +3,6 @@
 const WHOLE = 140; // Largest world [m] that is shown whole; in a larger one the inset follows.
 const WINDOW = 110; // What is shown of a larger one [m].
 const MARGIN = 1.08;
-const MOVER = "#7a3fb8";
 
 export class Inset {
   constructor(canvas, { low, high, houses, walls }) {
@@ -45,7 +44,7 @@ export class Inset {
     this.map = [...paths];
   }
 
-  show(robot, places, legs, beams, scanning, movers) {
+  show(robot, { places, jumps }, legs, beams, scanning, movers) {
     const { draw, ratio, side, scale } = this;
     const [x, y] = this.whole ? this.middle : [robot.x, robot.y];
     const pixel = 1 / scale;
@@ -64,17 +63,18 @@ export class Inset {
     draw.lineWidth = 1.6 * pixel;
     draw.beginPath();
     for (let i = 0; i <= legs && 2 * i < places.length; i++) {
-      draw.lineTo(places[2 * i], places[2 * i + 1]);
+      if (jumps.has(i - 1)) draw.moveTo(places[2 * i], places[2 * i + 1]);
+      else draw.lineTo(places[2 * i], places[2 * i + 1]);
     }
-    draw.lineTo(robot.x, robot.y);
+    if (!jumps.has(legs)) draw.lineTo(robot.x, robot.y);
     draw.stroke();
     draw.lineWidth = 2.2 * pixel;
     for (const [colour, path] of this.map) {
       draw.strokeStyle = colour;
       draw.stroke(path);
     }
-    draw.fillStyle = MOVER;
-    for (const body of movers?.seen() ?? []) {
+    for (const [body, colour] of movers.seen()) {
+      draw.fillStyle = colour;
       draw.beginPath();
       for (const [left, up] of body) draw.lineTo(left, up);
       draw.fill();

@@ -1,39 +1,34 @@
-// What moves beside the robot: bodies with an outline and a height, in the world and in the inset.
+// What moves beside the robot: bodies from the file of the scene, and their outlines in the inset.
 
 import { THREE } from "nicegui-scene";
 
-const COLOUR = 0x8a52c4;
-
 export class Movers {
-  // bodies: outline x, y, x, y, … in the body's own frame [m], and height [m] of each.
-  constructor(scene, bodies) {
-    const paint = new THREE.MeshStandardMaterial({ color: COLOUR, roughness: 0.7 });
-    this.bodies = bodies.map(({ outline, height }) => {
+  // bodies: outline x, y, x, y, … in the body's own frame [m], and colour of each in 0…255.
+  constructor(scene, root, bodies) {
+    this.bodies = bodies.map(({ outline, colour }, i) => {
+      const place = new THREE.Group();
+      place.add(root.getObjectByName(`mover-${i}`));
+      scene.add(place);
       const corners = [];
-      for (let i = 0; i < outline.length; i += 2) {
-        corners.push(new THREE.Vector2(outline[i], outline[i + 1]));
-      }
-      const form = { depth: height, bevelEnabled: false };
-      const mesh = new THREE.Mesh(new THREE.ExtrudeGeometry(new THREE.Shape(corners), form), paint);
-      scene.add(mesh);
-      return { corners, mesh };
+      for (let k = 0; k < outline.length; k += 2) corners.push([outline[k], outline[k + 1]]);
+      return { corners, place, colour: `rgb(${colour.join(",")})` };
     });
   }
 
   // poses: x, y, theta of each in turn.
   show(poses) {
-    this.bodies.forEach(({ mesh }, i) => {
-      mesh.position.set(poses[3 * i], poses[3 * i + 1], 0);
-      mesh.rotation.z = poses[3 * i + 2];
+    this.bodies.forEach(({ place }, i) => {
+      place.position.set(poses[3 * i], poses[3 * i + 1], 0);
+      place.rotation.z = poses[3 * i + 2];
     });
   }
 
-  // Their corners as they stand now.
+  // Their corners as they stand now, and their colours.
   seen() {
-    return this.bodies.map(({ corners, mesh }) => {
-      const { x, y } = mesh.position;
-      const [cos, sin] = [Math.cos(mesh.rotation.z), Math.sin(mesh.rotation.z)];
-      return corners.map((at) => [x + cos * at.x - sin * at.y, y + sin * at.x + cos * at.y]);
+    return this.bodies.map(({ corners, place, colour }) => {
+      const { x, y } = place.position;
+      const [cos, sin] = [Math.cos(place.rotation.z), Math.sin(place.rotation.z)];
+      return [corners.map(([u, v]) => [x + cos * u - sin * v, y + sin * u + cos * v]), colour];
     });
   }
 }

@@ -15,18 +15,28 @@ export class Replay {
     run.end = run.keyTimes.at(-1);
     run.stageStarts = new Int32Array(run.stageSizes.length + 1);
     run.stageSizes.forEach((size, i) => (run.stageStarts[i + 1] = run.stageStarts[i] + size));
+    run.ways = [];
+    let first = 0;
+    for (const size of run.moverSizes) {
+      const times = run.moverTimes.subarray(first, first + size);
+      run.ways.push([times, run.moverPoses.subarray(3 * first, 3 * (first + size))]);
+      first += size;
+    }
     return run;
+  }
+
+  // Where all movers are: x, y, theta of each in turn.
+  movers(time) {
+    return this.ways.flatMap(([times, poses]) => {
+      const { last, next, share } = between(times, time);
+      return [0, 1, 2].map((i) => blend(poses, last, next, share, i));
+    });
   }
 
   pose(time) {
     const { keyTimes: times, keyPoses: poses } = this;
-    const next = Math.min(times.length - 1, after(times, time));
-    const last = Math.max(0, next - 1);
-    const gap = times[next] - times[last];
-    const share = gap > 0 ? Math.min(1, Math.max(0, (time - times[last]) / gap)) : 0;
-    const [x, y, theta] = [0, 1, 2].map(
-      (i) => poses[3 * last + i] + share * (poses[3 * next + i] - poses[3 * last + i]),
-    );
+    const { last, next, gap, share } = between(times, time);
+    const [x, y, theta] = [0, 1, 2].map((i) => blend(poses, last, next, share, i));
     const way = Math.hypot(poses[3 * next] - poses[3 * last], poses[3 * next + 1] - poses[3 * last + 1]);
     const turn = poses[3 * next + 2] - poses[3 * last + 2];
     const moving = gap > 0 && time < this.end;
@@ -77,6 +87,19 @@ export class Replay {
     });
     return places;
   }
+}
+
+// The key times on either side of a time, how far apart they are, and the share of that gone by.
+function between(times, time) {
+  const next = Math.min(times.length - 1, after(times, time));
+  const last = Math.max(0, next - 1);
+  const gap = times[next] - times[last];
+  const share = gap > 0 ? Math.min(1, Math.max(0, (time - times[last]) / gap)) : 0;
+  return { last, next, gap, share };
+}
+
+function blend(poses, last, next, share, i) {
+  return poses[3 * last + i] + share * (poses[3 * next + i] - poses[3 * last + i]);
 }
 
 // How many of rising times are not after a time.

@@ -9,6 +9,8 @@ const AIM = 0.6; // Height that a following camera looks at [m].
 const LOW = 1.2; // Walls up to this height [m] do not hide the robot.
 const CLEARANCE = 0.4; // Distance from walls that a following camera keeps [m].
 const LOWER = 0.13; // How far under the middle a followed robot is seen, in heights of the picture.
+const BESIDE = 0.09; // How far right of the middle a world is seen from above, in widths,
+const OVER = 0.03; // and how far over it, in heights of the picture.
 const CALM = 3.0; // How fast the camera follows turns [1/s].
 
 const FIELDS = { follow: 50, orbit: 50, top: 12, first: 62 }; // Angles of view [°].
@@ -67,8 +69,11 @@ export class Rig {
   // Move the middle of the picture up, so that more of the way ahead is seen; once for each size.
   shift() {
     const { width, height } = this.stage.canvas;
-    const lower = this.view === "follow" ? -LOWER * height : 0;
-    this.camera.setViewOffset(width, height, 0, lower, width, height);
+    // From above, the world stands beside the words and over the bar, where there is room.
+    const aside = width > height ? BESIDE : 0;
+    const shifts = { follow: [0, -LOWER], top: [aside, OVER] };
+    const [right, lower] = shifts[this.view] ?? [0, 0];
+    this.camera.setViewOffset(width, height, -right * width, lower * height, width, height);
     this.fitted = [width, height];
   }
 

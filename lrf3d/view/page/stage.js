@@ -52,6 +52,7 @@ export class Stage {
       if (map) map.anisotropy = this.renderer.capabilities.getMaxAnisotropy();
     });
     this.scene.add(root);
+    this.root = root;
     this.robot = new THREE.Group();
     this.robot.rotation.order = "ZYX";
     const model = root.getObjectByName("robot");
