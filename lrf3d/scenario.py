@@ -43,6 +43,8 @@ class Scenario:
         poses: (k, 3) poses x, y [m], theta [rad] to stand and scan at instead of a drive.
         speed: Speed of the drive [m/s].
         scan_interval: Time between two scans [s].
+        lookahead: How far ahead on the route the robot steers at [m]: the default is about three
+            of its radii, so that it cuts corners by no more than the clearance that routes keep.
         radius: Radius of the robot [m].
         mapper: Keyword arguments for the mapper.
         view: Where the film is seen from: ``chase``, ``first``, ``orbit``,
@@ -61,6 +63,7 @@ class Scenario:
     poses: Float | None = None
     speed: float = 3.0
     scan_interval: float = 0.25
+    lookahead: float = 1.0
     radius: float = 0.35
     mapper: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     view: str = "chase"

@@ -103,6 +103,42 @@ def test_a_very_large_world_is_planned_in_its_densest_part() -> None:
     assert (np.abs(route - [3030.0, 20.0]) < 260.0).all()
 
 
+def house(door: float, entrance: float) -> World:
+    """A house of four rooms, with doors between them, and one to the outside in the first."""
+
+    def wall(start: tuple[float, float], end: tuple[float, float], gap: float) -> list[np.ndarray]:
+        a, b = np.array(start), np.array(end)
+        step = (b - a) * 0.5 * (1.0 - gap / np.hypot(*(b - a)))
+        return [np.hstack([a, a + step]), np.hstack([b - step, b])]
+
+    walls = [
+        *wall((6, 0), (6, 4.5), door),
+        *wall((6, 4.5), (6, 9), door),
+        *wall((0, 4.5), (6, 4.5), door),
+        *wall((6, 4.5), (12, 4.5), door),
+        *wall((0, 0), (12, 0), entrance),
+        *box(0, 0, 12, 9)[1:],
+    ]
+    return World(np.array(walls))
+
+
+@pytest.mark.parametrize(("door", "entrance"), [(1.7, 1.7), (1.0, 1.0), (0.9, 0.0)])
+def test_a_robot_drives_through_the_doors_that_it_fits_through(
+    door: float, entrance: float
+) -> None:
+    world = house(door, entrance)
+    route = plan_route(world, radius=0.35, lookahead=0.4)
+    drive = follow_route(route, speed=3.0, lookahead=0.4, dt=0.05)
+    assert find_collision(drive, world, 0.35) is None
+    rooms = set(map(tuple, np.floor(drive.poses[:, :2] / [6.0, 4.5]).astype(int)))
+    assert len(rooms & {(0, 0), (1, 0), (0, 1), (1, 1)}) >= 3
+
+
+def test_no_door_is_tried_that_the_robot_does_not_fit_through() -> None:
+    route = plan_route(house(0.6, 0.0), radius=0.35, lookahead=0.4)
+    assert distance_to_walls(house(0.0, 0.0), route) >= 0.35 + 0.28
+
+
 def test_no_walls_and_no_room_are_clear_errors() -> None:
     with pytest.raises(InputError, match="no walls"):
         plan_route(World(np.empty((0, 4)), name="void"))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.world import World
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.pieces import pieces_of
@@ -29,6 +29,9 @@ CELL_SIZES = (0.1, 1.0)
 
 WALL_PENALTY = 6.0
 """How many times dearer than in the open a step is at the least distance to a wall."""
+
+TIGHT_PENALTY = 10.0
+"""How many times dearer again a step through a tight place is: none is taken but to get behind."""
 
 LARGEST_PARTS = 8
 """How many parts of the free space, the largest, are compared."""
@@ -52,6 +55,8 @@ class FreeSpace:
         graph: (k, k) sparse matrix of the costs of steps between neighbours.
         size: Side of a cell [m].
         least: Distance [m] to walls that is always kept.
+        roomy: (k,) whether each is no tight place.
+        worth: Length [m] of the walls along it, weighed by how much they are to be driven to.
         walls: The nearest-neighbour tree over points of the walls.
     """
 
@@ -60,6 +65,8 @@ class FreeSpace:
     graph: Any
     size: float
     least: float
+    roomy: Bool
+    worth: float
     walls: Any
 
     def clearance(self, points: Float) -> Float:
@@ -67,7 +74,9 @@ class FreeSpace:
         return np.asarray(self.walls.query(points)[0], dtype=np.float64)
 
 
-def find_free_space(world: World, *, least: float, clearance: float) -> FreeSpace:
+def find_free_space(
+    world: World, *, least: float, clearance: float, comfortable: float = 0.0
+) -> FreeSpace:
     """The free space of a world, or of its densest part where it is very large.
 
     Where walls part the free space, the part along most of the walls is chosen; the inside of a
@@ -77,6 +86,7 @@ def find_free_space(world: World, *, least: float, clearance: float) -> FreeSpac
         world: The walls.
         least: Distance to walls [m] that is always kept.
         clearance: Distance to walls [m] that is kept where there is room.
+        comfortable: Distance to walls [m] below which a place is tight: a door.
 
     Raises:
         InputError: There are no walls, or there is no room for the robot between them.
@@ -100,7 +110,7 @@ def find_free_space(world: World, *, least: float, clearance: float) -> FreeSpac
     x, y = (low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1))
     middles = np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
     gaps = np.asarray(tree.query(middles.reshape(-1, 2))[0]).reshape(shape)
-    graph, index = _graph(middles, gaps, tree, least, clearance)
+    graph, index = _graph(middles, gaps, tree, (least, comfortable, clearance))
     cells, gaps = middles.reshape(-1, 2)[index], gaps.reshape(-1)[index]
     if not len(cells):
         raise InputError(
@@ -108,9 +118,11 @@ def find_free_space(world: World, *, least: float, clearance: float) -> FreeSpac
             " route or a smaller radius"
         )
     _, label = connected_components(graph, directed=False)
-    part = _best_part(world, cells, np.asarray(label), points, weights, least + size)
+    part, worth = _best_part(world, cells, np.asarray(label), points, weights, least + size)
     chosen = np.flatnonzero(label == part)
-    return FreeSpace(cells[chosen], gaps[chosen], graph[chosen][:, chosen], size, least, tree)
+    gaps = gaps[chosen]
+    roomy = gaps >= comfortable
+    return FreeSpace(cells[chosen], gaps, graph[chosen][:, chosen], size, least, roomy, worth, tree)
 
 
 def sample_walls(segments: Float, spacing: float) -> tuple[Float, Float]:
@@ -163,11 +175,12 @@ def _window(points: Float, weights: Float) -> tuple[Float, Float]:
 
 
 def _graph(
-    middles: Float, gaps: Float, tree: Any, least: float, clearance: float
+    middles: Float, gaps: Float, tree: Any, distances: tuple[float, float, float]
 ) -> tuple[Any, Int]:
     """The costs of the steps between neighbouring free cells, and which cells are free."""
     from scipy.sparse import coo_array
 
+    least, comfortable, clearance = distances
     free = gaps >= least
     number = np.cumsum(free).reshape(free.shape) - 1
     width, height = free.shape
@@ -188,7 +201,8 @@ def _graph(
         rows.append(number[here][both][open_])
         columns.append(number[there][both][open_])
         nearness = np.clip((clearance - nearest[open_]) / max(clearance - least, 1e-9), 0.0, 1.0)
-        costs.append(length[open_] * (1.0 + WALL_PENALTY * nearness**2))
+        tight = TIGHT_PENALTY * (nearest[open_] < comfortable)
+        costs.append(length[open_] * (1.0 + WALL_PENALTY * nearness**2 + tight))
     count = int(free.sum())
     row, column, cost = (np.concatenate(part) for part in (rows, columns, costs))
     graph = coo_array((cost, (row, column)), shape=(count, count)).tocsr()
@@ -197,8 +211,8 @@ def _graph(
 
 def _best_part(
     world: World, cells: Float, label: Any, points: Float, weights: Float, reach: float
-) -> int:
-    """The part of the free space along which the most walls stand."""
+) -> tuple[int, float]:
+    """The part of the free space along which the most walls stand, and their weighed length."""
     from scipy.spatial import cKDTree
 
     largest = np.argsort(-np.bincount(label), kind="stable")[:LARGEST_PARTS]
@@ -211,7 +225,7 @@ def _best_part(
     inside = inside_buildings(world, cells[[int(np.argmax(label == part)) for part in largest]])
     outside = largest == label[int(np.argmin(cells.sum(axis=1)))]
     worth = np.array(walls) * np.where(inside, 0.3, np.where(outside, 0.95, 1.0))
-    return int(largest[np.argmax(worth)])
+    return int(largest[np.argmax(worth)]), float(worth.max())
 
 
 def inside_buildings(world: World, points: Float) -> Any:

@@ -4,6 +4,7 @@ A world enters, way-points leave. Places to look from are chosen in the free spa
 a tour by paths that keep off the walls, and the paths are straightened.
 """
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
 from lrf3d.robot.collision import find_collision
-from lrf3d.robot.following import follow_route
+from lrf3d.robot.following import CONTROL_STEP, follow_route
 from lrf3d.robot.free_space import FreeSpace, find_free_space
 from lrf3d.robot.tour import Network, best_tour
 from lrf3d.robot.viewpoints import look_around
@@ -24,6 +25,13 @@ MARGINS = (0.3, 0.6, 0.9)
 """How much farther [m] than its radius a robot stays from walls, for the corners that a follower
 cuts: the least that it can follow is taken, for a wider one shuts doors."""
 
+TIGHT_MARGINS = (0.05, 0.12)
+"""The same [m] in doors that are too narrow for it."""
+
+MORE = 1.1
+"""How many times as much room, or as long walls, there must be with narrow doors as without them
+for a robot to go through them."""
+
 FOLLOWER = 1.0
 """Look-ahead [m] of the pure pursuit that must be able to follow a route."""
 
@@ -32,7 +40,12 @@ LONGEST_LEG = 30.0
 
 
 def plan_route(
-    world: World, *, radius: float = 0.35, clearance: float = 2.0, range_max: float = 80.0
+    world: World,
+    *,
+    radius: float = 0.35,
+    clearance: float = 2.0,
+    range_max: float = 80.0,
+    lookahead: float = FOLLOWER,
 ) -> Float:
     """Find way-points (m, 2) [m], two or more, along which most of the walls are seen.
 
@@ -41,37 +54,75 @@ def plan_route(
 
     Args:
         world: The walls.
-        radius: Radius of the robot [m]; it never comes nearer to a wall than this and 0.3 m.
+        radius: Radius of the robot [m]; it never comes nearer to a wall than this and 0.3 m, but
+            in doors that are narrower, where rooms lie behind them.
         clearance: Distance to walls [m] that is kept where there is room.
         range_max: Farthest that the laser measures [m].
+        lookahead: Look-ahead [m] with which `follow_route` is to follow it; the shorter it is,
+            the narrower are the doors that it gets through.
 
     Raises:
         InputError: There are no walls, there is no room to drive, or a number makes no sense.
     """
-    numbers = (radius, clearance, range_max)
+    numbers = (radius, clearance, range_max, lookahead)
     if not (np.isfinite(numbers).all() and min(numbers) > 0.0):
         raise InputError(
-            f"radius {radius}, clearance {clearance}, range_max {range_max}: expected positive"
-            " numbers of metres"
+            f"radius {radius}, clearance {clearance}, range_max {range_max}, lookahead"
+            f" {lookahead}: expected positive numbers of metres"
         )
     first = None
-    for margin in MARGINS:
+    for space in _spaces(world, radius, clearance):
         try:
-            route = _route(world, radius + margin, clearance, range_max)
+            route = _route(space, world, clearance, range_max)
         except InputError:
-            if first is None:
-                raise
-            break
-        if _can_be_followed(route, world, radius):
+            continue
+        if _can_be_followed(route, world, radius, lookahead):
             return route
         first = route if first is None else first
-    assert first is not None
+    if first is None:
+        raise InputError("no room to drive between the walls; give a route or poses to stand at")
     return first
 
 
-def _route(world: World, least: float, clearance: float, range_max: float) -> Float:
-    """Way-points (m, 2) that keep a least distance [m] to walls."""
-    space = find_free_space(world, least=least, clearance=max(clearance, least))
+def _spaces(world: World, radius: float, clearance: float) -> Iterator[FreeSpace]:
+    """Free spaces to find a route in, the most wanted first.
+
+    Raises:
+        InputError: There is none.
+    """
+    wide = None
+    comfortable = radius + MARGINS[0]
+    try:
+        wide = _space(world, comfortable, clearance)
+    except InputError as error:
+        refused = error
+    for margin in TIGHT_MARGINS:
+        try:
+            tight = _space(world, radius + margin, clearance, comfortable)
+        except InputError:
+            break
+        if wide is not None and not (
+            tight.worth > MORE * wide.worth or tight.roomy.sum() > MORE * len(wide.cells)
+        ):
+            break
+        yield tight
+    if wide is None:
+        raise refused
+    yield wide
+    for margin in MARGINS[1:]:
+        try:
+            yield _space(world, radius + margin, clearance)
+        except InputError:
+            return
+
+
+def _space(world: World, least: float, clearance: float, comfortable: float = 0.0) -> FreeSpace:
+    clearance = max(clearance, least, comfortable)
+    return find_free_space(world, least=least, clearance=clearance, comfortable=comfortable)
+
+
+def _route(space: FreeSpace, world: World, clearance: float, range_max: float) -> Float:
+    """Way-points (m, 2) through a free space."""
     views = look_around(space, world, range_max=range_max)
     network = Network.between(space, views, views.places[views.best_places()])
     order = best_tour(network, longest=LONGEST_ROUTE)
@@ -79,9 +130,9 @@ def _route(world: World, least: float, clearance: float, range_max: float) -> Fl
     return _straightened(space, legs, clearance) + world.origin
 
 
-def _can_be_followed(route: Float, world: World, radius: float) -> bool:
+def _can_be_followed(route: Float, world: World, radius: float, lookahead: float) -> bool:
     """Whether a robot that follows the route by pure pursuit keeps clear of all walls."""
-    drive = follow_route(route, speed=3.0, lookahead=FOLLOWER, dt=0.1)
+    drive = follow_route(route, speed=3.0, lookahead=lookahead, dt=CONTROL_STEP)
     return find_collision(drive, world, radius) is None
 
 

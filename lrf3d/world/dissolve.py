@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
 
 CLOSING = 0.05
@@ -26,6 +27,13 @@ SMALLEST_COURTYARD = 1.0
 
 MITRE_LIMIT = 20.0
 """Corners sharper than 6° are cut when gaps are closed; all others come back as they were."""
+
+MOST_CROSSINGS, CROSSINGS_A_WALL = 10_000, 10
+"""How often walls of one outline may meet, in all and for each wall: neighbours meet anyway, and
+slips of the pen are few."""
+
+MOST_AT_ONCE = 100
+"""Walls that are compared with all others before the meetings are counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +107,26 @@ def _polygon(footprint: Footprint, origin: Float) -> Any:
     polygon = shapely.Polygon(outer, holes)
     if polygon.is_valid:
         return polygon
+    _check_crossings(footprint.rings)
     # Mending may leave lines where an outline ran forth and back; they enclose nothing.
     return shapely.union_all(_polygons_in(shapely.make_valid(polygon)))
+
+
+def _check_crossings(rings: tuple[Float, ...]) -> None:
+    """See that rings cross themselves so seldom that mending them takes no hours."""
+    import shapely
+
+    ends = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
+    walls = shapely.linestrings(np.concatenate(ends) - rings[0][0])
+    tree, most = shapely.STRtree(walls), MOST_CROSSINGS + CROSSINGS_A_WALL * len(walls)
+    met = 0
+    for part in np.array_split(walls, len(walls) // MOST_AT_ONCE + 1):
+        met += tree.query(part, predicate="intersects").shape[1]
+        if met > most:
+            raise WorldError(
+                f"a Polygon of {len(walls):,} walls that cross each other thousands of times;"
+                " mend its outline"
+            )
 
 
 def _polygons_in(geometry: Any) -> list[Any]:

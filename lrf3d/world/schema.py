@@ -18,7 +18,7 @@ from lrf3d.world.locate import Path
 FARTHEST = 1e9
 """Largest coordinate [m] in a file: above it float64 no longer resolves a micrometre."""
 
-MOST_OBJECTS = 10_000_000
+MOST_OBJECTS = 1_000_000
 """Largest number of an object in a file: names and colours are kept for all numbers below."""
 
 Check = Callable[[object], object]
@@ -201,6 +201,7 @@ TABLES: Mapping[str, Mapping[str, Check]] = {
         "poses": rows("x", "y", "degrees"),
         "speed": _LENGTH,
         "scan_interval": _LENGTH,
+        "lookahead": _LENGTH,
         "radius": _LENGTH,
     },
     "laser": {
