@@ -160,6 +160,11 @@ class Simulation:
             index, (time, pose) = self.done, self.drive.place(self.done)
             true_scan = self._cast.cast_at(self.lrf, pose, time)
             scan = self.noise(true_scan, self.rng)
+            if not isinstance(scan, LaserScan) or len(scan.ranges) != self.lrf.beams:
+                raise InputError(
+                    f"noise {self.noise!r} returned {_shown(scan)}; expected a LaserScan of"
+                    f" {self.lrf.beams} beams"
+                )
             self.take(scan)
             yield Step(index, time, true_scan.pose, scan, true_scan, self.map)
 
@@ -176,3 +181,10 @@ class Simulation:
             self.map = getattr(self.mapper, "map", None) if found is None else found
         self.drive.after(scan)
         self.done += 1
+
+
+def _shown(scan: Any) -> str:
+    """What a noise has returned, in a few words."""
+    if isinstance(scan, LaserScan):
+        return f"one of {len(scan.ranges)}"
+    return "None" if scan is None else f"a {type(scan).__name__}"

@@ -1,6 +1,7 @@
 """Users' own mappers, controllers and noises."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 import lrf3d
 from lrf3d import CollisionError, InputError, LaserRangeFinder, Simulation, World
+from lrf3d.cli import main
 from lrf3d.study.plugins import load_plugin
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -271,3 +273,56 @@ def test_the_example_prints_both_mappers(examples, capsys):
     for line in lines[1:]:
         precision, recall = map(float, line.split()[-2:])
         assert precision > 0.95 and recall > 0.95
+
+
+MISTAKES = """
+from dataclasses import replace
+
+class Mapper:
+    def update(self, scan):
+        raise ValueError("two\\nlines")
+
+class Unmade:
+    def __init__(self): raise RuntimeError("no")
+    def update(self, scan): pass
+
+class Reporter:
+    def update(self, scan): pass
+    def report(self, run, folder): return {"share": float("nan")}
+
+class Driver:
+    def command(self, time): return 1.0, 0.0
+
+def nothing(scan, rng): return None
+def shorter(scan): return replace(scan, angles=[0.0], ranges=[1.0], walls=None)
+def broken(scan, rng): return {}["key"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "said"),
+    [
+        ("mapper", "Mapper", r"ValueError: two lines \(mistakes\.py, line 6\)"),
+        ("mapper", "Unmade", "cannot be made without arguments .RuntimeError: no"),
+        ("mapper", "Reporter", "report returned .*expected a dict of texts and finite numbers"),
+        ("controller", "Driver", "TypeError: Driver.command.. takes 2 positional arguments"),
+        ("noise", "nothing", "returned None; expected a LaserScan of 181 beams"),
+        ("noise", "shorter", "returned one of 1; expected a LaserScan of 181 beams"),
+        ("noise", "broken", r"KeyError: 'key' \(mistakes\.py, line 20\)"),
+    ],
+)
+def test_what_a_plug_in_raises_is_one_line_with_its_name(
+    kind, name, said, tmp_path, monkeypatch, capsys
+):
+    (tmp_path / "mistakes.py").write_text(MISTAKES)
+    monkeypatch.chdir(tmp_path)
+    arguments = ["paper_room", "--no-video", "--scans", "3", "--caster", "planar"]
+    named = [f"--{kind}", f"mistakes.py:{name}"]
+    monkeypatch.setattr(sys, "argv", ["lrf3d", "run", *arguments, *named])
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.delitem(sys.modules, "mistakes", raising=False)
+    with pytest.raises(SystemExit) as end:
+        main()
+    out, err = capsys.readouterr()
+    assert end.value.code == 1 and out == "" and err.count("\n") == 1
+    assert f"--{kind} mistakes.py:{name}" in err and re.search(said, err)

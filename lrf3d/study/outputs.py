@@ -1,5 +1,6 @@
 """What an experiment gives: runs at its noises, their figures, and the files of both."""
 
+import json
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -7,6 +8,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from lrf3d.errors import InputError
 from lrf3d.logs import record
 from lrf3d.simulation import Run
 from lrf3d.study.experiment import Experiment, Progress, trajectory_of
@@ -88,7 +90,7 @@ class Results:
                 # The run was finished before, so that this mapper has seen nothing of it.
                 for scan in runs[0].scans:
                     mapper.update(scan)
-            summary["report"] = mapper.report(runs[0], folder)
+            summary["report"] = _checked(mapper, mapper.report(runs[0], folder))
         if len(sigmas) > 1:
             summary["noise_levels"] = [
                 {"sigma_m": sigma, "segments": len(run.map), "unions": run.map.object_count}
@@ -130,6 +132,21 @@ class Results:
             text = f"{level['segments']} segments in {level['unions']} unions"
             rows.append((f"σ {level['sigma_m']:g} m", text))
         return rows
+
+
+def _checked(mapper: Any, report: Any) -> dict[str, Any]:
+    """What a mapper reports, if JSON can tell it.
+
+    Raises:
+        InputError: It cannot.
+    """
+    try:
+        return dict(json.loads(json.dumps(dict(report), allow_nan=False)))
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{mapper!r}: report returned {str(report)[:60]!r}; expected a dict of texts and finite"
+            f" numbers ({error})"
+        ) from None
 
 
 def _share(value: float | None) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError
+from lrf3d.study.guarded import Guarded
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,24 +30,26 @@ class Plugin:
     kind: str
 
     def make(self) -> Any:
-        """A new object of the class, or the object.
+        """A new object of the class, or the object; what a named one raises bears its name.
 
         Raises:
-            InputError: The class needs arguments, or what it makes lacks the method.
+            InputError: The class cannot be made, or what it makes lacks the method.
         """
         made = self.found
         if isinstance(made, type):
             try:
                 made = made()
-            except TypeError as error:
+            except Exception as error:
+                words = " ".join(str(error).split())
                 raise InputError(
-                    f"--{self.kind} {self.name}: cannot be made without arguments ({error}); name"
-                    " an object, or give its arguments defaults"
+                    f"--{self.kind} {self.name}: cannot be made without arguments"
+                    f" ({type(error).__name__}: {words}); name an object, or give its arguments"
+                    " defaults"
                 ) from error
         if not callable(getattr(made, self.needs, None)):
             method = f"a method {self.needs}" if self.needs != "__call__" else "a function"
             raise InputError(f"--{self.kind} {self.name}: has no {_expected(self.kind, method)}")
-        return made
+        return Guarded(made, f"--{self.kind} {self.name}") if self.name else made
 
 
 NEEDS = {"mapper": "update", "controller": "command", "noise": "__call__"}
