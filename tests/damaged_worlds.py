@@ -214,6 +214,7 @@ _DEEP = 100_000
 
 HOSTILE: dict[str, dict[str, str | bytes]] = {
     "toml": {
+        "a key of many parts": ".".join("a" * 20_000) + " = 1",
         "deep": "x = " + "[" * _DEEP,
         "deep table": "[" + ".".join("a" * 1 for _ in range(5000)) + "]\nx = 1",
         "nan": TOML.replace("4, 0", "nan, 0"),
@@ -242,6 +243,12 @@ HOSTILE: dict[str, dict[str, str | bytes]] = {
         "points alone": _feature({"type": "Point", "coordinates": [1, 2]}),
         "an unknown geometry": _feature({"type": "Sphere", "coordinates": [[1, 2]]}),
         "an empty polygon": _feature({"type": "Polygon", "coordinates": []}),
+        "an outline that crosses itself without end": _feature(
+            {
+                "type": "Polygon",
+                "coordinates": [[[i * 7919 % 997, i * 104729 % 991] for i in range(3000)]],
+            }
+        ),
         "a flat polygon": _feature({"type": "Polygon", "coordinates": [[[0, 0], [1, 0], [2, 0]]]}),
         "a negative height": _feature({"type": "Polygon", "coordinates": [RING]}, height=-3),
         "properties of text": '{"type": "Feature", "properties": "x", "geometry": null}',

@@ -308,7 +308,7 @@ def broken(scan, rng): return {}["key"]
         ("controller", "Driver", "TypeError: Driver.command.. takes 2 positional arguments"),
         ("noise", "nothing", "returned None; expected a LaserScan of 181 beams"),
         ("noise", "shorter", "returned one of 1; expected a LaserScan of 181 beams"),
-        ("noise", "broken", r"KeyError: 'key' \(mistakes\.py, line 20\)"),
+        ("noise", "broken", r"KeyError: 'key' \(mistakes\.py, line 21\)"),
     ],
 )
 def test_what_a_plug_in_raises_is_one_line_with_its_name(

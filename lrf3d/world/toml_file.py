@@ -23,6 +23,11 @@ from lrf3d.world.pieces import walls
 from lrf3d.world.schema import CAMERA, MOVER, OBJECT, PLACE, TABLES, Check, Invalid, text
 from lrf3d.world.text_file import read_text
 
+_DEEP_KEY = re.compile(
+    r"""(?:^|[\[{,])[ \t]*(?:(?:[\w-]{1,99}|"[^"\n]{0,99}")[ \t]*\.[ \t]*){40}""", re.M
+)
+"""A key of over forty parts; those of world files have two."""
+
 
 @dataclass(frozen=True)
 class WorldFile:
@@ -82,6 +87,11 @@ class _Document:
         raise WorldError(f"{self.path}:{line}: {place}{message}")
 
     def parse(self) -> dict[str, Any]:
+        # The library takes time that grows with the cube of the parts of a key.
+        deep = _DEEP_KEY.search(self.text)
+        if deep:
+            line = self.text.count("\n", 0, deep.start()) + 1
+            raise WorldError(f"{self.path}:{line}: nested too deeply for a world file")
         try:
             return tomllib.loads(self.text)
         except RecursionError:
