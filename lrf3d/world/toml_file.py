@@ -90,8 +90,8 @@ class _Document:
         # The library takes time that grows with the cube of the parts of a key.
         deep = _DEEP_KEY.search(self.text)
         if deep:
-            line = self.text.count("\n", 0, deep.start()) + 1
-            raise WorldError(f"{self.path}:{line}: nested too deeply for a world file")
+            begin = self.text.count("\n", 0, deep.start()) + 1
+            raise WorldError(f"{self.path}:{begin}: nested too deeply for a world file")
         try:
             return tomllib.loads(self.text)
         except RecursionError:
