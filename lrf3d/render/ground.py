@@ -51,7 +51,7 @@ _CONTACT = 0.9
 
 
 _ASPHALT, _STONE, _MARK, _FLOOR = (94, 93, 91), (156, 152, 144), (204, 200, 188), (192, 185, 172)
-_BEYOND, _BEYOND_INDOOR = (0.50, 0.52, 0.46), (0.765, 0.78, 0.79)
+_BEYOND, _BEYOND_INDOOR = (0.46, 0.475, 0.435), (0.765, 0.78, 0.79)
 """Colours of the ground: of streets, pavements, marks, floors, and of what lies past the world."""
 
 _SHADE, _CONTACT_SHADE, _FLOOR_SHADE = (156, 163, 178), (164, 166, 171), (188, 186, 184)
@@ -127,7 +127,7 @@ class _Brush:
 
     def reduced(self, picture: Image.Image) -> Image.Image:
         """A picture of this brush in the pixels of the one that it is finer than."""
-        return picture.filter(ImageFilter.BoxBlur(1)).reduce(_FINER)
+        return picture.reduce(_FINER).filter(ImageFilter.BoxBlur(0.6))
 
     def blank(self) -> Image.Image:
         return Image.new("L", self.size, 0)
