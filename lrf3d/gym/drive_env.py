@@ -107,7 +107,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """A picture (h, w, 3) uint8 of now, as in a film; None without a render_mode.
 
         Raises:
-            MissingLibraryError: There is no OpenGL on this machine.
+            MissingLibraryError: OpenGL is there and cannot draw.
         """
         if self.render_mode is None or not self._film:
             return None
