@@ -53,10 +53,3 @@ def test_faces_beside_a_niche_that_was_looked_into_need_what_was_seen_in_it():
     assert objects(niche, niche, poses) == 1
     # Nobody looked, so that it may as well be a wall.
     assert objects(faces, niche, [(-6.0, 0.05, 0.0)]) == 1
-
-
-def test_beams_past_the_very_end_of_a_wall_part_nothing():
-    # The side of a niche was not seen, and the wall beside it to a centimetre before its corner.
-    world = [[0, -4, 0, 0], [0, 0, 0.7, 0], [0.7, 0, 0.7, 2.2], [0.7, 2.2, 0, 2.2], [0, 2.2, 0, 9]]
-    walls = [[0, 2.21, 0, 9], [0.7, 0, 0.7, 2.17]]
-    assert objects(walls, world, [(-2.0, y, 0.0) for y in np.linspace(2.5, 8.0, 12)]) == 1
