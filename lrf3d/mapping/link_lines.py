@@ -133,16 +133,19 @@ def neighbours(pairs: Int, count: int) -> tuple[Int, Int]:  # pragma: no cover
 
 @njit(cache=True, nogil=True)
 def goes_before(
-    link: Float, ends: Float, one: int, other: int, others: Int
+    link: Float, ends: Float, one: int, other: int, others: Int, blur: float
 ) -> bool:  # pragma: no cover
-    """Whether a link (6,) of two walls runs far before a face that goes on to both sides of it."""
+    """Whether a link (6,) of two walls runs far before a face that goes on to both sides of it.
+
+    Walls end somewhere within a blur [m], which the noise of the ranges leaves.
+    """
     for wall in others:
-        if wall != other and _stands_off(link, ends[wall]):
+        if wall != other and _stands_off(link, ends[wall], blur):
             return True
     # A wall may go on, unseen, to the face of another.
-    if _stands_off(link, ends[one]) and not _goes_along(link, ends[other]):
+    if _stands_off(link, ends[one], blur) and not _goes_along(link, ends[other]):
         return True
-    return _stands_off(link, ends[other]) and not _goes_along(link, ends[one])
+    return _stands_off(link, ends[other], blur) and not _goes_along(link, ends[one])
 
 
 @njit(cache=True, nogil=True)
@@ -154,7 +157,7 @@ def _goes_along(link: Float, wall: Float) -> bool:  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def _stands_off(link: Float, wall: Float) -> bool:  # pragma: no cover
+def _stands_off(link: Float, wall: Float, blur: float) -> bool:  # pragma: no cover
     """Whether a link (6,) meets the inside of a wall (4,) and runs far before its face there."""
     dx, dy = wall[2] - wall[0], wall[3] - wall[1]
     size = np.hypot(dx, dy)
@@ -162,7 +165,7 @@ def _stands_off(link: Float, wall: Float) -> bool:  # pragma: no cover
     end = (dx * (link[3] - wall[1]) - dy * (link[2] - wall[0])) / size
     most, least = max(begin, end), min(begin, end)
     rise = most - least
-    if least > 1e-6 or rise < ACROSS * link[4] or most * link[4] < ABUTS * rise:
+    if least > 1e-6 or rise < ACROSS * link[4] or most * link[4] < (ABUTS + blur) * rise:
         return False
     share = begin / (begin - end)
     x, y = link[0] + share * (link[2] - link[0]), link[1] + share * (link[3] - link[1])

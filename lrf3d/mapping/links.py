@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.evidence import PASSED
+from lrf3d.mapping.evidence import PASSED, SIGMAS
 from lrf3d.mapping.grid import pairs_within
 from lrf3d.mapping.link_lines import (
     ABUTS,
@@ -38,6 +38,9 @@ SEVERAL = 3
 
 ALIKE = 1.0
 """How much longer [m] the second of them may be: what is much longer leads past more walls."""
+
+BLUR = 2.0 * SIGMAS
+"""How many deviations of a range the end of a wall and the face before it may be off together."""
 
 STRAY = 1
 """Beams that may pass a short link: noise that lets one pass is rare, but links are many."""
@@ -67,6 +70,7 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
     pairs, links = find_links(ends, candidates)
     order = np.argsort(links[:, 4], kind="mergesort")
     waiting, strong = np.empty(len(order), np.int64), np.zeros(len(order), np.bool_)
+    blur = BLUR * np.sqrt(floor * floor + (growth * FAR) ** 2)
     count = 0
     # The shortest links come first; most others join what is one object by then.
     for place in order:
@@ -77,7 +81,7 @@ def join_objects(ends: Float, beams: Beams, floor: float, growth: float) -> Int:
         if length > ABUTS:
             wall, across = pairs[place]
             others = near[starts[wall] : starts[wall + 1]]
-            if goes_before(links[place], ends, wall, across, others):
+            if goes_before(links[place], ends, wall, across, others, blur):
                 continue
         if length > SHORT:
             if passed(links[place, :4], beams, floor, growth, PASSED, 0):
