@@ -160,13 +160,30 @@ class Simulation:
             index, (time, pose) = self.done, self.drive.place(self.done)
             true_scan = self._cast.cast_at(self.lrf, pose, time)
             scan = self.noise(true_scan, self.rng)
-            if not isinstance(scan, LaserScan) or len(scan.ranges) != self.lrf.beams:
-                raise InputError(
-                    f"noise {self.noise!r} returned {_shown(scan)}; expected a LaserScan of"
-                    f" {self.lrf.beams} beams"
-                )
+            self._check_measured(scan)
             self.take(scan)
             yield Step(index, time, true_scan.pose, scan, true_scan, self.map)
+
+    def _check_measured(self, scan: Any) -> None:
+        """See that a noise has returned a scan.
+
+        Raises:
+            InputError: It has not.
+        """
+        if not isinstance(scan, LaserScan) or len(scan.ranges) != self.lrf.beams:
+            raise InputError(
+                f"noise {self.noise!r} returned {_shown(scan)}; expected a LaserScan of"
+                f" {self.lrf.beams} beams"
+            )
+        # NaN is the least where there is one, and −inf is a beam that is nearer than range_min.
+        if not scan.ranges.min() >= 0.0:
+            wrong = ~(scan.ranges >= 0.0) & (scan.ranges != -np.inf)
+            if wrong.any():
+                beam = int(np.argmax(wrong))
+                raise InputError(
+                    f"noise {self.noise!r} returned the range {scan.ranges[beam]:g} m of beam"
+                    f" {beam}; expected 0 or more, inf for no return, -inf for one too near"
+                )
 
     def take(self, scan: LaserScan, *, mapped: bool = False) -> None:
         """Take the next scan as measured: map it and drive on.

@@ -81,18 +81,19 @@ class MappedLog:
                 f"{len(self.map)} segments in {self.map.object_count} unions,"
                 f" {score.length:.0f} m long",
             ),
-            (
-                "odd scans",
-                f"{_share(score.explained)} of {score.returns} returns explained,"
-                f" {_share(score.violation)} violated, median range error"
-                f" {_metres(score.median_range_error)}",
-            ),
+        ]
+        if score.returns:
+            explained = f"{_share(score.explained)} of {score.returns} returns explained"
+            error = f"median range error {_metres(score.median_range_error)}"
+            violated = f"{_share(score.violation)} violated"
+            rows.append(("odd scans", f"{explained}, {violated}, {error}"))
+        rows.append(
             (
                 "time",
                 f"{np.mean(self.milliseconds):.2f} ms a scan,"
                 f" median {np.median(self.milliseconds):.2f} ms",
-            ),
-        ]
+            )
+        )
         return rows
 
 

@@ -46,7 +46,7 @@ def run_view(path: str, playback: float | None) -> tuple[Scene, Replayed]:
         movers=run.movers,
     )
     block, told = pack_run(run)
-    return scene, Replayed(block, told, 1.0 if playback is None else playback)
+    return scene, Replayed(block, told, run.film.playback if playback is None else playback)
 
 
 def world_view(name: str, seed: int) -> tuple[Scene, Callable[[], HandDrive]]:
