@@ -52,8 +52,17 @@ def workshop(shared, monkeypatch):
         render(run, path, size=(64, 64), fps=1.0, playback=100.0, workers=1)
 
     monkeypatch.setattr(lrf3d, "render_video", small)
-    cluster = partial(Client, processes=False, n_workers=1, threads_per_worker=1)
-    monkeypatch.setattr(sweeping, "connected", lambda *_: cluster(dashboard_address=None))
+    cluster = partial(
+        Client,
+        processes=False,
+        n_workers=1,
+        threads_per_worker=1,
+        # As the sweeps' own: any free port, and no page of Dask's.
+        dashboard_address="127.0.0.1:0",
+        scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+        worker_dashboard_address="127.0.0.1:0",
+    )
+    monkeypatch.setattr(sweeping, "connected", lambda *_: cluster())
     return shared
 
 
