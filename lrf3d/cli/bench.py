@@ -1,11 +1,13 @@
 """``lrf3d bench``: run time against error, of everything or of one part."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from lrf3d.cli import options
+
+Figure = Annotated[Path | None, typer.Option(help="A picture .png of time and error.")]
 
 bench = typer.Typer(
     help="Measure run time against error.",
@@ -82,14 +84,14 @@ def scan(
     ablate: Annotated[
         bool, typer.Option("--ablate", help="Also time each piece of skipped work on and off.")
     ] = False,
-    figure: Annotated[Path | None, typer.Option(help="A picture .png of time and error.")] = None,
+    figure: Figure = None,
     json: options.Json = False,
 ) -> None:
     """Cast scans with lrf3d and with its rivals: how long it takes, and how far it is off.
 
     Open3D and MuJoCo take part where they are installed: pip install 'lrf3d[bench]'.
     """
-    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.cli.console import progress_bar
     from lrf3d.study.bench.scan import bench_scan
     from lrf3d.study.bench.text import scan_text
 
@@ -100,10 +102,7 @@ def scan(
         from lrf3d.study.bench.figure import draw_scan_benchmark
 
         draw_scan_benchmark(result, figure)
-    if json:
-        print_json(result.as_dict())
-    else:
-        print(scan_text(result) if figure is None else f"{scan_text(result)}\npicture {figure}")
+    _tell(result, scan_text(result), json, figure)
 
 
 @bench.command(name="map", epilog="Example: lrf3d bench map --seeds 1 --figure map.png")
@@ -119,7 +118,7 @@ def map_(
 
     Also counts the numbers that a map takes to store, and the comparisons that line pairs take.
     """
-    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.cli.console import progress_bar
     from lrf3d.study.bench.map_bench import bench_map
     from lrf3d.study.bench.map_text import map_text
 
@@ -129,10 +128,7 @@ def map_(
         from lrf3d.study.bench.map_figure import draw_map_benchmark
 
         draw_map_benchmark(result, figure)
-    if json:
-        print_json(result.as_dict())
-    else:
-        print(map_text(result) if figure is None else f"{map_text(result)}\npicture {figure}")
+    _tell(result, map_text(result), json, figure)
 
 
 @bench.command(epilog="Example: lrf3d bench score footprints.geojson --beams 181 --seeds 2")
@@ -165,7 +161,7 @@ def score(
     A world is seen from random poses, 1 m off all walls, and its map is compared with the walls
     that were visible. The even scans of a log build a map and the odd ones test it.
     """
-    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.cli.console import progress_bar
     from lrf3d.study.bench.score_bench import ScoreChoice, bench_score
     from lrf3d.study.bench.score_text import score_text
 
@@ -181,10 +177,7 @@ def score(
     )
     with progress_bar("bench score") as progress:
         result = bench_score(source, choice, progress=progress)
-    if json:
-        print_json(result.as_dict())
-    else:
-        print(score_text(result))
+    _tell(result, score_text(result), json)
 
 
 @bench.command(epilog="Example: lrf3d bench render --figure render.png")
@@ -198,11 +191,11 @@ def render(
     ablate: Annotated[
         bool, typer.Option("--ablate", help="Also time each piece of skipped work on and off.")
     ] = False,
-    figure: Annotated[Path | None, typer.Option(help="A picture .png of time and error.")] = None,
+    figure: Figure = None,
     json: options.Json = False,
 ) -> None:
     """Draw frames with lrf3d and with stock pyrender: how long it takes, and how clean they are."""
-    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.cli.console import progress_bar
     from lrf3d.render.gl import require_gl
 
     require_gl()
@@ -216,10 +209,7 @@ def render(
         from lrf3d.study.bench.render_figure import draw_render_benchmark
 
         draw_render_benchmark(result, figure)
-    if json:
-        print_json(result.as_dict())
-    else:
-        print(render_text(result) if figure is None else f"{render_text(result)}\npicture {figure}")
+    _tell(result, render_text(result), json, figure)
 
 
 @bench.command(epilog="Example: lrf3d bench robots --robots 1024")
@@ -250,11 +240,11 @@ def drive(
     seconds: Annotated[
         float, typer.Option(min=1.0, help="Time for all; what needs more is timed once.")
     ] = 60.0,
-    figure: Annotated[Path | None, typer.Option(help="A picture .png of time and error.")] = None,
+    figure: Figure = None,
     json: options.Json = False,
 ) -> None:
     """Drive an hour with Euler, RK4, RK45 and exact arcs: how far off the end is, and how long."""
-    from lrf3d.cli.console import print_json, progress_bar
+    from lrf3d.cli.console import progress_bar
     from lrf3d.study.bench.drive_bench import bench_drive
     from lrf3d.study.bench.drive_text import drive_text
 
@@ -264,10 +254,17 @@ def drive(
         from lrf3d.study.bench.drive_figure import draw_drive_benchmark
 
         draw_drive_benchmark(result, figure)
+    _tell(result, drive_text(result), json, figure)
+
+
+def _tell(result: Any, text: str, json: bool, figure: Path | None = None) -> None:
+    """Print a result as one JSON object, or as a text that ends with where its picture lies."""
+    from lrf3d.cli.console import print_json
+
     if json:
         print_json(result.as_dict())
     else:
-        print(drive_text(result) if figure is None else f"{drive_text(result)}\npicture {figure}")
+        print(text if figure is None else f"{text}\npicture {figure}")
 
 
 def _numbers(option: str, text: str, *, least: int) -> list[int]:

@@ -1,6 +1,7 @@
 """Runs and recorded logs on disk."""
 
-from lrf3d.logs.laser_log import BadLine, LaserLog, load_log
+from lrf3d.logs.laser_log import BadLine, LaserLog
+from lrf3d.logs.reading import load_log
 from lrf3d.logs.recording import record
 from lrf3d.logs.run_file import load_run, save_run
 

@@ -7,7 +7,6 @@ them; then it goes on, and ends with the very bytes that an undisturbed one ends
 scans there are, a few megabytes of them are in memory.
 """
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -20,11 +19,12 @@ from lrf3d.laser import LaserScan
 from lrf3d.logs.arrays import DAMAGES, read_arrays
 from lrf3d.logs.journal import COLUMNS, Array, Journal, column_shape, read_origin
 from lrf3d.logs.npz_writer import Column, write_npz
+from lrf3d.logs.origin import origin_of
 from lrf3d.logs.run_file import head_columns, load_run, map_columns, mover_columns
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.simulation import Run, Stages, total_of
-from lrf3d.steering import Recorded, Steered
+from lrf3d.steering import Steered
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
 if TYPE_CHECKING:
@@ -241,65 +241,6 @@ class _Recorder:
         """By what a checkpoint knows its journal."""
         with self.journal.path.open("rb") as file:
             return json.dumps(read_origin(file), sort_keys=True)
-
-
-def origin_of(simulation: "Simulation", about: Mapping[str, str]) -> dict[str, str]:
-    """What a simulation is made of: a digest or a name of each part."""
-    world, drive = simulation.world, simulation.drive
-    if isinstance(drive, Recorded):
-        drive_parts: list[Any] = [drive.trajectory.times, drive.trajectory.poses]
-    else:
-        assert isinstance(drive, Steered)
-        drive_parts = [_name_of(drive.controller), drive.start, drive.interval, drive.radius]
-    movers = [
-        part
-        for mover in simulation.movers
-        for part in (mover.outline, mover.height, mover.path.times, mover.path.poses)
-    ]
-    parts = {
-        "world": _digest(world.segments, world.objects, world.heights, world.colours, world.name),
-        "range finder": _digest(simulation.lrf),
-        "drive": _digest(*drive_parts),
-        "scans": str(simulation.scans),
-        "movers": _digest(*movers),
-        "noise": _name_of(simulation.noise),
-        "mapper": _name_of(simulation.mapper),
-        "seed": _digest(json.dumps(_plain(simulation.rng), sort_keys=True)),
-    }
-    return {**parts, **about}
-
-
-def _plain(rng: np.random.Generator) -> dict[str, Any]:
-    """The state of random numbers in JSON's types.
-
-    Raises:
-        InputError: It cannot be told so.
-    """
-    state = dict(rng.bit_generator.state)
-    try:
-        json.dumps(state)
-    except TypeError:
-        kind = type(rng.bit_generator).__name__
-        raise InputError(
-            f"rng with {kind}: its state cannot be kept; take numpy.random.default_rng"
-        ) from None
-    return state
-
-
-def _name_of(part: Any) -> str:
-    """What a part says it is, or its class where it tells no more than where it lies."""
-    text = repr(part)
-    kind = f"{type(part).__module__}:{type(part).__qualname__}"
-    return kind if " at 0x" in text else f"{kind} {text}"
-
-
-def _digest(*parts: Any) -> str:
-    digest = hashlib.sha256()
-    for part in parts:
-        array = isinstance(part, np.ndarray)
-        said = part.tobytes() if array else repr(part).encode()
-        digest.update(len(said).to_bytes(8, "little") + said)
-    return digest.hexdigest()[:16]
 
 
 def _finished(path: Path, origin: Mapping[str, str]) -> bool:
