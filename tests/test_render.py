@@ -210,6 +210,15 @@ def test_the_panels_keep_their_place_at_any_size(size):
     assert panel.max() > 200 and np.median(panel) < 110
 
 
+@needs_gl
+@pytest.mark.parametrize("walls", [[[1, -1, 1, 1]], [[-400, 9, 400, 9], [1, -1, 1, 1]]])
+def test_a_robot_that_stands_is_shown_with_what_is_around_it(walls):
+    from lrf3d.render.video import frame
+
+    run = run_of(World(walls), [0.0], [[0.0, 0.0, 0.0]])
+    assert frame(run, 0.0, size=(320, 180), samples=0).std() > 5
+
+
 def test_hit_points_lie_on_their_walls_and_beams_end_before_walls():
     from lrf3d.geometry import project_on_segments
 

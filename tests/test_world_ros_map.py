@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
-from lrf3d.world import World, load_world
+from lrf3d.world import World, load_world, outlines
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.outlines import chains_of
 from lrf3d.world.ros_map_writer import write_ros_map
@@ -116,6 +116,18 @@ def test_every_point_of_an_outline_is_within_half_a_cell_of_a_wall(cells: np.nda
         assert shapely.distance(shapely.points(points), lines).max() <= 0.5 + 1e-6
 
 
+@settings(max_examples=60, deadline=None)
+@given(arrays(np.bool_, st.tuples(st.integers(1, 9), st.integers(1, 9))), st.integers(1, 40))
+def test_the_bands_that_a_grid_is_looked_at_in_make_no_difference(
+    cells: np.ndarray, band: int
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(outlines, "BAND", 1 << 30)
+        whole = walls_of_grid(cells)
+        patch.setattr(outlines, "BAND", band)
+        assert np.array_equal(walls_of_grid(cells), whole)
+
+
 def test_a_room_is_four_walls_with_closed_corners(tmp_path: Path) -> None:
     world = load_world(save_map(tmp_path, room()))
     assert len(world.segments) == 4 and world.object_count == 1
@@ -144,7 +156,7 @@ def test_origin_and_yaw_place_the_map(tmp_path: Path) -> None:
 def test_thresholds_and_negate_tell_what_is_occupied(tmp_path: Path) -> None:
     grey = np.where(room() == 0, 100, 254)  # occupied to (255 − 100) / 255 = 0.61
     assert len(load_world(save_map(tmp_path, grey, occupied_thresh=0.6)).segments) == 4
-    with pytest.raises(ValueError, match="no occupied cell"):
+    with pytest.raises(ValueError, match="no wall: all cells are alike"):
         load_world(save_map(tmp_path, grey, occupied_thresh=0.65))
     assert len(load_world(save_map(tmp_path, 255 - room(), negate=1)).segments) == 4
 

@@ -20,6 +20,9 @@ SIDE = 0.36
 WHOLE = 140.0
 """Largest scene [m] that is shown whole; in a larger one the inset follows the robot."""
 
+_LEAST = 4.0
+"""Least size [m] that is shown: there may be no wall, and a robot that stands."""
+
 _FOLLOWED = 110.0
 """What is shown of a larger one [m]."""
 
@@ -111,7 +114,9 @@ class Inset:
             low, high = points.min(axis=0), points.max(axis=0)
             size = float((high - low).max())
             if size <= WHOLE - 2.0 * margin:
-                return 0.5 * (low + high), 1.04 * size + 2.0 * margin * min(1.0, size / 40.0)
+                # A room needs less of a rim than a city, and walls are needed around a path.
+                rim = margin * min(1.0, size / 40.0) if points is everything else margin
+                return 0.5 * (low + high), max(1.04 * size + 2.0 * rim, _LEAST)
         return None, _FOLLOWED
 
     def matrix(self, moment: Moment) -> Float:

@@ -13,6 +13,9 @@ import numpy as np
 
 from lrf3d.geometry import Bool, Int
 
+BAND = 1 << 18
+"""About how many cells are looked at together: a few megabytes of them, however large the grid."""
+
 
 @dataclass(frozen=True, slots=True)
 class Chain:
@@ -42,15 +45,28 @@ def _links(occupied: Bool) -> tuple[Int, Int]:
     """Pairs (k, 2) of points that follow each other, as keys, and the lone cells."""
     # Cells around the grid are as those at its border; nothing goes through them.
     grid = np.pad(occupied, 1, mode="edge")
-    inside = np.pad(np.ones_like(occupied), 1)
-    thin = grid & ~_thick(grid) & inside
     height = 2 * occupied.shape[0] + 2
-    row, column = np.indices(grid.shape)
-    middle = (2 * column - 1) * height + (2 * row - 1)
-    links = [*_thin_links(grid, thin, middle), *_edge_links(grid, thin, inside, middle, height)]
+    rows, columns = grid.shape
+    x, y = (2 * np.arange(columns) - 1) * height, 2 * np.arange(rows) - 1
+    links, cells = [np.empty((0, 2), np.int64)], [np.empty(0, np.int64)]
+    # Bands share a row, so that all that meets in a corner is in one of them.
+    step = max(1, BAND // columns)
+    for low in range(0, rows - 1, step):
+        high, below = min(low + step + 1, rows), max(low - 1, 0)
+        around = grid[below : high + 1]
+        if around.all() or not around.any():
+            continue
+        band = grid[low:high]
+        inside = np.zeros_like(band)
+        inside[int(low == 0) : len(band) - int(high == rows), 1:-1] = True
+        thin = band & ~_thick(around)[low - below : high - below] & inside
+        middle = x + y[low:high, None]
+        links += _thin_links(band, thin, middle)
+        links += _edge_links(band, thin, inside, middle, height)
+        cells.append(middle[thin])
     pairs = np.sort(np.concatenate(links), axis=1)
     pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
-    lone = np.setdiff1d(middle[thin], pairs)
+    lone = np.setdiff1d(np.concatenate(cells), pairs)
     return pairs, np.column_stack([lone // height, lone % height])
 
 

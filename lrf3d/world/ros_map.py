@@ -8,7 +8,7 @@ Walls that touch are one object. What is free and what is unknown makes no diffe
 
 import math
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -16,8 +16,12 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Bool, Float
 from lrf3d.world.drawing import connected
 from lrf3d.world.model import World
+from lrf3d.world.outlines import BAND
 from lrf3d.world.schema import FARTHEST, shown
 from lrf3d.world.text_file import open_within, read_text
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 LARGEST_YAML = 1 << 16
 """Bytes of the description, which is six lines long."""
@@ -60,7 +64,7 @@ def read_ros_map(path: Path) -> World:
     x, y, yaw = description.origin
     local = walls_of_grid(occupied).reshape(-1, 2) * description.resolution
     if not len(local):
-        description.refuse("the map has no occupied cell next to another, so there is no wall")
+        description.refuse("no wall: all cells are alike, or no occupied one is next to another")
     cos, sin = math.cos(yaw), math.sin(yaw)
     points = local @ np.array([[cos, sin], [-sin, cos]]) + [x, y]
     segments = points.reshape(-1, 4)
@@ -147,48 +151,23 @@ def _is_place(value: object) -> bool:
 
 def _occupied(description: _Description) -> Bool:
     """Which cells (rows, columns) are occupied, the first row at the bottom."""
-    mode = description.data["mode"]
-    share, opaque = _darkness(description, with_alpha=mode == "trinary")
-    if description.negate:
-        share = 1.0 - share
-    if mode == "scale":
-        # What shows through is unknown.
-        share = np.where(opaque, share, 0.0)
-    if mode == "raw":
-        # The value of a pixel is the occupancy in per cent, and more than that is unknown.
-        value = np.round(255.0 * (1.0 - share))
-        share = np.where(value <= 100.0, value / 100.0, 0.0)
-    return np.asarray(share[::-1] > description.occupied)
-
-
-def _darkness(description: _Description, *, with_alpha: bool) -> tuple[Float, Bool | bool]:
-    """How dark the pixels (rows, columns) of the picture are, from 0 for white to 1 for black.
-
-    Args:
-        description: What names the picture.
-        with_alpha: Whether opacity counts as one more colour, as map_server has it.
-
-    Returns:
-        The darkness, and which pixels are opaque; True where all are.
-    """
     from PIL import Image, UnidentifiedImageError
 
     picture = description.picture
     with open_within(picture, LARGEST_PICTURE) as file:
         try:
             # Only the formats of map_server: others have decoders that no map needs.
-            with Image.open(file, formats=["PNG", "PPM", "BMP"]) as opened:
-                image: Image.Image = opened
+            with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
                 width, height = image.size
                 if width * height > MOST_CELLS:
                     raise WorldError(
                         f"{picture}: {width} by {height} cells, more than {MOST_CELLS:,}; cut it"
                     )
-                top = 65535.0 if image.mode.startswith("I") else 255.0
-                if image.mode in ("P", "PA", "1", "CMYK"):
-                    clear = image.mode == "PA" or "transparency" in image.info
-                    image = image.convert("RGBA" if clear else "RGB")
-                pixels = np.asarray(image)
+                occupied = np.empty((height, width), dtype=np.bool_)
+                step = max(1, BAND // max(1, width))
+                for top in range(0, height, step):
+                    rows = image.crop((0, top, width, min(top + step, height)))
+                    occupied[top : top + step] = _occupied_rows(description, rows)
         except WorldError:
             raise
         except UnidentifiedImageError:
@@ -198,6 +177,40 @@ def _darkness(description: _Description, *, with_alpha: bool) -> tuple[Float, Bo
             raise WorldError(f"{picture}: damaged picture ({reason})") from None
         except Image.DecompressionBombError:
             raise WorldError(f"{picture}: a picture that is far too large") from None
+    return occupied[::-1]
+
+
+def _occupied_rows(description: _Description, image: "Image") -> Bool:
+    """Which cells (rows, columns) of some rows of the picture are occupied."""
+    mode = description.data["mode"]
+    share, opaque = _darkness(image, with_alpha=mode == "trinary")
+    if description.negate:
+        share = 1.0 - share
+    if mode == "scale":
+        # What shows through is unknown.
+        share = np.where(opaque, share, 0.0)
+    if mode == "raw":
+        # The value of a pixel is the occupancy in per cent, and more than that is unknown.
+        value = np.round(255.0 * (1.0 - share))
+        share = np.where(value <= 100.0, value / 100.0, 0.0)
+    return np.asarray(share > description.occupied)
+
+
+def _darkness(image: "Image", *, with_alpha: bool) -> tuple[Float, Bool | bool]:
+    """How dark the pixels (rows, columns) of a picture are, from 0 for white to 1 for black.
+
+    Args:
+        image: The picture.
+        with_alpha: Whether opacity counts as one more colour, as map_server has it.
+
+    Returns:
+        The darkness, and which pixels are opaque; True where all are.
+    """
+    top = 65535.0 if image.mode.startswith("I") else 255.0
+    if image.mode in ("P", "PA", "1", "CMYK"):
+        clear = image.mode == "PA" or "transparency" in image.info
+        image = image.convert("RGBA" if clear else "RGB")
+    pixels = np.asarray(image)
     opaque: Bool | bool = True
     if pixels.ndim == 3:
         channels = pixels.shape[2]
