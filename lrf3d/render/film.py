@@ -104,6 +104,8 @@ class Film:
         for primitive, special in self._solid(look, matrix):
             self.renderer.draw(primitive, {**shared, **special})
         self.renderer.flatten()
+        # The driver's threads draw the solids meanwhile.
+        self.scenery.show_seen(moment)
         for primitive, special in self._translucent(look):
             self.renderer.draw(primitive, {**shared, **special})
         if self._inset is not None and not look.shows_map:

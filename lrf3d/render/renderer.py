@@ -100,11 +100,13 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         primitive.draw()
 
     def flatten(self) -> None:
-        """Go on with one sample a pixel: what comes has soft edges of its own.
+        """Have all so far drawn, and go on with one sample a pixel: what comes has soft edges.
 
-        Translucent layers and panels cost some times as much on several samples a pixel.
+        Translucent layers and panels cost some times as much on several samples a pixel. Software
+        draws with threads of its own, which begin here and not where the picture is read.
         """
         if not self._samples:
+            GL.glFlush()
             return
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
         GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)

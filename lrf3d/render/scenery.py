@@ -99,7 +99,7 @@ class Scenery:
         return (*_HAZE_INDOOR, 1 / 120.0) if self.structures.indoor else (*_HAZE, 1 / 190.0)
 
     def show(self, moment: Moment) -> dict[str, Any]:
-        """Bring robot, trail, beams and map up to a moment; gives the uniforms that say where."""
+        """Bring robot and trail up to a moment; gives the uniforms that say where."""
         self.movers.place(moment.time)
         place = moment.pose - np.array([*self.origin, 0.0])
         shift = -0.16 * SUN[:2] * (0.0 if self.structures.indoor else 1.0)
@@ -112,12 +112,15 @@ class Scenery:
         driven = self.driven(moment)
         self.trail.count = 6 * min(len(times) - 1, int(np.searchsorted(times, driven)))
         moved["now"] = float(driven - times[0])
-        self._show_beams(moment, place)
+        return moved
+
+    def show_seen(self, moment: Moment) -> None:
+        """Bring what is laid over the scene, beams and map, up to a moment that is shown."""
         stage = self.run.map_after(moment.scan)
         if stage is not self._map_shown:
             self._map_shown = stage
             self.map.update(_map_lines(stage, self.origin, self.run.lrf.height))
-        return moved
+        self._show_beams(moment, moment.pose - np.array([*self.origin, 0.0]))
 
     def look_from(self, matrix: Float, eye: Float, reach: float) -> None:
         """Choose what can be seen in a picture of a matrix (4, 4) from an eye (3,).
