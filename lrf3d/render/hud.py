@@ -188,7 +188,7 @@ def hud_lines(run: Run, moment: Moment, scan: LaserScan) -> tuple[Line, ...]:
     """What the panel says: the world, time and speed, pose, beams that hit and the nearest."""
     x, y, theta = moment.pose
     # Numbers keep their places: text that trembles cannot be read in a film.
-    wide = 7.5 if max(abs(x), abs(y)) >= 1000.0 else 5.2
+    wide = 7.5 if max(abs(x), abs(y)) >= 1000.0 else 5.9
     beams: tuple[tuple[float, str], ...]
     if moment.scanning:
         nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"
