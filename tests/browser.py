@@ -113,5 +113,5 @@ def picture(page):
 
 
 def number(page, name):
-    """A number that the page shows, by the ending of its class."""
-    return float(page.inner_text(f".lrf3d-{name}"))
+    """A number that the page shows, by the ending of its class; NaN while it shows none yet."""
+    return float(page.inner_text(f".lrf3d-{name}") or "nan")
