@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Run, simulate
     from lrf3d.steps import Simulation, Step
-    from lrf3d.world import World, load_world, world_names
+    from lrf3d.world import World, load_world, save_world, world_names
 
 _HOMES = {
     "casting": ["EmbreeCaster", "PlanarCaster", "crosscheck"],
@@ -73,7 +73,7 @@ _HOMES = {
     "scoring": ["score_map", "score_run"],
     "simulation": ["Run", "simulate"],
     "steps": ["Simulation", "Step"],
-    "world": ["World", "load_world", "world_names"],
+    "world": ["World", "load_world", "save_world", "world_names"],
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -118,6 +118,7 @@ __all__ = [
     "record",
     "render_video",
     "save_run",
+    "save_world",
     "score_map",
     "score_run",
     "simulate",

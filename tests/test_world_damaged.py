@@ -11,7 +11,8 @@ import pytest
 
 from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world
-from lrf3d.world.apart import READERS, read_here
+from lrf3d.world.apart import read_here
+from lrf3d.world.files import FORMATS
 
 DAMAGED = dict(damaged_worlds.damaged())
 UNREADABLE = dict(damaged_worlds.unreadable())
@@ -30,7 +31,8 @@ def write(folder: Path, files: dict[str, bytes]) -> Path:
 
 def read(path: Path) -> World:
     """Read in this process what would be read in one of its own, which takes longer to start."""
-    return read_here(path) if path.suffix in READERS else load_world(path)
+    known = FORMATS.get(path.suffix)
+    return read_here(path, known.read) if known and known.apart else load_world(path)
 
 
 @pytest.fixture(autouse=True)

@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
-from lrf3d.world import World, load_world
+from lrf3d.world import World, load_world, save_world
 from lrf3d.world.apart import read_here
 from lrf3d.world.drawing import CURVE_ERROR, connected, without_repeats
+from lrf3d.world.files import FORMATS
 from lrf3d.world.geographic import EARTH_RADIUS
 from lrf3d.world.osm_tags import is_building, tag_height
 from lrf3d.world.rings import close_rings
@@ -23,7 +24,7 @@ from lrf3d.world.rings import close_rings
 def svg(folder: Path, body: str, head: str = 'width="1000mm" height="1000mm" viewBox="0 0 10 10"'):
     path = folder / "a.svg"
     path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {head}>{body}</svg>')
-    return read_here(path)
+    return read_here(path, FORMATS[path.suffix].read)
 
 
 def dxf(folder: Path, draw, unit: int = units.M) -> World:
@@ -31,7 +32,7 @@ def dxf(folder: Path, draw, unit: int = units.M) -> World:
     drawing.header["$INSUNITS"] = unit
     draw(drawing.modelspace())
     drawing.saveas(folder / "a.dxf")
-    return read_here(folder / "a.dxf")
+    return read_here(folder / "a.dxf", FORMATS[".dxf"].read)
 
 
 @pytest.mark.parametrize(
@@ -218,7 +219,7 @@ def test_a_building_is_laid_flat_about_its_middle(tmp_path: Path) -> None:
     assert world.bounds == pytest.approx(np.array([[-15, -10], [15, 10]]), abs=1e-3)
     assert world.heights.tolist() == [7.5] * 4 and world.object_names == ("hall",)
     assert world.place == pytest.approx((4.000219, 52.00009), abs=1e-6)
-    world.save(tmp_path / "a.toml")
+    save_world(world, tmp_path / "a.toml")
     assert load_world(tmp_path / "a.toml").place == world.place
 
 

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from lrf3d.errors import OutputError, WorldError
-from lrf3d.world import World, load_world, world_names
+from lrf3d.world import World, load_world, save_world, world_names
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.files import save_world
 
 
 def same_bits(one: np.ndarray, other: np.ndarray) -> bool:
@@ -93,7 +92,7 @@ def test_a_world_comes_back_from_a_file_as_it_was(
     @settings(max_examples=80, deadline=None)
     @given(worlds())
     def check(world: World) -> None:
-        world.save(path)
+        save_world(world, path)
         back = load_world(path)
         assert same_bits(back.segments, world.segments)
         assert same_bits(back.heights, world.heights)
@@ -109,14 +108,14 @@ def test_a_world_comes_back_from_a_file_as_it_was(
 
 def test_a_ring_is_written_as_one_closed_list_of_points(tmp_path: Path) -> None:
     square = [[0, 0, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 0, 0]]
-    World(square).save(tmp_path / "square.toml")
+    save_world(World(square), tmp_path / "square.toml")
     text = (tmp_path / "square.toml").read_text()
     assert "points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]\nclosed = true" in text
 
 
 def test_a_world_far_from_the_origin_keeps_its_coordinates(tmp_path: Path) -> None:
     world = World([[85000.123, 447500.456, 85010.1, 447500.4]])
-    world.save(tmp_path / "far.geojson")
+    save_world(world, tmp_path / "far.geojson")
     assert same_bits(load_world(tmp_path / "far.geojson").segments, world.segments)
 
 

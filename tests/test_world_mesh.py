@@ -10,6 +10,7 @@ from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world
 from lrf3d.world.apart import read_here
 from lrf3d.world.collinear import merge_collinear
+from lrf3d.world.files import FORMATS
 from lrf3d.world.glb_writer import glb_bytes
 
 FAR = np.array([85_000.0, 447_500.0])
@@ -55,7 +56,7 @@ def test_a_world_comes_back_from_a_glb_as_float32_has_it(
     @given(towns())
     def check(world: World) -> None:
         path.write_bytes(glb_bytes(world))
-        back = read_here(path)
+        back = read_here(path, FORMATS[path.suffix].read)
         assert ordered(back.segments) == pytest.approx(ordered(world.segments), abs=1.1e-3)
         for number in range(world.object_count):
             own, other = world.objects == number, back.objects == number

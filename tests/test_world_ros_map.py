@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
-from lrf3d.world import World, load_world, outlines
+from lrf3d.world import World, load_world, outlines, save_world
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.outlines import chains_of
 from lrf3d.world.ros_map_writer import write_ros_map
@@ -180,7 +180,7 @@ def test_a_wall_written_to_a_map_comes_back_as_one_within_a_cell(
     tmp_path_factory: pytest.TempPathFactory, ends: np.ndarray
 ) -> None:
     path = tmp_path_factory.mktemp("map") / "map.yaml"
-    World([ends]).save(path)
+    save_world(World([ends]), path)
     back = load_world(path).segments
     assert len(back) == 1
     along = (ends[2:] - ends[:2]) / np.hypot(*(ends[2:] - ends[:2]))
@@ -201,7 +201,7 @@ def test_a_map_is_written_in_the_resolution_that_is_asked_for(tmp_path: Path) ->
 
 def test_a_world_of_a_country_becomes_a_coarse_map_and_not_a_huge_one(tmp_path: Path) -> None:
     path = tmp_path / "map.yaml"
-    World([[0.0, 0.0, 50_000.0, 30_000.0]]).save(path)
+    save_world(World([[0.0, 0.0, 50_000.0, 30_000.0]]), path)
     assert (tmp_path / "map.pgm").stat().st_size < 40e6
     with pytest.raises(OSError, match="choose larger"):
         write_ros_map(World([[0.0, 0.0, 50_000.0, 30_000.0]]), path, resolution=0.05)

@@ -81,14 +81,14 @@ def convert(
     from dataclasses import replace
 
     from lrf3d.errors import InputError
-    from lrf3d.world import load_world
+    from lrf3d.world import load_world, save_world
 
     if not 1e-6 <= scale <= 1e6:
         raise InputError(f"--scale {scale:g}: expected 0.000001 to 1000000")
     read = load_world(source)
     if scale != 1.0:
         read = replace(read, segments=read.segments * scale, place=None)
-    _write(read, target, resolution)
+    save_world(read, target, resolution=resolution)
     _say({"from": source} | _report(read) | {"written": str(target)}, json)
 
 
@@ -103,32 +103,17 @@ def generate(
     json: options.Json = False,
 ) -> None:
     """Generate a world that a robot can drive in."""
+    from lrf3d.world import save_world
     from lrf3d.world.generators import generate as generate_world
 
     made = generate_world(kind.value, size=size, seed=seed)
-    _write(made, out, None)
+    save_world(made, out)
     _say(
         {"kind": kind.value, "seed": seed, "name": made.name}
         | _report(made)
         | {"written": str(out)},
         json,
     )
-
-
-def _write(world: "World", path: Path, resolution: float | None) -> None:
-    """Write a world; only a ROS map has a resolution to choose."""
-    from lrf3d.errors import InputError
-
-    if resolution is None:
-        world.save(path)
-        return
-    if path.suffix.lower() != ".yaml" or not 1e-4 <= resolution <= 1e4:
-        raise InputError(
-            f"--resolution {resolution:g}: expected 0.0001 to 10000 m, for a ROS map (.yaml)"
-        )
-    from lrf3d.world.ros_map_writer import write_ros_map
-
-    write_ros_map(world, path, resolution=resolution)
 
 
 def _report(world: "World") -> dict[str, Any]:

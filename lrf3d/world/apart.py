@@ -20,18 +20,6 @@ import numpy as np
 from lrf3d.errors import WorldError
 from lrf3d.world.model import World
 
-READERS = {
-    ".dxf": "dxf:read_dxf",
-    ".svg": "svg:read_svg",
-    ".glb": "mesh:read_mesh",
-    ".gltf": "mesh:read_mesh",
-    ".obj": "mesh:read_mesh",
-    ".off": "mesh:read_mesh",
-    ".ply": "mesh:read_mesh",
-    ".stl": "mesh:read_mesh",
-}
-"""The module of this package and the function in it that read a file of an ending."""
-
 SECONDS, SECONDS_A_MEGABYTE = 4.0, 1.5
 """How long a processor may be at it [s]: to start, and for each megabyte of the file."""
 
@@ -44,8 +32,12 @@ MEMORY, MEMORY_A_BYTE = 300 << 20, 30
 WALLS = np.dtype([("segment", "<f8", 4), ("object", "<i8"), ("height", "<f8")])
 
 
-def read_apart(path: Path) -> World:
+def read_apart(path: Path, reader: str) -> World:
     """Read a world in a process of its own.
+
+    Args:
+        path: The file.
+        reader: Module of this package and function in it, ``module:function``, that reads it.
 
     Raises:
         WorldError: The file cannot be used, or takes too long or too much memory to read.
@@ -54,7 +46,7 @@ def read_apart(path: Path) -> World:
     home = str(Path(__file__).parents[2])
     search = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))
     environment = os.environ | {"PYTHONPATH": search, "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-P", "-m", "lrf3d.world.apart", str(path)]
+    command = [sys.executable, "-P", "-m", "lrf3d.world.apart", reader, str(path)]
     try:
         done = subprocess.run(
             command,
@@ -85,15 +77,15 @@ def read_apart(path: Path) -> World:
     )
 
 
-def read_here(path: Path) -> World:
+def read_here(path: Path, reader: str) -> World:
     """Read a world in this process; whatever a library stumbles over is one clear error.
 
     Raises:
         WorldError: The file cannot be used.
     """
-    module, _, reader = READERS[path.suffix.lower()].partition(":")
+    module, _, function = reader.partition(":")
     try:
-        world: World = getattr(import_module(f"lrf3d.world.{module}"), reader)(path)
+        world: World = getattr(import_module(f"lrf3d.world.{module}"), function)(path)
         return world
     except WorldError as error:
         message = str(error)
@@ -135,14 +127,14 @@ def _limit(memory: int, seconds: int) -> None:
             continue
 
 
-def _main(path: Path) -> NoReturn:
+def _main(path: Path, reader: str) -> NoReturn:
     """Read a file and write the world, or the error, to the standard output."""
     _limit(MEMORY + MEMORY_A_BYTE * path.stat().st_size, math.ceil(_seconds(path)))
     # What libraries print must not come between the data.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
-        world = read_here(path)
+        world = read_here(path, reader)
     except WorldError as error:
         out.write(json.dumps({"error": str(error)}).encode() + b"\n")
     else:
@@ -160,4 +152,4 @@ def _main(path: Path) -> NoReturn:
 
 
 if __name__ == "__main__":
-    _main(Path(sys.argv[1]))
+    _main(Path(sys.argv[2]), sys.argv[1])

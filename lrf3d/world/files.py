@@ -1,35 +1,115 @@
-"""World files: built-in worlds by name, others by path, each read by its ending."""
+"""World files: built-in worlds by name, others by path, each read and written by its ending."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from difflib import get_close_matches
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from lrf3d.errors import OutputError, WorldError
-from lrf3d.output import replacing, write_text
 from lrf3d.resources import worlds_folder
 from lrf3d.world.model import World
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """How files of an ending are read and written.
+
+    Modules are named and not imported, so that a world file loads no other format's libraries.
+
+    Args:
+        read: Module of this package and function in it, ``module:function``, that reads a world
+            from a path.
+        write: The same of the function that writes a world to a path; empty where there is none.
+        apart: Whether a process of its own reads the file, as a library takes it at its word.
+    """
+
+    read: str
+    write: str = ""
+    apart: bool = False
+
+
+_GEOJSON = Format("geojson:read_geojson", "geojson_writer:write_geojson")
+_ROS_MAP = Format("ros_map:read_ros_map", "ros_map_writer:write_ros_map")
+_MESH = Format("mesh:read_mesh", apart=True)
+
+FORMATS = {
+    ".toml": Format("toml_file:read_world", "toml_writer:write_toml"),
+    ".geojson": _GEOJSON,
+    ".json": Format(_GEOJSON.read),
+    ".osm": Format("osm:read_osm"),
+    ".yaml": _ROS_MAP,
+    ".yml": Format(_ROS_MAP.read),
+    ".dxf": Format("dxf:read_dxf", apart=True),
+    ".svg": Format("svg:read_svg", apart=True),
+    ".glb": Format(_MESH.read, "glb_writer:write_glb", apart=True),
+    ".gltf": _MESH,
+    ".obj": _MESH,
+    ".off": _MESH,
+    ".ply": _MESH,
+    ".stl": _MESH,
+}
+"""The formats of worlds by the ending of the file; a new format is one more entry."""
+
+WRITTEN = [ending for ending, known in FORMATS.items() if known.write]
+"""The endings of files that worlds are written to."""
 
 
 def load_world(name_or_path: str | Path) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
 
+    >>> load_world("paper_room").object_count
+    3
+
     Raises:
         WorldError: There is no such world, or its file cannot be used.
     """
     path = find_world(name_or_path)
-    return READERS[path.suffix.lower()](path)
+    known = FORMATS[path.suffix.lower()]
+    if known.apart:
+        # Only what reads a file apart needs to know how processes are started.
+        from lrf3d.world.apart import read_apart
+
+        return read_apart(path, known.read)
+    world: World = _function(known.read)(path)
+    return world
 
 
-def save_world(world: World, path: Path) -> None:
-    """Write a world to a file in the format that its ending names; see :meth:`World.save`.
+def save_world(world: World, path: str | Path, *, resolution: float | None = None) -> None:
+    """Write a world to a file in the format that its ending names.
+
+    TOML and GeoJSON keep the world to the last bit; GLB keeps it in float32 about its ``origin``,
+    and a ROS map (``.yaml`` and, beside it, ``.pgm``) to half a cell.
+
+    Args:
+        world: The world.
+        path: The file; it ends in .toml, .geojson, .glb or .yaml.
+        resolution: Side of a cell [m], for a ROS map alone; 0.05, or what makes the map small
+            enough, where not given.
 
     Raises:
-        OutputError: The file cannot be written, or its ending names no known format.
+        OutputError: The file cannot be written, its ending names no known format, or a
+            resolution is given for a format that has none.
     """
     path = Path(path)
-    if path.suffix.lower() not in WRITERS:
-        raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
-    WRITERS[path.suffix.lower()](world, path)
+    ending = path.suffix.lower()
+    if ending not in WRITTEN:
+        raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITTEN)}")
+    options: dict[str, Any] = {}
+    if resolution is not None:
+        if ending != ".yaml" or not 1e-4 <= resolution <= 1e4:
+            raise OutputError(
+                f"{path}: resolution {resolution:g}: expected 0.0001 to 10000 m, for a ROS map"
+                " (.yaml)"
+            )
+        options["resolution"] = resolution
+    _function(FORMATS[ending].write)(world, path, **options)
+
+
+def _function(name: str) -> Any:
+    """A function of this package that is named ``module:function``."""
+    module, _, function = name.partition(":")
+    return getattr(import_module(f"lrf3d.world.{module}"), function)
 
 
 def world_names() -> list[str]:
@@ -47,8 +127,8 @@ def find_world(name_or_path: str | Path) -> Path:
     if isinstance(name_or_path, str) and name_or_path in names:
         return worlds_folder() / f"{name_or_path}.toml"
     path = Path(name_or_path)
-    known = ", ".join(READERS)
-    if path.suffix.lower() in READERS:
+    known = ", ".join(FORMATS)
+    if path.suffix.lower() in FORMATS:
         if not path.is_file():
             raise WorldError(f"{path}: no such file{_suggestion(path.stem, names)}")
         return path
@@ -63,85 +143,3 @@ def find_world(name_or_path: str | Path) -> Path:
 def _suggestion(name: str, names: list[str]) -> str:
     near = get_close_matches(name, names, n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
-
-
-def _read_toml(path: Path) -> World:
-    from lrf3d.world.toml_file import read_toml
-
-    return read_toml(path).world
-
-
-def _read_geojson(path: Path) -> World:
-    from lrf3d.world.geojson import read_geojson
-
-    return read_geojson(path)
-
-
-def _read_osm(path: Path) -> World:
-    from lrf3d.world.osm import read_osm
-
-    return read_osm(path)
-
-
-def _read_ros_map(path: Path) -> World:
-    from lrf3d.world.ros_map import read_ros_map
-
-    return read_ros_map(path)
-
-
-def _read_apart(path: Path) -> World:
-    from lrf3d.world.apart import read_apart
-
-    return read_apart(path)
-
-
-def _write_toml(world: World, path: Path) -> None:
-    from lrf3d.world.toml_writer import toml_text
-
-    write_text(path, toml_text(world))
-
-
-def _write_geojson(world: World, path: Path) -> None:
-    from lrf3d.world.geojson_writer import geojson_text
-
-    write_text(path, geojson_text(world))
-
-
-def _write_glb(world: World, path: Path) -> None:
-    from lrf3d.world.glb_writer import glb_bytes
-
-    with replacing(path) as unfinished:
-        unfinished.write_bytes(glb_bytes(world))
-
-
-def _write_ros_map(world: World, path: Path) -> None:
-    from lrf3d.world.ros_map_writer import write_ros_map
-
-    write_ros_map(world, path)
-
-
-READERS: dict[str, Callable[[Path], World]] = {
-    ".toml": _read_toml,
-    ".geojson": _read_geojson,
-    ".json": _read_geojson,
-    ".osm": _read_osm,
-    ".yaml": _read_ros_map,
-    ".yml": _read_ros_map,
-    ".dxf": _read_apart,
-    ".svg": _read_apart,
-    ".glb": _read_apart,
-    ".gltf": _read_apart,
-    ".obj": _read_apart,
-    ".off": _read_apart,
-    ".ply": _read_apart,
-    ".stl": _read_apart,
-}
-"""How a world is read, by the ending of its file; a new format is one more entry."""
-
-WRITERS: dict[str, Callable[[World, Path], None]] = {
-    ".toml": _write_toml,
-    ".geojson": _write_geojson,
-    ".glb": _write_glb,
-    ".yaml": _write_ros_map,
-}
-"""How a world is written, by the ending of the file."""

@@ -5,13 +5,24 @@ Walls are written as lines and not as polygons, which a reader would dissolve in
 
 import json
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lrf3d.output import write_text
 from lrf3d.world.colours import colour_value
 from lrf3d.world.model import World
 from lrf3d.world.pieces import Part, parts_of
+
+
+def write_geojson(world: World, path: Path) -> None:
+    """Write a world as GeoJSON.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    write_text(path, geojson_text(world))
 
 
 def geojson_text(world: World) -> str:

@@ -4,15 +4,27 @@ glTF holds float32, so vertices stand about the world's origin, and the place of
 translation of each part; y is up.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lrf3d.output import replacing
 from lrf3d.world.extrude import extrude
 from lrf3d.world.model import World
 
 PLAIN = 0.78
 """Grey of walls without a colour."""
+
+
+def write_glb(world: World, path: Path) -> None:
+    """Write a world as GLB.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    with replacing(path) as unfinished:
+        unfinished.write_bytes(glb_bytes(world))
 
 
 def glb_bytes(world: World) -> bytes:

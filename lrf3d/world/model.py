@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -96,19 +95,6 @@ class World:
     def object_count(self) -> int:
         """How many objects there are."""
         return int(self.objects.max(initial=-1)) + 1
-
-    def save(self, path: str | Path) -> None:
-        """Write the world to a file in the format that its ending names.
-
-        TOML and GeoJSON keep the world to the last bit; GLB keeps it in float32 about
-        ``origin``, and a ROS map (``.yaml`` and, beside it, ``.pgm``) to half a cell.
-
-        Raises:
-            OutputError: The file cannot be written, or its ending names no known format.
-        """
-        from lrf3d.world.files import save_world
-
-        save_world(self, Path(path))
 
 
 def _set(world: World, name: str, array: Float | Int) -> None:

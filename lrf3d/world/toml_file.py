@@ -52,6 +52,11 @@ class WorldFile:
         _Document(self.path, self.text).refuse(path, message)
 
 
+def read_world(path: FilePath) -> World:
+    """The walls of a world file; see :func:`read_toml`."""
+    return read_toml(path).world
+
+
 def read_toml(path: FilePath) -> WorldFile:
     """Read a world file.
 

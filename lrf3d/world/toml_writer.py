@@ -1,12 +1,24 @@
 """Writing a world as TOML, so that reading it gives the same world to the last bit."""
 
+from pathlib import Path
+
 import numpy as np
 
 from lrf3d.geometry import Float
+from lrf3d.output import write_text
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.colours import colour_value
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, parts_of
+
+
+def write_toml(world: World, path: Path) -> None:
+    """Write a world as TOML.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    write_text(path, toml_text(world))
 
 
 def toml_text(world: World) -> str:
