@@ -29,7 +29,7 @@ if TYPE_CHECKING:
         steps_between,
     )
     from lrf3d.logs import load_log, load_run, record, save_run
-    from lrf3d.mapping import LineMap, LineMapper
+    from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
     from lrf3d.mapping.known_lines import KnownLines
     from lrf3d.pose import Pose
     from lrf3d.render.video import render_video
@@ -63,7 +63,7 @@ _HOMES = {
         "steps_between",
     ],
     "logs": ["load_log", "load_run", "record", "save_run"],
-    "mapping": ["LineMap", "LineMapper"],
+    "mapping": ["LineMap", "LineMapper", "load_map", "save_map"],
     "mapping.known_lines": ["KnownLines"],
     "pose": ["Pose"],
     "render.video": ["render_video"],
@@ -110,6 +110,7 @@ __all__ = [
     "export_run",
     "follow_route",
     "load_log",
+    "load_map",
     "load_run",
     "load_scenario",
     "load_world",
@@ -117,6 +118,7 @@ __all__ = [
     "plan_route",
     "record",
     "render_video",
+    "save_map",
     "save_run",
     "save_world",
     "score_map",

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from lrf3d import LineMap, load_run, load_world
+from lrf3d import load_map, load_run, load_world
 from lrf3d.render.gl import gl_available
 
 WORLD = """\
@@ -58,7 +58,7 @@ def test_one_command_makes_film_map_and_summary(tmp_path):
         off = x * np.cos(lines[:, 0]) + y * np.sin(lines[:, 0]) - lines[:, 1]
         assert np.abs(off).max() < 1e-9
 
-    line_map = LineMap.load(out / "map.geojson")
+    line_map = load_map(out / "map.geojson")
     assert np.array_equal(line_map.segments, run.map.segments)
     assert summary["buildings"]["whole"] >= 1
     assert summary["score"]["segment_f1"] > 0.8

@@ -10,7 +10,7 @@ from synthetic_run import around, box, make_run, make_world
 from lrf3d.cli import main
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.logs import load_log
-from lrf3d.mapping import LineMap
+from lrf3d.mapping import load_map
 from lrf3d.study.log_mapping import map_log
 
 BEAMS = 180
@@ -73,7 +73,7 @@ def test_map_writes_its_files_and_json_is_the_only_output(lrf3d, log, tmp_path, 
     assert summary == json.loads((folder / "summary.json").read_text())
     written = {path.name for path in folder.iterdir()}
     assert written == {"map.geojson", "map.png", "summary.json"} == set(summary["files"].values())
-    assert len(LineMap.load(folder / "map.geojson")) == summary["map"]["segments"] == 8
+    assert len(load_map(folder / "map.geojson")) == summary["map"]["segments"] == 8
     assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
     assert summary["log"] == {
         "scans": 40,

@@ -83,7 +83,7 @@ def test_the_readme_does_what_it_says(workshop):
     assert len(code.strip().splitlines()) <= 11
     printed = workshop.run(README)
     assert re.fullmatch(r"2\d\d segments in \d\d objects\n", printed[0])
-    assert len(lrf3d.LineMap.load("map.geojson")) > 200
+    assert len(lrf3d.load_map("map.geojson")) > 200
     # The robot that finds itself: errors of x, y and theta.
     errors = [float(word) for word in printed[-1].strip("[] \n").split()]
     assert len(errors) == 3 and max(errors) < 0.02

@@ -15,6 +15,8 @@ from lrf3d import (
     PlanarCaster,
     ProportionalNoise,
     World,
+    load_map,
+    save_map,
 )
 from lrf3d.geometry import fit_line, lengths, normal_lines
 from lrf3d.mapping.clusters import clusters, near_each_other, ordered_returns
@@ -111,26 +113,26 @@ def test_thresholds_that_make_no_sense_are_refused(settings_):
 
 def test_the_map_is_written_as_geojson_and_read_back(tmp_path):
     line_map = build(LineMapper())
-    line_map.save(tmp_path / "map.geojson")
+    save_map(line_map, tmp_path / "map.geojson")
     features = json.loads((tmp_path / "map.geojson").read_text())["features"]
     assert len(features) == len(line_map)
     assert set(features[0]["properties"]) == {"object", "alpha", "p", "points"}
     assert features[0]["properties"]["alpha"] == line_map.lines[0, 0]
-    back = LineMap.load(tmp_path / "map.geojson")
+    back = load_map(tmp_path / "map.geojson")
     assert np.array_equal(back.segments, line_map.segments)
     assert np.array_equal(back.objects, line_map.objects)
     assert np.array_equal(back.points, line_map.points)
 
 
 def test_an_empty_map_is_written_and_read_back(tmp_path):
-    LineMap.empty().save(tmp_path / "map.geojson")
-    assert len(LineMap.load(tmp_path / "map.geojson")) == 0
+    save_map(LineMap.empty(), tmp_path / "map.geojson")
+    assert len(load_map(tmp_path / "map.geojson")) == 0
 
 
 def test_what_is_no_map_is_refused_by_name(tmp_path):
     (tmp_path / "map.geojson").write_text("{}")
     with pytest.raises(InputError, match=r"map\.geojson"):
-        LineMap.load(tmp_path / "map.geojson")
+        load_map(tmp_path / "map.geojson")
 
 
 def scan_of(ranges, lrf=CIRCLE):

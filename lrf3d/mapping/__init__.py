@@ -7,7 +7,7 @@ is loaded when it is first used.
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from lrf3d.mapping.line_map import LineMap
+from lrf3d.mapping.line_map import LineMap, load_map, save_map
 
 if TYPE_CHECKING:
     from lrf3d.mapping.line_mapper import LineMapper
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _HOME = {"LineMapper": "line_mapper", "fit_vertices": "vertex_fit"}
 
-__all__ = ["LineMap", "LineMapper", "fit_vertices"]
+__all__ = ["LineMap", "LineMapper", "fit_vertices", "load_map", "save_map"]
 
 
 def __getattr__(name: str) -> object:

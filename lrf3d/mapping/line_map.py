@@ -64,49 +64,50 @@ class LineMap:
         """How many unions there are."""
         return len(np.unique(self.objects))
 
-    def save(self, path: str | Path) -> None:
-        """Write the map as GeoJSON: a FeatureCollection of one LineString a segment.
 
-        Each has the properties object, alpha [rad], p [m] and points.
+def save_map(line_map: LineMap, path: str | Path) -> None:
+    """Write a map as GeoJSON: a FeatureCollection of one LineString a segment.
 
-        Raises:
-            OutputError: The file cannot be written.
-        """
-        features = [
-            {
-                "type": "Feature",
-                "properties": {
-                    "object": int(union),
-                    "alpha": float(alpha),
-                    "p": float(p),
-                    "points": int(points),
-                },
-                "geometry": {
-                    "type": "LineString",
-                    "coordinates": [[float(x1), float(y1)], [float(x2), float(y2)]],
-                },
-            }
-            for (x1, y1, x2, y2), (alpha, p), union, points in zip(
-                self.segments, self.lines, self.objects, self.points, strict=True
-            )
-        ]
-        lines = ",\n".join(json.dumps(feature) for feature in features)
-        write_text(path, f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n')
+    Each has the properties object, alpha [rad], p [m] and points.
 
-    @classmethod
-    def load(cls, path: str | Path) -> "LineMap":
-        """Read a map that :meth:`save` wrote.
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    features = [
+        {
+            "type": "Feature",
+            "properties": {
+                "object": int(number),
+                "alpha": float(alpha),
+                "p": float(p),
+                "points": int(points),
+            },
+            "geometry": {
+                "type": "LineString",
+                "coordinates": [[float(x1), float(y1)], [float(x2), float(y2)]],
+            },
+        }
+        for (x1, y1, x2, y2), (alpha, p), number, points in zip(
+            line_map.segments, line_map.lines, line_map.objects, line_map.points, strict=True
+        )
+    ]
+    lines = ",\n".join(json.dumps(feature) for feature in features)
+    write_text(path, f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n')
 
-        Raises:
-            InputError: The file is not such a map.
-        """
-        try:
-            features = json.loads(Path(path).read_text())["features"]
-            ends = [feature["geometry"]["coordinates"] for feature in features]
-            segments = np.array(ends, dtype=np.float64).reshape(-1, 4)
-            values = [feature["properties"] for feature in features]
-            objects = np.array([value["object"] for value in values], dtype=np.int64)
-            points = np.array([value["points"] for value in values], dtype=np.int64)
-        except (OSError, KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path}: not a map of lrf3d ({error!r})") from None
-        return cls(segments, objects, points)
+
+def load_map(path: str | Path) -> LineMap:
+    """Read a map that :func:`save_map` wrote.
+
+    Raises:
+        InputError: The file is not such a map.
+    """
+    try:
+        features = json.loads(Path(path).read_text())["features"]
+        ends = [feature["geometry"]["coordinates"] for feature in features]
+        segments = np.array(ends, dtype=np.float64).reshape(-1, 4)
+        values = [feature["properties"] for feature in features]
+        objects = np.array([value["object"] for value in values], dtype=np.int64)
+        points = np.array([value["points"] for value in values], dtype=np.int64)
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not a map of lrf3d ({error!r})") from None
+    return LineMap(segments, objects, points)

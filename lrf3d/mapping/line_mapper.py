@@ -1,7 +1,6 @@
 """LineMapper: unites the local map of each scan with the global map (section 3.1)."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +126,3 @@ class LineMapper:
     def map(self) -> LineMap:
         """The global map."""
         return self._mapper.map
-
-    def save(self, path: str | Path) -> None:
-        """Write the global map as GeoJSON."""
-        self.map.save(path)

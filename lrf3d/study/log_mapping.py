@@ -13,7 +13,7 @@ import numpy as np
 
 from lrf3d.laser import LaserScan
 from lrf3d.logs import LaserLog
-from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.mapping import LineMap, LineMapper, save_map
 from lrf3d.scoring import LogScore, score_log
 
 Progress = Callable[[int, int], None]
@@ -143,7 +143,7 @@ def draw_mapped_log(mapped: MappedLog, folder: Path) -> dict[str, Path]:
     from lrf3d.render.figures import draw_map
 
     files = {"map": folder / "map.geojson", "map picture": folder / "map.png"}
-    mapped.map.save(files["map"])
+    save_map(mapped.map, files["map"])
     draw_map(
         mapped.map,
         files["map picture"],

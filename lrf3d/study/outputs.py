@@ -10,6 +10,7 @@ from typing import Any
 
 from lrf3d.errors import InputError
 from lrf3d.logs import record
+from lrf3d.mapping import save_map
 from lrf3d.simulation import Run
 from lrf3d.study.experiment import Experiment, Progress, trajectory_of
 from lrf3d.study.summary import drawn_part, summarise
@@ -169,7 +170,7 @@ def draw_results(results: Results, folder: Path) -> dict[str, Path]:
     # A mapper of the user's may make no map of lines.
     if run.maps:
         files["map"], files["map picture"] = folder / "map.geojson", folder / "map.png"
-        run.map.save(files["map"])
+        save_map(run.map, files["map"])
         draw_map(run, files["map picture"])
     files["world picture"] = folder / "world.png"
     draw_world(
