@@ -13,11 +13,12 @@ import numpy as np
 
 from lrf3d.casting.domain import Rationals
 from lrf3d.casting.mesh_scene import MeshScene
-from lrf3d.casting.scans import limit_ranges, make_scan
+from lrf3d.casting.scans import make_scan
 from lrf3d.casting.threads import share
 from lrf3d.casting.wall_scene import WallScene, build_wall_scene
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
+from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose, as_poses
 from lrf3d.world import World
 
@@ -49,8 +50,8 @@ class EmbreeCaster:
             ranges, faces = self.cast_layers(lrf, pose)
             return make_scan(lrf, pose, ranges[0], faces[0])
         if self._rationals.needed(*pose):
-            return LaserScan.measured(lrf, pose, *self._rationals.cast(lrf, pose))
-        return LaserScan.measured(lrf, pose, *self._scene(lrf).cast(lrf, pose))
+            return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
+        return LaserScan.unchecked(lrf, pose, *self._scene(lrf).cast(lrf, pose))
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: Float) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""
@@ -89,7 +90,7 @@ class EmbreeCaster:
         beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)
         origin = np.array([x, y, lrf.height])
         distances, faces = self._solid().cast(origin, beams.reshape(-1, 3), FAR * lrf.range_max)
-        ranges = limit_ranges(distances, lrf).reshape(beams.shape[:2])
+        ranges = within_limits(distances, lrf.range_min, lrf.range_max).reshape(beams.shape[:2])
         return ranges, np.where(np.isfinite(ranges), faces.reshape(ranges.shape), -1)
 
     def _solid(self) -> MeshScene:

@@ -40,11 +40,11 @@ class PlanarCaster:
         """The true scan from a pose."""
         pose = as_pose(pose)
         if self._rationals.needed(*pose):
-            return LaserScan.measured(lrf, pose, *self._rationals.cast(lrf, pose))
+            return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
         ranges, walls = cast_scan(
             *self.tree(lrf.height), lrf.fan, *pose, *lrf.spread, lrf.range_min, lrf.range_max
         )
-        return LaserScan.measured(lrf, pose, ranges, walls)
+        return LaserScan.unchecked(lrf, pose, ranges, walls)
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: Float) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""

@@ -9,9 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.casting.scans import limit_ranges, make_scan
+from lrf3d.casting.scans import make_scan
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_poses
 from lrf3d.world import World
 from lrf3d.world.extrude import extrude
@@ -40,7 +41,7 @@ class RawEmbreeCaster:
         for start in range(0, len(poses), BLOCK):
             part = slice(start, start + BLOCK)
             distances, found = self._cast(lrf, poses[part])
-            limited = limit_ranges(distances, lrf).reshape(-1, lrf.beams)
+            limited = within_limits(distances, lrf.range_min, lrf.range_max).reshape(-1, lrf.beams)
             ranges[part] = limited
             walls[part] = np.where(np.isfinite(limited), found.reshape(-1, lrf.beams), -1)
         return ranges, walls

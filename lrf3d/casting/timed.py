@@ -101,7 +101,7 @@ class Sweep:
             for single, place, at in zip(lrf.single_beams, poses, times.tolist(), strict=True)
         ]
         first = Pose(float(pose[0]), float(pose[1]), float(pose[2]))
-        scan = LaserScan.measured(
+        scan = LaserScan.unchecked(
             lrf,
             first,
             np.concatenate([beam.ranges for beam in beams]),

@@ -18,7 +18,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.laser.range_finder import within_limits
 from lrf3d.laser.scan import LaserScan
 
 
@@ -159,11 +159,6 @@ class Chain:
         for noise in self.noises:
             scan = noise(scan, rng)
         return scan
-
-
-def within_limits(ranges: Float, range_min: float, range_max: float) -> Float:
-    """Ranges after REP 117: +inf above range_max, −inf below range_min."""
-    return np.where(ranges > range_max, np.inf, np.where(ranges < range_min, -np.inf, ranges))
 
 
 def check_sigma(sigma: float, unit: str) -> None:

@@ -139,3 +139,8 @@ def turned(fan: Float, theta: float) -> Float:
     """
     cos, sin = math.cos(theta), math.sin(theta)
     return np.column_stack([cos * fan[0] - sin * fan[1], sin * fan[0] + cos * fan[1]])
+
+
+def within_limits(ranges: Float, range_min: float, range_max: float) -> Float:
+    """Ranges after REP 117: +inf above range_max, −inf below range_min."""
+    return np.where(ranges > range_max, np.inf, np.where(ranges < range_min, -np.inf, ranges))

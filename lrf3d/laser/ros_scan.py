@@ -8,18 +8,19 @@ range_min is −inf.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
-from lrf3d.laser.noise import within_limits
-from lrf3d.laser.scan import LaserScan
-from lrf3d.pose import as_pose
+from lrf3d.laser.range_finder import within_limits
+
+if TYPE_CHECKING:
+    from lrf3d.laser.scan import LaserScan
 
 Float32 = NDArray[np.float32]
 
@@ -101,7 +102,7 @@ class RosScan:
         return asdict(self)
 
 
-def make_ros_scan(scan: LaserScan, frame_id: str, scan_time: float) -> RosScan:
+def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan:
     """A scan as ROS has it.
 
     Raises:
@@ -122,8 +123,10 @@ def make_ros_scan(scan: LaserScan, frame_id: str, scan_time: float) -> RosScan:
     )
 
 
-def read_ros_scan(message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> LaserScan:
-    """The scan of a message: a RosScan, one of rclpy or of rosbags, or dicts within dicts.
+def read_ros_scan(message: Any) -> dict[str, Any]:
+    """The arguments of a LaserScan, its pose aside, that a message holds.
+
+    A message is a RosScan, one of rclpy or of rosbags, or dicts within dicts.
 
     A range that is NaN, which REP 117 calls erroneous, tells as little as one below range_min.
 
@@ -153,15 +156,15 @@ def read_ros_scan(message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> Lase
             " 0 ≤ range_min < range_max"
         )
     angles: Float = low + step * np.arange(count, dtype=np.float64)
-    return LaserScan(
-        as_pose(pose),
-        angles,
-        within_limits(np.where(np.isnan(ranges), -np.inf, ranges), range_min, range_max),
-        range_min=range_min,
-        range_max=range_max,
-        time=time,
-        time_increment=increment if math.isfinite(increment) else 0.0,
-    )
+    known = np.where(np.isnan(ranges), -np.inf, ranges)
+    return {
+        "angles": angles,
+        "ranges": within_limits(known, range_min, range_max),
+        "range_min": range_min,
+        "range_max": range_max,
+        "time": time,
+        "time_increment": increment if math.isfinite(increment) else 0.0,
+    }
 
 
 def _field(message: Any, name: str) -> Any:

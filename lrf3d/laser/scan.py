@@ -3,17 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions
+from lrf3d.laser.ros_scan import RosScan, make_ros_scan, read_ros_scan
 from lrf3d.pose import Pose, as_pose
-
-if TYPE_CHECKING:
-    from lrf3d.laser.ros_scan import RosScan
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +55,8 @@ class LaserScan:
         object.__setattr__(self, "walls", walls.astype(np.int64, copy=False))
 
     @classmethod
-    def measured(cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> "LaserScan":
-        """The scan that a caster hands on: what fits is neither checked nor converted."""
+    def unchecked(cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> "LaserScan":
+        """The scan that a caster makes; its arrays fit and are not checked again."""
         scan = object.__new__(cls)
         scan.__dict__.update(
             pose=pose,
@@ -85,11 +83,9 @@ class LaserScan:
         Raises:
             InputError: The message is none, or its angles and limits make no sense.
         """
-        from lrf3d.laser.ros_scan import read_ros_scan
+        return cls(as_pose(pose), **read_ros_scan(message))
 
-        return read_ros_scan(message, pose)
-
-    def as_ros(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> "RosScan":
+    def as_ros(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> RosScan:
         """The scan as a ROS ``sensor_msgs/LaserScan``: see `ros_scan`.
 
         Args:
@@ -99,8 +95,6 @@ class LaserScan:
         Raises:
             InputError: The beams are not evenly spread, which the message cannot tell.
         """
-        from lrf3d.laser.ros_scan import make_ros_scan
-
         return make_ros_scan(self, frame_id, scan_time)
 
     @cached_property

@@ -150,7 +150,7 @@ class _Recorder:
             first = self._first_of(simulation.done)
             walls = np.where(np.isfinite(ranges), walls, -1)
             for row in range(simulation.done - first, len(times)):
-                scan = LaserScan.measured(
+                scan = LaserScan.unchecked(
                     simulation.lrf, Pose(*poses[row].tolist()), ranges[row].copy(), walls[row]
                 ).at_time(float(times[row]))
                 simulation.take(scan, mapped=simulation.done < self._checked)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.casting.raw_embree import RawEmbreeCaster, rays
-from lrf3d.casting.scans import limit_ranges
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.range_finder import within_limits
 from lrf3d.study.bench.determinants import cast_determinants
 from lrf3d.world import World
 from lrf3d.world.extrude import extrude
@@ -199,5 +199,5 @@ def rays32(
 
 def limited(distances: Float, walls: Int, lrf: LaserRangeFinder) -> tuple[Float, Int]:
     """Ranges after REP 117, and walls where there is a range."""
-    ranges = limit_ranges(distances, lrf)
+    ranges = within_limits(distances, lrf.range_min, lrf.range_max)
     return ranges, np.where(np.isfinite(ranges), walls, -1)
