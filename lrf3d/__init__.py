@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from lrf3d.fleet import simulate_fleet
     from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
     from lrf3d.localization import (
+        KnownLines,
         Localiser,
         OdometryNoise,
         PoseEstimate,
         localise,
-        steps_between,
+        odometry_increments,
     )
     from lrf3d.logs import load_log, load_run, record, save_run
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
-    from lrf3d.mapping.known_lines import KnownLines
     from lrf3d.pose import Pose
     from lrf3d.render.video import render_video
     from lrf3d.robot import Trajectory, Unicycle, check_drive, drive, follow_route
@@ -56,15 +56,15 @@ _HOMES = {
     "fleet": ["simulate_fleet"],
     "laser": ["LaserRangeFinder", "LaserScan", "ProportionalNoise"],
     "localization": [
+        "KnownLines",
         "Localiser",
         "OdometryNoise",
         "PoseEstimate",
         "localise",
-        "steps_between",
+        "odometry_increments",
     ],
     "logs": ["load_log", "load_run", "record", "save_run"],
     "mapping": ["LineMap", "LineMapper", "load_map", "save_map"],
-    "mapping.known_lines": ["KnownLines"],
     "pose": ["Pose"],
     "render.video": ["render_video"],
     "robot": ["Trajectory", "Unicycle", "check_drive", "drive", "follow_route"],
@@ -115,6 +115,7 @@ __all__ = [
     "load_scenario",
     "load_world",
     "localise",
+    "odometry_increments",
     "plan_route",
     "record",
     "render_video",
@@ -125,7 +126,6 @@ __all__ = [
     "score_run",
     "simulate",
     "simulate_fleet",
-    "steps_between",
     "world_names",
 ]
 

@@ -16,11 +16,10 @@ from lrf3d.localization import (
     OdometryNoise,
     PoseEstimate,
     localise,
-    steps_between,
+    odometry_increments,
 )
-from lrf3d.mapping.innovation import Innovation
-from lrf3d.mapping.known_lines import KnownLines
-from lrf3d.mapping.local_lines import RangeNoise
+from lrf3d.localization.lines import KnownLines, RangeNoise
+from lrf3d.localization.pairing import Innovation
 from lrf3d.pose import Pose
 from lrf3d.study.localisation import LocalisationTask, score_localisation
 from lrf3d.world import World
@@ -58,7 +57,7 @@ def follow(run, *, offset=0.0, seed=0, **how):
     x, y, theta = run.trajectory.poses[0]
     start = PoseEstimate(Pose(x + offset, y + offset, theta), np.zeros((3, 3)))
     start = start.moved(ODOMETRY(np.zeros((1, 3)), rng)[0], ODOMETRY.covariance)
-    steps = ODOMETRY(steps_between(run.trajectory.poses), rng)
+    steps = ODOMETRY(odometry_increments(run.trajectory.poses), rng)
     localiser = Localiser(KnownLines.from_world(world), start, range_noise=NOISE, **how)
     return localise(localiser, run.scans, steps)
 
@@ -82,7 +81,7 @@ def lines_at(normals, angle=0.0, offset=0.0, deviation=0.01):
 @given(st.lists(poses, min_size=2, max_size=6))
 def test_steps_lead_from_pose_to_pose(drive):
     estimate = PoseEstimate(drive[0], np.zeros((3, 3)))
-    for step, pose in zip(steps_between(np.array(drive)), drive[1:], strict=True):
+    for step, pose in zip(odometry_increments(np.array(drive)), drive[1:], strict=True):
         estimate = estimate.moved(step, np.zeros((3, 3)))
         assert estimate.pose[:2] == pytest.approx(pose[:2], abs=1e-9)
         assert np.cos(estimate.pose.theta - pose.theta) == pytest.approx(1.0)
@@ -174,7 +173,7 @@ def test_the_robot_finds_itself_within_centimetres(run):
 def test_without_scans_it_does_not(run):
     rng = np.random.default_rng(0)
     estimate = PoseEstimate(Pose(*run.trajectory.poses[0].tolist()), np.zeros((3, 3)))
-    for step in ODOMETRY(steps_between(run.trajectory.poses), rng):
+    for step in ODOMETRY(odometry_increments(run.trajectory.poses), rng):
         estimate = estimate.moved(step, ODOMETRY.covariance)
     assert np.hypot(*(np.array(estimate.pose) - run.trajectory.poses[-1])[:2]) > 0.2
 
@@ -200,7 +199,7 @@ def test_the_pose_that_a_scan_brings_along_is_never_looked_at(run):
     rng = np.random.default_rng(0)
     start = PoseEstimate(Pose(*run.trajectory.poses[0].tolist()), np.zeros((3, 3)))
     start = start.moved(ODOMETRY(np.zeros((1, 3)), rng)[0], ODOMETRY.covariance)
-    steps = ODOMETRY(steps_between(moved.trajectory.poses), rng)
+    steps = ODOMETRY(odometry_increments(moved.trajectory.poses), rng)
     known = KnownLines.from_world(run.world)
     track = localise(Localiser(known, start, range_noise=NOISE), scans, steps)
     assert np.array_equal(track.poses, told.poses)
@@ -224,7 +223,7 @@ def test_a_filter_that_thinks_too_well_of_its_ranges_is_not_consistent(run):
         localise(
             Localiser(known, certain, range_noise=RangeNoise(sigma, 0.001, 80.0)),
             run.scans,
-            steps_between(truth),
+            odometry_increments(truth),
         ).nees(truth)
         for sigma in (0.04, 0.008)
     ]
@@ -237,7 +236,7 @@ def test_ranges_without_noise_are_no_obstacle(run):
     certain = PoseEstimate(Pose(*run.trajectory.poses[0].tolist()), np.zeros((3, 3)))
     known = KnownLines.from_world(run.world)
     localiser = Localiser(known, certain, range_noise=RangeNoise(0.0, 0.0))
-    steps = ODOMETRY(steps_between(quiet.trajectory.poses), np.random.default_rng(0))
+    steps = ODOMETRY(odometry_increments(quiet.trajectory.poses), np.random.default_rng(0))
     errors = localise(localiser, quiet.scans, steps).errors(quiet.trajectory.poses)
     assert np.abs(errors).max() < 1e-4
 

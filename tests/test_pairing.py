@@ -9,11 +9,9 @@ from synthetic_run import box, make_run, make_world
 from lrf3d.errors import InputError
 from lrf3d.geometry import lengths, normal_lines, wrap_angle
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.localization.lines import KnownLines, LocalLines, RangeNoise, line_covariances
+from lrf3d.localization.pairing import MahalanobisGate, SquaredDifferences, innovation, pair_lines
 from lrf3d.mapping import LineMap, LineMapper
-from lrf3d.mapping.innovation import innovation
-from lrf3d.mapping.known_lines import KnownLines
-from lrf3d.mapping.local_lines import LocalLines, RangeNoise, line_covariances
-from lrf3d.mapping.pairing import MahalanobisGate, SquaredDifferences, pair_lines
 from lrf3d.pose import Pose
 from lrf3d.world import World
 

@@ -9,7 +9,7 @@ import pytest
 from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import wrap_angle
 from lrf3d.localization import PoseEstimate
-from lrf3d.mapping.innovation import Innovation
+from lrf3d.localization.pairing import Innovation
 from lrf3d.robot.free_space import find_free_space
 from lrf3d.study.stress import CASES, rational, stress
 from lrf3d.study.stress.checks import check

@@ -1,16 +1,19 @@
 """Localisation: an extended Kalman filter that follows the robot over a known map of lines."""
 
 from lrf3d.localization.estimate import Correction, PoseEstimate
-from lrf3d.localization.localiser import Localiser, localise
-from lrf3d.localization.odometry import OdometryNoise, steps_between
-from lrf3d.localization.track import Track
+from lrf3d.localization.lines import KnownLines, LocalLines, RangeNoise
+from lrf3d.localization.localiser import Localiser, Track, localise
+from lrf3d.localization.odometry import OdometryNoise, odometry_increments
 
 __all__ = [
     "Correction",
+    "KnownLines",
+    "LocalLines",
     "Localiser",
     "OdometryNoise",
     "PoseEstimate",
+    "RangeNoise",
     "Track",
     "localise",
-    "steps_between",
+    "odometry_increments",
 ]

@@ -11,8 +11,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, wrap_angle
-from lrf3d.mapping.innovation import Innovation
-from lrf3d.mapping.pairing import GATE
+from lrf3d.localization.pairing import GATE, Innovation
 from lrf3d.pose import Pose, as_pose
 
 LEAST_FREE, ROUNDED = 1e-9, 64.0

@@ -5,24 +5,21 @@ is never looked at.
 """
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Protocol
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Int, wrap_angle
 from lrf3d.laser import LaserScan
 from lrf3d.localization.estimate import PoseEstimate
+from lrf3d.localization.lines import KnownLines, LocalLines, RangeNoise
 from lrf3d.localization.odometry import OdometryNoise
-from lrf3d.localization.track import Track
+from lrf3d.localization.pairing import Criterion, Pairs, innovation, pair_lines
 from lrf3d.mapping import LineMap, LineMapper
-from lrf3d.mapping.innovation import innovation
-from lrf3d.mapping.known_lines import KnownLines
-from lrf3d.mapping.local_lines import LocalLines, RangeNoise
-from lrf3d.mapping.pairing import Criterion, Pairs, pair_lines
-from lrf3d.pose import Pose
+from lrf3d.pose import Pose, as_poses
 
 ROBOT = Pose(0.0, 0.0, 0.0)
 """The robot's pose in its own frame."""
@@ -39,6 +36,41 @@ class Extractor(Protocol):
     def local_map(self, scan: LaserScan) -> LineMap:
         """Return the local map, in the frame that the scan's pose is given in."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Where the robot was thought to be at each scan.
+
+    Args:
+        poses: (k, 3) x, y [m], theta [rad].
+        covariances: (k, 3, 3) of them.
+        lines: (k,) how many pairs of lines each correction took in.
+        comparisons: (k,) how many comparisons finding them took.
+    """
+
+    poses: Float
+    covariances: Float
+    lines: Int
+    comparisons: Int
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def errors(self, truth: Float) -> Float:
+        """Differences (k, 3) from the true poses (k, 3): x, y [m], theta [rad]."""
+        difference = self.poses - as_poses(truth)
+        difference[:, 2] = wrap_angle(difference[:, 2])
+        return difference
+
+    def nees(self, truth: Float) -> Float:
+        """Normalised estimation error squared (k,): of three degrees of freedom, 3 on average.
+
+        What the covariance takes for certain is left out.
+        """
+        errors = self.errors(truth)
+        information = np.linalg.pinv(self.covariances, hermitian=True)
+        return np.asarray(np.einsum("ki,kij,kj->k", errors, information, errors))
 
 
 class Localiser:

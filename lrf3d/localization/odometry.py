@@ -40,7 +40,7 @@ class OdometryNoise:
         return steps + rng.normal(size=steps.shape) * deviations
 
 
-def steps_between(poses: Float) -> Float:
+def odometry_increments(poses: Float) -> Float:
     """The steps (k − 1, 3) from pose to pose (k, 3): ahead, to the left [m], turn [rad].
 
     Raises:

@@ -22,10 +22,9 @@ from lrf3d.localization import (
     PoseEstimate,
     Track,
     localise,
-    steps_between,
+    odometry_increments,
 )
-from lrf3d.mapping.known_lines import KnownLines
-from lrf3d.mapping.local_lines import RangeNoise
+from lrf3d.localization.lines import KnownLines, RangeNoise
 from lrf3d.pose import Pose
 from lrf3d.simulation import Run
 
@@ -93,7 +92,7 @@ class LocalisationTask:
             odometry_noise=self.odometry,
             strategy=self.strategy,
         )
-        steps = self.odometry(steps_between(poses), rng)
+        steps = self.odometry(odometry_increments(poses), rng)
         scans = (noise(run.true_scan(index), rng) for index in range(len(run)))
         return localise(localiser, scans, steps)
 

@@ -14,10 +14,9 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.localization import OdometryNoise
+from lrf3d.localization.lines import KnownLines, LocalLines, RangeNoise
+from lrf3d.localization.pairing import STRATEGIES, Pairs, pair_lines
 from lrf3d.mapping import LineMapper
-from lrf3d.mapping.known_lines import KnownLines
-from lrf3d.mapping.local_lines import LocalLines, RangeNoise
-from lrf3d.mapping.pairing import STRATEGIES, Pairs, pair_lines
 from lrf3d.pose import Pose
 from lrf3d.scenario import SIGMA
 from lrf3d.study.timing import Timing

@@ -5,10 +5,9 @@ from fractions import Fraction
 import numpy as np
 
 from lrf3d.geometry import Float, normal_lines, wrap_angle
+from lrf3d.localization.lines import KnownLines, LocalLines
+from lrf3d.localization.pairing import innovation
 from lrf3d.mapping import LineMap
-from lrf3d.mapping.innovation import innovation
-from lrf3d.mapping.known_lines import KnownLines
-from lrf3d.mapping.local_lines import LocalLines
 from lrf3d.pose import as_pose
 from lrf3d.study.stress.checks import check, ulps
 from lrf3d.study.stress.rational import pi, wrapped

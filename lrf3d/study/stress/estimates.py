@@ -11,7 +11,7 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.localization import PoseEstimate
-from lrf3d.mapping.innovation import Innovation
+from lrf3d.localization.pairing import Innovation
 from lrf3d.pose import as_pose
 from lrf3d.study.stress import rational
 from lrf3d.study.stress.checks import check

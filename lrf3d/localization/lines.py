@@ -1,7 +1,8 @@
-"""LocalLines: the lines that one scan shows, in the robot's frame, and how well each is known.
+"""Lines to find a robot by: those that one scan shows, and those of a known map.
 
-What enters is the local map of a scan; what leaves are (alpha, p) with covariances. All is
-computed around the robot, so that it does not matter where the world has its origin.
+The local map of a scan, a world or a built map enters; lines (alpha, p) with what is known of
+their accuracy leave. Local lines are computed around the robot, so that it does not matter where
+the world has its origin.
 """
 
 from dataclasses import dataclass
@@ -9,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, lengths, normal_lines
+from lrf3d.geometry import Float, Int, directions, lengths, normal_lines
 from lrf3d.mapping.line_map import LineMap
+from lrf3d.world import World
 
 SAMPLES = 16
 """Beams that stand for all that met a segment when its covariance is computed: with more, the
@@ -154,3 +156,73 @@ def line_covariances(
     covariances[:, 0, 1] = covariances[:, 1, 0] = mean * sway
     covariances[:, 1, 1] = 1.0 / total + mean**2 * sway
     return covariances
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownLines:
+    """Line segments of a known map.
+
+    Args:
+        segments: (n, 4) x1 y1 x2 y2 [m] in the world.
+        objects: (n,) the object, or union, that each belongs to, from 0.
+        middles: (n, 2) the middle of each [m].
+        units: (n, 2) direction of each, from its first end to its second.
+        halves: (n,) half the length of each [m].
+        lines: (n, 2) alpha [rad], p [m] in the world (Eq. 3).
+        deviations: (n, 2) standard deviation of the direction [rad], and of the offset in the
+            middle [m].
+        one_sided: Whether each is seen only from its left.
+    """
+
+    segments: Float
+    objects: Int
+    middles: Float
+    units: Float
+    halves: Float
+    lines: Float
+    deviations: Float
+    one_sided: bool
+
+    @classmethod
+    def from_world(cls, world: World) -> "KnownLines":
+        """The true walls of a world, seen from both sides."""
+        return cls._of(world.segments, world.objects, np.zeros((len(world.segments), 2)), False)
+
+    @classmethod
+    def from_map(cls, line_map: LineMap, *, deviation: float = 0.0) -> "KnownLines":
+        """A map that a LineMapper built; its segments have the laser on their left.
+
+        Args:
+            line_map: The map.
+            deviation: Standard deviation [m] of the points that the map was fitted to; with 0
+                the map is taken for the truth.
+        """
+        solid = np.flatnonzero(lengths(line_map.segments) > 0.0)
+        segments = line_map.segments[solid]
+        offset = deviation / np.sqrt(np.maximum(line_map.points[solid], 1))
+        # Points spread evenly over the length L scatter by L/√12 about the middle.
+        turn = offset * np.sqrt(12.0) / lengths(segments)
+        return cls._of(segments, line_map.objects[solid], np.column_stack([turn, offset]), True)
+
+    @classmethod
+    def _of(cls, segments: Float, objects: Int, deviations: Float, one_sided: bool) -> "KnownLines":
+        return cls(
+            segments=segments,
+            objects=objects,
+            # Halves are added to the first end, which keeps the digits of places far away.
+            middles=segments[:, :2] + 0.5 * (segments[:, 2:] - segments[:, :2]),
+            units=directions(segments),
+            halves=0.5 * lengths(segments),
+            lines=normal_lines(segments),
+            deviations=deviations,
+            one_sided=one_sided,
+        )
+
+    def __len__(self) -> int:
+        return len(self.segments)
+
+    def of_objects(self, objects: Int) -> Int:
+        """Rows of the segments that belong to any of some objects."""
+        wanted = np.zeros(int(self.objects.max(initial=-1)) + 1, dtype=np.bool_)
+        wanted[objects] = True
+        return np.flatnonzero(wanted[self.objects])
