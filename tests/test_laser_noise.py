@@ -14,7 +14,7 @@ from lrf3d.laser import (
     ProportionalNoise,
     Quantised,
 )
-from lrf3d.laser.surfaces import incidences
+from lrf3d.laser.imperfections import incidences
 
 LRF = LaserRangeFinder(-1.0, 1.0, 101, range_min=0.5, range_max=20.0)
 WALL = PlanarCaster(World([[4.0, -50, 4.0, 50]])).cast(LRF, (0, 0, 0))

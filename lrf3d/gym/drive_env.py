@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
-from lrf3d.gym.spaces import action_space, observation_space
 from lrf3d.gym.task import DriveTask
 from lrf3d.robot import Trajectory
 from lrf3d.scenario import Scenario, load_scenario
@@ -128,3 +127,26 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _info(self) -> dict[str, Any]:
         return {"pose": self.task.poses[0].copy(), "goal": self.task.goals[0].copy()}
+
+
+def observation_space(task: DriveTask) -> spaces.Dict:
+    """What one robot sees.
+
+    ``ranges`` (beams,) [m] from 0 to range_max; ``goal`` (3,): its distance [m], and the cosine
+    and the sine of its bearing, 1 and 0 ahead.
+    """
+    top = np.float32(task.lrf.range_max)
+    far = np.float32(task.farthest)
+    return spaces.Dict(
+        {
+            "goal": spaces.Box(
+                np.array([0.0, -1.0, -1.0], np.float32), np.array([far, 1.0, 1.0], np.float32)
+            ),
+            "ranges": spaces.Box(np.float32(0.0), top, (task.lrf.beams,), np.float32),
+        }
+    )
+
+
+def action_space() -> spaces.Box:
+    """What one robot may do: shares from −1 to 1 of its top speed and of its fastest turn."""
+    return spaces.Box(np.float32(-1.0), np.float32(1.0), (2,), np.float32)

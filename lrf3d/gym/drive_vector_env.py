@@ -9,8 +9,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
-from lrf3d.gym.drive_env import MAX_STEPS
-from lrf3d.gym.spaces import action_space, observation_space
+from lrf3d.gym.drive_env import MAX_STEPS, action_space, observation_space
 from lrf3d.gym.task import DriveTask
 from lrf3d.scenario import Scenario, load_scenario
 

@@ -1,12 +1,15 @@
-"""Imperfections: what is known of a range finder, as the chain of noises that it amounts to."""
+"""Imperfections: what a range finder does beside the noise of Eq. 7.
 
-from dataclasses import dataclass
+Beams look a little beside their angle, return too little light, or lie half on a near and half on
+a far surface. Each is a noise of its own; Imperfections chains those that are given.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lrf3d.laser.angle_noise import AngleNoise
-from lrf3d.laser.drop_outs import DropOuts
-from lrf3d.laser.mixed_pixels import MixedPixels
+from lrf3d.errors import InputError
+from lrf3d.geometry import Bool, Float
 from lrf3d.laser.noise import (
     Chain,
     ConstantNoise,
@@ -14,7 +17,9 @@ from lrf3d.laser.noise import (
     Noise,
     ProportionalNoise,
     Quantised,
+    check_sigma,
 )
+from lrf3d.laser.scan import LaserScan
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,3 +63,178 @@ class Imperfections:
         if self.resolution:
             chain.append(Quantised(self.resolution))
         return chain[0] if len(chain) == 1 else Chain([*chain, Limits()])
+
+
+@dataclass(frozen=True, slots=True)
+class AngleNoise:
+    """Gaussian noise of each beam's angle: the range is that at θ + N(0, σ), told as that at θ.
+
+    σ is in radians. It belongs first into a chain, since it wants true ranges: on a wall the
+    range at the other angle is exact; where a wall ends between two beams, it ends midway.
+    """
+
+    sigma: float
+
+    def __post_init__(self) -> None:
+        check_sigma(self.sigma, "radians")
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return the scan that beams at the deviating angles measured."""
+        if self.sigma == 0.0 or len(scan.angles) < 2:
+            return scan
+        draws = rng.normal(0.0, self.sigma, len(scan.angles))
+        return replace(scan, ranges=ranges_between(scan, scan.angles + draws))
+
+
+@dataclass(frozen=True, slots=True)
+class DropOuts:
+    """Beams that do not return: some anywhere, more from afar, more at a grazing angle.
+
+    A beam is lost for one of three reasons, independent of each other: anywhere with the
+    probability ``share``; at the range d with ``far`` · (d / range_max)², as the light spreads;
+    at the angle i from the wall's normal with ``grazing`` · (1 − cos i), as a dull wall reflects.
+    In a chain it belongs before what changes ranges, from which the angle is known.
+
+    Args:
+        share: Probability anywhere.
+        far: Probability at range_max.
+        grazing: Probability along a wall.
+
+    Raises:
+        InputError: A probability is none.
+    """
+
+    share: float = 0.0
+    far: float = 0.0
+    grazing: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("share", "far", "grazing"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise InputError(
+                    f"drop-outs: {name} is {getattr(self, name)}, expected a probability, 0 to 1"
+                )
+
+    def probabilities(self, scan: LaserScan) -> Float:
+        """How likely each of the beams (beams,) is to be lost.
+
+        Raises:
+            InputError: Losses by range are asked for, and the scan has no finite range_max.
+        """
+        if self.far and not np.isfinite(scan.range_max):
+            raise InputError("scan without range_max: drop-outs by range grow up to it; give one")
+        kept = np.full(len(scan.ranges), 1.0 - self.share)
+        if self.far:
+            kept *= 1.0 - self.far * np.clip(scan.ranges / scan.range_max, 0.0, 1.0) ** 2
+        if self.grazing:
+            kept *= 1.0 - self.grazing * (1.0 - np.cos(incidences(scan)))
+        return 1.0 - kept
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return the scan without the returns that are lost: +inf after REP 117."""
+        lost = rng.random(len(scan.ranges)) < self.probabilities(scan)
+        lost &= np.isfinite(scan.ranges)
+        return replace(
+            scan,
+            ranges=np.where(lost, np.inf, scan.ranges),
+            walls=np.where(lost, -1, scan.walls),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MixedPixels:
+    """Beams as wide as ``divergence`` [rad]: at an edge the two ranges are mixed.
+
+    Where neighbouring beams met different things, more than ``jump`` [m] apart in range, the edge
+    lies somewhere between them, anywhere alike. A beam whose light falls on both sides of it
+    tells the mean of the two ranges, each weighed by its part of the light, and counts as having
+    met no wall. Beams that did not return mix with nothing.
+
+    Args:
+        divergence: How wide a beam is [rad].
+        jump: Least difference of the ranges at an edge [m].
+
+    Raises:
+        InputError: One of them is not a positive number.
+    """
+
+    divergence: float
+    jump: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("divergence", "jump"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InputError(
+                    f"mixed pixels: {name} is {getattr(self, name)}, expected a positive number"
+                )
+
+    def edges(self, scan: LaserScan) -> Bool:
+        """Between which beams (beams − 1,) and the next there is an edge."""
+        returned = np.isfinite(scan.ranges)
+        ranges = np.where(returned, scan.ranges, 0.0)
+        apart = np.abs(np.diff(ranges)) > self.jump
+        return np.asarray(returned[:-1] & returned[1:] & apart & ~on_one_wall(scan))
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return the scan with mixed ranges at its edges."""
+        gaps = np.abs(np.diff(scan.angles))
+        places = rng.random(len(scan.ranges))[1:] * gaps
+        edge = np.flatnonzero(self.edges(scan))
+        ranges = scan.ranges.copy()
+        near, far = scan.ranges[edge], scan.ranges[edge + 1]
+        # A beam may have an edge on either side; the light beyond each of them is another's.
+        ranges[edge] += self._beyond(places[edge]) * (far - near)
+        ranges[edge + 1] += self._beyond((gaps - places)[edge]) * (near - far)
+        walls = np.where(ranges == scan.ranges, scan.walls, -1)
+        return replace(scan, ranges=ranges, walls=walls)
+
+    def _beyond(self, away: Float) -> Float:
+        """Part of the light of beams that falls beyond an edge so far from their middles [rad]."""
+        return np.clip(0.5 - away / self.divergence, 0.0, 0.5)
+
+
+def on_one_wall(scan: LaserScan) -> Bool:
+    """Which beams (beams − 1,) met the same wall as the next one."""
+    known = scan.walls >= 0
+    return np.asarray(known[:-1] & known[1:] & (scan.walls[:-1] == scan.walls[1:]))
+
+
+def incidences(scan: LaserScan) -> Float:
+    """Angles (beams,) [rad] from each beam to the normal of what it met: 0 straight, π/2 grazing.
+
+    A beam that is alone on its wall tells nothing of how it met it, and counts as straight.
+    """
+    joined = on_one_wall(scan)
+    angles = np.zeros(len(scan.ranges))
+    pair = np.flatnonzero(joined)
+    near, far = scan.ranges[pair], scan.ranges[pair + 1]
+    turn = np.abs(scan.angles[pair + 1] - scan.angles[pair])
+    # From one point to the other: so much along the first beam, and so much across it.
+    along, across = far * np.cos(turn) - near, far * np.sin(turn)
+    first = np.arctan2(np.abs(along), np.abs(across))
+    along, across = near * np.cos(turn) - far, near * np.sin(turn)
+    second = np.arctan2(np.abs(along), np.abs(across))
+    angles[pair + 1] = second
+    angles[pair] = first
+    return angles
+
+
+def ranges_between(scan: LaserScan, angles: Float) -> Float:
+    """Ranges (n,) [m] that beams at other angles (n,) of the fan would have had.
+
+    Between two beams on one wall it is the exact range to this wall; where the two met different
+    things, that of the nearer beam; beyond the fan, that of its last beam. The angles of the scan
+    rise.
+    """
+    after = np.clip(np.searchsorted(scan.angles, angles), 1, len(scan.angles) - 1)
+    before = after - 1
+    turn = scan.angles[after] - scan.angles[before]
+    ahead = np.clip(angles - scan.angles[before], 0.0, turn)
+    nearest = np.where(2.0 * ahead > turn, after, before)
+    ranges = scan.ranges[nearest]
+    # At the beams themselves nothing is to be worked out, and nothing is to be rounded.
+    inside = on_one_wall(scan)[before] & (ahead > 0.0) & (ahead < turn)
+    near, far = scan.ranges[before[inside]], scan.ranges[after[inside]]
+    turn, ahead = turn[inside], ahead[inside]
+    ranges[inside] = near * far * np.sin(turn) / (near * np.sin(ahead) + far * np.sin(turn - ahead))
+    return ranges

@@ -4,9 +4,8 @@ Everything is computed in a local frame, so that worlds far from the origin lose
 """
 
 from lrf3d.scoring.buildings import BuildingCount, buildings_seen
-from lrf3d.scoring.labels import adjusted_rand_index
 from lrf3d.scoring.log_score import LogScore, score_log
-from lrf3d.scoring.map_score import MapScore, score_map, score_run
+from lrf3d.scoring.map_score import MapScore, adjusted_rand_index, score_map, score_run
 from lrf3d.scoring.matching import match_segments
 from lrf3d.scoring.storage import StorageCount, storage
 from lrf3d.scoring.visibility import visible_parts, visible_walls

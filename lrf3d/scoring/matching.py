@@ -1,9 +1,14 @@
-"""Matching: which segment of a map stands for which true wall, one to one."""
+"""Matching: which segments of two sets lie close, and which map segment stands for which wall.
+
+A spatial index finds the neighbours and the work goes in blocks, so that a map of 100,000
+segments needs no table of all pairs.
+"""
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from lrf3d.geometry import Float, Int, directions, lengths
-from lrf3d.scoring.nearness import close_pairs, in_local_frame
 
 LEAST_OVERLAP = 0.5
 """Overlap over union along the true line that a match must exceed."""
@@ -75,3 +80,110 @@ def _assign_rivals(own: Int, wall: Int, cost: Float) -> Int:
     rows, columns = min_weight_full_bipartite_matching(weights.tocsr())
     paired = columns < len(names)
     return np.column_stack([names[columns[paired]], wall_names[rows[paired]]]).astype(np.int64)
+
+
+SPACING = 0.05
+"""Distance of samples along a segment [m]: a tenth of the shortest wall that counts."""
+
+ROUNDING = 1e-6
+"""Part of a sample's piece that rounding may add to a length, also 10⁶ m from the origin."""
+
+BLOCK = 1_000_000
+"""Samples compared at a time: some tens of megabytes."""
+
+
+def in_local_frame(first: Float, second: Float) -> tuple[Float, Float]:
+    """Move two sets of segments (n, 4), (m, 4) so that the origin lies among the second."""
+    if not len(second):
+        return first, second
+    origin = np.tile(np.round(second.reshape(-1, 2).mean(axis=0)), 2)
+    return first - origin, second - origin
+
+
+def close_pairs(segments: Float, others: Float, reach: float) -> tuple[Int, Int]:
+    """Indices (k,), (k,) of all segments (n, 4) and others (m, 4) that come within reach [m].
+
+    Segments without length are left out: they have no direction to compare.
+    """
+    import shapely
+
+    mine, theirs = (np.flatnonzero(lengths(each) > 0.0) for each in (segments, others))
+    tree = shapely.STRtree(shapely.linestrings(others[theirs].reshape(-1, 2, 2)))
+    lines = shapely.linestrings(segments[mine].reshape(-1, 2, 2))
+    own, other = tree.query(lines, predicate="dwithin", distance=reach)
+    order = np.lexsort((other, own))
+    return mine[own[order]], theirs[other[order]]
+
+
+def sample_counts(segments: Float, spacing: float = SPACING) -> Int:
+    """How many samples (n,) lie along each of the segments (n, 4).
+
+    A segment is cut into equal pieces no longer than the spacing [m], with a sample in the
+    middle of each: so no end of the segment is preferred.
+    """
+    # The allowance lets a length of whole pieces keep its count when rounding adds a trifle.
+    return np.ceil(lengths(segments) / spacing - ROUNDING).astype(np.int64)
+
+
+def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float) -> Float:
+    """Perpendicular distance [m] of samples along segments to the nearest wall alongside.
+
+    Args:
+        segments: (n, 4) segments to sample.
+        walls: (m, 4) segments to look for.
+        reach: How far from the sample a wall may lie [m].
+        angle: How much the directions of segment and wall may differ [rad].
+
+    Returns:
+        (s,) distance of each sample, segment after segment, to the line of the nearest such
+        wall; +inf where there is none.
+    """
+    counts = sample_counts(segments)
+    segments, walls = in_local_frame(segments, walls)
+    first = np.cumsum(counts) - counts
+    nearest = np.full(counts.sum(), np.inf)
+    offsets = nearest.copy()
+    own, other = close_pairs(segments, walls, reach)
+    across = _cross(directions(segments[own]), directions(walls[other]))
+    alike = np.abs(across) <= np.sin(angle)
+    own, other = own[alike], other[alike]
+    for pair in _blocks(own, counts[own]):
+        times = counts[own[pair]]
+        step = np.arange(times.sum()) - np.repeat(np.cumsum(times) - times, times)
+        place = (step + 0.5) / np.repeat(times, times)
+        row = np.repeat(pair, times)
+        distance, sideways = _place_beside(segments[own[row]], place, walls[other[row]])
+        sample = first[own[row]] + step
+        nearer = distance <= np.minimum(nearest[sample], reach)
+        sample = sample[nearer]
+        nearest[sample], offsets[sample] = distance[nearer], sideways[nearer]
+    return offsets
+
+
+def _blocks(own: Int, samples: Int) -> Iterator[Int]:
+    """Cut pairs into blocks of about a million samples, where no segment comes twice in one.
+
+    So all samples of a block can be written at once. Pairs come sorted by their segment.
+    """
+    rank = np.arange(len(own)) - np.searchsorted(own, own)
+    order = np.argsort(rank, kind="stable")
+    ends = np.cumsum(samples[order])
+    full = np.searchsorted(ends, np.arange(BLOCK, ends[-1] if len(ends) else 0, BLOCK))
+    next_rank = np.flatnonzero(np.diff(rank[order])) + 1
+    cuts = np.union1d(full, next_rank).astype(np.int64)
+    yield from (each for each in np.split(order, cuts) if len(each))
+
+
+def _place_beside(segments: Float, place: Float, walls: Float) -> tuple[Float, Float]:
+    """Distance [m] of one place (n,) on each segment (n, 4) to its wall, and to the wall's line."""
+    point = segments[:, :2] + place[:, None] * (segments[:, 2:] - segments[:, :2])
+    gap, along = point - walls[:, :2], directions(walls)
+    forward = np.einsum("ij,ij->i", gap, along)
+    sideways = np.abs(_cross(along, gap))
+    beyond = forward - np.clip(forward, 0.0, lengths(walls))
+    return np.hypot(beyond, sideways), sideways
+
+
+def _cross(first: Float, second: Float) -> Float:
+    product: Float = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    return product

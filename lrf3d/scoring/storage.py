@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.geometry import Float, Int
-from lrf3d.scoring.nearness import sample_counts, sample_offsets
+from lrf3d.scoring.matching import sample_counts, sample_offsets
 from lrf3d.scoring.report import Report
 from lrf3d.simulation import Run
 
