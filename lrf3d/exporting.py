@@ -89,6 +89,14 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
         InputError: There is no such format, or the name of the file does not end as it should.
         OutputError: The file cannot be written.
         MissingLibraryError: The format needs a library that is not installed.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> lrf3d.export_run(run, "carmen", "run.log.gz")
+        >>> len(lrf3d.load_log("run.log.gz").scans)
+        2
     """
     if to not in EXPORTERS:
         raise InputError(f"--to {to}: expected one of {', '.join(EXPORTERS)}")

@@ -51,6 +51,14 @@ def simulate_fleet(
 
     Raises:
         InputError: There is a scan that takes longer than the time to the next.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> drives = [lrf3d.follow_route([[1, 1], [2, 1]]), lrf3d.follow_route([[1, 2], [2, 2]])]
+        >>> runs = lrf3d.simulate_fleet(room, drives)
+        >>> len(runs)
+        2
     """
     caster = EmbreeCaster(world) if caster is None else caster
     outline = round_outline(radius)

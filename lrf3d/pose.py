@@ -14,7 +14,17 @@ from lrf3d.geometry import Float, wrap_angle
 
 
 class Pose(NamedTuple):
-    """Place x, y [m] and heading theta [rad], counter-clockwise from the x axis."""
+    """Place x, y [m] and heading theta [rad], counter-clockwise from the x axis.
+
+    Examples:
+        >>> import math
+        >>> from lrf3d import Pose
+        >>> world_from_robot = Pose(2.0, 1.0, math.pi / 2)
+        >>> robot_from_laser = Pose(0.5, 0.0, 0.0)
+        >>> world_from_laser = world_from_robot @ robot_from_laser
+        >>> round(world_from_laser.x, 3), round(world_from_laser.y, 3)
+        (2.0, 1.5)
+    """
 
     x: float
     y: float

@@ -51,6 +51,12 @@ class Scenario:
             ``top``, or the name of one of the world's cameras.
         playback: Simulated seconds in a second of film.
         name: What the scenario is called in files and pictures.
+
+    Examples:
+        >>> import lrf3d
+        >>> scenario = lrf3d.load_scenario("city")
+        >>> scenario.lrf.beams, scenario.sigmas
+        (181, (0.04,))
     """
 
     world: World
@@ -70,6 +76,14 @@ class Scenario:
     playback: float = 4.0
     name: str = ""
 
+    def __repr__(self) -> str:
+        drive = "a route to plan"
+        if self.poses is not None:
+            drive = f"{len(self.poses)} poses to stand at"
+        elif self.route is not None:
+            drive = f"a route of {len(self.route)} way-points"
+        return f"Scenario({self.name!r}, {self.world!r}, {self.lrf.beams} beams, {drive})"
+
     def __deepcopy__(self, memo: object) -> "Scenario":
         # Nothing changes a scenario, so that it serves as its own copy: Gymnasium makes them.
         return self
@@ -85,6 +99,12 @@ def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Sce
     Raises:
         WorldError: There is no such world, or its file cannot be used.
         InputError: A setting is none.
+
+    Examples:
+        >>> import lrf3d
+        >>> scenario = lrf3d.load_scenario("city", ["laser.range_max=20"])
+        >>> scenario.lrf.range_max
+        20.0
     """
     return scenario_of(read_scenario_file(name_or_path), settings)
 

@@ -44,6 +44,15 @@ class Run:
         maps: The map at each of the stages.
         movers: What moved in the world beside the robot.
         film: How the run is filmed where nothing else is asked for.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> len(run), run.ranges.shape
+        (2, (2, 181))
+        >>> run.scan(1).pose.x
+        2.0
     """
 
     world: World
@@ -56,6 +65,14 @@ class Run:
     maps: tuple[LineMap, ...]
     movers: "tuple[Mover, ...]" = ()
     film: FilmPlan = USUAL_FILM
+
+    def __repr__(self) -> str:
+        name = f"{self.world.name!r}, " if self.world.name else ""
+        return (
+            f"Run({name}{len(self)} scans of {self.lrf.beams} beams,"
+            f" {self.trajectory.length:.1f} m in {self.trajectory.duration:.1f} s,"
+            f" {len(self.map)} segments in {self.map.object_count} objects)"
+        )
 
     def __len__(self) -> int:
         return len(self.trajectory)
@@ -144,6 +161,14 @@ def simulate(
         InputError: The drive is none, a scan takes longer than the time to the next, or nobody
             says when a controller's drive ends.
         CollisionError: A controller drives a robot with a radius into a wall.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> noise = lrf3d.ProportionalNoise(sigma=0.02)
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], noise=noise, rng=0)
+        >>> len(run), len(run.map) > 0
+        (2, True)
     """
     # Films and figures read runs without casting a beam; they need not wait for compilers.
     from lrf3d.steps import Simulation

@@ -49,6 +49,13 @@ class Step:
         scan: The measured scan.
         true_scan: The scan without noise.
         map: The map after this scan, whatever the mapper makes.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> step = next(iter(lrf3d.Simulation(room, [(1, 1, 0), (2, 1, 0)])))
+        >>> step.index, step.time, len(step.scan.ranges)
+        (0, 0.0, 181)
     """
 
     index: int
@@ -101,6 +108,13 @@ class Simulation:
     Raises:
         InputError: The drive or the noise is none, or a scan takes longer than the time to the
             next.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> simulation = lrf3d.Simulation(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> [step.pose.x for step in simulation]
+        [1.0, 2.0]
     """
 
     def __init__(

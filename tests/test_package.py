@@ -39,3 +39,14 @@ def test_the_public_names_are_sorted_and_all_there():
 
 def test_an_unknown_name_is_an_attribute_error():
     assert not hasattr(lrf3d, "Caster3000")
+
+
+def test_what_is_large_is_shown_in_one_line():
+    scenario = lrf3d.load_scenario("paper_room")
+    run = lrf3d.simulate(scenario.world, [(1, 1, 0), (2, 1, 0)], scenario.lrf)
+    for value in (scenario, scenario.world, run, run.map, run.trajectory, run.scan(0)):
+        text = repr(value)
+        assert "\n" not in text and len(text) < 200
+        assert text.startswith(type(value).__name__ + "(")
+    assert repr(run.scan(0)).startswith(f"LaserScan({run.lrf.beams} beams, ")
+    assert f"{len(run.map)} segments in {run.map.object_count} objects" in repr(run)

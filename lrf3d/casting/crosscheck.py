@@ -128,6 +128,13 @@ def crosscheck(
         poses: (k, 3) poses to scan from.
         progress: Called with how many scans are done, and of how many.
         raw: Compare with what trimesh and Embree answer in float32, not with ``EmbreeCaster``.
+
+    Examples:
+        >>> import lrf3d
+        >>> world = lrf3d.load_world("paper_room")
+        >>> result = lrf3d.crosscheck(world, lrf3d.LaserRangeFinder(), [(1, 1, 0), (2, 1, 0.5)])
+        >>> result.beams, len(result.differences)
+        (362, 0)
     """
     poses = as_poses(poses)
     planar = PlanarCaster(world)

@@ -32,6 +32,15 @@ class EmbreeCaster:
     Args:
         world: A world, or a ``trimesh.Trimesh``, whose triangles then stand where a world has
             its walls; their distances are those of their planes in float64.
+
+    Examples:
+        >>> import lrf3d
+        >>> caster = lrf3d.EmbreeCaster(lrf3d.World([[3, -5, 3, 5]]))
+        >>> lrf = lrf3d.LaserRangeFinder(beams=3)
+        >>> caster.cast(lrf, (1, 0, 0)).ranges.tolist()
+        [inf, 2.0, inf]
+        >>> caster.cast_batch(lrf, [(1, 0, 0), (2, 0, 0)])[:, 1].tolist()
+        [2.0, 1.0]
     """
 
     def __init__(self, world: Any) -> None:

@@ -31,6 +31,14 @@ class Mover:
 
     Raises:
         InputError: The outline has fewer than three corners.
+
+    Examples:
+        >>> import lrf3d
+        >>> from lrf3d.casting.mover import round_outline
+        >>> walk = lrf3d.Trajectory([0, 2], [(3, -1, 1.57), (3, 1, 1.57)])
+        >>> person = lrf3d.Mover(round_outline(0.3), walk, height=1.8)
+        >>> person.path.at([1.0]).round(2).tolist()
+        [[3.0, 0.0, 1.57]]
     """
 
     outline: Float

@@ -20,6 +20,13 @@ class PlanarCaster:
     The wall that a beam hits is the exact one for the float64 pose, directions and walls; of
     walls hit at the same distance the first. The range is that distance, off by half a unit in
     its last place.
+
+    Examples:
+        >>> import lrf3d
+        >>> caster = lrf3d.PlanarCaster(lrf3d.World([[3, -5, 3, 5]]))
+        >>> scan = caster.cast(lrf3d.LaserRangeFinder(beams=3), (1, 0, 0))
+        >>> scan.ranges.tolist(), scan.walls.tolist()
+        ([inf, 2.0, inf], [-1, 0, -1])
     """
 
     def __init__(self, world: World) -> None:

@@ -70,6 +70,15 @@ class ProportionalNoise:
 
     σ is the standard deviation [m] at range_max. A beam without return stays without; with
     σ = 0 the scan is given back as it is and nothing is drawn.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> lrf = lrf3d.LaserRangeFinder(beams=3, range_max=10.0)
+        >>> scan = lrf3d.PlanarCaster(lrf3d.World([[5, -9, 5, 9]])).cast(lrf, (0, 0, 0))
+        >>> measured = lrf3d.ProportionalNoise(0.1)(scan, np.random.default_rng(0))
+        >>> measured.ranges.round(3).tolist()
+        [inf, 4.993, inf]
     """
 
     sigma: float

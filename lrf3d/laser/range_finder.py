@@ -27,6 +27,14 @@ class LaserRangeFinder:
 
     Raises:
         InputError: There are no beams, or a limit is not finite or out of order.
+
+    Examples:
+        >>> import lrf3d
+        >>> lrf = lrf3d.LaserRangeFinder(beams=3, range_max=20.0)
+        >>> lrf.angles.round(3).tolist()
+        [-1.571, 0.0, 1.571]
+        >>> lrf.directions((0, 0, 0)).round(3).tolist()
+        [[0.0, -1.0], [1.0, 0.0], [0.0, 1.0]]
     """
 
     angle_min: float = -np.pi / 2

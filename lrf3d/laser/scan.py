@@ -29,6 +29,16 @@ class LaserScan:
         range_max: Farthest distance that the range finder measures [m].
         time: When the first beam was sent [s].
         time_increment: Time from one beam to the next [s].
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> angles = [-np.pi / 2, 0, np.pi / 2]
+        >>> scan = lrf3d.LaserScan((1, 2, 0), angles, ranges=[1, 4, np.inf])
+        >>> scan.hits.tolist()
+        [True, True, False]
+        >>> scan.points().round(3).tolist()
+        [[1.0, 1.0], [5.0, 2.0]]
     """
 
     pose: Pose
@@ -53,6 +63,14 @@ class LaserScan:
         object.__setattr__(self, "angles", angles)
         object.__setattr__(self, "ranges", ranges)
         object.__setattr__(self, "walls", walls.astype(np.int64, copy=False))
+
+    def __repr__(self) -> str:
+        x, y, theta = self.pose
+        near = f", {self.ranges[self.hits].min():.3f} m and more" if self.hits.any() else ""
+        return (
+            f"LaserScan({len(self.ranges)} beams, {np.count_nonzero(self.hits)} returned{near},"
+            f" from ({x:.3f} m, {y:.3f} m, {theta:.3f} rad))"
+        )
 
     @classmethod
     def unchecked(cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> "LaserScan":

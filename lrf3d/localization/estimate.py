@@ -29,6 +29,13 @@ class PoseEstimate:
 
     Raises:
         InputError: The covariance is not symmetric, or has a negative variance.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> start = lrf3d.PoseEstimate(lrf3d.Pose(0, 0, 0), np.diag([0.01, 0.01, 0.001]))
+        >>> start.pose.x
+        0.0
     """
 
     pose: Pose

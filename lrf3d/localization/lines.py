@@ -172,6 +172,12 @@ class KnownLines:
         deviations: (n, 2) standard deviation of the direction [rad], and of the offset in the
             middle [m].
         one_sided: Whether each is seen only from its left.
+
+    Examples:
+        >>> import lrf3d
+        >>> known = lrf3d.KnownLines.from_world(lrf3d.load_world("paper_room"))
+        >>> bool(len(known) > 0)
+        True
     """
 
     segments: Float

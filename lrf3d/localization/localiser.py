@@ -84,6 +84,18 @@ class Localiser:
         extractor: What finds the lines of a scan; a LineMapper with this noise where not given.
         criterion: What makes a pair; a MahalanobisGate where not given.
         strategy: ``unions-first`` or ``all``: which lines are compared.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> known = lrf3d.KnownLines.from_world(room)
+        >>> start = lrf3d.PoseEstimate(run.scan(0).pose, np.diag([0.01, 0.01, 0.001]))
+        >>> localiser = lrf3d.Localiser(known, start)
+        >>> estimate = localiser.see(run.scan(0))
+        >>> bool(abs(estimate.pose.x - 1.0) < 0.05)
+        True
     """
 
     def __init__(
@@ -148,6 +160,18 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: Float) -> 
 
     Raises:
         InputError: There is not one step from each scan to the next.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> known = lrf3d.KnownLines.from_world(room)
+        >>> start = lrf3d.PoseEstimate(run.scan(0).pose, np.diag([0.01, 0.01, 0.001]))
+        >>> steps = lrf3d.odometry_increments(run.trajectory.poses)
+        >>> track = lrf3d.localise(lrf3d.Localiser(known, start), run.scans, steps)
+        >>> bool(abs(track.errors(run.trajectory.poses)).max() < 0.05)
+        True
     """
     poses, covariances, lines, comparisons = [], [], [], []
     waiting = chain([None], steps)

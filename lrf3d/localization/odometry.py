@@ -19,6 +19,12 @@ class OdometryNoise:
 
     Raises:
         InputError: A number is negative or not finite.
+
+    Examples:
+        >>> import lrf3d
+        >>> wheels = lrf3d.OdometryNoise(position=0.02, heading=0.01)
+        >>> wheels.covariance.diagonal().round(6).tolist()
+        [0.0004, 0.0004, 0.0001]
     """
 
     position: float = 0.1
@@ -45,6 +51,13 @@ def odometry_increments(poses: Float) -> Float:
 
     Raises:
         InputError: The poses are not rows of three finite numbers.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> poses = np.array([(0, 0, 0), (1, 0, 1.5), (1, 2, 1.5)])
+        >>> lrf3d.odometry_increments(poses).round(2).tolist()
+        [[1.0, 0.0, 1.5], [1.99, 0.14, 0.0]]
     """
     poses = as_poses(poses)
     (dx, dy, turn), theta = np.diff(poses, axis=0).T, poses[:-1, 2]

@@ -37,6 +37,15 @@ def load_log(
     Raises:
         InputError: The file cannot be read, is of no known format, or holds no scan.
         MissingLibraryError: A bag needs rosbags, which is not installed.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> lrf3d.export_run(run, "carmen", "drive.log")
+        >>> log = lrf3d.load_log("drive.log")
+        >>> len(log.scans), log.scans[0].pose.x
+        (2, 1.0)
     """
     path = Path(path)
     if poses not in POSES:

@@ -67,6 +67,14 @@ def record(
         InputError: Nobody says when the simulation ends, the file has another ending, or what is
             to be resumed is another run.
         OutputError: The file cannot be written.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> simulation = lrf3d.Simulation(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> run = lrf3d.record(simulation, "run.npz")
+        >>> len(run), len(lrf3d.load_run("run.npz"))
+        (2, 2)
     """
     path = Path(path)
     if path.suffix != ".npz":

@@ -67,6 +67,14 @@ def save_run(run: Run, path: str | Path) -> None:
 
     Raises:
         OutputError: The file cannot be written.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> lrf3d.save_run(run, "run.npz")
+        >>> len(lrf3d.load_run("run.npz"))
+        2
     """
     write_npz(
         path,
@@ -142,6 +150,14 @@ def load_run(path: str | Path) -> Run:
 
     Raises:
         InputError: The file is missing, damaged or none of lrf3d's.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> lrf3d.save_run(run, "run.npz")
+        >>> lrf3d.load_run("run.npz").trajectory.length
+        1.0
     """
     path = Path(path)
     path = path / "run.npz" if path.is_dir() else path

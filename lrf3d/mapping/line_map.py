@@ -22,6 +22,14 @@ class LineMap:
         segments: (m, 4) rows x1 y1 x2 y2 [m] in the world.
         objects: (m,) the union of each segment, numbered from 0.
         points: (m,) number of reflection points that each segment was fitted to.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> segments = np.array([[0.0, 0.0, 4.0, 0.0]])
+        >>> line_map = lrf3d.LineMap(segments, objects=np.array([0]), points=np.array([40]))
+        >>> len(line_map), line_map.object_count
+        (1, 1)
     """
 
     segments: Float
@@ -51,6 +59,9 @@ class LineMap:
         """The map before the first scan."""
         return cls(np.empty((0, 4)), np.empty(0, np.int64), np.empty(0, np.int64))
 
+    def __repr__(self) -> str:
+        return f"LineMap({len(self)} segments, {self.object_count} objects)"
+
     def __len__(self) -> int:
         return len(self.segments)
 
@@ -72,6 +83,12 @@ def save_map(line_map: LineMap, path: str | Path) -> None:
 
     Raises:
         OutputError: The file cannot be written.
+
+    Examples:
+        >>> import lrf3d
+        >>> lrf3d.save_map(lrf3d.LineMap.empty(), "map.geojson")
+        >>> len(lrf3d.load_map("map.geojson"))
+        0
     """
     features = [
         {
@@ -100,6 +117,12 @@ def load_map(path: str | Path) -> LineMap:
 
     Raises:
         InputError: The file is not such a map.
+
+    Examples:
+        >>> import lrf3d
+        >>> lrf3d.save_map(lrf3d.LineMap.empty(), "map.geojson")
+        >>> lrf3d.load_map("map.geojson").segments.shape
+        (0, 4)
     """
     try:
         features = json.loads(Path(path).read_text())["features"]

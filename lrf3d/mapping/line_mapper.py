@@ -48,6 +48,16 @@ class LineMapper:
 
     Raises:
         InputError: There is no such mode, or a threshold is not a positive number.
+
+    Examples:
+        >>> import lrf3d
+        >>> world = lrf3d.World([[3, -5, 3, 5], [3, 5, -3, 5]])
+        >>> scan = lrf3d.EmbreeCaster(world).cast(lrf3d.LaserRangeFinder(), (0, 0, 0))
+        >>> mapper = lrf3d.LineMapper()
+        >>> len(mapper.update(scan))
+        2
+        >>> mapper.map.segments.round(2).tolist()
+        [[3.0, -4.99, 3.0, 5.0], [3.0, 5.0, -0.03, 5.0]]
     """
 
     def __init__(

@@ -72,6 +72,12 @@ def render_video(
         MissingLibraryError: OpenGL is asked for, or is there, and cannot draw; or a scheduler is
             named, and Dask is not there.
         OutputError: The file cannot be written.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> lrf3d.render_video(run, "run.gif", size=(64, 64), fps=1, renderer="embree", workers=1)
     """
     from lrf3d.render.formats import format_of
 

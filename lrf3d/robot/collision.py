@@ -80,6 +80,11 @@ def check_drive(trajectory: Trajectory, world: World, radius: float) -> None:
 
     Raises:
         CollisionError: It does not; the message names the time, the place and the wall.
+
+    Examples:
+        >>> import lrf3d
+        >>> wall = lrf3d.World([[2, -1, 2, 1]])
+        >>> lrf3d.check_drive(lrf3d.follow_route([[0, 0], [1, 0]]), wall, radius=0.35)
     """
     collision = find_collision(trajectory, world, radius)
     if collision is not None:

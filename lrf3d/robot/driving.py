@@ -39,6 +39,12 @@ def drive(
 
     Raises:
         InputError: A duration or dt is not positive, or the pieces do not fit together.
+
+    Examples:
+        >>> import lrf3d
+        >>> path = lrf3d.drive((0, 0, 0), 1.0, 0.0, duration=2.0)
+        >>> len(path), path.poses[-1].tolist()
+        (21, [2.0, 0.0, 0.0])
     """
     if not (np.isfinite(dt) and dt > 0.0):
         raise InputError(f"dt {dt}: expected a positive number of seconds")

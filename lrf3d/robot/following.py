@@ -47,6 +47,14 @@ def follow_route(
 
     Raises:
         InputError: The route has fewer than two different points, or a number makes no sense.
+
+    Examples:
+        >>> import lrf3d
+        >>> path = lrf3d.follow_route([[0, 0], [10, 0], [10, 5]], speed=2.0)
+        >>> path.poses[0].tolist()
+        [0.0, 0.0, 0.0]
+        >>> bool(abs(path.poses[-1, :2] - [10, 5]).max() < 0.1)
+        True
     """
     path = _Path(route)
     if not (np.isfinite([speed, lookahead, dt]).all() and min(speed, lookahead, dt) > 0.0):

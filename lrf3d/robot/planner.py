@@ -63,6 +63,13 @@ def plan_route(
 
     Raises:
         InputError: There are no walls, there is no room to drive, or a number makes no sense.
+
+    Examples:
+        >>> import lrf3d
+        >>> world = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0]])
+        >>> route = lrf3d.plan_route(world, range_max=10.0)
+        >>> route.shape[1], bool((route > 0).all())
+        (2, True)
     """
     numbers = (radius, clearance, range_max, lookahead)
     if not (np.isfinite(numbers).all() and min(numbers) > 0.0):

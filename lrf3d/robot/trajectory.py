@@ -18,6 +18,14 @@ class Trajectory:
     Args:
         times: (k,) times [s], rising.
         poses: (k, 3) poses x, y [m], theta [rad]; theta is continuous over full turns.
+
+    Examples:
+        >>> import lrf3d
+        >>> drive = lrf3d.Trajectory([0, 1, 2], [(0, 0, 0), (1, 0, 0), (2, 0, 0)])
+        >>> drive.length, drive.duration
+        (2.0, 2.0)
+        >>> drive.at([0.5]).tolist()
+        [[0.5, 0.0, 0.0]]
     """
 
     times: Float
@@ -34,6 +42,9 @@ class Trajectory:
             raise InputError("trajectory: expected times that rise from pose to pose")
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
+
+    def __repr__(self) -> str:
+        return f"Trajectory({len(self)} poses, {self.length:.1f} m in {self.duration:.1f} s)"
 
     def __len__(self) -> int:
         return len(self.times)

@@ -16,6 +16,13 @@ class Unicycle:
 
     Args:
         radius: Radius of the robot's round body [m].
+
+    Examples:
+        >>> import math
+        >>> import lrf3d
+        >>> end = lrf3d.Unicycle().move((0, 0, 0), v=math.pi / 2, omega=math.pi / 2, duration=1.0)
+        >>> round(end.x, 6), round(end.y, 6), round(end.theta, 6)
+        (1.0, 1.0, 1.570796)
     """
 
     radius: float = 0.35

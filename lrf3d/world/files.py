@@ -58,11 +58,13 @@ WRITTEN = [ending for ending, known in FORMATS.items() if known.write]
 def load_world(name_or_path: str | Path) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
 
-    >>> load_world("paper_room").object_count
-    3
-
     Raises:
         WorldError: There is no such world, or its file cannot be used.
+
+    Examples:
+        >>> import lrf3d
+        >>> lrf3d.load_world("paper_room").object_count
+        3
     """
     path = find_world(name_or_path)
     known = FORMATS[path.suffix.lower()]
@@ -90,6 +92,12 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     Raises:
         OutputError: The file cannot be written, its ending names no known format, or a
             resolution is given for a format that has none.
+
+    Examples:
+        >>> import lrf3d
+        >>> lrf3d.save_world(lrf3d.World([[0, 0, 4, 0]]), "wall.toml")
+        >>> lrf3d.load_world("wall.toml").segments.tolist()
+        [[0.0, 0.0, 4.0, 0.0]]
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -113,7 +121,13 @@ def _function(name: str) -> Any:
 
 
 def world_names() -> list[str]:
-    """Names of the built-in worlds, sorted."""
+    """Names of the built-in worlds, sorted.
+
+    Examples:
+        >>> import lrf3d
+        >>> lrf3d.world_names()
+        ['city', 'corridor', 'paper_room']
+    """
     return sorted(path.stem for path in worlds_folder().glob("*.toml"))
 
 

@@ -33,6 +33,14 @@ class World:
 
     Raises:
         WorldError: A segment is not finite or has no length, or the shapes do not fit.
+
+    Examples:
+        >>> import lrf3d
+        >>> world = lrf3d.World([[0, 0, 4, 0], [4, 0, 4, 3]], objects=[0, 0], name="corner")
+        >>> world.bounds.tolist()
+        [[0.0, 0.0], [4.0, 3.0]]
+        >>> world.heights.tolist()
+        [2.5, 2.5]
     """
 
     segments: Float
@@ -71,6 +79,14 @@ class World:
         if not (self.heights > 0.0).all():
             wall = int(np.flatnonzero(~(self.heights > 0.0))[0])
             raise WorldError(f"wall {wall}: height {self.heights[wall]:g} m, expected more than 0")
+
+    def __repr__(self) -> str:
+        name = f"{self.name!r}, " if self.name else ""
+        (x1, y1), (x2, y2) = self.bounds
+        return (
+            f"World({name}{len(self.segments)} walls, {self.object_count} objects,"
+            f" {x2 - x1:.4g} m x {y2 - y1:.4g} m)"
+        )
 
     @cached_property
     def lines(self) -> Float:
