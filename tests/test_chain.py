@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from lrf3d import load_map, load_run, load_world
-from lrf3d.render.gl import gl_available
 
 WORLD = """\
 name = "yard"
@@ -37,7 +36,7 @@ sigma = 0.03
 """
 
 
-@pytest.mark.skipif(not gl_available(), reason="no GL library on this machine")
+@pytest.mark.gl
 def test_one_command_makes_film_map_and_summary(tmp_path):
     (tmp_path / "yard.toml").write_text(WORLD)
     command = [sys.executable, "-m", "lrf3d", "run", "yard.toml", "--json", "--size", "320x180"]

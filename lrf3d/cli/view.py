@@ -16,7 +16,11 @@ def view(
         ),
     ],
     host: Annotated[
-        str, typer.Option(help="Address to listen at; 0.0.0.0 lets other machines in.")
+        str,
+        typer.Option(
+            help="Address or name to listen at; 0.0.0.0 lets other machines in. The page is opened"
+            " by this name, an IP address or the machine's host name; others are refused."
+        ),
     ] = "127.0.0.1",
     port: Annotated[
         int | None,

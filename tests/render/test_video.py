@@ -72,14 +72,14 @@ def test_an_error_in_progress_ends_all_and_leaves_no_file(tmp_path):
 @needs_gl
 def test_workers_end_when_their_caller_is_killed(tmp_path):
     script = (
-        "import sys; sys.path[:0] = sys.argv[1:3]\n"
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from test_render import city_run\n"
         "from lrf3d.render.video import render_video\n"
-        "render_video(city_run(), sys.argv[3], size=(64, 36), fps=2000, workers=1,\n"
+        "render_video(city_run(), sys.argv[2], size=(64, 36), fps=2000, workers=1,\n"
         "             progress=lambda *done: print('drawing', flush=True))\n"
     )
     here = os.path.dirname(__file__)
-    command = [sys.executable, "-c", script, here, os.path.dirname(here), str(tmp_path / "a.mp4")]
+    command = [sys.executable, "-c", script, here, str(tmp_path / "a.mp4")]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as caller:
         caller.stdout.readline()

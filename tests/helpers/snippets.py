@@ -24,7 +24,7 @@ from typer.testing import CliRunner
 from lrf3d.cli.app import app
 from lrf3d.scenario import load_scenario
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 NOT_OURS = re.compile(

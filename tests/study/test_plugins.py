@@ -14,7 +14,7 @@ from lrf3d import CollisionError, InputError, LaserRangeFinder, Simulation, Worl
 from lrf3d.cli import main
 from lrf3d.study.plugins import load_plugin
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
 LRF = LaserRangeFinder(beams=61, range_max=20.0)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-MODULES = Path(__file__).parent.parent / ".node" / "node_modules"
+MODULES = Path(__file__).parents[2] / ".node" / "node_modules"
 
 VALIDATE = """
 const validator = require(process.argv[1]);

@@ -16,7 +16,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.simulation import Run
 from lrf3d.world import World
 
-needs_gl = pytest.mark.skipif(not gl_available(), reason="no OpenGL library on this machine")
+needs_gl = pytest.mark.gl
 SIZE = (320, 180)
 
 
