@@ -1,26 +1,33 @@
-"""``lrf3d bench``: run time against error, of everything or of one part."""
+"""``scripts/bench``: run time against error, of everything or of one part."""
 
+import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lrf3d.cli import options
+from lrf3d.cli.app import main
+
+if TYPE_CHECKING:
+    from benchmarks.results import Result
 
 Figure = Annotated[Path | None, typer.Option(help="A picture .png of time and error.")]
+Ablate = Annotated[
+    bool, typer.Option("--ablate", help="Also time each piece of skipped work on and off.")
+]
 
-bench = typer.Typer(
-    help="Measure run time against error.",
+app = typer.Typer(
+    help="Measure run time against error: the whole where no part is named.",
+    epilog="Example: scripts/bench --out out/bench --compare old/report.json",
     rich_markup_mode=None,
-    invoke_without_command=True,
+    pretty_exceptions_enable=False,
     add_completion=False,
-    epilog="Example: lrf3d bench --out out/bench --compare old/report.json",
 )
 
 
-@bench.callback()
-def everything(
-    context: typer.Context,
+@app.command(epilog="Example: scripts/bench whole --out out/bench --compare old/report.json")
+def whole(
     out: Annotated[Path, typer.Option(help="Folder for report.html and report.json.")] = Path(
         "out/bench"
     ),
@@ -32,23 +39,20 @@ def everything(
     compare: Annotated[
         Path | None,
         typer.Option(
-            metavar="OLD.json", help="Tell what became slower or less exact since this report."
+            metavar="OLD.json", help="Print what became slower or less exact since this report."
         ),
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Measure run time against error: all parts, into one page, or one of them by its command."""
-    if context.invoked_subcommand is not None:
-        return
+    """Measure all parts, within ten minutes, and put them onto one page."""
+    from benchmarks.comparison import compare as compare_reports
+    from benchmarks.comparison import load_report
+    from benchmarks.parts import PARTS
+    from benchmarks.report_page import page_text
+    from benchmarks.whole import bench_all
     from lrf3d.cli.console import json_text, print_json, progress_bar, warn
     from lrf3d.errors import InputError
     from lrf3d.output import make_folder, write_text
-    from lrf3d.study.bench.comparison import compare as compare_reports
-    from lrf3d.study.bench.comparison import load_report
-    from lrf3d.study.bench.parts import PARTS
-    from lrf3d.study.bench.report_page import page_text
-    from lrf3d.study.bench.whole import bench_all
-    from lrf3d.study.bench.whole_text import whole_text
 
     chosen = tuple(PARTS) if part is None else tuple(part)
     for name in chosen:
@@ -59,21 +63,22 @@ def everything(
     make_folder(out)
     with progress_bar("bench") as progress:
         report = bench_all(seconds=seconds, chosen=chosen, progress=progress)
-    comparison = None if old is None else compare_reports(report, old, str(compare))
-    told = report.as_dict()
-    if comparison is not None:
-        told["comparison"] = comparison.as_dict()
+    found, text = report.as_dict(), report.text()
+    if old is not None:
+        comparison = compare_reports(report, old, str(compare))
+        found["comparison"] = comparison.as_dict()
+        text += f"\n\n{comparison.text()}"
     for key, why in report.left_out.items():
         warn(f"{key}: left out: {why}")
-    write_text(out / "report.json", json_text(told))
-    write_text(out / "report.html", page_text(report, comparison))
+    write_text(out / "report.json", json_text(found))
+    write_text(out / "report.html", page_text(report))
     if json:
-        print_json(told)
+        print_json(found)
     else:
-        print(f"{whole_text(report, comparison)}\n\n{out / 'report.html'}")
+        print(f"{text}\n\n{out / 'report.html'}")
 
 
-@bench.command(epilog="Example: lrf3d bench scan --walls 400,10000 --figure scan.png")
+@app.command(epilog="Example: scripts/bench scan --walls 400,10000 --figure scan.png")
 def scan(
     walls: Annotated[
         str, typer.Option(metavar="N,N,…", help="Sizes of the worlds [walls].")
@@ -81,57 +86,45 @@ def scan(
     seconds: Annotated[
         float, typer.Option(min=1.0, help="Time for all; sizes that need more are left out.")
     ] = 150.0,
-    ablate: Annotated[
-        bool, typer.Option("--ablate", help="Also time each piece of skipped work on and off.")
-    ] = False,
+    ablate: Ablate = False,
     figure: Figure = None,
     json: options.Json = False,
 ) -> None:
-    """Cast scans with lrf3d and with its rivals: how long it takes, and how far it is off.
+    """Cast scans with lrf3d and with its peers: how long it takes, and how far it is off.
 
-    Open3D and MuJoCo take part where they are installed: pip install 'lrf3d[bench]'.
+    Open3D and MuJoCo take part where they are installed: .venv/bin/pip install -e '.[bench]'.
     """
+    from benchmarks.scan.benchmark import bench_scan
     from lrf3d.cli.console import progress_bar
-    from lrf3d.study.bench.scan import bench_scan
-    from lrf3d.study.bench.text import scan_text
 
     sizes = sorted(set(_numbers("--walls", walls, least=4)))
     with progress_bar("bench scan") as progress:
         result = bench_scan(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
-    if figure is not None:
-        from lrf3d.study.bench.figure import draw_scan_benchmark
-
-        draw_scan_benchmark(result, figure)
-    _tell(result, scan_text(result), json, figure)
+    _print(result, json, figure)
 
 
-@bench.command(name="map", epilog="Example: lrf3d bench map --seeds 1 --figure map.png")
+@app.command(name="map", epilog="Example: scripts/bench map --seeds 1 --figure map.png")
 def map_(
     seeds: Annotated[int, typer.Option(min=1, help="Seeds of the noise for each setting.")] = 2,
     seconds: Annotated[
         float, typer.Option(min=1.0, help="Time for all; what needs more is left out.")
     ] = 125.0,
-    figure: Annotated[Path | None, typer.Option(help="A picture .png of error and time.")] = None,
+    figure: Figure = None,
     json: options.Json = False,
 ) -> None:
     """Map with many thresholds, beams, noises and map sizes: how far off, how long, how much.
 
     Also counts the numbers that a map takes to store, and the comparisons that line pairs take.
     """
+    from benchmarks.map.benchmark import bench_map
     from lrf3d.cli.console import progress_bar
-    from lrf3d.study.bench.map_bench import bench_map
-    from lrf3d.study.bench.map_text import map_text
 
     with progress_bar("bench map") as progress:
         result = bench_map(seeds=seeds, seconds=seconds, progress=progress)
-    if figure is not None:
-        from lrf3d.study.bench.map_figure import draw_map_benchmark
-
-        draw_map_benchmark(result, figure)
-    _tell(result, map_text(result), json, figure)
+    _print(result, json, figure)
 
 
-@bench.command(epilog="Example: lrf3d bench score footprints.geojson --beams 181 --seeds 2")
+@app.command(epilog="Example: scripts/bench score footprints.geojson --beams 181 --seeds 2")
 def score(
     source: Annotated[
         str,
@@ -161,9 +154,8 @@ def score(
     A world is seen from random poses, 1 m off all walls, and its map is compared with the walls
     that were visible. The even scans of a log build a map and the odd ones test it.
     """
+    from benchmarks.score.benchmark import ScoreChoice, bench_score
     from lrf3d.cli.console import progress_bar
-    from lrf3d.study.bench.score_bench import ScoreChoice, bench_score
-    from lrf3d.study.bench.score_text import score_text
 
     chosen = {} if mode is None else {"modes": (mode.value,)}
     choice = ScoreChoice(
@@ -177,10 +169,10 @@ def score(
     )
     with progress_bar("bench score") as progress:
         result = bench_score(source, choice, progress=progress)
-    _tell(result, score_text(result), json)
+    _print(result, json)
 
 
-@bench.command(epilog="Example: lrf3d bench render --figure render.png")
+@app.command(epilog="Example: scripts/bench render --figure render.png")
 def render(
     buildings: Annotated[
         str, typer.Option(metavar="N,N,…", help="Sizes of the generated cities [buildings].")
@@ -188,9 +180,7 @@ def render(
     seconds: Annotated[
         float, typer.Option(min=1.0, help="Time for all; what has begun is finished.")
     ] = 90.0,
-    ablate: Annotated[
-        bool, typer.Option("--ablate", help="Also time each piece of skipped work on and off.")
-    ] = False,
+    ablate: Ablate = False,
     figure: Figure = None,
     json: options.Json = False,
 ) -> None:
@@ -199,20 +189,15 @@ def render(
     from lrf3d.render.gl import require_gl
 
     require_gl()
-    from lrf3d.study.bench.render_bench import bench_render
-    from lrf3d.study.bench.render_text import render_text
+    from benchmarks.render.benchmark import bench_render
 
     sizes = sorted(set(_numbers("--buildings", buildings, least=4)))
     with progress_bar("bench render") as progress:
         result = bench_render(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
-    if figure is not None:
-        from lrf3d.study.bench.render_figure import draw_render_benchmark
-
-        draw_render_benchmark(result, figure)
-    _tell(result, render_text(result), json, figure)
+    _print(result, json, figure)
 
 
-@bench.command(epilog="Example: lrf3d bench robots --robots 1024")
+@app.command(epilog="Example: scripts/bench robots --robots 1024")
 def robots(
     world: Annotated[str, typer.Argument(metavar="WORLD", help="The world.")] = "city",
     count: Annotated[int, typer.Option("--robots", min=1, help="How many robots.")] = 1024,
@@ -220,22 +205,16 @@ def robots(
     seed: options.Seed = 0,
     json: options.Json = False,
 ) -> None:
-    """Drive many robots at once, as environments of Gymnasium: steps and beams a second.
-
-    Needs Gymnasium: pip install 'lrf3d[gym]'.
-    """
-    from lrf3d.cli.console import print_json, print_table, progress_bar
-    from lrf3d.study.bench.robots import bench_robots
+    """Drive many robots at once, as environments of Gymnasium: steps and beams a second."""
+    from benchmarks.robots import bench_robots
+    from lrf3d.cli.console import progress_bar
 
     with progress_bar("bench robots") as progress:
         result = bench_robots(world, robots=count, seconds=seconds, seed=seed, progress=progress)
-    if json:
-        print_json(result.as_dict())
-    else:
-        print_table(result.rows())
+    _print(result, json)
 
 
-@bench.command(epilog="Example: lrf3d bench drive --figure drive.png")
+@app.command(epilog="Example: scripts/bench drive --figure drive.png")
 def drive(
     seconds: Annotated[
         float, typer.Option(min=1.0, help="Time for all; what needs more is timed once.")
@@ -244,27 +223,24 @@ def drive(
     json: options.Json = False,
 ) -> None:
     """Drive an hour with Euler, RK4, RK45 and exact arcs: how far off the end is, and how long."""
+    from benchmarks.drive.benchmark import bench_drive
     from lrf3d.cli.console import progress_bar
-    from lrf3d.study.bench.drive_bench import bench_drive
-    from lrf3d.study.bench.drive_text import drive_text
 
     with progress_bar("bench drive") as progress:
         result = bench_drive(seconds=seconds, progress=progress)
-    if figure is not None:
-        from lrf3d.study.bench.drive_figure import draw_drive_benchmark
-
-        draw_drive_benchmark(result, figure)
-    _tell(result, drive_text(result), json, figure)
+    _print(result, json, figure)
 
 
-def _tell(result: Any, text: str, json: bool, figure: Path | None = None) -> None:
-    """Print a result as one JSON object, or as a text that ends with where its picture lies."""
+def _print(result: "Result", json: bool, figure: Path | None = None) -> None:
+    """Draw a result, and print it as one JSON object, or as tables."""
     from lrf3d.cli.console import print_json
 
+    if figure is not None:
+        result.draw(figure)
     if json:
         print_json(result.as_dict())
     else:
-        print(text if figure is None else f"{text}\npicture {figure}")
+        print(result.text() if figure is None else f"{result.text()}\npicture {figure}")
 
 
 def _numbers(option: str, text: str, *, least: int) -> list[int]:
@@ -275,3 +251,10 @@ def _numbers(option: str, text: str, *, least: int) -> list[int]:
     if not all(part.isdigit() and int(part) >= least for part in parts):
         raise InputError(f"{option} {text}: expected whole numbers from {least}, such as 400,10000")
     return [int(part) for part in parts]
+
+
+if __name__ == "__main__":
+    words = sys.argv[1:]
+    if not words or (words[0].startswith("-") and words[0] != "--help"):
+        sys.argv.insert(1, "whole")
+    main(app, "scripts/bench")

@@ -1,7 +1,7 @@
-"""Comparing two reports of ``bench``: what became slower or less exact, and what the noise hides.
+"""Comparing two reports of ``scripts/bench``: what became slower or less exact, beyond the noise.
 
 A time is only called another when it differs by more than both measurements scatter and by more
-than the machine's own speed, which the yardstick tells, may have moved in between.
+than the machine's own speed, which the calibration measures, may have changed in between.
 """
 
 import json
@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from benchmarks.text import duration, error_words
+from benchmarks.timing import Method, Timing
+from benchmarks.whole import FORMAT, Report
 from lrf3d.errors import InputError
-from lrf3d.study.bench.part import Way
-from lrf3d.study.bench.whole import FORMAT, Report
-from lrf3d.study.timing import Timing
+from lrf3d.tables import table
 
 SAME = ("system", "processor", "cores")
 """What makes two machines the same."""
@@ -37,7 +38,7 @@ class Change:
         what: ``time`` or ``error``.
         old: The figure then.
         new: The figure now.
-        noise: Ratio up to which a difference may be noise; 1 where nothing is random.
+        noise_ratio: Ratio up to which a difference may be noise; 1 where nothing is random.
     """
 
     part: str
@@ -46,7 +47,7 @@ class Change:
     what: str
     old: float
     new: float
-    noise: float
+    noise_ratio: float
 
     @property
     def ratio(self) -> float | None:
@@ -61,21 +62,32 @@ class Change:
     @property
     def words(self) -> str:
         """What happened."""
-        kinds = {("time", True): "slower", ("time", False): "faster", ("error", True): "less exact"}
-        return kinds.get((self.what, self.worse), "more exact")
+        if self.what == "time":
+            return "slower" if self.worse else "faster"
+        return "less exact" if self.worse else "more exact"
+
+    @property
+    def size(self) -> float:
+        """By what ratio it changed, in either direction."""
+        ratio = self.ratio
+        return float("inf") if not ratio else max(ratio, 1.0 / ratio)
 
     def as_dict(self) -> dict[str, Any]:
         """The change in JSON's types."""
-        return {
-            "part": self.part,
-            "thing": self.thing,
-            "way": self.way,
-            "change": self.words,
-            "old": self.old,
-            "new": self.new,
-            "ratio": self.ratio,
-            "noise_ratio": self.noise,
-        }
+        names = ("part", "thing", "way", "old", "new", "ratio", "noise_ratio")
+        return {"change": self.words, **{name: getattr(self, name) for name in names}}
+
+    def row(self) -> tuple[str, ...]:
+        """The change as the cells of a table."""
+        show = duration if self.what == "time" else error_words
+        return (
+            self.words,
+            "from none" if self.ratio is None else f"{self.ratio:.3g} ×",
+            f"{self.noise_ratio:.2f} ×",
+            show(self.old),
+            show(self.new),
+            f"{self.part}: {self.thing}, {self.way}",
+        )
 
 
 @dataclass
@@ -88,8 +100,8 @@ class Comparison:
         machines: What differs between the machines; empty for the same one.
         compared: How many figures were compared.
         changes: Those that differ beyond the noise, the worst first.
-        speeds: For each part how much longer the yardstick took now.
-        missing: Ways that only one of the two reports has.
+        speeds: For each part how much longer the calibration took now.
+        missing: Methods that only one of the two reports has.
     """
 
     against: str
@@ -112,21 +124,42 @@ class Comparison:
             "only_in_one": self.missing,
         }
 
+    def text(self) -> str:
+        """What became slower or less exact, and what the noise hides."""
+        worse = [change for change in self.changes if change.worse]
+        slower = sum(change.what == "time" for change in worse)
+        lines = [
+            f"Against {self.against} of {self.made}: of {self.compared} figures {slower} slower,"
+            f" {len(worse) - slower} less exact, {len(self.changes) - len(worse)} faster or more"
+            " exact; the others differ by no more than the noise of both."
+        ]
+        if self.changes:
+            head = ("change", "by", "noise up to", "then", "now", "what")
+            lines.append(table(head, [change.row() for change in self.changes], left=(0, 5)))
+        lines += [f"The machines differ: {line}." for line in self.machines]
+        lines += [
+            f"In {key} the machine itself took {ratio:.2f} times as long for the same work."
+            for key, ratio in self.speeds.items()
+            if max(ratio, 1.0 / ratio) > 1.1
+        ]
+        return "\n".join([*lines, *(f"not compared: {line}" for line in self.missing)])
+
 
 def load_report(path: str | Path) -> dict[str, Any]:
-    """Read a report that ``lrf3d bench`` wrote.
+    """Read a report that ``scripts/bench`` wrote.
 
     Raises:
         InputError: There is no such file, or it holds no such report.
     """
+    give = "give a report.json of scripts/bench"
     try:
         report = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:
-        raise InputError(f"{path}: no JSON ({error}); give a report.json of lrf3d bench") from error
+        raise InputError(f"{path}: no JSON ({error}); {give}") from error
     if not isinstance(report, dict) or report.get("benchmark") != "all":
-        raise InputError(f"{path}: no report of all parts; give a report.json of lrf3d bench")
+        raise InputError(f"{path}: no report of all parts; {give}")
     if report.get("format") != FORMAT:
         raise InputError(
             f"{path}: its form is {report.get('format')!r}, expected {FORMAT}; make it anew"
@@ -143,7 +176,9 @@ def compare(new: Report, old: Mapping[str, Any], against: str) -> Comparison:
     try:
         return _compare(new, old, against)
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{against}: damaged: {error!r}; make it anew with lrf3d bench") from error
+        raise InputError(
+            f"{against}: damaged: {error!r}; make it anew with scripts/bench"
+        ) from error
 
 
 def _compare(new: Report, old: Mapping[str, Any], against: str) -> Comparison:
@@ -158,42 +193,42 @@ def _compare(new: Report, old: Mapping[str, Any], against: str) -> Comparison:
         if then is None:
             result.missing.append(f"{part.title}: only now")
             continue
-        pace = _timing(then["yardstick"])
-        assert part.yardstick is not None
-        result.speeds[part.key] = part.yardstick.median / pace.median
-        ways = {_key(way): way for way in map(Way.from_dict, then["ways"])}
-        for way in part.ways:
-            was = ways.pop(_key(way), None)
+        assert part.calibration is not None
+        speed = part.calibration.median / Timing.from_dict(then["yardstick"]).median
+        result.speeds[part.key] = speed
+        old_methods = {(m.thing, m.title): m for m in map(Method.from_dict, then["ways"])}
+        for method in part.methods:
+            was = old_methods.pop((method.thing, method.title), None)
             if was is None:
-                result.missing.append(f"{part.title}: {way.thing}, {way.title}: only now")
+                result.missing.append(f"{part.title}: {method.thing}, {method.title}: only now")
                 continue
             result.compared += 2
-            result.changes += _changes(part.title, was, way, pace, part.yardstick)
+            result.changes += _changes(part.title, was, method, speed)
         result.missing += [
-            f"{part.title}: {way.thing}, {way.title}: only then" for way in ways.values()
+            f"{part.title}: {method.thing}, {method.title}: only then"
+            for method in old_methods.values()
         ]
     result.missing += [f"{part['title']}: only then" for part in before.values()]
-    result.changes.sort(key=lambda change: (not change.worse, -_size(change)))
+    result.changes.sort(key=lambda change: (not change.worse, -change.size))
     return result
 
 
-def _changes(part: str, was: Way, now: Way, pace_then: Timing, pace_now: Timing) -> list[Change]:
-    """The time and the error of one way, as far as they differ beyond the noise."""
+def _changes(part: str, was: Method, now: Method, speed: float) -> list[Change]:
+    """The time and the error of one method, as far as they differ beyond the noise."""
     found = []
-    moved = pace_now.median / pace_then.median
-    noise = max(
-        LEAST,
-        _scatter(was.timing) * _scatter(now.timing) * max(moved, 1.0 / moved),
-    )
-    ratio = now.timing.median / was.timing.median
+    scatter = _scatter(was.time) * _scatter(now.time) * max(speed, 1.0 / speed)
+    noise = max(LEAST, scatter)
+    ratio = now.time.median / was.time.median
     if max(ratio, 1.0 / ratio) > noise:
-        found.append(
-            Change(part, now.thing, now.title, "time", was.timing.median, now.timing.median, noise)
-        )
-    (low, high), (least, largest) = was.error_range, now.error_range
-    worse, better = least > high * (1.0 + ROUNDED), largest < low * (1.0 - ROUNDED)
+        times = was.time.median, now.time.median
+        found.append(Change(part, now.thing, now.title, "time", *times, noise))
+    worse = now.least_error > was.largest_error * (1.0 + ROUNDED)
+    better = now.largest_error < was.least_error * (1.0 - ROUNDED)
     if worse or better:
-        spread = (high / low if low > 0.0 else 1.0) * (largest / least if least > 0.0 else 1.0)
+        spread = 1.0
+        for method in (was, now):
+            if method.least_error > 0.0:
+                spread *= method.largest_error / method.least_error
         found.append(Change(part, now.thing, now.title, "error", was.error, now.error, spread))
     return found
 
@@ -201,16 +236,3 @@ def _changes(part: str, was: Way, now: Way, pace_then: Timing, pace_now: Timing)
 def _scatter(timing: Timing) -> float:
     """By what ratio a time scatters: between its quartiles, or twofold where it was taken once."""
     return timing.high / timing.low if timing.calls > 1 and timing.low > 0.0 else 2.0
-
-
-def _timing(table: Mapping[str, Any]) -> Timing:
-    return Timing(table["median_s"], table["low_s"], table["high_s"], table["calls"])
-
-
-def _key(way: Way) -> tuple[str, str]:
-    return way.thing, way.title
-
-
-def _size(change: Change) -> float:
-    ratio = change.ratio
-    return float("inf") if ratio is None or ratio == 0.0 else max(ratio, 1.0 / ratio)

@@ -1,26 +1,27 @@
-"""``bench robots``: how fast do many robots learn at once, and what does the simulator take of it?
+"""``scripts/bench robots``: how many robots can learn at once, and what does simulating them cost?
 
 Robots drive through a world as environments of Gymnasium do, with actions drawn at random; each
-step moves all of them, looks for collisions, casts all beams and makes what they see.
+step moves all of them, checks for collisions, casts all beams and makes what they see.
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.results import Result
 from lrf3d.cores import core_count
 from lrf3d.gym import DriveVectorEnv
+from lrf3d.tables import table
 
 WARM_UP = 5
 """Steps before the watch is started: what is compiled at the first is no part of a step."""
 
 
-@dataclass(frozen=True, slots=True)
-class RobotsBenchmark:
-    """What was measured.
+@dataclass(kw_only=True)
+class RobotsResult(Result):
+    """What was measured of many robots.
 
     Args:
         world: Name of the world.
@@ -35,6 +36,7 @@ class RobotsBenchmark:
         episodes: Episodes that ended meanwhile.
     """
 
+    benchmark = "robots"
     world: str
     robots: int
     beams: int
@@ -46,19 +48,22 @@ class RobotsBenchmark:
     beams_a_second: float
     episodes: int
 
-    def as_dict(self) -> dict[str, Any]:
-        """The benchmark in JSON's types."""
-        return {"benchmark": "robots", **asdict(self)}
-
-    def rows(self) -> list[tuple[str, str]]:
-        """The benchmark in a few lines for people."""
-        median, slow = self.milliseconds_a_step, self.slowest_tenth_ms
-        return [
-            ("robots", f"{self.robots:,} in {self.world}, {self.beams} beams each"),
-            ("a step", f"{median:.2f} ms, nine tenths below {slow:.2f} ms, {self.cores} cores"),
-            ("rate", f"{self.robot_steps_a_second:,.0f} scans a second"),
-            ("beams", f"{self.beams_a_second / 1e6:.1f} million a second"),
-        ]
+    def tables(self) -> Iterable[str]:
+        """The rates in one row."""
+        yield table(
+            ("world", "robots", "beams", "cores", "a step", "nine tenths below", "scans a second",
+             "beams a second"),
+            [(
+                self.world,
+                f"{self.robots:,}",
+                f"{self.beams}",
+                f"{self.cores}",
+                f"{self.milliseconds_a_step:.2f} ms",
+                f"{self.slowest_tenth_ms:.2f} ms",
+                f"{self.robot_steps_a_second:,.0f}",
+                f"{self.beams_a_second / 1e6:.1f} M",
+            )],
+        )  # fmt: skip
 
 
 def bench_robots(
@@ -68,7 +73,7 @@ def bench_robots(
     seconds: float = 10.0,
     seed: int = 0,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> RobotsBenchmark:
+) -> RobotsResult:
     """Let robots drive at random for a time.
 
     Args:
@@ -82,31 +87,31 @@ def bench_robots(
     envs.reset(seed=seed)
     rng = np.random.default_rng(seed)
     spent: list[float] = []
-    episodes = 0
+    episodes = number = 0
     begin = time.monotonic()
-    for number in range(10**9):
+    passed = 0.0
+    while passed <= seconds or not spent:
         actions = rng.uniform(-1.0, 1.0, (robots, 2))
         start = time.perf_counter()
         _, _, ended, cut, _ = envs.step(actions)
         if number >= WARM_UP:
             spent.append(time.perf_counter() - start)
             episodes += int((ended | cut).sum())
+        number += 1
         passed = time.monotonic() - begin
         progress(min(int(passed), int(seconds)), int(seconds))
-        if passed > seconds and spent:
-            break
     median, slow = np.percentile(spent, [50.0, 90.0]).tolist()
-    rate = robots / median
     beams = envs.task.lrf.beams
-    return RobotsBenchmark(
-        envs.task.scenario.name,
-        robots,
-        beams,
-        core_count(),
-        len(spent),
-        1e3 * median,
-        1e3 * slow,
-        rate,
-        rate * beams,
-        episodes,
+    return RobotsResult(
+        world=envs.task.scenario.name,
+        robots=robots,
+        beams=beams,
+        cores=core_count(),
+        steps=len(spent),
+        milliseconds_a_step=1e3 * median,
+        slowest_tenth_ms=1e3 * slow,
+        robot_steps_a_second=robots / median,
+        beams_a_second=robots / median * beams,
+        episodes=episodes,
+        took_s=passed,
     )

@@ -1,15 +1,13 @@
-"""``bench``: run time against error for everything that lrf3d does, in one report.
+"""``scripts/bench``: run time against error for everything that lrf3d does, in one report.
 
 The parts run one after the other, each with its share of the time. Before and after each a fixed
-piece of work is timed, the yardstick: it tells how fast the machine was just then, which is what
+piece of work is timed, the calibration: it shows how fast the machine was just then, which is what
 two reports of the same code differ by.
 """
 
 import math
-import os
-import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -17,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.cores import core_count
+from benchmarks.parts import PARTS, Extent, Part, Progress
+from benchmarks.results import as_json, saving_table, system_load, this_machine
+from benchmarks.text import duration, error_words, left_out_lines, quartiles
+from benchmarks.timing import Timing
 from lrf3d.errors import MissingLibraryError
-from lrf3d.study.bench.part import Part
-from lrf3d.study.bench.parts import PARTS, Extent
-from lrf3d.study.timing import Timing
+from lrf3d.tables import table
 
 SECONDS = 510.0
 """Time for all [s], where none is given: with what has begun then, all is done in ten
@@ -31,7 +30,7 @@ FORMAT = 1
 """Version of the form of the report."""
 
 PACES = 16
-"""Times that the yardstick is laid on before a part, and after it."""
+"""Times that the calibration is done before a part, and after it."""
 
 
 @dataclass
@@ -54,15 +53,44 @@ class Report:
 
     def as_dict(self) -> dict[str, Any]:
         """The report in JSON's types."""
-        return {
-            "benchmark": "all",
-            "format": FORMAT,
-            "made": self.made,
-            "machine": self.machine,
-            "parts": [part.as_dict() for part in self.parts],
-            "left_out": self.left_out,
-            "took_s": self.took,
-        }
+        found: dict[str, Any] = as_json(
+            {
+                "benchmark": "all",
+                "format": FORMAT,
+                "made": self.made,
+                "machine": self.machine,
+                "parts": self.parts,
+                "left_out": self.left_out,
+                "took_s": self.took,
+            }
+        )
+        return found
+
+    def text(self) -> str:
+        """The methods that lrf3d uses by default, what is skipped, and what was left out."""
+        head = ("part", "default", "time", "quartiles", "error", "unit of the error")
+        rows = [
+            (
+                f"{part.key}: {method.thing}",
+                method.title,
+                duration(method.time.median),
+                quartiles(method.time.low, method.time.high),
+                error_words(method.error),
+                part.error,
+            )
+            for part in self.parts
+            for method in part.methods
+            if method.default
+        ]
+        savings = [saving for part in self.parts for saving in part.savings]
+        left_out = [f"left out: {key}: {why}" for key, why in self.left_out.items()]
+        left_out += [
+            f"left out: {part.key}: {line}"
+            for part in self.parts
+            for line in left_out_lines(part.skipped)
+        ]
+        parts = [table(head, rows), saving_table(savings), "\n".join(left_out)]
+        return "\n\n".join([part for part in parts if part] + [f"took {self.took:.0f} s"])
 
 
 def bench_all(
@@ -70,7 +98,7 @@ def bench_all(
     seconds: float = SECONDS,
     chosen: Sequence[str] = tuple(PARTS),
     extent: Extent | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = lambda done, total: None,
 ) -> Report:
     """Run parts one after the other; what the machine lacks is left out and named.
 
@@ -82,66 +110,30 @@ def bench_all(
     """
     begin = time.monotonic()
     extent = Extent() if extent is None else extent
-    report = Report(machine=this_machine(), made=datetime.now(UTC).isoformat(timespec="seconds"))
+    machine = {**this_machine(), "load": system_load()}
+    report = Report(machine=machine, made=datetime.now(UTC).isoformat(timespec="seconds"))
     shares = {key: share for key, (_, share) in PARTS.items() if key in chosen}
     done, total = 0.0, sum(shares.values())
+
+    def step(share: float, steps: int, of: int) -> None:
+        progress(round(1000 * (done + share * steps / max(1, of)) / total), 1000)
+
     for key, share in shares.items():
         # What a part left over, or used too much, is shared by those that follow.
         left = seconds - (time.monotonic() - begin)
-        step = partial(_step, progress, done / total, share / total)
+        before, start = _paces(), time.monotonic()
         try:
             given = max(1.0, left * share / (total - done))
-            report.parts.append(_run(PARTS[key][0], given, extent, step))
+            part = PARTS[key][0](given, extent, partial(step, share))
+            calibration = Timing.of(before + _paces())
+            took = time.monotonic() - start
+            report.parts.append(replace(part, took=took, calibration=calibration))
         except MissingLibraryError as error:
             report.left_out[key] = str(error)
+        step(share, 1, 1)
         done += share
-        step(1, 1)
     report.took = time.monotonic() - begin
     return report
-
-
-def _run(
-    measure: Callable[[float, Extent, Callable[[int, int], None]], Part],
-    seconds: float,
-    extent: Extent,
-    step: Callable[[int, int], None],
-) -> Part:
-    """Measure a part, with the yardstick laid on before and after it."""
-    before, start = _paces(), time.monotonic()
-    part = measure(seconds, extent, step)
-    took = time.monotonic() - start
-    return replace(part, took=took, yardstick=Timing.of(before + _paces()))
-
-
-def _step(
-    progress: Callable[[int, int], None], begin: float, share: float, done: int, total: int
-) -> None:
-    """Tell the progress of all from that of a part."""
-    progress(round(1000 * (begin + share * done / max(1, total))), 1000)
-
-
-def this_machine() -> dict[str, Any]:
-    """What a comparison should know of the machine, and of what others did on it."""
-    return {
-        "system": platform.platform(),
-        "processor": _processor(),
-        "cores": core_count(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
-    }
-
-
-def _processor() -> str:
-    """The processor's name, where the system tells it."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as lines:
-            for line in lines:
-                if line.startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 def _paces() -> list[float]:

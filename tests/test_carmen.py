@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
@@ -14,6 +13,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.logs import BadLine, LaserLog, load_log
 from lrf3d.logs.carmen_messages import read_carmen
 from lrf3d.logs.packed import BLOCK, Line, lines_of
+from synthetic_run import around, box, make_run, make_world
 
 
 def front(readings, pose=(1.0, -2.0, 0.5), time=3.25):

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.cli import main
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.logs import load_log
 from lrf3d.mapping import LineMap
 from lrf3d.study.log_mapping import map_log
+from synthetic_run import around, box, make_run, make_world
 
 BEAMS = 180
 

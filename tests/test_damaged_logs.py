@@ -4,13 +4,13 @@ import sys
 
 import numpy as np
 import pytest
-from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.cli import main
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.logs import LaserLog, load_log, save_run
+from synthetic_run import around, box, make_run, make_world
 
 KINDS = ["run.log", "run.log.gz", "run.mcap", "run.db3", "run_bag", "db3_bag", "run.npz"]
 SEEDS = range(10)

@@ -10,11 +10,11 @@ from functools import partial
 import pytest
 import typer
 from distributed import Client
-from snippets import PAGES, ROOT, Workshop, snippets
 
 import lrf3d
 from lrf3d.cli.app import app
 from lrf3d.study.sweep import sweeping
+from snippets import PAGES, ROOT, Workshop, snippets
 
 README = PAGES[0]
 

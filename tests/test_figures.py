@@ -10,7 +10,6 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from synthetic_run import around, box, make_run, make_world, ring
 
 from lrf3d.errors import OutputError
 from lrf3d.geometry import Float
@@ -22,6 +21,7 @@ from lrf3d.render.page import Frame, Page
 from lrf3d.render.palette import union_colours
 from lrf3d.simulation import Run
 from lrf3d.world import World
+from synthetic_run import around, box, make_run, make_world, ring
 
 AWAY = (85000.0, 447500.0)
 

@@ -6,10 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pygltflib
 import pytest
-from khronos import faults, needs_validator
-from test_cli import lrf3d, refused
-from test_render import city_run, run_of
 
+from khronos import faults, needs_validator
 from lrf3d.casting.mover import Mover, round_outline
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
@@ -24,6 +22,8 @@ from lrf3d.scenario import load_scenario
 from lrf3d.study.experiment import Experiment, trajectory_of
 from lrf3d.world import World
 from lrf3d.world.glb_writer import glb_bytes
+from test_cli import lrf3d, refused
+from test_render import city_run, run_of
 
 FAR = (85_000.0, 447_500.0)
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic_run import box, make_run, make_world
 
 from lrf3d.cli import main
 from lrf3d.errors import InputError
@@ -24,6 +23,7 @@ from lrf3d.mapping.local_lines import RangeNoise
 from lrf3d.pose import Pose
 from lrf3d.study.localisation import LocalisationTask, score_localisation
 from lrf3d.world import World
+from synthetic_run import box, make_run, make_world
 
 ODOMETRY = OdometryNoise()
 NOISE = RangeNoise(0.04, 0.001, 80.0)

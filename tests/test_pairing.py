@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_run import box, make_run, make_world
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import lengths, normal_lines, wrap_angle
@@ -16,6 +15,7 @@ from lrf3d.mapping.local_lines import LocalLines, RangeNoise, line_covariances
 from lrf3d.mapping.pairing import MahalanobisGate, SquaredDifferences, pair_lines
 from lrf3d.pose import Pose
 from lrf3d.world import World
+from synthetic_run import box, make_run, make_world
 
 PRIOR = np.diag([0.1**2, 0.1**2, np.radians(2.0) ** 2])
 NOISE = RangeNoise(0.04, 0.001, 80.0)

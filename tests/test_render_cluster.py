@@ -7,7 +7,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from test_render import needs_gl, room_run
 from typer.testing import CliRunner
 
 from lrf3d.cli.app import app
@@ -18,6 +17,7 @@ from lrf3d.render import video
 from lrf3d.render.cluster_parts import draw_there
 from lrf3d.render.film_parts import split_frames
 from lrf3d.render.worker import Job
+from test_render import needs_gl, room_run
 
 SMALL = {"size": (64, 36), "fps": 20, "samples": 0, "renderer": "embree"}
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_render import SIZE, city_run, needs_gl, room_run
 
 import lrf3d
 from lrf3d.casting.mover import Mover, round_outline
@@ -12,6 +11,7 @@ from lrf3d.logs import load_run, save_run
 from lrf3d.render.movers import MovingBodies
 from lrf3d.robot import Trajectory
 from lrf3d.world.cameras import FilmPlan
+from test_render import SIZE, city_run, needs_gl, room_run
 
 WALK = Trajectory([0.0, 4.0], [(-22.0, 1.0, 0.0), (-14.0, -1.0, 1.5)])
 CART = np.array([[1.0, 0.5], [-1.0, 0.5], [-1.0, -0.5], [1.0, -0.5]])

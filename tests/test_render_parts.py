@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_render import SIZE, city_run, needs_gl, ranges_of, room_run, run_of
 
 from lrf3d.errors import InputError
 from lrf3d.world import World
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.generate import BLOCK, generate_city
+from test_render import SIZE, city_run, needs_gl, ranges_of, room_run, run_of
 
 BLOCKS = 20
 

@@ -11,11 +11,11 @@ import av
 import numpy as np
 import pytest
 from PIL import Image
-from test_render import city_run, needs_gl, room_run
 
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
 from lrf3d.logs import save_run
 from lrf3d.render import video
+from test_render import city_run, needs_gl, room_run
 
 
 def read(path):

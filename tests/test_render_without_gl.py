@@ -9,11 +9,11 @@ import av
 import numpy as np
 import pytest
 from PIL import Image
-from test_render import box, city_run, needs_gl, room_run, run_of
 
 from lrf3d.logs import save_run
 from lrf3d.render.film import Film
 from lrf3d.world import World
+from test_render import box, city_run, needs_gl, room_run, run_of
 
 SIZE = (256, 144)
 NO_GL = """

@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
 from lrf3d.exporting import export_run
@@ -14,6 +13,7 @@ from lrf3d.logs import load_log
 from lrf3d.logs.bag_bounds import bounded_unpacking
 from lrf3d.logs.bag_messages import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.mapping import LineMapper
+from synthetic_run import around, box, make_run, make_world
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 from rosbags.typesys import Stores, get_typestore  # noqa: E402

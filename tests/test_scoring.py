@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_run import around, as_map, box, make_run, make_world, ring
 
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
@@ -27,6 +26,7 @@ from lrf3d.scoring.nearness import sample_offsets
 from lrf3d.scoring.storage import held_polylines
 from lrf3d.simulation import Run
 from lrf3d.world import World
+from synthetic_run import around, as_map, box, make_run, make_world, ring
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_run import as_map, box, make_run, make_world, ring
 
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.scoring import score_log
+from synthetic_run import as_map, box, make_run, make_world, ring
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
 

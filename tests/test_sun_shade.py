@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import shapely
-from test_render import box, city_run, room_run
 
 from lrf3d.render.ground import SUN
 from lrf3d.render.structures import Structures
 from lrf3d.render.sun_shade import LIT, shade_quads, shade_roofs
 from lrf3d.render.walls import build_walls, wall_faces
 from lrf3d.world import World
+from test_render import box, city_run, room_run
 
 
 def crowded_world(seed, count=40):

@@ -1,10 +1,10 @@
 """The small runs of the tests are right themselves."""
 
 import numpy as np
-from synthetic_run import cast
 
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
+from synthetic_run import cast
 
 
 def test_the_brute_force_rays_of_these_tests_are_right():

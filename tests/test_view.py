@@ -8,11 +8,8 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from browser import needs_browser, number, opened, picture, served, started, until
-from test_cli import lrf3d, refused
-from test_glb import FAR, simulated
-from test_render import city_run
 
+from browser import needs_browser, number, opened, picture, served, started, until
 from lrf3d.casting.mover import Mover, round_outline
 from lrf3d.errors import InputError, MissingLibraryError, OutputError, WorldError
 from lrf3d.laser import LaserRangeFinder
@@ -25,6 +22,9 @@ from lrf3d.view.hand_drive import HandDrive, Wish
 from lrf3d.view.opening import open_view, run_view, world_view
 from lrf3d.view.replay import pack_run
 from lrf3d.world import World
+from test_cli import lrf3d, refused
+from test_glb import FAR, simulated
+from test_render import city_run
 
 YARD = """\
 name = "yard"

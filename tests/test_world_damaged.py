@@ -6,9 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import damaged_worlds
 import pytest
 
+import damaged_worlds
 from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world
 from lrf3d.world.apart import READERS, read_here

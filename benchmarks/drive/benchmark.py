@@ -1,30 +1,30 @@
-"""``bench drive``: how far off is the pose after an hour of driving, and what does that cost?
+"""``scripts/bench drive``: how far off is the pose after an hour of driving, and at what cost?
 
 Two hours are driven, with inputs that are held for a second each and with smooth ones; the ends
-of both are known (`lrf3d.study.bench.hour`).
+of both are known (`benchmarks.drive.inputs`).
 """
 
-import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from lrf3d.cores import core_count
+from benchmarks.drive.inputs import HOUR, held_inputs, smooth_inputs
+from benchmarks.drive.integrators import Integrator, integrators
+from benchmarks.panels import Rows, TradeOff
+from benchmarks.results import Result, Saving
+from benchmarks.text import duration, quartiles
+from benchmarks.timing import Method, Timing, take_turns
 from lrf3d.geometry import Float
-from lrf3d.study.bench.ablation import Saving
-from lrf3d.study.bench.hour import HOUR, Hour, held_inputs, smooth_inputs
-from lrf3d.study.bench.integrators import Integrator, integrators
-from lrf3d.study.timing import Timing, take_turns
+from lrf3d.tables import table
 
 SECONDS = 60.0
 """Time for all [s], where none is given."""
 
 CALLS = 6
-"""Calls that a turn-taking rival has at least, the untimed ones included."""
+"""Calls of an integrator that takes turns, at least, the untimed ones included."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,68 +33,77 @@ class Driven:
 
     Args:
         inputs: What kind of inputs.
-        integrator: The integrator.
-        timing: Time of the whole drive [s].
-        position: Distance of its end from the true one [m].
-        heading: The same of the heading [rad].
+        integrator: The integrator's family.
+        setting: Its step or tolerance.
+        default: Whether lrf3d takes it by default.
+        drive: Time of the whole drive [s].
+        position_error_m: Distance of its end from the true one [m].
+        heading_error_rad: The same of the heading [rad].
     """
 
     inputs: str
-    integrator: Integrator
-    timing: Timing
-    position: float
-    heading: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """The entry in JSON's types."""
-        return {
-            "inputs": self.inputs,
-            "integrator": self.integrator.family,
-            "setting": self.integrator.setting,
-            "default": self.integrator.chosen,
-            "drive": self.timing.as_dict(),
-            "position_error_m": self.position,
-            "heading_error_rad": self.heading,
-        }
-
-
-@dataclass
-class DriveBenchmark:
-    """What was measured.
-
-    Args:
-        driven: How long the drives are [s].
-        entries: Each integrator with each kind of inputs.
-        took: How long all took [s].
-    """
-
-    driven: float = HOUR
-    entries: list[Driven] = field(default_factory=list)
-    took: float = 0.0
+    integrator: str
+    setting: str
+    default: bool
+    drive: Timing
+    position_error_m: float
+    heading_error_rad: float
 
     @property
-    def savings(self) -> list[Saving]:
-        """What is saved where arcs make integration needless."""
-        arcs = next((e for e in self.entries if e.integrator.family == "exact arcs"), None)
-        if arcs is None:
-            return []
-        name = "integrating inputs that are held: exact arcs instead of RK45 at 1e-09"
-        return [
-            Saving(name, arcs.timing.median, entry.timing.median)
-            for entry in self.entries
-            if entry.inputs == arcs.inputs and entry.integrator.setting == "1e-09"
-        ]
+    def method(self) -> Method:
+        """Its time and its error."""
+        words = self.inputs, self.integrator, self.setting
+        return Method.of(*words, self.drive, self.position_error_m, default=self.default)
 
-    def as_dict(self) -> dict[str, Any]:
-        """The benchmark in JSON's types."""
-        return {
-            "benchmark": "drive",
-            "machine": {"system": platform.platform(), "cores": core_count()},
-            "driven_s": self.driven,
-            "entries": [entry.as_dict() for entry in self.entries],
-            "savings": [saving.as_dict() for saving in self.savings],
-            "took_s": self.took,
-        }
+
+@dataclass(kw_only=True)
+class DriveResult(Result):
+    """What was measured of drives.
+
+    Args:
+        driven_s: How long the drives are [s].
+        entries: Each integrator with each kind of inputs.
+    """
+
+    benchmark = "drive"
+    driven_s: float = HOUR
+    entries: list[Driven] = field(default_factory=list)
+
+    def tables(self) -> Iterable[str]:
+        """Integrators with each kind of inputs."""
+        head = ("inputs", "integrator", "setting", "drive", "quartiles", "off", "heading off", "")
+        rows = [
+            (
+                entry.inputs,
+                entry.integrator,
+                entry.setting,
+                duration(entry.drive.median),
+                quartiles(entry.drive.low, entry.drive.high) if entry.drive.calls > 1 else "",
+                f"{entry.position_error_m:.1e} m",
+                f"{entry.heading_error_rad:.1e} rad",
+                "default" if entry.default else "",
+            )
+            for entry in self.entries
+        ]
+        yield table(head, rows)
+        yield (
+            f"the pose after {self.driven_s:g} s of driving against the true one; setting: the"
+            " step, or the tolerance\nof RK45; default: what lrf3d.drive does where nothing is said"
+        )
+
+    def panels(self) -> tuple[Rows, tuple[str, str]]:
+        """The time of a drive against how far off its end is, for each kind of inputs."""
+        methods = [entry.method for entry in self.entries]
+        row = [
+            TradeOff(thing, "time of the whole drive", "end off by [m]",
+                     [method for method in methods if method.thing == thing])
+            for thing in dict.fromkeys(method.thing for method in methods)
+        ]  # fmt: skip
+        return [row], (
+            "Driving: run time against error",
+            f"the place after {self.driven_s:,.0f} s of driving, against the true one  ·  beside"
+            " the points: the step, or the tolerance of RK45",
+        )
 
 
 def bench_drive(
@@ -102,7 +111,7 @@ def bench_drive(
     seconds: float = SECONDS,
     driven: float = HOUR,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> DriveBenchmark:
+) -> DriveResult:
     """Drive an hour with all integrators.
 
     Args:
@@ -111,56 +120,60 @@ def bench_drive(
         progress: Called with the steps done, and of how many.
     """
     begin = time.monotonic()
-    result = DriveBenchmark(driven)
-    hours = (held_inputs(seconds=int(driven)), smooth_inputs(seconds=driven))
-    chosen = [(hour, one) for hour in hours for one in integrators(hour, driven)]
-    steps = iter(range(1, len(chosen) + len(hours) + 1))
-    total = len(chosen) + len(hours)
-    ends: dict[str, Float] = {}
-    once: dict[str, float] = {}
-    for hour, one in chosen:
-        start = time.perf_counter()
-        ends[_key(hour, one)] = one.end()
-        once[_key(hour, one)] = time.perf_counter() - start
-        progress(next(steps), total)
+    result = DriveResult(driven_s=driven)
+    kinds = (held_inputs(seconds=int(driven)), smooth_inputs(seconds=driven))
+    chosen = {inputs.name: integrators(inputs, driven) for inputs in kinds}
+    total = sum(map(len, chosen.values())) + len(kinds)
+    steps = iter(range(1, total + 1))
+    ends: dict[tuple[str, str], Float] = {}
+    once: dict[tuple[str, str], float] = {}
+    for name, some in chosen.items():
+        for one in some:
+            start = time.perf_counter()
+            ends[name, one.title] = one.end()
+            once[name, one.title] = time.perf_counter() - start
+            progress(next(steps), total)
     left = max(0.0, seconds - (time.monotonic() - begin))
-    for hour in hours:
-        result.entries += _timed(
-            hour, [one for of, one in chosen if of is hour], ends, once, left / len(hours)
-        )
+    for inputs in kinds:
+        some = chosen[inputs.name]
+        mine = {one.title: once[inputs.name, one.title] for one in some}
+        timings = _timings(some, mine, left / len(kinds))
+        for one in some:
+            off = ends[inputs.name, one.title] - inputs.end
+            result.entries.append(
+                Driven(
+                    inputs.name, one.family, one.setting, one.default, timings[one.title],
+                    float(np.hypot(off[0], off[1])), abs(float(off[2])),
+                )
+            )  # fmt: skip
         progress(next(steps), total)
-    result.took = time.monotonic() - begin
+    result.savings = _savings(result.entries)
+    result.took_s = time.monotonic() - begin
     return result
 
 
-def _timed(
-    hour: Hour,
-    rivals: list[Integrator],
-    ends: dict[str, Float],
-    once: dict[str, float],
-    left: float,
-) -> list[Driven]:
-    """Time the integrators by turns, the fast ones first where time is short."""
+def _timings(some: list[Integrator], once: dict[str, float], left: float) -> dict[str, Timing]:
+    """Time integrators by turns, only the fast ones where time is short: the others took `once`."""
     playing: dict[str, Callable[[int], object]] = {}
-    for one in sorted(rivals, key=lambda one: once[_key(hour, one)]):
-        key = _key(hour, one)
-        share = sum(once[name] for name in (*playing, key))
-        if CALLS * share <= left:
-            playing[key] = partial(_call, one)
-    timings = take_turns(playing, seconds=left - CALLS * sum(once[name] for name in playing) / 2)
-    found = []
-    for one in rivals:
-        key = _key(hour, one)
-        off = ends[key] - hour.end
-        timing = timings.get(key, Timing.of([once[key]]))
-        place = float(np.hypot(off[0], off[1]))
-        found.append(Driven(hour.name, one, timing, place, abs(float(off[2]))))
-    return found
+    for one in sorted(some, key=lambda one: once[one.title]):
+        if CALLS * sum(once[name] for name in (*playing, one.title)) <= left:
+            playing[one.title] = partial(_call, one)
+    used = CALLS * sum(once[name] for name in playing) / 2
+    timed = take_turns(playing, seconds=left - used)
+    return {name: timed.get(name, Timing.of([spent])) for name, spent in once.items()}
 
 
 def _call(integrator: Integrator, number: int) -> Float:
     return integrator.end()
 
 
-def _key(hour: Hour, one: Integrator) -> str:
-    return f"{hour.name}: {one.title}"
+def _savings(entries: list[Driven]) -> list[Saving]:
+    """What is saved where arcs make integration needless."""
+    arcs = [entry for entry in entries if entry.integrator == "exact arcs"]
+    name = "integrating inputs that are held: exact arcs instead of RK45 at 1e-09"
+    return [
+        Saving(name, exact.drive.median, entry.drive.median)
+        for exact in arcs
+        for entry in entries
+        if entry.inputs == exact.inputs and entry.setting == "1e-09"
+    ]

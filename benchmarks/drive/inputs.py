@@ -29,7 +29,7 @@ DRIFT = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Hour:
+class Inputs:
     """Inputs of an hour, and where they lead from the origin.
 
     Args:
@@ -47,7 +47,7 @@ class Hour:
     pieces: tuple[Float, Float] | None = None
 
 
-def held_inputs(*, seconds: int = int(HOUR), seed: int = 0) -> Hour:
+def held_inputs(*, seconds: int = int(HOUR), seed: int = 0) -> Inputs:
     """Speeds and turn rates that change every second, as a controller of one hertz gives them."""
     rng = np.random.default_rng(seed)
     v, omega = rng.uniform(0.5, 1.5, seconds), rng.uniform(-0.5, 0.5, seconds)
@@ -69,10 +69,10 @@ def held_inputs(*, seconds: int = int(HOUR), seed: int = 0) -> Hour:
 
         return value
 
-    return Hour("inputs held for a second", at(v), at(omega), np.array(end), (v, omega))
+    return Inputs("inputs held for a second", at(v), at(omega), np.array(end), (v, omega))
 
 
-def smooth_inputs(*, seconds: float = HOUR) -> Hour:
+def smooth_inputs(*, seconds: float = HOUR) -> Inputs:
     """Speeds and turn rates that change all the time."""
     mean, swing, period = SPEED
 
@@ -95,4 +95,4 @@ def smooth_inputs(*, seconds: float = HOUR) -> Hour:
     steps = 0.5 * width * weights * v(times)
     theta = heading(times)
     x, y = fsum((steps * np.cos(theta)).ravel()), fsum((steps * np.sin(theta)).ravel())
-    return Hour("smooth inputs", v, omega, np.array([x, y, float(heading(np.array(seconds)))]))
+    return Inputs("smooth inputs", v, omega, np.array([x, y, float(heading(np.array(seconds)))]))

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.drive.inputs import Inputs
 from lrf3d.geometry import Float
 from lrf3d.robot.driving import drive
 from lrf3d.robot.trajectory import Trajectory
-from lrf3d.study.bench.hour import Hour
 
 START = (0.0, 0.0, 0.0)
 """Where each drive begins."""
@@ -26,7 +26,7 @@ EULER_STEPS, RK4_STEPS, ARC_STEPS = (1.0, 0.1, 0.01), (1.0, 0.1, 0.01), (1.0, 0.
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 """Tolerances of RK45."""
 
-CHOSEN_TOLERANCE, SAMPLING = 1e-9, 0.1
+DEFAULT_TOLERANCE, SAMPLING = 1e-9, 0.1
 """What `lrf3d.drive` takes where nothing is said: tolerance, and time between poses [s]."""
 
 
@@ -38,13 +38,13 @@ class Integrator:
         family: Its kind.
         setting: Step or tolerance, as words.
         end: Gives the pose (3,) at the end of a drive.
-        chosen: Whether lrf3d does so by default.
+        default: Whether lrf3d does so by default.
     """
 
     family: str
     setting: str
     end: Callable[[], Float]
-    chosen: bool = False
+    default: bool = False
 
     @property
     def title(self) -> str:
@@ -52,38 +52,39 @@ class Integrator:
         return f"{self.family}, {self.setting}" if self.setting else self.family
 
 
-def integrators(hour: Hour, seconds: float) -> list[Integrator]:
+def integrators(inputs: Inputs, seconds: float) -> list[Integrator]:
     """All integrators, ready to drive so long [s] with some inputs."""
-    held = hour.pieces is not None
+    held = inputs.pieces is not None
     found = [
-        Integrator("Euler", f"{step:g} s", partial(_euler, hour, seconds, step))
+        Integrator("Euler", f"{step:g} s", partial(_euler, inputs, seconds, step))
         for step in EULER_STEPS
     ]
     found += [
-        Integrator("RK4", f"{step:g} s", partial(_rk4, hour, seconds, step)) for step in RK4_STEPS
+        Integrator("RK4", f"{step:g} s", partial(_rk4, inputs, seconds, step)) for step in RK4_STEPS
     ]
     found += [
-        Integrator("RK45", f"{tol:.0e}", partial(_rk45, hour, seconds, tol, 1.0))
+        Integrator("RK45", f"{tol:.0e}", partial(_rk45, inputs, seconds, tol, 1.0))
         for tol in TOLERANCES
     ]
     if held:
-        return [*found, Integrator("exact arcs", "", partial(_pieces, hour), chosen=True)]
+        return [*found, Integrator("exact arcs", "", partial(_pieces, inputs), default=True)]
     found += [
-        Integrator("arcs", f"{step:g} s", partial(_arcs, hour, seconds, step)) for step in ARC_STEPS
+        Integrator("arcs", f"{step:g} s", partial(_arcs, inputs, seconds, step))
+        for step in ARC_STEPS
     ]
     usual = Integrator(
         "RK45",
-        f"{CHOSEN_TOLERANCE:.0e}, a pose every {SAMPLING:g} s",
-        partial(_rk45, hour, seconds, CHOSEN_TOLERANCE, SAMPLING),
-        chosen=True,
+        f"{DEFAULT_TOLERANCE:.0e}, a pose every {SAMPLING:g} s",
+        partial(_rk45, inputs, seconds, DEFAULT_TOLERANCE, SAMPLING),
+        default=True,
     )
     return [*found, usual]
 
 
-def _euler(hour: Hour, seconds: float, step: float) -> Float:
+def _euler(inputs: Inputs, seconds: float, step: float) -> Float:
     x, y, theta = START
-    v: Any = hour.v
-    omega: Any = hour.omega
+    v: Any = inputs.v
+    omega: Any = inputs.omega
     for number in range(round(seconds / step)):
         t = number * step
         ahead = float(v(t)) * step
@@ -93,10 +94,10 @@ def _euler(hour: Hour, seconds: float, step: float) -> Float:
     return np.array([x, y, theta])
 
 
-def _rk4(hour: Hour, seconds: float, step: float) -> Float:
+def _rk4(inputs: Inputs, seconds: float, step: float) -> Float:
     x, y, theta = START
-    v: Any = hour.v
-    omega: Any = hour.omega
+    v: Any = inputs.v
+    omega: Any = inputs.omega
     for number in range(round(seconds / step)):
         t = number * step
         v1, v2, v4 = float(v(t)), float(v(t + 0.5 * step)), float(v(t + step))
@@ -108,22 +109,22 @@ def _rk4(hour: Hour, seconds: float, step: float) -> Float:
     return np.array([x, y, theta])
 
 
-def _rk45(hour: Hour, seconds: float, tolerance: float, dt: float) -> Float:
-    v: Any = hour.v
-    omega: Any = hour.omega
+def _rk45(inputs: Inputs, seconds: float, tolerance: float, dt: float) -> Float:
+    v: Any = inputs.v
+    omega: Any = inputs.omega
     return _end(drive(START, v, omega, duration=seconds, dt=dt, tolerance=tolerance))
 
 
-def _arcs(hour: Hour, seconds: float, step: float) -> Float:
+def _arcs(inputs: Inputs, seconds: float, step: float) -> Float:
     """Inputs held over each step as they are in its middle."""
     middles = np.asarray(step * (np.arange(round(seconds / step)) + 0.5), dtype=np.float64)
-    v, omega = hour.v(middles), hour.omega(middles)
+    v, omega = inputs.v(middles), inputs.omega(middles)
     return _end(drive(START, v, omega, duration=step, dt=seconds))
 
 
-def _pieces(hour: Hour) -> Float:
-    assert hour.pieces is not None
-    v, omega = hour.pieces
+def _pieces(inputs: Inputs) -> Float:
+    assert inputs.pieces is not None
+    v, omega = inputs.pieces
     return _end(drive(START, v, omega, duration=1.0, dt=SAMPLING))
 
 

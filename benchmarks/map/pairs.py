@@ -6,10 +6,10 @@ the same predicted poses. Comparisons, time, and whether both find the same pair
 
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from benchmarks.timing import Timing
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
@@ -20,7 +20,6 @@ from lrf3d.mapping.local_lines import LocalLines, RangeNoise
 from lrf3d.mapping.pairing import STRATEGIES, Pairs, pair_lines
 from lrf3d.pose import Pose
 from lrf3d.scenario import SIGMA
-from lrf3d.study.timing import Timing
 from lrf3d.world import World
 from lrf3d.world.generate import BLOCK, city_blocks, generate_city
 
@@ -43,36 +42,23 @@ class PairEntry:
 
     Args:
         place: What was driven through.
-        known: Lines of the known map.
+        known_lines: Lines of the known map.
         strategy: Which lines were compared.
         scans: How many scans.
-        pairs: Pairs found, a scan.
-        comparisons: Comparisons, a scan.
+        pairs_a_scan: Pairs found, a scan.
+        comparisons_a_scan: Comparisons, a scan.
         pairing: The time in which a scan's lines were paired.
-        same: Share of scans in which the pairs are just those of ``all``.
+        scans_with_the_pairs_of_all: Share of scans in which the pairs are just those of ``all``.
     """
 
     place: str
-    known: int
+    known_lines: int
     strategy: str
     scans: int
-    pairs: float
-    comparisons: float
+    pairs_a_scan: float
+    comparisons_a_scan: float
     pairing: Timing
-    same: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """The entry in JSON's types."""
-        return {
-            "place": self.place,
-            "known_lines": self.known,
-            "strategy": self.strategy,
-            "scans": self.scans,
-            "pairs_a_scan": self.pairs,
-            "comparisons_a_scan": self.comparisons,
-            "pairing": self.pairing.as_dict(),
-            "scans_with_the_pairs_of_all": self.same,
-        }
+    scans_with_the_pairs_of_all: float
 
 
 def measure_pairs(

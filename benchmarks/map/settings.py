@@ -1,4 +1,4 @@
-"""How do thresholds, beams and noise move the error of a map, and the time that it takes?
+"""How do thresholds, beams and noise change the error of a map, and the time that it takes?
 
 One thing at a time is varied from what is usual, along the drive through the built-in city, in
 both modes of the mapper. What leaves are map scores, averaged over seeds, with
@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.timing import TimedMapper, Timing
 from lrf3d.casting import PlanarCaster
-from lrf3d.laser import LaserScan, ProportionalNoise
-from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.laser import ProportionalNoise
+from lrf3d.mapping import LineMapper
 from lrf3d.mapping.line_mapper import MODES
 from lrf3d.robot import Trajectory
 from lrf3d.scenario import SIGMA, Scenario, load_scenario
 from lrf3d.scoring import score_run
 from lrf3d.simulation import simulate
 from lrf3d.study.experiment import trajectory_of
-from lrf3d.study.timing import Timing
 
 USUAL_BEAMS = 181
 """Beams where they are not what is varied: those of the paper."""
@@ -37,7 +37,7 @@ SWEEPS: dict[str, tuple[float, ...]] = {
 usual. The noise has the levels of the paper's figures and some between."""
 
 EVERY = 4
-"""Of so many scans of the drive one is used: they are then 3.2 m apart, which shows all walls and
+"""Every fourth scan of the drive is used: they are then 3.2 m apart, which shows all walls and
 lets all settings take half a minute."""
 
 SCORES = (
@@ -99,39 +99,23 @@ class MapEntry:
 
     def as_dict(self) -> dict[str, Any]:
         """The entry in JSON's types."""
-        means = {name: self.score(name) for name in SCORES}
         return {
             "mode": self.setting.mode,
             "varied": self.setting.varied,
             "value": self.setting.value,
             "seeds": len(self.builds),
-            **{name: value if np.isfinite(value) else None for name, value in means.items()},
+            **{name: self.score(name) for name in SCORES},
             "scores_of_seeds": self.scores,
-            "update": self.update.as_dict(),
+            "update": self.update,
             "work_out_map_s": self.build,
         }
-
-
-class TimedMapper:
-    """A mapper under a stop-watch."""
-
-    def __init__(self, mapper: LineMapper) -> None:
-        self.spent: list[float] = []
-        self._mapper = mapper
-
-    def update(self, scan: LaserScan) -> LineMap:
-        """Take in a scan."""
-        start = time.perf_counter()
-        line_map = self._mapper.update(scan)
-        self.spent.append(time.perf_counter() - start)
-        return line_map
 
 
 class CityDrive:
     """The drive through the built-in city.
 
     Args:
-        every: Of so many scans one is used.
+        every: Use each scan whose number is a multiple of this.
         scans: How many scans from the beginning; all where not given.
         sigma: Noise [m] at range_max where it is not what is varied.
     """
@@ -190,7 +174,7 @@ def measure_accuracy(
         drive: Where to drive.
         chosen: The settings.
         seeds: Seeds of the noise for each, from 0.
-        until: When to stop [s], as time.monotonic tells it; what has begun is finished.
+        until: When to stop [s], on the clock of time.monotonic; what has begun is finished.
 
     Yields:
         After each step the entry that grew, or the setting that the time did not suffice for.

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.timing import Timing
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, lengths
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
@@ -19,7 +20,6 @@ from lrf3d.mapping import LineMapper
 from lrf3d.mapping.paper_mapper import PaperMapper
 from lrf3d.mapping.table import SegmentTable
 from lrf3d.scenario import SIGMA
-from lrf3d.study.timing import Timing
 from lrf3d.world import World
 from lrf3d.world.generate import BLOCK, city_blocks, city_crossings, generate_city
 
@@ -50,23 +50,14 @@ class SizeEntry:
     Args:
         mode: Mode of the mapper.
         walls: Walls of the town.
-        segments: Segments of the map before the updates; None where it was not worked out.
+        map_segments: Segments of the map before the updates; None where it was not worked out.
         update: The time of an update with a scan of 181 beams.
     """
 
     mode: str
     walls: int
-    segments: int | None
+    map_segments: int | None
     update: Timing
-
-    def as_dict(self) -> dict[str, Any]:
-        """The entry in JSON's types."""
-        return {
-            "mode": self.mode,
-            "walls": self.walls,
-            "map_segments": self.segments,
-            "update": self.update.as_dict(),
-        }
 
 
 def measure_sizes(sizes: tuple[int, ...], *, seconds: float, until: float) -> Iterator[Any]:
@@ -75,7 +66,7 @@ def measure_sizes(sizes: tuple[int, ...], *, seconds: float, until: float) -> It
     Args:
         sizes: Walls of the towns.
         seconds: Time for the updates of one entry [s].
-        until: When to stop [s], as time.monotonic tells it.
+        until: When to stop [s], on the clock of time.monotonic.
 
     Yields:
         A SizeEntry for each mode and size, or words that say what was left out.

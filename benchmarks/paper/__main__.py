@@ -17,11 +17,12 @@ def paper(
 
     Writes paper.html, which needs no other file, and paper.json. Takes a minute or two.
     """
-    from lrf3d.cli.console import json_text, print_json, print_table, progress_bar
-    from lrf3d.output import make_folder, write_text
     from lrf3d.study.paper.extent import Extent
     from lrf3d.study.paper.page import page_text
     from lrf3d.study.paper.report import redo_paper
+
+    from lrf3d.cli.console import json_text, print_json, print_table, progress_bar
+    from lrf3d.output import make_folder, write_text
 
     folder = make_folder(out)
     with progress_bar("paper") as progress:

@@ -4,21 +4,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from lrf3d.render.embedded import embed_figure, embed_frame
+from lrf3d.render.paper_figures import draw_updates
+from lrf3d.study.bench.map_accuracy import TimedMapper
+from lrf3d.study.paper.claim import MODES, Claim, Picture, Table
+from lrf3d.study.paper.extent import Extent
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import Float
-from lrf3d.render.embedded import embed_figure, embed_frame
 from lrf3d.render.figures import draw_map
-from lrf3d.render.paper_figures import draw_updates
 from lrf3d.robot import Trajectory
 from lrf3d.scenario import load_scenario
 from lrf3d.scoring import BuildingCount, MapScore, StorageCount, buildings_seen, score_run, storage
 from lrf3d.simulation import Run, simulate
-from lrf3d.study.bench.map_accuracy import TimedMapper
 from lrf3d.study.experiment import Experiment, trajectory_of
-from lrf3d.study.paper.claim import MODES, Claim, Picture, Table
-from lrf3d.study.paper.extent import Extent
 from lrf3d.study.summary import local_polylines
 
 FRAME_AT = 0.38

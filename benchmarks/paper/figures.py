@@ -6,11 +6,6 @@ In go numbers that a study has measured; a matplotlib figure leaves.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
-
-from lrf3d.geometry import Float
-from lrf3d.render.chart import HEAD, Sheet
 from lrf3d.render.map_benchmark_panels import (
     COLOURS,
     PairPoint,
@@ -19,6 +14,11 @@ from lrf3d.render.map_benchmark_panels import (
     draw_stores,
     tell_times,
 )
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from lrf3d.geometry import Float
+from lrf3d.render.chart import HEAD, Sheet
 from lrf3d.render.page import FAINT, INK
 
 WIDE, TALL = 9.2, 3.1

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from lrf3d.cores import core_count
 from lrf3d.study.paper.city import (
     city_claim,
     drive_through,
@@ -20,6 +19,8 @@ from lrf3d.study.paper.memory import grid_claim, polyline_claim
 from lrf3d.study.paper.robustness import robustness_claim
 from lrf3d.study.paper.room import ROOM, maps_claim, room_sweep, scan_claim
 from lrf3d.study.paper.search import localisation_claim, search_claim
+
+from lrf3d.cores import core_count
 
 PAPER = (
     "L. Teslić, I. Škrjanc, G. Klančar: Simulation of a Mobile Robot with a LRF and Map Building"

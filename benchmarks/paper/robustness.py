@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 from lrf3d.render.embedded import embed_figure
-from lrf3d.render.sweep_figure import draw_sweep
 from lrf3d.study.paper.claim import MODES, Claim, Picture, Table
 from lrf3d.study.paper.extent import Extent
 from lrf3d.study.paper.room import swept
+
+from lrf3d.render.sweep_figure import draw_sweep
 from lrf3d.study.sweep.drawing import curves_of
 from lrf3d.study.sweep.grid import Grid
 from lrf3d.study.sweep.plan import Plan

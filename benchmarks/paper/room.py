@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
+from lrf3d.render.embedded import embed_figure
+from lrf3d.study.paper.claim import MODES, Claim, Picture, Table
+from lrf3d.study.paper.extent import Extent
 
 from lrf3d.casting import crosscheck
-from lrf3d.render.embedded import embed_figure
 from lrf3d.render.figures import draw_noise_levels, draw_world
 from lrf3d.scenario import load_scenario
 from lrf3d.study.experiment import Experiment, trajectory_of
-from lrf3d.study.paper.claim import MODES, Claim, Picture, Table
-from lrf3d.study.paper.extent import Extent
 from lrf3d.study.sweep.grid import Grid
 from lrf3d.study.sweep.plan import Plan, make_plan
 from lrf3d.study.sweep.summary import Mean

@@ -2,17 +2,18 @@
 
 from math import degrees
 
-from lrf3d.localization import OdometryNoise
 from lrf3d.render.embedded import embed_figure
 from lrf3d.render.map_benchmark_panels import PairPoint
 from lrf3d.render.paper_figures import draw_search
-from lrf3d.scenario import load_scenario
 from lrf3d.study.bench.map_pairs import PairEntry, measure_pairs, measure_town
 from lrf3d.study.bench.text import duration
-from lrf3d.study.localisation import LocalisationTask, score_localisation
 from lrf3d.study.paper.city import Drive
 from lrf3d.study.paper.claim import Claim, Picture, Table
 from lrf3d.study.paper.extent import Extent
+
+from lrf3d.localization import OdometryNoise
+from lrf3d.scenario import load_scenario
+from lrf3d.study.localisation import LocalisationTask, score_localisation
 
 SAME = 0.99
 """Least share of the scans in which unions give just the pairs of all lines."""

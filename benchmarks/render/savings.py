@@ -2,20 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import cycle
 from typing import Any
 
 import numpy as np
 
+from benchmarks.render.scenes import frames, generated_run, make_film
+from benchmarks.results import Saving
+from benchmarks.timing import take_turns
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.render.film import Film
 from lrf3d.render.parts import Parts
 from lrf3d.render.skyline import Skyline
 from lrf3d.simulation import Run
-from lrf3d.study.bench.ablation import Saving
-from lrf3d.study.bench.render_scenes import generated_run
-from lrf3d.study.timing import take_turns
 
 BUILDINGS = 1000
 """Buildings of the city in which most are out of sight or hidden."""
@@ -28,29 +27,25 @@ def ablate_render(
     large = generated_run(buildings)
     large_times = np.linspace(large.trajectory.times[0], large.trajectory.times[-1], len(times))
     caster = PlanarCaster(run.world)
-    usual, smooth, huge = (
-        _film(run, size, 0),
-        _film(run, size, 4),
-        _film(large, size, 0),
-    )
+    usual, smooth, huge = make_film(run, size), make_film(run, size, 4), make_film(large, size)
     films = {
-        "far": _with_parts(_film(run, size, 0), _FarFirst),
-        "all": _with_parts(_film(large, size, 0), _Everything),
-        "unhidden": _with_parts(_film(large, size, 0), _NoSkyline),
-        "late": _flattened_late(_film(run, size, 4)),
+        "far": _with_parts(make_film(run, size), _FarFirst),
+        "all": _with_parts(make_film(large, size), _Everything),
+        "unhidden": _with_parts(make_film(large, size), _NoSkyline),
+        "late": _flattened_late(make_film(run, size, 4)),
     }
     calls: dict[str, Callable[[int], object]] = {
-        "usual": _fresh(usual, times),
-        "smooth": _fresh(smooth, times),
-        "huge": _fresh(huge, large_times),
+        "usual": frames(usual, times),
+        "smooth": frames(smooth, times),
+        "huge": frames(huge, large_times),
         "same": lambda number: usual.draw(float(times[0])),
         "flip": lambda number: np.ascontiguousarray(usual.draw(float(times[0]))[::-1, :, :3]),
         "scan": lambda number: run.scan(number % len(run)),
         "cast": lambda number: caster.cast(run.lrf, run.trajectory.poses[number % len(run)]),
-        "far": _fresh(films["far"], times),
-        "all": _fresh(films["all"], large_times),
-        "unhidden": _fresh(films["unhidden"], large_times),
-        "late": _fresh(films["late"], times),
+        "far": frames(films["far"], times),
+        "all": frames(films["all"], large_times),
+        "unhidden": frames(films["unhidden"], large_times),
+        "late": frames(films["late"], times),
     }
     took = {name: timing.median for name, timing in take_turns(calls, seconds=seconds).items()}
     # The picture that does not change is drawn by the same film, whose frames are in between.
@@ -66,21 +61,6 @@ def ablate_render(
         Saving("turning the picture over, without alpha", frame, frame + took["flip"]),
         Saving("casting a scan again for the film", took["scan"], took["cast"]),
     ]
-
-
-def _film(run: Run, size: tuple[int, int], samples: int) -> Film:
-    return Film(run, size=size, view="chase", samples=samples, playback=4.0)
-
-
-def _fresh(film: Film, times: Float) -> Callable[[int], object]:
-    order = cycle(times.tolist())
-
-    def draw(number: int) -> object:
-        # As in a film, one moment after the other.
-        film.forget()
-        return film.draw(next(order))
-
-    return draw
 
 
 class _Everything:

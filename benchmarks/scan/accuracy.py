@@ -1,6 +1,6 @@
-"""Accuracy: how far the ranges of a rival are from the exact ones, and how often its wall is wrong.
+"""Accuracy: how far the ranges of a baseline are off, and how often its wall is wrong.
 
-The exact answers are PlanarCaster's: ``lrf3d stress`` certifies them, beam by beam, by error
+The exact answers are PlanarCaster's: `scripts/stress` certifies them, beam by beam, by error
 bounds and by rational numbers. Beams of plain scans hardly ever come near what is hard, so as many
 again are aimed at corners.
 """
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.scan.baselines import Baseline
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.study.bench.rivals import Rival
 from lrf3d.world import World
 
 ONE_BEAM = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1)
@@ -23,7 +23,7 @@ OFFSETS = (-9.0, -5.0)
 """Powers of ten between which beams pass beside the corners that they are aimed at [rad]."""
 
 CHUNK = 25
-"""Scans that are judged at once; a slow rival is judged by as few, a fast one by all."""
+"""Scans that are judged at once; a slow baseline is judged by as few, a fast one by all."""
 
 GROSS = 0.01
 """A range is grossly wrong when it is off by more than this [m]: less is within what lasers err."""
@@ -31,14 +31,7 @@ GROSS = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Beams with their exact answers.
-
-    Args:
-        lrf: The range finder.
-        poses: (k, 3) poses.
-        ranges: (k, beams) exact ranges [m].
-        walls: (k, beams) exact walls.
-    """
+    """Beams from poses (k, 3), with their exact ranges [m] and walls (k, beams)."""
 
     lrf: LaserRangeFinder
     poses: Float
@@ -48,31 +41,21 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """How a rival did in a trial; a beam without return counts as one of range_max.
+    """How a baseline did in a trial; a beam without return counts as one of range_max.
 
     Args:
         beams: How many beams were judged.
-        largest: Largest error of a range [m].
-        typical: Median error of a range [m].
-        gross: How many ranges are off by more than a centimetre.
-        wrong: How many beams name another wall than the exact one; None where it tells no walls.
+        largest_error_m: Largest error of a range [m].
+        median_error_m: Median error of a range [m].
+        over_1_cm_share: Share of ranges that are off by more than a centimetre.
+        wrong_wall_share: Share of beams that name another wall; None where it names no walls.
     """
 
     beams: int
-    largest: float
-    typical: float
-    gross: int
-    wrong: int | None
-
-    def as_dict(self) -> dict[str, float | None]:
-        """The accuracy in JSON's types."""
-        return {
-            "beams": self.beams,
-            "largest_error_m": self.largest,
-            "median_error_m": self.typical,
-            "over_1_cm_share": self.gross / self.beams,
-            "wrong_wall_share": None if self.wrong is None else self.wrong / self.beams,
-        }
+    largest_error_m: float
+    median_error_m: float
+    over_1_cm_share: float
+    wrong_wall_share: float | None
 
 
 def scan_trial(caster: PlanarCaster, lrf: LaserRangeFinder, poses: Float) -> Trial:
@@ -94,14 +77,14 @@ def corner_trial(caster: PlanarCaster, world: World, poses: Float, *, seed: int 
     return scan_trial(caster, ONE_BEAM, poses)
 
 
-def judge(rival: Rival, trial: Trial, *, seconds: float) -> Accuracy:
-    """Compare a rival's answers with the exact ones, for as many scans as the time allows."""
+def judge(baseline: Baseline, trial: Trial, *, seconds: float) -> Accuracy:
+    """Compare a baseline's answers with the exact ones, for as many scans as the time allows."""
     end = time.monotonic() + seconds
     errors, wrong = [], []
     size, start = CHUNK, 0
     while start < len(trial.poses) and (start == 0 or time.monotonic() < end):
         part = slice(start, start + size)
-        ranges, walls = rival.answers(trial.lrf, trial.poses[part])
+        ranges, walls = baseline.answers(trial.lrf, trial.poses[part])
         far = trial.lrf.range_max
         errors.append(np.abs(np.clip(ranges, 0.0, far) - np.clip(trial.ranges[part], 0.0, far)))
         if walls is not None:
@@ -110,8 +93,8 @@ def judge(rival: Rival, trial: Trial, *, seconds: float) -> Accuracy:
     off = np.concatenate(errors)
     return Accuracy(
         beams=off.size,
-        largest=float(off.max()),
-        typical=float(np.median(off)),
-        gross=int((off > GROSS).sum()),
-        wrong=int(np.concatenate(wrong).sum()) if wrong else None,
+        largest_error_m=float(off.max()),
+        median_error_m=float(np.median(off)),
+        over_1_cm_share=float((off > GROSS).mean()),
+        wrong_wall_share=float(np.concatenate(wrong).mean()) if wrong else None,
     )

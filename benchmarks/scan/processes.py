@@ -1,6 +1,6 @@
-"""Probes: what only a fresh process shows: its first call, and the memory of a batch.
+"""What only a fresh process shows: the first call of a caster, and the memory of a batch.
 
-``python -m lrf3d.study.bench.probes WHAT CASTER WALLS`` measures itself and prints JSON.
+``python -m benchmarks.scan.processes WHAT CASTER WALLS`` measures itself and prints JSON.
 """
 
 import json
@@ -25,6 +25,7 @@ def probe(what: str, caster: str, walls: int) -> dict[str, Any]:
         text=True,
         check=True,
         timeout=PROBE_SECONDS,
+        cwd=Path(__file__).parents[2],
     )
     report: dict[str, Any] = json.loads(done.stdout)
     return report

@@ -1,18 +1,18 @@
 """Ablation: each piece of work that lrf3d skips, timed with it skipped and with it done."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.results import Saving
+from benchmarks.scan.baselines import cast_determinants
+from benchmarks.scan.processes import probe
+from benchmarks.timing import take_turns
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.casting.kernels.tree import SMALL
 from lrf3d.casting.wall_tree import build_tree
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
-from lrf3d.study.bench.determinants import cast_determinants
-from lrf3d.study.bench.probes import probe
-from lrf3d.study.timing import take_turns
 from lrf3d.world import World
 from lrf3d.world.generate import city_crossings, generate_city
 
@@ -31,29 +31,11 @@ SHORT = 10.0
 QUARTER, TOWN = 400, 10_000
 """Walls of a quarter and of a town."""
 
+Pair = tuple[str, Callable[[int], object], Callable[[int], object]]
+"""What is skipped, calls without it, and calls with it; both take the number of the call."""
 
-@dataclass(frozen=True, slots=True)
-class Saving:
-    """What skipping one piece of work saves.
-
-    Args:
-        name: What is skipped.
-        skipped: Time without it, which is how lrf3d does it [s].
-        done: Time with it [s].
-    """
-
-    name: str
-    skipped: float
-    done: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """The saving in JSON's types."""
-        return {
-            "skipped_work": self.name,
-            "skipped_s": self.skipped,
-            "done_s": self.done,
-            "saved_share": 1.0 - self.skipped / self.done,
-        }
+PAIRS = 10
+"""Pairs that share the time."""
 
 
 def ablate(
@@ -66,24 +48,15 @@ def ablate(
         huge: Walls of the city in which walls beyond range_max are many.
         progress: Called with the parts done, and of how many.
     """
-    parts: list[Callable[[float], list[Saving]]] = [
-        _fresh,
-        _meshes,
-        lambda time: _far_walls(time, huge),
-        _noise,
-        _static,
-        _trees,
-        _walls,
-        _rays,
-    ]
-    found: list[Saving] = []
-    for number, part in enumerate(parts):
-        found += part(seconds / len(parts))
-        progress(number + 1, len(parts))
+    found = [_fresh()]
+    for name, skipped, done in _pairs(huge):
+        timed = take_turns({"skipped": skipped, "done": done}, seconds=seconds / PAIRS)
+        found.append(Saving(name, timed["skipped"].median, timed["done"].median))
+        progress(len(found), PAIRS + 1)
     return found
 
 
-def _fresh(seconds: float) -> list[Saving]:
+def _fresh() -> Saving:
     """Libraries that a planar cast does not load."""
     took: dict[str, list[float]] = {"planar": [], "embree": []}
     for _ in range(FRESH):
@@ -91,134 +64,74 @@ def _fresh(seconds: float) -> list[Saving]:
             times.append(probe("first_call", caster, QUARTER)["until_first_scan_s"])
     name = "Embree and its mesh for a planar cast: from the import to the first scan"
     # Others that use the machine only ever add to what a process takes to start.
-    return [Saving(name, min(took["planar"]), min(took["embree"]))]
+    return Saving(name, min(took["planar"]), min(took["embree"]))
 
 
-def _meshes(seconds: float) -> list[Saving]:
-    """The scene that a planar cast does not build."""
-    world, lrf = generate_city(TOWN), LaserRangeFinder()
-    pose = (0.0, 0.0, 0.0)
-    name = f"the mesh of {TOWN:,} walls for a planar cast"
-    return [
-        _pair(
-            name,
-            lambda turn: PlanarCaster(world).cast(lrf, pose),
-            lambda turn: EmbreeCaster(world).cast(lrf, pose),
-            seconds,
-        )
-    ]
+def _pairs(huge: int) -> Iterator[Pair]:
+    lrf = LaserRangeFinder()
+    town, origin = generate_city(TOWN), (0.0, 0.0, 0.0)
+    # The scene that a planar cast does not build.
+    yield (
+        f"the mesh of {TOWN:,} walls for a planar cast",
+        lambda turn: PlanarCaster(town).cast(lrf, origin),
+        lambda turn: EmbreeCaster(town).cast(lrf, origin),
+    )
+    yield from _far_walls(huge)
+    quarter = generate_city(QUARTER)
+    planar, embree = PlanarCaster(quarter), EmbreeCaster(quarter)
+    scan = planar.cast(lrf, (10.0, 10.0, 0.0))
+    silent, noisy, rng = ProportionalNoise(0.0), ProportionalNoise(0.04), np.random.default_rng(0)
+    yield "drawing noise at σ = 0, a scan", lambda _: silent(scan, rng), lambda _: noisy(scan, rng)
+    poses = city_crossings(QUARTER, POSES)
+    plain = [tuple(pose) for pose in poses.tolist()]
+    # Scenes that are built once for all scans.
+    yield (
+        f"building the static {QUARTER} walls for every scan, PlanarCaster",
+        lambda turn: planar.cast(lrf, plain[turn % POSES]),
+        lambda turn: PlanarCaster(quarter).cast(lrf, plain[turn % POSES]),
+    )
+    yield (
+        f"building the static {QUARTER} walls for every scan, EmbreeCaster",
+        lambda turn: embree.cast(lrf, plain[turn % POSES]),
+        lambda turn: EmbreeCaster(quarter).cast(lrf, plain[turn % POSES]),
+    )
+    yield (
+        f"a tree over {SMALL} walls (against {SMALL + 1}, the first to have one)",
+        lambda turn: build_tree(quarter.segments[:SMALL]),
+        lambda turn: build_tree(quarter.segments[: SMALL + 1]),
+    )
+    yield (
+        f"walls that no beam comes near, among {QUARTER} (against all of them, in NumPy)",
+        lambda turn: planar.cast(lrf, plain[turn % POSES]),
+        lambda turn: cast_determinants(
+            quarter.segments, poses[turn % POSES, :2], lrf.directions(poses[turn % POSES])
+        ),
+    )
+    many = city_crossings(QUARTER, BATCH)
+    yield (
+        f"writing which walls were hit, a batch of {BATCH}",
+        lambda turn: planar.cast_batch(lrf, many),
+        lambda turn: planar.scan_batch(lrf, many),
+    )
+    # Rays for beams whose neighbours on both sides end on one wall: where one wall stands alone,
+    # anything might stand between two beams.
+    lone = quarter.segments.max() + np.array([[0.0, 0.0, 1.0, 0.0]])
+    asking = EmbreeCaster(World(np.vstack([quarter.segments, lone])))
+    yield (
+        f"rays between neighbours on one wall, EmbreeCaster, a batch of {BATCH}",
+        lambda turn: embree.cast_batch(lrf, many),
+        lambda turn: asking.cast_batch(lrf, many),
+    )
 
 
-def _far_walls(seconds: float, huge: int) -> list[Saving]:
+def _far_walls(huge: int) -> Iterator[Pair]:
     """Walls beyond range_max, which no beam visits."""
     caster = PlanarCaster(generate_city(huge))
     poses = [tuple(pose) for pose in city_crossings(huge, POSES).tolist()]
-    endless = replace(LaserRangeFinder(), range_max=UNBOUNDED)
 
-    def scan(lrf: LaserRangeFinder) -> Callable[[int], object]:
+    def scan(reach: float) -> Callable[[int], object]:
+        lrf = replace(LaserRangeFinder(), range_max=reach)
         return lambda turn: caster.cast(lrf, poses[turn % POSES])
 
-    return [
-        _pair(
-            f"walls beyond {reach:g} m among {huge:,}, a scan",
-            scan(replace(endless, range_max=reach)),
-            scan(endless),
-            seconds / 2,
-        )
-        for reach in (LaserRangeFinder().range_max, SHORT)
-    ]
-
-
-def _noise(seconds: float) -> list[Saving]:
-    """Random numbers that no noise does not draw."""
-    scan = PlanarCaster(generate_city(QUARTER)).cast(LaserRangeFinder(), (10.0, 10.0, 0.0))
-    silent, noisy = ProportionalNoise(0.0), ProportionalNoise(0.04)
-    rng = np.random.default_rng(0)
-    return [
-        _pair(
-            "drawing noise at σ = 0, a scan",
-            lambda turn: silent(scan, rng),
-            lambda turn: noisy(scan, rng),
-            seconds,
-        )
-    ]
-
-
-def _static(seconds: float) -> list[Saving]:
-    """Scenes that are built once for all scans."""
-    world, lrf = generate_city(QUARTER), LaserRangeFinder()
-    poses = [tuple(pose) for pose in city_crossings(QUARTER, POSES).tolist()]
-
-    def pair(made: type[PlanarCaster] | type[EmbreeCaster]) -> Saving:
-        kept = made(world)
-        return _pair(
-            f"building the static {QUARTER} walls for every scan, {made.__name__}",
-            lambda turn: kept.cast(lrf, poses[turn % POSES]),
-            lambda turn: made(world).cast(lrf, poses[turn % POSES]),
-            seconds / 2,
-        )
-
-    return [pair(PlanarCaster), pair(EmbreeCaster)]
-
-
-def _trees(seconds: float) -> list[Saving]:
-    """Trees: none over few walls, and what one saves over many."""
-    many = generate_city(QUARTER)
-    few, more = many.segments[:SMALL], many.segments[: SMALL + 1]
-    lrf, caster = LaserRangeFinder(), PlanarCaster(many)
-    poses = city_crossings(QUARTER, POSES)
-    plain = [tuple(pose) for pose in poses.tolist()]
-    return [
-        _pair(
-            f"a tree over {SMALL} walls (against {SMALL + 1}, the first to have one)",
-            lambda turn: build_tree(few),
-            lambda turn: build_tree(more),
-            seconds / 2,
-        ),
-        _pair(
-            f"walls that no beam comes near, among {QUARTER} (against all of them, in NumPy)",
-            lambda turn: caster.cast(lrf, plain[turn % POSES]),
-            lambda turn: cast_determinants(
-                many.segments, poses[turn % POSES, :2], lrf.directions(poses[turn % POSES])
-            ),
-            seconds / 2,
-        ),
-    ]
-
-
-def _walls(seconds: float) -> list[Saving]:
-    """The walls of the hits, which a batch writes only where they are asked for."""
-    caster, lrf = PlanarCaster(generate_city(QUARTER)), LaserRangeFinder()
-    poses = city_crossings(QUARTER, BATCH)
-    return [
-        _pair(
-            f"writing which walls were hit, a batch of {BATCH}",
-            lambda turn: caster.cast_batch(lrf, poses),
-            lambda turn: caster.scan_batch(lrf, poses),
-            seconds,
-        )
-    ]
-
-
-def _rays(seconds: float) -> list[Saving]:
-    """Rays for beams whose neighbours on both sides end on one wall."""
-    city, lrf = generate_city(QUARTER), LaserRangeFinder()
-    lone = city.segments.max() + np.array([[0.0, 0.0, 1.0, 0.0]])
-    # Where one wall stands alone, anything might stand between two beams.
-    sparing, asking = EmbreeCaster(city), EmbreeCaster(World(np.vstack([city.segments, lone])))
-    poses = city_crossings(QUARTER, BATCH)
-    return [
-        _pair(
-            f"rays between neighbours on one wall, EmbreeCaster, a batch of {BATCH}",
-            lambda turn: sparing.cast_batch(lrf, poses),
-            lambda turn: asking.cast_batch(lrf, poses),
-            seconds,
-        )
-    ]
-
-
-def _pair(
-    name: str, skipped: Callable[[int], object], done: Callable[[int], object], seconds: float
-) -> Saving:
-    timed = take_turns({"skipped": skipped, "done": done}, seconds=seconds)
-    return Saving(name, timed["skipped"].median, timed["done"].median)
+    for reach in (LaserRangeFinder().range_max, SHORT):
+        yield f"walls beyond {reach:g} m among {huge:,}, a scan", scan(reach), scan(UNBOUNDED)

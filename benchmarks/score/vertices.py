@@ -3,10 +3,16 @@
 Scans enter; for each number of vertices a scan, what Schaefer et al. (IROS 2018) measure leaves:
 the error of the ranges along the beams that meet a line, how many beams do, and how much of the
 area around the laser is taken in or left out wrongly.
+
+A file of scans is an .npz as made from those of Schaefer et al., one prefix for each kind of
+scans: ``KIND_pose`` (s, 3), ``KIND_n`` (s,) beams of each scan, ``KIND_azimuth`` [rad] and
+``KIND_range`` [m] of all beams in a row, ``KIND_rlim`` (s, 2) the valid ranges; and where the
+truth is known, the corners of a polygon around each scan: ``KIND_poly_n``, ``KIND_poly_xy``.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +22,7 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import fit_vertices
-from lrf3d.study.bench.scan_set import ScanSet
+from lrf3d.pose import as_pose
 from lrf3d.world import World
 
 GAP = 1.0
@@ -30,6 +36,21 @@ FARTHEST = 1000.0
 """How far [m] lines are looked for."""
 
 
+@dataclass(frozen=True, eq=False)
+class ScanSet:
+    """Scans of one kind.
+
+    Args:
+        kind: What they are called in the file.
+        scans: The scans.
+        polygons: (k, 2) the true polygon around each scan; none where it is not known.
+    """
+
+    kind: str
+    scans: list[LaserScan]
+    polygons: list[Float]
+
+
 @dataclass(frozen=True, slots=True)
 class VertexEntry:
     """Scans of one kind at one number of vertices; means over the scans.
@@ -38,31 +59,54 @@ class VertexEntry:
         kind: The kind of scans.
         scans: How many.
         vertices: The most vertices that a scan may have.
-        used: How many it had at most.
-        error: Root mean square error of the ranges of a scan's beams that meet a line [m].
+        most_used: How many it had at most.
+        ray_rmse_m: Root mean square error of the ranges of a scan's beams that meet a line [m].
         explained: Share of a scan's returns whose beams do.
-        area: Area that is wrong, by the true area; None where there is no truth.
+        area_error: Area that is wrong, by the true area; None where there is no truth.
     """
 
     kind: str
     scans: int
     vertices: int
-    used: int
-    error: float
+    most_used: int
+    ray_rmse_m: float
     explained: float
-    area: float | None
+    area_error: float | None
 
-    def as_dict(self) -> dict[str, Any]:
-        """The entry in JSON's types."""
-        return {
-            "kind": self.kind,
-            "scans": self.scans,
-            "vertices": self.vertices,
-            "most_used": self.used,
-            "ray_rmse_m": self.error,
-            "explained": self.explained,
-            "area_error": self.area,
-        }
+
+def load_scan_sets(path: Path) -> list[ScanSet]:
+    """Read all kinds of scans of a file.
+
+    Raises:
+        InputError: The file cannot be read, or does not hold such scans.
+    """
+    try:
+        with np.load(path) as file:
+            columns = {name: file[name] for name in file.files}
+        kinds = [name.removesuffix("_azimuth") for name in columns if name.endswith("_azimuth")]
+        sets = [_scan_set(kind, columns) for kind in kinds]
+    except (OSError, KeyError, ValueError, EOFError) as error:
+        raise InputError(f"{path}: cannot be read as single scans ({error})") from None
+    if not sets:
+        raise InputError(f"{path}: holds no scans; expected arrays such as real_azimuth")
+    return sets
+
+
+def _scan_set(kind: str, columns: dict[str, Any]) -> ScanSet:
+    starts = np.cumsum(columns[f"{kind}_n"])[:-1]
+    azimuths = np.split(columns[f"{kind}_azimuth"], starts)
+    ranges = np.split(columns[f"{kind}_range"].astype(np.float64), starts)
+    scans = []
+    for pose, (low, high), angles, measured in zip(
+        columns[f"{kind}_pose"], columns[f"{kind}_rlim"], azimuths, ranges, strict=True
+    ):
+        valid = np.where((measured <= low) | (measured >= high), np.inf, measured)
+        scans.append(LaserScan(as_pose(pose), angles, valid, range_max=float(high)))
+    polygons = []
+    if f"{kind}_poly_n" in columns:
+        corners = np.cumsum(columns[f"{kind}_poly_n"])[:-1]
+        polygons = np.split(columns[f"{kind}_poly_xy"], corners)
+    return ScanSet(kind, scans, polygons)
 
 
 def score_vertices(
@@ -111,14 +155,14 @@ def _score_scan(
     if not polylines:
         raise InputError(f"a scan gave no line at {most} vertices; it needs at least 2 returns")
     used = sum(len(line) - _closed(line) for line in polylines)
-    missed = scan.ranges[scan.hits] - _foretold(scan, polylines)[scan.hits]
+    missed = scan.ranges[scan.hits] - _predicted(scan, polylines)[scan.hits]
     met = np.isfinite(missed)
     error = float(np.sqrt(np.mean(missed[met] ** 2))) if met.any() else np.nan
     area = np.nan if polygon is None else _wrong_area(polylines[0], polygon)
     return used, error, float(met.mean()), area
 
 
-def _foretold(scan: LaserScan, polylines: Sequence[Float]) -> Float:
+def _predicted(scan: LaserScan, polylines: Sequence[Float]) -> Float:
     """Ranges (beams,) at which the beams of a scan meet polylines."""
     segments = np.vstack([np.hstack([line[:-1], line[1:]]) for line in polylines])
     along = EDGE * (segments[:, 2:] - segments[:, :2])

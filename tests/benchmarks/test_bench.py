@@ -7,21 +7,26 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.__main__ import app
+from benchmarks.panels import TradeOff, draw_panels
+from benchmarks.scan import benchmark as scan_module
+from benchmarks.scan.accuracy import ONE_BEAM, corner_trial, judge, scan_trial
+from benchmarks.scan.baselines import (
+    Determinants,
+    Embree,
+    Location,
+    Planar,
+    RawEmbree,
+    cast_determinants,
+)
+from benchmarks.scan.benchmark import CASTER_COLOURS, bench_scan, ratios
+from benchmarks.scan.measuring import CityMeasurement, missing
+from benchmarks.scan.processes import memory
+from benchmarks.scan.savings import ablate
+from benchmarks.text import duration
+from benchmarks.timing import Method, Timing, take_turns
 from lrf3d import LaserRangeFinder, PlanarCaster
-from lrf3d.cli.app import app
 from lrf3d.errors import InputError
-from lrf3d.render.benchmark_figures import TimeAndError, draw_time_and_error
-from lrf3d.study.bench import scan as scan_module
-from lrf3d.study.bench.ablation import ablate
-from lrf3d.study.bench.accuracy import ONE_BEAM, corner_trial, judge, scan_trial
-from lrf3d.study.bench.contest import Contest, missing
-from lrf3d.study.bench.determinants import cast_determinants
-from lrf3d.study.bench.probes import memory
-from lrf3d.study.bench.ratios import ratios
-from lrf3d.study.bench.rivals import Determinants, Embree, Location, Planar, RawEmbree
-from lrf3d.study.bench.scan import bench_scan
-from lrf3d.study.bench.text import duration, scan_text
-from lrf3d.study.timing import take_turns
 from lrf3d.world.generate import city_crossings, generate_city
 
 LRF = LaserRangeFinder()
@@ -30,7 +35,7 @@ LRF = LaserRangeFinder()
 @pytest.fixture
 def no_peers(monkeypatch):
     """Rivals that every machine has."""
-    monkeypatch.setattr("lrf3d.study.bench.contest.RIVALS", (Determinants, Planar, RawEmbree))
+    monkeypatch.setattr("benchmarks.scan.measuring.BASELINES", (Determinants, Planar, RawEmbree))
 
 
 @pytest.fixture
@@ -38,9 +43,9 @@ def no_processes(monkeypatch):
     """Probes without processes."""
     times = {"import_s": 0.1, "first_scan_s": 0.1, "second_scan_s": 1e-5, "until_first_scan_s": 0.2}
     sizes = {"output_bytes": 100, "peak_bytes": 110}
-    for module in ("scan", "ablation"):
+    for module in ("benchmark", "savings"):
         monkeypatch.setattr(
-            f"lrf3d.study.bench.{module}.probe",
+            f"benchmarks.scan.{module}.probe",
             lambda what, caster, walls: times if what == "first_call" else sizes,
         )
 
@@ -86,16 +91,17 @@ def test_bare_embree_hits_wrong_walls_at_corners_and_ours_does_not():
     caster = PlanarCaster(world)
     trial = corner_trial(caster, world, city_crossings(100, 2000))
     bare, ours = (judge(kind(world, ONE_BEAM), trial, seconds=9) for kind in (RawEmbree, Embree))
-    assert bare.wrong > 0 and bare.gross > 0 and bare.largest > 1.0
-    assert ours.wrong == ours.gross == 0 and ours.largest == 0.0
-    assert judge(Planar(world, LRF), scan_trial(caster, LRF, trial.poses[:9]), seconds=9).wrong == 0
+    assert bare.wrong_wall_share > 0 and bare.over_1_cm_share > 0 and bare.largest_error_m > 1.0
+    assert ours.wrong_wall_share == ours.over_1_cm_share == 0 and ours.largest_error_m == 0.0
+    plain = scan_trial(caster, LRF, trial.poses[:9])
+    assert judge(Planar(world, LRF), plain, seconds=9).wrong_wall_share == 0
 
 
 @pytest.mark.usefixtures("no_peers")
 def test_a_contest_brings_an_entry_for_each_rival():
     steps = []
-    entries = Contest(40, 0.05, missing()).run(lambda: steps.append(1))
-    assert [entry.rival.key for entry in entries] == ["numpy", "planar", "raw"]
+    entries = CityMeasurement(40, 0.05, missing()).run(lambda: steps.append(1))
+    assert [entry.baseline.key for entry in entries] == ["numpy", "planar", "raw"]
     assert len(steps) == 3
     planar = entries[1]
     assert planar.largest_error == 0.0 and planar.alone is not None and planar.index > 0
@@ -112,8 +118,8 @@ def test_the_benchmark_reports_ratios_and_leaves_out_what_takes_too_long(monkeyp
     assert {"caster", "walls", "scan", "largest_error_m", "at_corners", "batch"} <= set(entry)
     names = " ".join(ratio["ratio"] for ratio in report["ratios"])
     assert "memory of a batch" in names and "fresh process" in names
-    assert "PlanarCaster" in scan_text(result)
-    monkeypatch.setattr(scan_module.Contest, "run", lambda self, step: [])
+    assert "PlanarCaster" in result.text()
+    monkeypatch.setattr(scan_module.CityMeasurement, "run", lambda self, step: [])
     assert "do not suffice" in bench_scan([40, 400], seconds=0.0).skipped[-1]
 
 
@@ -127,7 +133,7 @@ def test_the_ablation_times_each_piece_on_and_off():
 
 
 def test_a_batch_needs_little_more_memory_than_its_output(monkeypatch):
-    monkeypatch.setattr("lrf3d.study.bench.probes.BATCH", 600)
+    monkeypatch.setattr("benchmarks.scan.processes.BATCH", 600)
     try:
         report = memory("planar", 40)
     except OSError:
@@ -136,29 +142,37 @@ def test_a_batch_needs_little_more_memory_than_its_output(monkeypatch):
 
 
 def test_the_figure_places_what_is_exact_and_what_is_not(tmp_path):
-    points = [
-        TimeAndError(key, key, walls, time * walls**0.1, error, 10 * error, rate, alone)
-        for key, time, error, rate, alone in (
-            ("planar", 1e-5, 0.0, 8e7, 2e7),
-            ("embree", 2e-5, 0.0, 4e7, 1e7),
-            ("raw", 1.5e-5, 1e-4, 1e7, None),
-            ("numpy", 1e-3, 1e-13, None, None),
+    methods = [
+        Method("scans", title, f"{walls:,}", Timing(t, 0.9 * t, 1.1 * t, 9), error, error, error)
+        for title, time, error in (
+            ("PlanarCaster", 1e-5, 0.0),
+            ("EmbreeCaster", 2e-5, 0.0),
+            ("Embree float32", 1.5e-5, 1e-4),
+            ("NumPy determinants", 1e-3, 1e-13),
         )
         for walls in (40, 10_000)
+        for t in (time * walls**0.1,)
     ]
     path = tmp_path / "scan.png"
-    figure = draw_time_and_error(points, path, titles=("Scans", "time and error"))
+    panel = TradeOff("scans", "time", "largest error [m]", methods, CASTER_COLOURS)
+    figure = draw_panels([[panel]], path, titles=("Scans", "time and error"))
     assert path.read_bytes().startswith(b"\x89PNG")
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert "exact" in labels
 
 
+@pytest.mark.usefixtures("no_peers", "no_processes")
+def test_the_picture_of_a_result_is_drawn_with_rates_of_batches(tmp_path):
+    bench_scan([40, 400], seconds=0.5).draw(tmp_path / "scan.png")
+    assert (tmp_path / "scan.png").stat().st_size > 20_000
+
+
 def test_the_command_prints_one_object(monkeypatch, tmp_path):
-    empty = scan_module.ScanBenchmark(took=1.0)
+    empty = scan_module.ScanResult(took_s=1.0)
     monkeypatch.setattr(scan_module, "bench_scan", lambda *args, **kwargs: empty)
-    done = CliRunner().invoke(app, ["bench", "scan", "--json"])
+    done = CliRunner().invoke(app, ["scan", "--json"])
     assert done.exit_code == 0 and json.loads(done.stdout)["benchmark"] == "scan"
-    wrong = CliRunner().invoke(app, ["bench", "scan", "--walls", "many"])
+    wrong = CliRunner().invoke(app, ["scan", "--walls", "many"])
     assert isinstance(wrong.exception, InputError)
 
 

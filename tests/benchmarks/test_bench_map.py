@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from lrf3d.casting import PlanarCaster
-from lrf3d.cli.app import app
-from lrf3d.laser import LaserRangeFinder, ProportionalNoise
-from lrf3d.mapping import LineMapper
-from lrf3d.study.bench import map_bench as map_module
-from lrf3d.study.bench.map_accuracy import (
+from benchmarks.__main__ import app
+from benchmarks.map import benchmark as map_module
+from benchmarks.map.benchmark import Extent, MapResult, bench_map, measure_memory
+from benchmarks.map.pairs import measure_town
+from benchmarks.map.settings import (
     SCORES,
     SWEEPS,
     CityDrive,
@@ -21,12 +20,10 @@ from lrf3d.study.bench.map_accuracy import (
     measure_accuracy,
     settings,
 )
-from lrf3d.study.bench.map_bench import Extent, MapBenchmark, bench_map
-from lrf3d.study.bench.map_figure import draw_map_benchmark
-from lrf3d.study.bench.map_memory import measure_memory
-from lrf3d.study.bench.map_pairs import measure_town
-from lrf3d.study.bench.map_speed import SizeEntry, measure_sizes, prefilled, surveyed
-from lrf3d.study.bench.map_text import map_text
+from benchmarks.map.sizes import SizeEntry, measure_sizes, prefilled, surveyed
+from lrf3d.casting import PlanarCaster
+from lrf3d.laser import LaserRangeFinder, ProportionalNoise
+from lrf3d.mapping import LineMapper
 from lrf3d.world.generate import generate_city
 
 TINY = Extent({"beams": (91, 181), "gap": (2.5,)}, every=40, sizes=(40,), towns=(100,), scans=10)
@@ -46,10 +43,10 @@ def benchmark():
 
 def test_every_setting_is_measured_with_every_seed(benchmark):
     result, heard = benchmark
-    assert [entry.setting for entry in result.entries] == settings(TINY.sweeps)
-    assert all(len(entry.builds) == 2 for entry in result.entries)
-    for entry in result.entries:
-        assert [len(spent) for spent in entry.updates] == [result.scans] * 2
+    assert [entry.setting for entry in result.settings] == settings(TINY.sweeps)
+    assert all(len(entry.builds) == 2 for entry in result.settings)
+    for entry in result.settings:
+        assert [len(spent) for spent in entry.updates] == [result.scans_of_each_setting] * 2
     assert not result.skipped
     total = heard[-1][1]
     assert heard == [(done, total) for done in range(1, total + 1)]
@@ -61,16 +58,16 @@ def test_the_report_is_json_and_the_tables_hold_every_part(benchmark):
     assert report["benchmark"] == "map"
     assert set(SCORES) | {"mode", "varied", "value", "update"} <= set(report["settings"][0])
     assert {entry["strategy"] for entry in report["line_pairs"]} == {"all", "unions-first"}
-    text = map_text(result)
+    text = result.text()
     for part in ("segment F1", "walls of a town", "polylines", "unions-first", "took"):
         assert part in text
 
 
 def test_the_figure_shows_what_was_measured_and_bears_what_was_not(benchmark, tmp_path):
     result, _ = benchmark
-    for number, each in enumerate((result, MapBenchmark())):
+    for number, each in enumerate((result, MapResult())):
         path = tmp_path / f"map{number}.png"
-        draw_map_benchmark(each, path)
+        each.draw(path)
         assert path.read_bytes().startswith(b"\x89PNG")
 
 
@@ -120,15 +117,20 @@ def test_a_prefilled_map_merges_what_it_sees_with_what_it_holds():
 def test_sizes_come_in_both_modes():
     entries = list(measure_sizes((40,), seconds=0.01, until=time.monotonic() + 60.0))
     assert all(isinstance(entry, SizeEntry) for entry in entries)
-    assert [(entry.mode, entry.segments) for entry in entries] == [("robust", 40), ("paper", 40)]
+    assert [(entry.mode, entry.map_segments) for entry in entries] == [
+        ("robust", 40),
+        ("paper", 40),
+    ]
 
 
 def test_unions_first_finds_the_pairs_of_all_with_fewer_comparisons():
     every, unions_first = measure_town(400, scans=40)
     assert (every.strategy, unions_first.strategy) == ("all", "unions-first")
-    assert every.same == 1.0 and unions_first.same > 0.9
-    assert unions_first.comparisons < every.comparisons / 3
-    assert every.pairs == pytest.approx(unions_first.pairs, rel=0.05)
+    assert (
+        every.scans_with_the_pairs_of_all == 1.0 and unions_first.scans_with_the_pairs_of_all > 0.9
+    )
+    assert unions_first.comparisons_a_scan < every.comparisons_a_scan / 3
+    assert every.pairs_a_scan == pytest.approx(unions_first.pairs_a_scan, rel=0.05)
 
 
 def test_unions_take_fewer_numbers_than_a_grid():
@@ -141,10 +143,10 @@ def test_the_command_prints_one_object(monkeypatch):
 
     def measured(**choice):
         asked.update(choice)
-        return MapBenchmark(took=1.0)
+        return MapResult(took_s=1.0)
 
     monkeypatch.setattr(map_module, "bench_map", measured)
-    done = CliRunner().invoke(app, ["bench", "map", "--json", "--seeds", "4", "--seconds", "9"])
+    done = CliRunner().invoke(app, ["map", "--json", "--seeds", "4", "--seconds", "9"])
     assert done.exit_code == 0 and json.loads(done.stdout)["benchmark"] == "map"
     assert asked["seeds"] == 4 and asked["seconds"] == 9.0
-    assert CliRunner().invoke(app, ["bench", "map", "--seeds", "0"]).exit_code == 2
+    assert CliRunner().invoke(app, ["map", "--seeds", "0"]).exit_code == 2

@@ -4,16 +4,16 @@ import json
 
 import numpy as np
 import pytest
-from test_render import needs_gl
 from typer.testing import CliRunner
 
-from lrf3d.cli.app import app
+from benchmarks.__main__ import app
+from test_render import needs_gl
 
 
 @pytest.fixture(scope="module")
 def benchmark():
     """A tiny benchmark, and the steps that it told of."""
-    from lrf3d.study.bench.render_bench import bench_render
+    from benchmarks.render.benchmark import bench_render
 
     heard = []
     result = bench_render(
@@ -32,11 +32,11 @@ def test_all_ways_to_draw_are_timed_and_the_clean_ones_err_less(benchmark):
     city = {(e.title, e.samples): e for e in result.entries if e.world == "city"}
     assert {"lrf3d", "stock pyrender", "floor: clear and read"} <= {title for title, _ in city}
     assert [e.buildings for e in result.entries if e.world != "city"] == [12, 60]
-    plain, smooth = city["lrf3d", 0].error, city["lrf3d", 4].error
-    assert 0.0 < city["lrf3d, twice the size", 0].error < plain
+    plain, smooth = city["lrf3d", 0].error_rms, city["lrf3d", 4].error_rms
+    assert 0.0 < city["lrf3d, twice the size", 0].error_rms < plain
     assert 0.0 < smooth < plain
-    assert all(entry.timing.median > 0.0 for entry in result.entries)
-    assert set(result.layers) >= {"fan", "beams", "hud", "inset"}
+    assert all(entry.frame.median > 0.0 for entry in result.entries)
+    assert set(result.layers_s) >= {"fan", "beams", "hud", "inset"}
     total = heard[-1][1]
     assert [done for done, _ in heard] == sorted(done for done, _ in heard)
     assert heard[-1] == (total, total)
@@ -44,25 +44,22 @@ def test_all_ways_to_draw_are_timed_and_the_clean_ones_err_less(benchmark):
 
 @needs_gl
 def test_the_report_is_json_and_the_tables_and_the_picture_hold_all(benchmark, tmp_path):
-    from lrf3d.study.bench.render_figure import draw_render_benchmark
-    from lrf3d.study.bench.render_text import render_text
-
     result, _ = benchmark
     report = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert report["benchmark"] == "render"
     assert {"world", "samples", "frame", "error_rms"} <= set(report["entries"][0])
-    text = render_text(result)
+    text = result.text()
     for word in ("stock pyrender", "floor", "fan", "frame of 60 buildings / of 12"):
         assert word in text
-    draw_render_benchmark(result, tmp_path / "a.png")
+    result.draw(tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 20_000
 
 
 @needs_gl
 def test_stock_pyrender_draws_the_same_city_in_sun_and_shadow():
+    from benchmarks.render.scenes import generated_run
+    from benchmarks.render.stock import StockFilm
     from lrf3d.render.film import Film
-    from lrf3d.render.stock import StockFilm
-    from lrf3d.study.bench.render_scenes import generated_run
 
     run = generated_run(30, scans=8)
     pictures = {}
@@ -82,11 +79,11 @@ def test_stock_pyrender_draws_the_same_city_in_sun_and_shadow():
 
 @needs_gl
 def test_each_piece_of_skipped_work_can_be_done_again():
-    from lrf3d.study.bench import render_ablation
-    from lrf3d.study.bench.render_scenes import generated_run
+    from benchmarks.render import savings as render_savings
+    from benchmarks.render.scenes import generated_run
 
     run = generated_run(30, scans=8)
-    savings = render_ablation.ablate_render(
+    savings = render_savings.ablate_render(
         run, np.linspace(0.0, 1.0, 4), size=(96, 54), seconds=1.0, buildings=60
     )
     assert len({saving.name for saving in savings}) == len(savings) == 7
@@ -94,5 +91,5 @@ def test_each_piece_of_skipped_work_can_be_done_again():
 
 
 def test_wrong_sizes_are_refused_in_one_line():
-    answer = CliRunner().invoke(app, ["bench", "render", "--buildings", "many"])
+    answer = CliRunner().invoke(app, ["render", "--buildings", "many"])
     assert answer.exit_code != 0

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.__main__ import app
+from benchmarks.score.benchmark import ScoreChoice, bench_score
+from benchmarks.score.vertices import load_scan_sets, score_vertices
+from benchmarks.score.world import CLEARANCE, random_poses
 from lrf3d.casting import PlanarCaster
-from lrf3d.cli.app import app
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.study.bench.random_poses import CLEARANCE, random_poses
-from lrf3d.study.bench.scan_set import load_scan_sets
-from lrf3d.study.bench.score_bench import ScoreChoice, bench_score
-from lrf3d.study.bench.score_text import score_text
-from lrf3d.study.bench.vertex_score import score_vertices
 from lrf3d.world import World
 
 FAR_AWAY = (85_000.0, 447_500.0)
@@ -89,7 +87,7 @@ def test_both_modes_are_scored_on_a_world_and_the_seed_repeats(tmp_path):
     assert best.visible_segments == 8 and best.segment_f1 > 0.9 and best.object_purity == 1.0
     report = json.loads(json.dumps(first.as_dict(), allow_nan=False))
     assert report["maps"][0]["segment_f1"] == best.segment_f1
-    assert "purity" in score_text(first)
+    assert "purity" in first.text()
 
 
 def test_single_scans_of_a_room_need_its_four_corners_and_no_more(tmp_path):
@@ -98,11 +96,11 @@ def test_single_scans_of_a_room_need_its_four_corners_and_no_more(tmp_path):
         ("sim", 2, 2), ("real", 1, 0),
     ]  # fmt: skip
     three, four = score_vertices(sets[:1], [3, 5])
-    assert four.used <= 5 and four.explained == 1.0
-    assert four.error < 0.05 and four.area < 0.02
-    assert three.area > 0.1 > four.area and three.error > four.error
+    assert four.most_used <= 5 and four.explained == 1.0
+    assert four.ray_rmse_m < 0.05 and four.area_error < 0.02
+    assert three.area_error > 0.1 > four.area_error and three.ray_rmse_m > four.ray_rmse_m
     (known_no_truth,) = score_vertices(sets[1:], [5])
-    assert known_no_truth.area is None and known_no_truth.explained > 0.95
+    assert known_no_truth.area_error is None and known_no_truth.explained > 0.95
 
 
 def test_the_command_scores_scans_and_logs_as_json(tmp_path):
@@ -111,13 +109,13 @@ def test_the_command_scores_scans_and_logs_as_json(tmp_path):
     log = tmp_path / "drive.log"
     log.write_text("".join(line.format(x=0.5 * k) for k in range(4)))
     runner = CliRunner()
-    lines = runner.invoke(app, ["bench", "score", str(scans), "--vertices", "5", "--json"])
+    lines = runner.invoke(app, ["score", str(scans), "--vertices", "5", "--json"])
     assert lines.exit_code == 0
     assert [entry["vertices"] for entry in json.loads(lines.stdout)["lines"]] == [5, 5]
-    maps = runner.invoke(app, ["bench", "score", str(log), "--json"])
+    maps = runner.invoke(app, ["score", str(log), "--json"])
     assert maps.exit_code == 0
     assert [entry["mode"] for entry in json.loads(maps.stdout)["logs"]] == ["robust", "paper"]
-    text = runner.invoke(app, ["bench", "score", str(log)])
+    text = runner.invoke(app, ["score", str(log)])
     assert "explained" in text.stdout and "paper" in text.stdout
 
 

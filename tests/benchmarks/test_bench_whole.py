@@ -9,21 +9,20 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from lrf3d.cli.app import app
+from benchmarks import parts as parts_module
+from benchmarks import whole
+from benchmarks.__main__ import app
+from benchmarks.comparison import compare, load_report
+from benchmarks.drive.benchmark import bench_drive
+from benchmarks.drive.inputs import held_inputs, smooth_inputs
+from benchmarks.drive.integrators import integrators
+from benchmarks.parts import Part
+from benchmarks.report_page import page_text
+from benchmarks.results import Saving, as_json
+from benchmarks.scan import benchmark as scan
+from benchmarks.timing import Method, Timing
+from benchmarks.whole import Report, bench_all
 from lrf3d.errors import InputError, MissingLibraryError
-from lrf3d.study.bench import parts as parts_module
-from lrf3d.study.bench import scan, whole
-from lrf3d.study.bench.ablation import Saving
-from lrf3d.study.bench.comparison import compare, load_report
-from lrf3d.study.bench.drive_bench import bench_drive
-from lrf3d.study.bench.drive_text import drive_text
-from lrf3d.study.bench.hour import held_inputs, smooth_inputs
-from lrf3d.study.bench.integrators import integrators
-from lrf3d.study.bench.part import Part, Way
-from lrf3d.study.bench.report_page import page_text
-from lrf3d.study.bench.whole import Report, bench_all
-from lrf3d.study.bench.whole_text import comparison_text, whole_text
-from lrf3d.study.timing import Timing
 
 
 def ends(hour, seconds):
@@ -43,11 +42,11 @@ def test_exact_arcs_and_tight_tolerances_reach_the_true_end():
 
 def test_a_drive_benchmark_marks_one_default_for_each_kind_of_inputs():
     result = bench_drive(seconds=1.0, driven=5.0)
-    chosen = [entry.inputs for entry in result.entries if entry.integrator.chosen]
+    chosen = [entry.inputs for entry in result.entries if entry.default]
     assert len(chosen) == len(set(chosen)) == 2
     report = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert report["benchmark"] == "drive" and len(report["entries"]) == len(result.entries)
-    assert "exact arcs" in drive_text(result) and len(result.savings) == 1
+    assert "exact arcs" in result.text() and len(result.savings) == 1
 
 
 def timing(median, scatter=1.02, calls=9):
@@ -55,13 +54,14 @@ def timing(median, scatter=1.02, calls=9):
 
 
 def way(name="a", median=1.0, error=0.5, spread=0.0, chosen=False):
-    return Way("thing", name, "", timing(median), error, (error - spread, error + spread), chosen)
+    errors = error, error - spread, error + spread
+    return Method("thing", name, "", timing(median), *errors, chosen)
 
 
 def made(*ways, pace=1e-3, **machine):
     part = Part(
         "ranges", "Ranges", "How?", "time", "error [m]", ways,
-        (Saving("<work>", 1.0, 2.0),), yardstick=timing(pace), took=1.0,
+        (Saving("<work>", 1.0, 2.0),), calibration=timing(pace), took=1.0,
     )  # fmt: skip
     same = {"system": "s", "processor": "p", "cores": 4, "python": "3", "numpy": "2", "load": 0.0}
     return Report([part], {"frames": "no OpenGL"}, {**same, **machine}, "2030-01-01", 2.0)
@@ -82,7 +82,7 @@ def test_what_is_slower_beyond_the_noise_is_named_with_its_ratio():
     same = changes(made(way(median=1.08)), made(way()))
     assert not same.changes  # Within the quartiles of both.
     (change,) = changes(made(way(median=2.0)), made(way())).changes
-    assert change.words == "slower" and change.ratio == 2.0 and 1.0 < change.noise < 1.1
+    assert change.words == "slower" and change.ratio == 2.0 and 1.0 < change.noise_ratio < 1.1
     (change,) = changes(made(way(median=0.5)), made(way())).changes
     assert change.words == "faster"
 
@@ -91,11 +91,11 @@ def test_a_machine_that_was_slower_itself_excuses_as_much():
     old, new = made(way()), made(way(median=1.8), pace=2e-3)
     comparison = changes(new, old)
     assert not comparison.changes and comparison.speeds == {"ranges": 2.0}
-    assert "2.00 times" in comparison_text(comparison)
+    assert "2.00 times" in comparison.text()
 
 
 def test_a_time_taken_once_is_no_measure_of_its_noise():
-    once = replace(way(median=1.9), timing=timing(1.9, 1.0, calls=1))
+    once = replace(way(median=1.9), time=timing(1.9, 1.0, calls=1))
     assert not changes(made(once), made(way())).changes
 
 
@@ -105,7 +105,7 @@ def test_errors_are_compared_by_their_ranges_and_from_none():
     assert change.words == "less exact"
     (change,) = changes(made(way(error=1e-9)), made(way(error=0.0))).changes
     assert change.words == "less exact" and change.ratio is None
-    assert "from none" in comparison_text(changes(made(way(error=1e-9)), made(way(error=0.0))))
+    assert "from none" in changes(made(way(error=1e-9)), made(way(error=0.0))).text()
 
 
 def test_other_machines_and_missing_ways_are_named():
@@ -126,13 +126,14 @@ def test_what_is_no_report_is_refused_in_one_line(tmp_path, text):
 
 def test_the_page_holds_its_plots_and_loads_nothing():
     report = made(way("a", chosen=True), way("b", 2.0, 0.0), way("<c>", 3.0, 1e-9))
-    page = page_text(report, changes(report, made(way("a", 0.1))))
+    page = page_text(report)
     pictures = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', page)
     assert len(pictures) == 1 and base64.b64decode(pictures[0]).startswith(b"<?xml")
     assert "&lt;c&gt;" in page and "<c>" not in page and "&lt;work&gt;" in page
     assert not re.findall(r'(?:src|href)="(?!data:|#)', page)
-    assert "no OpenGL" in page and "slower" in page
-    assert "no OpenGL" in whole_text(report)
+    assert "no OpenGL" in page
+    assert "slower" in changes(report, made(way("a", 0.1))).text()
+    assert "no OpenGL" in report.text()
 
 
 def missing(seconds, extent, progress):
@@ -157,18 +158,18 @@ def test_what_cannot_run_is_named_and_the_others_go_on(two_parts):
     assert [part.key for part in report.parts] == ["ranges"]
     assert report.left_out == {"frames": "no OpenGL"}
     assert heard == [(250, 1000), (500, 1000), (1000, 1000)]
-    assert report.parts[0].yardstick.calls == 2 * whole.PACES
+    assert report.parts[0].calibration.calls == 2 * whole.PACES
 
 
 def test_the_command_writes_both_reports_and_compares(two_parts, tmp_path):
     out = tmp_path / "bench"
     for more in ([], ["--compare", str(out / "report.json")]):
-        done = CliRunner().invoke(app, ["bench", "--out", str(out), "--json", *more])
+        done = CliRunner().invoke(app, ["whole", "--out", str(out), "--json", *more])
         assert done.exit_code == 0, done.output
         assert json.loads(done.stdout) == json.loads((out / "report.json").read_text())
         assert (out / "report.html").read_text().endswith("</html>\n")
     assert json.loads(done.stdout)["comparison"]["figures_compared"] == 6
-    done = CliRunner().invoke(app, ["bench", "--part", "nothing"])
+    done = CliRunner().invoke(app, ["whole", "--part", "nothing"])
     assert isinstance(done.exception, InputError) and "nothing" in str(done.exception)
 
 
@@ -181,7 +182,7 @@ def test_a_short_benchmark_of_maps_and_ranges_has_one_default_a_thing(monkeypatc
         for measure, seconds in ((parts_module.ranges, 2.0), (parts_module.maps, 100.0))
     ]
     for part in parts:
-        for thing in {way.thing for way in part.ways}:
-            assert sum(way.chosen for way in part.ways if way.thing == thing) == 1, thing
-        json.dumps(part.as_dict(), allow_nan=False)
-    assert {way.thing for way in parts[1].ways} == {"no noise", "σ = 0.04 m"}
+        for thing in {way.thing for way in part.methods}:
+            assert sum(way.default for way in part.methods if way.thing == thing) == 1, thing
+        json.dumps(as_json(part), allow_nan=False)
+    assert {way.thing for way in parts[1].methods} == {"no noise", "σ = 0.04 m"}

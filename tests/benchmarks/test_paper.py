@@ -9,13 +9,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
-from PIL import Image
-from typer.testing import CliRunner
-
-from lrf3d.cli.app import app
-from lrf3d.errors import MissingLibraryError
-from lrf3d.render import video
 from lrf3d.render.embedded import embed_figure
 from lrf3d.study.paper import report as report_module
 from lrf3d.study.paper.city import drive_through, film_claim, speed_claim
@@ -24,6 +17,13 @@ from lrf3d.study.paper.extent import Extent
 from lrf3d.study.paper.memory import grid_claim, polyline_claim
 from lrf3d.study.paper.page import page_text
 from lrf3d.study.paper.report import STEPS, PaperReport, redo_paper
+from matplotlib.figure import Figure
+from PIL import Image
+from typer.testing import CliRunner
+
+from lrf3d.cli.app import app
+from lrf3d.errors import MissingLibraryError
+from lrf3d.render import video
 
 TINY = Extent(seeds=2, city_seeds=2, every=200, scans=8, towns=(100,), robots=1, film=(320, 180))
 
