@@ -132,7 +132,8 @@ def draw_panels(
     """
     wide = min(MOST_WIDE, max(map(len, rows))) * (GAP + PANEL) + 0.3
     tall = [TALL if len(row) <= MOST_WIDE else SHORT for row in rows]
-    rings = any(isinstance(panel, TradeOff) for row in rows for panel in row)
+    offs = [panel for row in rows for panel in row if isinstance(panel, TradeOff)]
+    rings = any(method.default for panel in offs for method in panel.methods)
     foot = 0.2 if rings else 0.0
     head = HEAD if any(titles) else 0.0
     sheet = Sheet(wide, head + sum(tall) + (TITLES + FOOT) * len(rows) + foot - 0.25, titles)
@@ -257,7 +258,7 @@ def _curves(axes: Axes, panel: Curves) -> None:
     elif min(heights) > 0.0:
         axes.set(yscale="log", ylim=(min(heights) / 2.0, max(heights) * 2.0))
         axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:,.10g}"))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: _number(y)))
     if panel.times:
         _name_times(axes, "y")
     names = []
@@ -268,7 +269,7 @@ def _curves(axes: Axes, panel: Curves) -> None:
             curve.x, curve.y, s=16 if curve.dashed else 36, color=curve.colour,
             edgecolor="white", linewidths=0.8, zorder=5,
         )  # fmt: skip
-        if not panel.legend:
+        if curve.name and not panel.legend:
             names.append(Name(curve.name, curve.x[-1], curve.y[-1], curve.colour, bold=True))
         for x, y, label in zip(curve.x, curve.y, curve.labels, strict=False):
             names.append(Name(label, x, y, curve.colour, note=True))
@@ -304,8 +305,7 @@ def _bars(axes: Axes, panel: Bars) -> None:
                           color=FAINT)  # fmt: skip
             else:
                 axes.bar(at, number, 0.9 * width, color=colour, zorder=3)
-                words = f"{number:,.0f}" if number < 1e5 else f"{number / 1e6:.1f} M"
-                axes.annotate(words, (at, number), (0, 7), textcoords="offset points",
+                axes.annotate(_number(number), (at, number), (0, 7), textcoords="offset points",
                               ha="center", va="center", fontsize=8.5, color=colour)  # fmt: skip
     if panel.lying:
         axes.set_yticks(range(len(panel.places)), panel.places)
@@ -321,6 +321,10 @@ def _bars(axes: Axes, panel: Bars) -> None:
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.grid(axis="x", visible=False)
     axes.tick_params(labelsize=8.5)
+
+
+def _number(number: float) -> str:
+    return f"{number:,.10g}" if number < 1e5 else f"{number / 1e6:.3g} M"
 
 
 def _name_times(axes: Axes, which: str) -> None:

@@ -1,4 +1,4 @@
-"""``lrf3d paper``: every figure and claim of the paper, measured, on one page."""
+"""``scripts/paper``: every figure and claim of the paper, measured, on one page."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,8 +6,12 @@ from typing import Annotated
 import typer
 
 from lrf3d.cli import options
+from lrf3d.cli.app import main
+
+app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
 
 
+@app.command(epilog="Example: scripts/paper --out out/paper")
 def paper(
     out: Annotated[Path, typer.Option(help="Folder for what comes out.")] = Path("out/paper"),
     seeds: Annotated[int, typer.Option(min=2, help="Seeds of the noise in the room.")] = 20,
@@ -17,10 +21,8 @@ def paper(
 
     Writes paper.html, which needs no other file, and paper.json. Takes a minute or two.
     """
-    from lrf3d.study.paper.extent import Extent
-    from lrf3d.study.paper.page import page_text
-    from lrf3d.study.paper.report import redo_paper
-
+    from benchmarks.paper.claim import Extent
+    from benchmarks.paper.report import page_text, redo_paper
     from lrf3d.cli.console import json_text, print_json, print_table, progress_bar
     from lrf3d.output import make_folder, write_text
 
@@ -35,3 +37,7 @@ def paper(
         return
     rows = [(claim.verdict, claim.title) for claim in report.claims]
     print_table([*rows, *((name, str(path)) for name, path in files.items())])
+
+
+if __name__ == "__main__":
+    main(app, "scripts/paper")

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-from lrf3d.render.embedded import embed_figure
-from lrf3d.study.paper.claim import MODES, Claim, Picture, Table
-from lrf3d.study.paper.extent import Extent
-from lrf3d.study.paper.room import swept
-
+from benchmarks.page import embed_figure
+from benchmarks.paper.claim import MODES, Claim, Extent, Picture, Table
+from benchmarks.paper.room import swept
 from lrf3d.render.sweep_figure import draw_sweep
 from lrf3d.study.sweep.drawing import curves_of
 from lrf3d.study.sweep.grid import Grid

@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from lrf3d.render.embedded import embed_figure
-from lrf3d.study.paper.claim import MODES, Claim, Picture, Table
-from lrf3d.study.paper.extent import Extent
 
+from benchmarks.page import embed_figure
+from benchmarks.paper.claim import MODES, Claim, Extent, Picture, Table
 from lrf3d.casting import crosscheck
 from lrf3d.render.figures import draw_noise_levels, draw_world
 from lrf3d.scenario import load_scenario

@@ -2,15 +2,13 @@
 
 from math import degrees
 
-from lrf3d.render.embedded import embed_figure
-from lrf3d.render.map_benchmark_panels import PairPoint
-from lrf3d.render.paper_figures import draw_search
-from lrf3d.study.bench.map_pairs import PairEntry, measure_pairs, measure_town
-from lrf3d.study.bench.text import duration
-from lrf3d.study.paper.city import Drive
-from lrf3d.study.paper.claim import Claim, Picture, Table
-from lrf3d.study.paper.extent import Extent
-
+from benchmarks.map.benchmark import pair_row, search_curves
+from benchmarks.map.pairs import PairEntry, measure_pairs, measure_town
+from benchmarks.page import embed_figure
+from benchmarks.panels import draw_panels
+from benchmarks.paper.city import Drive
+from benchmarks.paper.claim import Claim, Extent, Picture, Table
+from benchmarks.results import as_json
 from lrf3d.localization import OdometryNoise
 from lrf3d.scenario import load_scenario
 from lrf3d.study.localisation import LocalisationTask, score_localisation
@@ -30,16 +28,22 @@ def search_claim(drive: Drive, extent: Extent) -> Claim:
         entries += measure_town(walls, scans=extent.scans)
     by_place: dict[tuple[str, int], dict[str, PairEntry]] = {}
     for entry in entries:
-        by_place.setdefault((entry.place, entry.known), {})[entry.strategy] = entry
+        by_place.setdefault((entry.place, entry.known_lines), {})[entry.strategy] = entry
     ratios = {
-        place: both["all"].comparisons / max(both["unions-first"].comparisons, 1e-9)
+        place: both["all"].comparisons_a_scan / max(both["unions-first"].comparisons_a_scan, 1e-9)
         for place, both in by_place.items()
+    }
+    same = {
+        place: both["unions-first"].scans_with_the_pairs_of_all for place, both in by_place.items()
     }
     towns = [place for place in ratios if place[0] == "town"]
     told = min(towns, key=lambda place: abs(place[1] - 1_000)) if towns else ("city", len(run.map))
-    figure = draw_search(
-        [PairPoint(e.strategy, e.known, e.comparisons, e.pairing.median) for e in entries],
-        ("Comparisons of lines a scan", "beside each point the time in which a scan is paired"),
+    figure = draw_panels(
+        [[search_curves("", entries)]],
+        titles=(
+            "Comparisons of lines a scan",
+            "beside each point the time in which a scan is paired",
+        ),
     )
     return Claim(
         "search",
@@ -48,34 +52,18 @@ def search_claim(drive: Drive, extent: Extent) -> Claim:
         "To find the pairs of 10 local and 1,000 global lines takes 1000 × 10 comparisons. It could"
         " be faster to look first among the lines of those objects that the previous scan showed.",
         f"On a town of {told[1]:,} lines, unions-first takes"
-        f" {by_place[told]['unions-first'].comparisons:,.0f} comparisons a scan instead of"
-        f" {by_place[told]['all'].comparisons:,.0f}, {ratios[told]:.0f} times fewer, and"
-        f" finds the same pairs in {100 * by_place[told]['unions-first'].same:.1f} % of the scans."
+        f" {by_place[told]['unions-first'].comparisons_a_scan:,.0f} comparisons a scan instead of"
+        f" {by_place[told]['all'].comparisons_a_scan:,.0f}, {ratios[told]:.0f} times fewer, and"
+        f" finds the same pairs in {100 * same[told]:.1f} % of the scans."
         if told in by_place
         else "Only the city was measured.",
         "there are fewer comparisons everywhere, and the same pairs in at least"
         f" {100 * SAME:.0f} % of the scans",
-        {
-            "lrf3d": all(
-                ratios[place] > 1.0 and both["unions-first"].same >= SAME
-                for place, both in by_place.items()
-            )
-        },
+        {"lrf3d": all(ratios[place] > 1.0 and same[place] >= SAME for place in ratios)},
         (
             Table(
-                ("place", "known lines", "strategy", "pairs", "comparisons", "time", "same pairs"),
-                tuple(
-                    (
-                        e.place,
-                        f"{e.known:,}",
-                        e.strategy,
-                        f"{e.pairs:.1f}",
-                        f"{e.comparisons:,.0f}",
-                        duration(e.pairing.median),
-                        f"{100 * e.same:.1f} %",
-                    )
-                    for e in entries
-                ),
+                ("known lines", "strategy", "pairs", "comparisons", "time", "same pairs"),
+                tuple(pair_row(entry) for entry in entries),
             ),
         ),
         (
@@ -83,7 +71,7 @@ def search_claim(drive: Drive, extent: Extent) -> Claim:
                 embed_figure(figure), "Comparisons by the size of the map, both axes logarithmic."
             ),
         ),
-        {"entries": [entry.as_dict() for entry in entries]},
+        {"entries": as_json(entries)},
     )
 
 

@@ -9,19 +9,22 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from lrf3d.render.embedded import embed_figure
-from lrf3d.study.paper import report as report_module
-from lrf3d.study.paper.city import drive_through, film_claim, speed_claim
-from lrf3d.study.paper.claim import Claim, Picture, Table
-from lrf3d.study.paper.extent import Extent
-from lrf3d.study.paper.memory import grid_claim, polyline_claim
-from lrf3d.study.paper.page import page_text
-from lrf3d.study.paper.report import STEPS, PaperReport, redo_paper
 from matplotlib.figure import Figure
 from PIL import Image
 from typer.testing import CliRunner
 
-from lrf3d.cli.app import app
+from benchmarks.page import embed_figure
+from benchmarks.paper import report as report_module
+from benchmarks.paper.__main__ import app
+from benchmarks.paper.city import (
+    drive_through,
+    film_claim,
+    grid_claim,
+    polyline_claim,
+    speed_claim,
+)
+from benchmarks.paper.claim import Claim, Extent, Picture, Table
+from benchmarks.paper.report import STEPS, PaperReport, page_text, redo_paper
 from lrf3d.errors import MissingLibraryError
 from lrf3d.render import video
 
@@ -172,9 +175,7 @@ def test_the_command_writes_the_page_and_prints_one_object(monkeypatch, tmp_path
         return PaperReport((), {"system": "here", "cores": 4}, 1.0)
 
     monkeypatch.setattr(report_module, "redo_paper", measured)
-    done = CliRunner().invoke(
-        app, ["paper", "--json", "--seeds", "3", "--out", str(tmp_path / "out")]
-    )
+    done = CliRunner().invoke(app, ["--json", "--seeds", "3", "--out", str(tmp_path / "out")])
     assert done.exit_code == 0 and json.loads(done.stdout)["claims"] == []
     assert asked == [Extent(seeds=3)]
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"paper.html", "paper.json"}
