@@ -10,7 +10,6 @@ from lrf3d.cli.localise import localise
 from lrf3d.cli.map import map_
 from lrf3d.cli.render import render
 from lrf3d.cli.run import run
-from lrf3d.cli.stress import stress
 from lrf3d.cli.sweep import sweep
 from lrf3d.cli.view import view
 from lrf3d.cli.world import world
@@ -34,7 +33,6 @@ app.command(epilog="Example: lrf3d render out/city --view top")(render)
 app.command(epilog="Example: lrf3d view city")(view)
 app.command(epilog="Example: lrf3d export out/city --to mcap")(export)
 app.command(epilog="Example: lrf3d crosscheck city --json")(crosscheck)
-app.command(epilog="Example: lrf3d stress --quick")(stress)
 app.command("map", epilog="Example: lrf3d map drive.log.gz --out out/drive")(map_)
 app.command(epilog="Example: lrf3d localise city --seeds 100 --json")(localise)
 app.command(epilog="Example: lrf3d sweep city --sigma 0.04,0.42 --beams 91,181 --seeds 20")(sweep)

@@ -5,7 +5,7 @@ and how to try some of them. The runner shares the cases of all parts over proce
 their tallies. A new part is a module that makes cases, and a line in `running.CASES`.
 """
 
-from lrf3d.study.stress.report import Report
-from lrf3d.study.stress.running import CASES, stress
+from stress.report import Report
+from stress.running import CASES, stress
 
 __all__ = ["CASES", "Report", "stress"]

@@ -1,15 +1,19 @@
-"""``lrf3d stress``: whether the numbers hold where they are hardest."""
+"""``scripts/stress``: whether the numbers hold where they are hardest."""
 
 from typing import Annotated
 
 import typer
 
 from lrf3d.cli import options
+from lrf3d.cli.app import main
+
+app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
 
 QUICK_BEAMS = 100_000
 """Beams of a short run."""
 
 
+@app.command(epilog="Example: scripts/stress --quick")
 def stress(
     beams: Annotated[int, typer.Option(min=1, help="Beams to cast, at least.")] = 10_000_000,
     rationals: Annotated[
@@ -43,8 +47,8 @@ def stress(
     """
     from lrf3d.cli.console import print_json, progress_bar
     from lrf3d.errors import InputError
-    from lrf3d.study.stress import CASES
-    from lrf3d.study.stress import stress as run
+    from stress.running import CASES
+    from stress.running import stress as run
 
     known = dict.fromkeys(case.part for case in CASES)
     for name in part or ():
@@ -68,3 +72,7 @@ def stress(
         print(report.text())
     if not report.passed:
         raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    main(app, "scripts/stress")

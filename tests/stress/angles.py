@@ -10,8 +10,8 @@ from lrf3d.mapping.innovation import innovation
 from lrf3d.mapping.known_lines import KnownLines
 from lrf3d.mapping.local_lines import LocalLines
 from lrf3d.pose import as_pose
-from lrf3d.study.stress.checks import check, ulps
-from lrf3d.study.stress.rational import pi, wrapped
+from stress.checks import check, ulps
+from stress.rational import pi, wrapped
 
 HAIRS = 8
 """Floats on either side of ±π that angles are taken from."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.study.stress import aims, worlds
-from lrf3d.study.stress.aims import Batch
+from stress import aims, worlds
+from stress.aims import Batch
 
 REACH = 1e3
 """Range of the range finders in a world of 20 m: all of it, and room beyond."""

@@ -5,10 +5,10 @@ from functools import partial
 
 import numpy as np
 
-from lrf3d.study.stress import beams, worlds
-from lrf3d.study.stress.aims import Batch
-from lrf3d.study.stress.tally import Case
-from lrf3d.study.stress.trial import PLANAR_ULP, try_beams
+from stress import beams, worlds
+from stress.aims import Batch
+from stress.tally import Case
+from stress.trial import PLANAR_ULP, try_beams
 
 Maker = Callable[[np.random.Generator, int], Batch]
 

@@ -1,6 +1,6 @@
 """The certificate: what each beam of a batch truly gives, and how far a caster's claim is off.
 
-Float64 with error bounds decides most beams (`lrf3d.casting.kernels.certify`); rationals decide
+Float64 with error bounds decides most beams (`stress.certify`); rationals decide
 the others, and as many more outright as are asked for. Both are independent of the casters.
 """
 
@@ -11,9 +11,9 @@ from fractions import Fraction
 import numpy as np
 
 from lrf3d.casting.exact import ExactWorld
-from lrf3d.casting.kernels.certify import UNDECIDED, certify
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserRangeFinder
+from stress.certify import UNDECIDED, certify
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import Float
-from lrf3d.study.stress.tally import EXAMPLES, Case, Findings
+from stress.tally import EXAMPLES, Case, Findings
 
 Measure = Callable[[np.random.Generator], Float]
 """Makes some trials and gives the error of each, (k,)."""

@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.robot.driving import drive
 from lrf3d.robot.unicycle import Unicycle
-from lrf3d.study.stress.checks import check
+from stress.checks import check
 
 STEPS = 1_000_000
 """Steps of a long drive."""

@@ -13,8 +13,8 @@ from lrf3d.geometry import Float
 from lrf3d.localization import PoseEstimate
 from lrf3d.mapping.innovation import Innovation
 from lrf3d.pose import as_pose
-from lrf3d.study.stress import rational
-from lrf3d.study.stress.checks import check
+from stress import rational
+from stress.checks import check
 
 DEVIATIONS = "σ of the prior"
 

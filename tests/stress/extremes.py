@@ -10,7 +10,6 @@ from functools import cache, partial
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
-from lrf3d.casting.kernels.certify import UNDECIDED, certify
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
@@ -19,13 +18,14 @@ from lrf3d.mapping.line_mapper import MODES
 from lrf3d.robot.collision import find_collision
 from lrf3d.robot.following import follow_route
 from lrf3d.robot.planner import plan_route
-from lrf3d.study.certificate import directions
-from lrf3d.study.stress.checks import check
-from lrf3d.study.stress.tally import Case
-from lrf3d.study.stress.trial import PLANAR_ULP
 from lrf3d.world import World
 from lrf3d.world.extrude import extrude
 from lrf3d.world.generate import generate_city
+from stress.certificate import directions
+from stress.certify import UNDECIDED, certify
+from stress.checks import check
+from stress.tally import Case
+from stress.trial import PLANAR_ULP
 
 MANY = 1_000_000
 """Walls of enormous worlds."""

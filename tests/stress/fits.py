@@ -17,9 +17,9 @@ from lrf3d.mapping.merging import EndPointMerging
 from lrf3d.mapping.table import SegmentTable, add_moments, measure_moments
 from lrf3d.mapping.wall_merging import merge
 from lrf3d.mapping.wall_rows import Walls
-from lrf3d.study.stress.checks import check
-from lrf3d.study.stress.rational import fitted
 from lrf3d.world import World
+from stress.checks import check
+from stress.rational import fitted
 
 ULP = "ulp of the coordinates"
 

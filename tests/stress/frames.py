@@ -14,9 +14,9 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMapper
 from lrf3d.robot import Trajectory
 from lrf3d.simulation import Run, simulate
-from lrf3d.study.stress.checks import check
-from lrf3d.study.stress.tally import Case
 from lrf3d.world import World
+from stress.checks import check
+from stress.tally import Case
 
 SIZE = (160, 90)
 """Width and height of the pictures [pixels]."""

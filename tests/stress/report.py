@@ -6,7 +6,8 @@ from functools import reduce
 from operator import add
 from typing import Any
 
-from lrf3d.study.stress.tally import Case, Findings, Tally
+from lrf3d.tables import table
+from stress.tally import Case, Findings, Tally
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,8 @@ class Report:
         return "\n\n".join([*parts, "\n".join(self._verdict())])
 
     def _checks(self, checks: Sequence[tuple[Case, Findings]]) -> str:
-        cells = [["part", "what was tried", "cases", "failed", "largest error", "bound", "unit"]]
+        head = ("part", "what was tried", "cases", "failed", "largest error", "bound", "unit")
+        cells = []
         before = ""
         for case, found in checks:
             cells.append(
@@ -88,7 +90,7 @@ class Report:
                 ]
             )
             before = case.part
-        return _aligned(cells, left=(0, 1, 6))
+        return table(head, cells, left=(0, 1, 6))
 
     def _beams(self, beams: Sequence[tuple[str, Tally]]) -> str:
         rows = [*beams, ("all", self.total)]
@@ -96,7 +98,7 @@ class Report:
         head = ["casting", "beams", "by bound", "by rationals"]
         for subject in subjects:
             head += [f"{subject} wrong", "ulp", "m"]
-        cells = [head]
+        cells = []
         for name, tally in rows:
             line = [name, f"{tally.tried:,}", f"{tally.bounds:,}", f"{tally.rationals:,}"]
             for subject in subjects:
@@ -105,7 +107,7 @@ class Report:
                 else:
                     line += ["–"] * 3
             cells.append(line)
-        return _aligned(cells, left=(0,))
+        return table(head, cells)
 
     def _verdict(self) -> list[str]:
         total = self.total
@@ -129,15 +131,3 @@ class Report:
         if total.contradictions:
             lines.append(f"Bounds and rationals disagree on {total.contradictions:,} beams.")
         return lines
-
-
-def _aligned(cells: Sequence[Sequence[str]], *, left: Sequence[int]) -> str:
-    """Rows of cells under each other; some columns to the left, the others to the right."""
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return "\n".join(
-        "  ".join(
-            cell.ljust(width) if k in left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in cells
-    )

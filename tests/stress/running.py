@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from lrf3d.cores import core_count
-from lrf3d.study.stress.angles import ANGLES
-from lrf3d.study.stress.casting import CASTING
-from lrf3d.study.stress.drives import DRIVES
-from lrf3d.study.stress.estimates import ESTIMATES
-from lrf3d.study.stress.extremes import EXTREMES
-from lrf3d.study.stress.fits import FITS
-from lrf3d.study.stress.frames import FRAMES
-from lrf3d.study.stress.report import Report
-from lrf3d.study.stress.tally import Case, Findings, Tally
+from stress.angles import ANGLES
+from stress.casting import CASTING
+from stress.drives import DRIVES
+from stress.estimates import ESTIMATES
+from stress.extremes import EXTREMES
+from stress.fits import FITS
+from stress.frames import FRAMES
+from stress.report import Report
+from stress.tally import Case, Findings, Tally
 
 CASES: tuple[Case, ...] = (*CASTING, *FITS, *ANGLES, *DRIVES, *ESTIMATES, *EXTREMES, *FRAMES)
 """All cases of all parts, in the order of the table."""

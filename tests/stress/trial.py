@@ -7,10 +7,10 @@ import numpy as np
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.geometry import Bool, Float, Int
-from lrf3d.study.certificate import Certificate, Verdict, certified
-from lrf3d.study.stress.aims import Batch
-from lrf3d.study.stress.tally import EXAMPLES, Claims, Tally
 from lrf3d.world import World
+from stress.aims import Batch
+from stress.certificate import Certificate, Verdict, certified
+from stress.tally import EXAMPLES, Claims, Tally
 
 CASTERS: dict[str, Callable[[World], PlanarCaster | EmbreeCaster]] = {
     "planar": PlanarCaster,
