@@ -10,7 +10,7 @@ from functools import partial
 import pytest
 import typer
 from distributed import Client
-from snippets import PAGES, ROOT, Workshop, snippets
+from snippets import PAGES, PROGRAMS, ROOT, Workshop, snippets
 
 import lrf3d
 from lrf3d.cli.app import app
@@ -30,6 +30,7 @@ def commands(command, name="lrf3d"):
 
 
 COMMANDS = list(commands(typer.main.get_command(app)))
+SCRIPTS = list(commands(typer.main.get_command(PROGRAMS["scripts/bench"]), "scripts/bench"))
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +72,9 @@ def test_every_snippet_runs(page, workshop):
     workshop.run(page)
 
 
-@pytest.mark.parametrize("name, command", COMMANDS, ids=[name for name, _ in COMMANDS])
+@pytest.mark.parametrize(
+    "name, command", COMMANDS + SCRIPTS, ids=[name for name, _ in COMMANDS + SCRIPTS]
+)
 def test_the_example_of_every_command_runs(name, command, workshop):
     example = command.epilog.removeprefix("Example: ")
     assert example.startswith(f"{name} ")

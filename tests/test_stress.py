@@ -3,6 +3,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,12 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d import LaserRangeFinder, PlanarCaster
-from lrf3d.casting.kernels.certify import UNDECIDED, certify
-from lrf3d.study.certificate import certified, directions
-from lrf3d.study.stress import CASES, stress, worlds
-from lrf3d.study.stress.beams import mixture
-from lrf3d.study.stress.casting import CASTING
-from lrf3d.study.stress.trial import CASTERS, allowed, try_batch
+from stress import CASES, stress, worlds
+from stress.beams import mixture
+from stress.casting import CASTING
+from stress.certificate import certified, directions
+from stress.certify import UNDECIDED, certify
+from stress.trial import CASTERS, allowed, try_batch
+
+TESTS = Path(__file__).parent
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -205,11 +208,11 @@ def test_a_batch_of_misses_has_no_error():
 
 def command(*arguments):
     done = subprocess.run(
-        [sys.executable, "-m", "lrf3d", "stress", *arguments],
+        [sys.executable, "-m", "stress", *arguments],
         capture_output=True,
         text=True,
         timeout=120,
-        env={**os.environ, "PYTHONWARNINGS": "error"},
+        env={**os.environ, "PYTHONWARNINGS": "error", "PYTHONPATH": f"{TESTS}:{TESTS.parent}"},
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""

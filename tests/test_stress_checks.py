@@ -11,12 +11,12 @@ from lrf3d.geometry import wrap_angle
 from lrf3d.localization import PoseEstimate
 from lrf3d.localization.pairing import Innovation
 from lrf3d.robot.free_space import find_free_space
-from lrf3d.study.stress import CASES, rational, stress
-from lrf3d.study.stress.checks import check
-from lrf3d.study.stress.estimates import priors
-from lrf3d.study.stress.tally import Findings
 from lrf3d.world import World
 from lrf3d.world.generate import generate_city
+from stress import CASES, rational, stress
+from stress.checks import check
+from stress.estimates import priors
+from stress.tally import Findings
 
 SLOW = "planned in", "rooms of"
 """What takes seconds: a short run of stress tries it too."""

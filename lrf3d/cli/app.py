@@ -4,15 +4,12 @@ import sys
 
 import typer
 
-from lrf3d.cli.bench import bench
 from lrf3d.cli.crosscheck import crosscheck
 from lrf3d.cli.export import export
 from lrf3d.cli.localise import localise
 from lrf3d.cli.map import map_
-from lrf3d.cli.paper import paper
 from lrf3d.cli.render import render
 from lrf3d.cli.run import run
-from lrf3d.cli.stress import stress
 from lrf3d.cli.sweep import sweep
 from lrf3d.cli.view import view
 from lrf3d.cli.world import world
@@ -36,19 +33,21 @@ app.command(epilog="Example: lrf3d render out/city --view top")(render)
 app.command(epilog="Example: lrf3d view city")(view)
 app.command(epilog="Example: lrf3d export out/city --to mcap")(export)
 app.command(epilog="Example: lrf3d crosscheck city --json")(crosscheck)
-app.command(epilog="Example: lrf3d stress --quick")(stress)
-app.add_typer(bench, name="bench")
 app.command("map", epilog="Example: lrf3d map drive.log.gz --out out/drive")(map_)
 app.command(epilog="Example: lrf3d localise city --seeds 100 --json")(localise)
 app.command(epilog="Example: lrf3d sweep city --sigma 0.04,0.42 --beams 91,181 --seeds 20")(sweep)
-app.command(epilog="Example: lrf3d paper --out out/paper")(paper)
 app.add_typer(world, name="world")
 
 
-def main() -> None:
-    """Run the program; a known error ends it with one line and the status 1."""
+def main(program: typer.Typer = app, name: str = "lrf3d") -> None:
+    """Run a program; a known error ends it with one line and the status 1.
+
+    Args:
+        program: The program.
+        name: How it is called.
+    """
     try:
-        app()
+        program(prog_name=name)
     except Lrf3dError as error:
         print(f"lrf3d: {error}", file=sys.stderr)
         sys.exit(1)

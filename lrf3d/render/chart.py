@@ -19,6 +19,9 @@ from lrf3d.render.page import DOTS_PER_INCH, FAINT, GRID, INK, LEFT, save_figure
 SPINE = "#c9ced6"
 """Colour of the frame around a panel."""
 
+MODE_COLOURS = {"robust": "#d6361f", "paper": "#2f6fb3"}
+"""Colours of the modes of the mapper: the default is warm."""
+
 HEAD = 0.78
 """Room that the title and the line below it take [inches]."""
 

@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
-from lrf3d.render.chart import HEAD, Sheet
-from lrf3d.render.map_benchmark_panels import COLOURS
+from lrf3d.render.chart import HEAD, MODE_COLOURS, Sheet
 from lrf3d.render.page import FAINT, INK
 
 PANELS = (
@@ -178,6 +177,6 @@ def _colours(curves: Sequence[Curve]) -> list[str]:
     for number, curve in enumerate(curves):
         same = [k for k, other in enumerate(curves) if other.mode == curve.mode]
         share = PALEST * same.index(number) / max(1, len(same) - 1)
-        base = np.array(to_rgb(COLOURS[curve.mode]))
+        base = np.array(to_rgb(MODE_COLOURS[curve.mode]))
         colours.append(to_hex(tuple((base + share * (1.0 - base)).tolist())))
     return colours

@@ -9,8 +9,8 @@ from numba import njit
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting.exact import ExactWorld, cast_exact
-from lrf3d.study.certificate import certified, directions
-from lrf3d.study.stress import CASES
+from stress import CASES
+from stress.certificate import certified, directions
 
 AHEAD = (1.0, 0.0)
 

@@ -164,7 +164,7 @@ def test_pictures_are_those_of_the_film():
 
 
 def test_the_benchmark_of_robots_tells_its_rate():
-    from lrf3d.study.bench.robots import bench_robots
+    from benchmarks.robots import bench_robots
 
     result = bench_robots("corridor", robots=16, seconds=0.2).as_dict()
     assert result["steps"] > 0 and result["beams"] == 361

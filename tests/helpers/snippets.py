@@ -1,8 +1,8 @@
 """Snippets of Markdown pages, run as a reader would run them, but at small settings.
 
 Python blocks of a page share their names, worlds in TOML become files, and lines of shell blocks
-that call lrf3d are called. All pages share one folder, and a line that several pages have is
-called once.
+that call lrf3d, or a script that measures, are called. All pages share one folder, and a line that
+several pages have is called once.
 """
 
 import re
@@ -21,25 +21,37 @@ import typer
 from markdown_it import MarkdownIt
 from typer.testing import CliRunner
 
+from benchmarks.__main__ import app as bench_app
+from benchmarks.paper.__main__ import app as paper_app
 from lrf3d.cli.app import app
 from lrf3d.scenario import load_scenario
+from stress.__main__ import app as stress_app
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 NOT_OURS = re.compile(
-    r"git clone |python3 -m venv |\. \.venv|\.venv/bin/pip |pip install |scripts/|dask "
+    r"git clone |python3 -m venv |\. \.venv|\.venv/bin/pip |pip install |dask "
+    r"|scripts/(?!bench|paper|stress)"
 )
 """Lines of shell that set up lrf3d, or call other programs."""
+
+PROGRAMS = {
+    "lrf3d": app,
+    "scripts/bench": bench_app,
+    "scripts/paper": paper_app,
+    "scripts/stress": stress_app,
+}
+"""What lines of shell call."""
 
 SMALL = {
     "run": "--no-video --set robot.scan_interval=1 --set laser.beams=61",
     "render": "--size 64x64 --fps 1 --playback 4 --workers 1",
     "localise": "--seeds 1 --workers 1",
     "sweep": "--every 60 --seeds 1 --workers 1 --resume",
-    "bench map": "--seeds 1 --seconds 1",
-    "bench robots": "--robots 8 --seconds 0.1",
-    "bench score": "--seeds 1 --poses 3 --beams 61 --vertices 10",
+    "scripts/bench map": "--seeds 1 --seconds 1",
+    "scripts/bench robots": "--robots 8 --seconds 0.1",
+    "scripts/bench score": "--seeds 1 --poses 3 --beams 61 --vertices 10",
 }
 """What is added to a command; of an option that is given twice the last one holds."""
 
@@ -57,7 +69,10 @@ INSTEAD = {
 }
 """What is called instead of what takes long, or of what a reader has and a test has not."""
 
-CHECKED = {"bench", "bench scan", "bench render", "bench drive", "paper", "stress", "view"}
+CHECKED = {
+    "scripts/bench whole", "scripts/bench scan", "scripts/bench render", "scripts/bench drive",
+    "scripts/paper", "scripts/stress", "view",
+}  # fmt: skip
 """Commands that are parsed and not called, as tests of their own call them: peers and pages take
 their time, and `view` shows its page until it is stopped."""
 
@@ -136,11 +151,11 @@ class Workshop:
         elif line.startswith("python "):
             _script(line)
         elif line:
-            assert line.startswith("lrf3d "), f"what is {line!r}?"
+            assert line.split()[0] in PROGRAMS, f"what is {line!r}?"
             self.call(line)
 
     def call(self, line):
-        """Call lrf3d, once for each line."""
+        """Call lrf3d or a script that measures, once for each line."""
         if line in self.called:
             return
         self.called.add(line)
@@ -148,15 +163,15 @@ class Workshop:
         if _named(words) in CHECKED:
             _check(words)
             return
-        done = CliRunner().invoke(app, words)
+        done = CliRunner().invoke(PROGRAMS[words[0]], words[1:])
         assert done.exit_code == 0, f"{line}: {done.output} {done.exception}"
 
 
 def small(line):
-    """The arguments of a line that calls lrf3d, at small settings."""
+    """The words of a line that calls a program, at small settings."""
     for long, short in INSTEAD.items():
         line = re.sub(long, short, line)
-    words = shlex.split(line)[1:]
+    words = shlex.split(line)
     return words + shlex.split(SMALL.get(_named(words), ""))
 
 
@@ -169,17 +184,24 @@ def _script(line):
 
 
 def _named(words):
-    """The command that words call; a group may be one by itself."""
-    group = words[0] in ("bench", "world") and words[1:] and not words[1].startswith("-")
-    return " ".join(words[: 2 if group else 1])
+    """The command that words call, without the name lrf3d; a script has parts, or is one."""
+    program, *rest = words
+    first = rest[0] if rest and not rest[0].startswith("-") else ""
+    if program == "scripts/bench":
+        return f"{program} {first or 'whole'}"
+    if program != "lrf3d":
+        return program
+    return " ".join(rest[: 2 if first == "world" else 1])
 
 
 def _check(words):
     """See that a command takes these words."""
-    command, name = typer.main.get_command(app), _named(words)
-    for part in name.split():
+    program, *rest = words
+    command, name = typer.main.get_command(PROGRAMS[program]), _named(words)
+    for part in name.removeprefix(program).split():
         command = command.commands[part]
-    command.make_context(name, words[len(name.split()) :])
+        rest = rest[1:] if rest and rest[0] == part else rest
+    command.make_context(name, rest)
 
 
 def _write_plan(path):

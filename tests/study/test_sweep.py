@@ -343,7 +343,7 @@ def test_without_the_extra_one_line_says_what_to_install_and_the_paper_needs_non
     code = (
         "import sys\n"
         "for name in ('dask', 'distributed', 'pyarrow'): sys.modules[name] = None\n"
-        "import lrf3d.study.paper.report\n"
+        "import benchmarks.paper.report\n"
         f"sys.argv = ['lrf3d', 'sweep', {room!r}]\n"
         "from lrf3d.cli import main\n"
         "main()\n"

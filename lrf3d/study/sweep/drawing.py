@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.render.sweep_figure import Curve, draw_sweep
-from lrf3d.study.bench.text import table
 from lrf3d.study.sweep.plan import Plan
 from lrf3d.study.sweep.summary import CONFIDENCE, MEASURES, CellMean, Mean, cell_means
 from lrf3d.study.sweep.task import Row
+from lrf3d.tables import table
 
 WORDS = {"sigma_m": "noise σ at range_max [m]", "beams": "beams"}
 """What is varied, as the axes of figures name it."""

@@ -1,0 +1,260 @@
+"""``scripts/bench``: run time against error, of everything or of one part."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lrf3d.cli import options
+from lrf3d.cli.app import main
+
+if TYPE_CHECKING:
+    from benchmarks.results import Result
+
+Figure = Annotated[Path | None, typer.Option(help="A picture .png of time and error.")]
+Ablate = Annotated[
+    bool, typer.Option("--ablate", help="Also time each piece of skipped work on and off.")
+]
+
+app = typer.Typer(
+    help="Measure run time against error: the whole where no part is named.",
+    epilog="Example: scripts/bench --out out/bench --compare old/report.json",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+
+@app.command(epilog="Example: scripts/bench whole --out out/bench --compare old/report.json")
+def whole(
+    out: Annotated[Path, typer.Option(help="Folder for report.html and report.json.")] = Path(
+        "out/bench"
+    ),
+    seconds: Annotated[float, typer.Option(min=10.0, help="Time for all parts.")] = 540.0,
+    part: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this part: ranges, maps, poses or frames; repeatable."),
+    ] = None,
+    compare: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OLD.json", help="Print what became slower or less exact since this report."
+        ),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Measure all parts, within ten minutes, and put them onto one page."""
+    from benchmarks.comparison import compare as compare_reports
+    from benchmarks.comparison import load_report
+    from benchmarks.parts import PARTS
+    from benchmarks.report_page import page_text
+    from benchmarks.whole import bench_all
+    from lrf3d.cli.console import json_text, print_json, progress_bar, warn
+    from lrf3d.errors import InputError
+    from lrf3d.output import make_folder, write_text
+
+    chosen = tuple(PARTS) if part is None else tuple(part)
+    for name in chosen:
+        if name not in PARTS:
+            raise InputError(f"--part {name}: expected one of {', '.join(PARTS)}")
+    # What cannot be read or written is found before the minutes of work.
+    old = None if compare is None else load_report(compare)
+    make_folder(out)
+    with progress_bar("bench") as progress:
+        report = bench_all(seconds=seconds, chosen=chosen, progress=progress)
+    found, text = report.as_dict(), report.text()
+    if old is not None:
+        comparison = compare_reports(report, old, str(compare))
+        found["comparison"] = comparison.as_dict()
+        text += f"\n\n{comparison.text()}"
+    for key, why in report.left_out.items():
+        warn(f"{key}: left out: {why}")
+    write_text(out / "report.json", json_text(found))
+    write_text(out / "report.html", page_text(report))
+    if json:
+        print_json(found)
+    else:
+        print(f"{text}\n\n{out / 'report.html'}")
+
+
+@app.command(epilog="Example: scripts/bench scan --walls 400,10000 --figure scan.png")
+def scan(
+    walls: Annotated[
+        str, typer.Option(metavar="N,N,…", help="Sizes of the worlds [walls].")
+    ] = "40,400,10000,100000,1000000",
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Time for all; sizes that need more are left out.")
+    ] = 150.0,
+    ablate: Ablate = False,
+    figure: Figure = None,
+    json: options.Json = False,
+) -> None:
+    """Cast scans with lrf3d and with its peers: how long it takes, and how far it is off.
+
+    Open3D and MuJoCo take part where they are installed: .venv/bin/pip install -e '.[bench]'.
+    """
+    from benchmarks.scan.benchmark import bench_scan
+    from lrf3d.cli.console import progress_bar
+
+    sizes = sorted(set(_numbers("--walls", walls, least=4)))
+    with progress_bar("bench scan") as progress:
+        result = bench_scan(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
+    _print(result, json, figure)
+
+
+@app.command(name="map", epilog="Example: scripts/bench map --seeds 1 --figure map.png")
+def map_(
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds of the noise for each setting.")] = 2,
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Time for all; what needs more is left out.")
+    ] = 125.0,
+    figure: Figure = None,
+    json: options.Json = False,
+) -> None:
+    """Map with many thresholds, beams, noises and map sizes: how far off, how long, how much.
+
+    Also counts the numbers that a map takes to store, and the comparisons that line pairs take.
+    """
+    from benchmarks.map.benchmark import bench_map
+    from lrf3d.cli.console import progress_bar
+
+    with progress_bar("bench map") as progress:
+        result = bench_map(seeds=seeds, seconds=seconds, progress=progress)
+    _print(result, json, figure)
+
+
+@app.command(epilog="Example: scripts/bench score footprints.geojson --beams 181 --seeds 2")
+def score(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A world or its file; a CARMEN log; or an .npz of single scans.",
+        ),
+    ],
+    mode: options.ModeOption = None,
+    sigma: Annotated[float, typer.Option(help="Noise [m] at the farthest range.")] = 0.04,
+    seeds: Annotated[int, typer.Option(min=1, help="A world: seeds of poses and noise.")] = 6,
+    poses: Annotated[int, typer.Option(min=1, help="A world: random poses in the open.")] = 200,
+    beams: Annotated[
+        str, typer.Option(metavar="N,N,…", help="A world: beams of a scan.")
+    ] = "721,181",
+    simplify: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="GeoJSON: corners up to this [m] off a façade are left out."),
+    ] = None,
+    vertices: Annotated[
+        str, typer.Option(metavar="N,N,…", help="Single scans: vertices of a scan's lines.")
+    ] = "10,20,30,50",
+    json: options.Json = False,
+) -> None:
+    """Score maps of a world or a log in both modes side by side, or the lines of single scans.
+
+    A world is seen from random poses, 1 m off all walls, and its map is compared with the walls
+    that were visible. The even scans of a log build a map and the odd ones test it.
+    """
+    from benchmarks.score.benchmark import ScoreChoice, bench_score
+    from lrf3d.cli.console import progress_bar
+
+    chosen = {} if mode is None else {"modes": (mode.value,)}
+    choice = ScoreChoice(
+        **chosen,
+        sigma=sigma,
+        seeds=seeds,
+        poses=poses,
+        beams=tuple(_numbers("--beams", beams, least=3)),
+        simplify=simplify,
+        vertices=tuple(_numbers("--vertices", vertices, least=2)),
+    )
+    with progress_bar("bench score") as progress:
+        result = bench_score(source, choice, progress=progress)
+    _print(result, json)
+
+
+@app.command(epilog="Example: scripts/bench render --figure render.png")
+def render(
+    buildings: Annotated[
+        str, typer.Option(metavar="N,N,…", help="Sizes of the generated cities [buildings].")
+    ] = "40,400,4000",
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Time for all; what has begun is finished.")
+    ] = 90.0,
+    ablate: Ablate = False,
+    figure: Figure = None,
+    json: options.Json = False,
+) -> None:
+    """Draw frames with lrf3d and with stock pyrender: how long it takes, and how clean they are."""
+    from lrf3d.cli.console import progress_bar
+    from lrf3d.render.gl import require_gl
+
+    require_gl()
+    from benchmarks.render.benchmark import bench_render
+
+    sizes = sorted(set(_numbers("--buildings", buildings, least=4)))
+    with progress_bar("bench render") as progress:
+        result = bench_render(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
+    _print(result, json, figure)
+
+
+@app.command(epilog="Example: scripts/bench robots --robots 1024")
+def robots(
+    world: Annotated[str, typer.Argument(metavar="WORLD", help="The world.")] = "city",
+    count: Annotated[int, typer.Option("--robots", min=1, help="How many robots.")] = 1024,
+    seconds: Annotated[float, typer.Option(min=0.1, help="For how long.")] = 10.0,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+) -> None:
+    """Drive many robots at once, as environments of Gymnasium: steps and beams a second."""
+    from benchmarks.robots import bench_robots
+    from lrf3d.cli.console import progress_bar
+
+    with progress_bar("bench robots") as progress:
+        result = bench_robots(world, robots=count, seconds=seconds, seed=seed, progress=progress)
+    _print(result, json)
+
+
+@app.command(epilog="Example: scripts/bench drive --figure drive.png")
+def drive(
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Time for all; what needs more is timed once.")
+    ] = 60.0,
+    figure: Figure = None,
+    json: options.Json = False,
+) -> None:
+    """Drive an hour with Euler, RK4, RK45 and exact arcs: how far off the end is, and how long."""
+    from benchmarks.drive.benchmark import bench_drive
+    from lrf3d.cli.console import progress_bar
+
+    with progress_bar("bench drive") as progress:
+        result = bench_drive(seconds=seconds, progress=progress)
+    _print(result, json, figure)
+
+
+def _print(result: "Result", json: bool, figure: Path | None = None) -> None:
+    """Draw a result, and print it as one JSON object, or as tables."""
+    from lrf3d.cli.console import print_json
+
+    if figure is not None:
+        result.draw(figure)
+    if json:
+        print_json(result.as_dict())
+    else:
+        print(result.text() if figure is None else f"{result.text()}\npicture {figure}")
+
+
+def _numbers(option: str, text: str, *, least: int) -> list[int]:
+    """Whole numbers from a text with commas between them."""
+    from lrf3d.errors import InputError
+
+    parts = [part.strip().replace("_", "") for part in text.split(",")]
+    if not all(part.isdigit() and int(part) >= least for part in parts):
+        raise InputError(f"{option} {text}: expected whole numbers from {least}, such as 400,10000")
+    return [int(part) for part in parts]
+
+
+if __name__ == "__main__":
+    words = sys.argv[1:]
+    if not words or (words[0].startswith("-") and words[0] != "--help"):
+        sys.argv.insert(1, "whole")
+    main(app, "scripts/bench")

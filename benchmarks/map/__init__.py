@@ -1,0 +1,1 @@
+"""Maps: their error, and what they cost to make, keep and look up."""

@@ -1,0 +1,1 @@
+"""Films: what a frame costs, beside stock pyrender, and how clean it is."""

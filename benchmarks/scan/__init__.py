@@ -1,0 +1,1 @@
+"""Scans: casters beside other ways to cast, by run time and error."""

@@ -1,0 +1,1 @@
+"""Scores of maps of a world, of a log and of single scans."""

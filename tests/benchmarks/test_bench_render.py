@@ -1,0 +1,95 @@
+"""The benchmark of drawing measures what it says; how fast anything is, no test asks."""
+
+import json
+
+import numpy as np
+import pytest
+from test_render import needs_gl
+from typer.testing import CliRunner
+
+from benchmarks.__main__ import app
+
+
+@pytest.fixture(scope="module")
+def benchmark():
+    """A tiny benchmark, and the steps that it told of."""
+    from benchmarks.render.benchmark import bench_render
+
+    heard = []
+    result = bench_render(
+        (12, 60),
+        seconds=2.0,
+        size=(160, 90),
+        scans=10,
+        progress=lambda *step: heard.append(step),
+    )
+    return result, heard
+
+
+@needs_gl
+def test_all_ways_to_draw_are_timed_and_the_clean_ones_err_less(benchmark):
+    result, heard = benchmark
+    city = {(e.title, e.samples): e for e in result.entries if e.world == "city"}
+    assert {"lrf3d", "stock pyrender", "floor: clear and read"} <= {title for title, _ in city}
+    assert [e.buildings for e in result.entries if e.world != "city"] == [12, 60]
+    plain, smooth = city["lrf3d", 0].error_rms, city["lrf3d", 4].error_rms
+    assert 0.0 < city["lrf3d, twice the size", 0].error_rms < plain
+    assert 0.0 < smooth < plain
+    assert all(entry.frame.median > 0.0 for entry in result.entries)
+    assert set(result.layers_s) >= {"fan", "beams", "hud", "inset"}
+    total = heard[-1][1]
+    assert [done for done, _ in heard] == sorted(done for done, _ in heard)
+    assert heard[-1] == (total, total)
+
+
+@needs_gl
+def test_the_report_is_json_and_the_tables_and_the_picture_hold_all(benchmark, tmp_path):
+    result, _ = benchmark
+    report = json.loads(json.dumps(result.as_dict(), allow_nan=False))
+    assert report["benchmark"] == "render"
+    assert {"world", "samples", "frame", "error_rms"} <= set(report["entries"][0])
+    text = result.text()
+    for word in ("stock pyrender", "floor", "fan", "frame of 60 buildings / of 12"):
+        assert word in text
+    result.draw(tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size > 20_000
+
+
+@needs_gl
+def test_stock_pyrender_draws_the_same_city_in_sun_and_shadow():
+    from benchmarks.render.scenes import generated_run
+    from benchmarks.render.stock import StockFilm
+    from lrf3d.render.film import Film
+
+    run = generated_run(30, scans=8)
+    pictures = {}
+    for shadows in (True, False):
+        film = StockFilm(run, size=(160, 90), shadows=shadows)
+        pictures[shadows] = film.draw(1.0).astype(int)
+        film.close()
+    assert np.abs(pictures[True] - pictures[False]).mean() > 2.0
+    ours = Film(run, size=(160, 90), view="chase", samples=0, layers=())
+    sky = ours.draw(1.0).astype(int)[:, :, 2] > 200
+    theirs = pictures[True]
+    # Both see the sky at the same places.
+    same = (theirs[:, :, 2] > 225) == sky
+    assert same.mean() > 0.9
+    ours.close()
+
+
+@needs_gl
+def test_each_piece_of_skipped_work_can_be_done_again():
+    from benchmarks.render import savings as render_savings
+    from benchmarks.render.scenes import generated_run
+
+    run = generated_run(30, scans=8)
+    savings = render_savings.ablate_render(
+        run, np.linspace(0.0, 1.0, 4), size=(96, 54), seconds=1.0, buildings=60
+    )
+    assert len({saving.name for saving in savings}) == len(savings) == 7
+    assert all(saving.skipped > 0.0 and saving.done > 0.0 for saving in savings)
+
+
+def test_wrong_sizes_are_refused_in_one_line():
+    answer = CliRunner().invoke(app, ["render", "--buildings", "many"])
+    assert answer.exit_code != 0
