@@ -5,6 +5,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from lrf3d.errors import OutputError, WorldError
+from lrf3d.input import check_ordinary
 from lrf3d.output import replacing, write_text
 from lrf3d.resources import worlds_folder
 from lrf3d.world.model import World
@@ -40,6 +41,8 @@ def world_names() -> list[str]:
 def find_world(name_or_path: str | Path) -> Path:
     """The file of a world that is named or given by its path; its ending is a known one.
 
+    A built-in name comes before a file or a folder that is called the same: that is ``./city``.
+
     Raises:
         WorldError: There is no such world.
     """
@@ -49,9 +52,14 @@ def find_world(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     known = ", ".join(READERS)
     if path.suffix.lower() in READERS:
-        if not path.is_file():
-            raise WorldError(f"{path}: no such file{_suggestion(path.stem, names)}")
+        missing = f"no such file{_suggestion(path.stem, names)}"
+        check_ordinary(path, what="a world file", missing=missing, error=WorldError)
         return path
+    if path.is_dir() or path.suffix.lower() == ".npz":
+        what = "a run" if path.suffix.lower() == ".npz" else "a folder"
+        raise WorldError(
+            f"{path}: {what}, expected a world: {', '.join(names)}, or a file ({known})"
+        )
     if path.is_file() or path.suffix:
         raise WorldError(f"{path}: unknown ending; worlds are read from {known}")
     raise WorldError(

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError
+from lrf3d.input import read_text
 from lrf3d.study.bench.part import Way
 from lrf3d.study.bench.whole import FORMAT, Report
 from lrf3d.study.timing import Timing
@@ -120,10 +121,10 @@ def load_report(path: str | Path) -> dict[str, Any]:
         InputError: There is no such file, or it holds no such report.
     """
     try:
-        report = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
+        report = json.loads(read_text(path, what="a report.json of lrf3d bench"))
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: no JSON ({error}); give a report.json of lrf3d bench") from error
     if not isinstance(report, dict) or report.get("benchmark") != "all":
         raise InputError(f"{path}: no report of all parts; give a report.json of lrf3d bench")
