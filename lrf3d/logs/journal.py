@@ -140,7 +140,11 @@ class Journal:
         """
         dtype, place = np.dtype(COLUMNS[name][0]), list(COLUMNS).index(name)
         # Another handle, so that reading does not move where is written.
-        with self.path.open("rb") as file:
+        try:
+            reading = self.path.open("rb")
+        except FileNotFoundError:
+            raise self._changed() from None
+        with reading as file:
             for chunk in self.chunks:
                 if chunk.first + chunk.scans <= first:
                     continue
@@ -153,11 +157,13 @@ class Journal:
                 file.seek(begin)
                 data = file.read(int(np.prod(shape)) * dtype.itemsize)
                 if zlib.crc32(data) != chunk.sums[place]:
-                    raise OutputError(
-                        f"{self.path}: another program has changed it; run again, into a folder of"
-                        " its own"
-                    )
+                    raise self._changed()
                 yield np.frombuffer(data, dtype).reshape(shape)
+
+    def _changed(self) -> OutputError:
+        return OutputError(
+            f"{self.path}: another program has changed it; run again, into a folder of its own"
+        )
 
     def close(self) -> None:
         """Close the file."""

@@ -58,7 +58,7 @@ def load_log(
         from lrf3d.logs.carmen import load_carmen
 
         return load_carmen(path, largest_range=largest_range, poses=poses)
-    if ending.endswith(".npz") or (path / "run.npz").is_file():
+    if ending.endswith(".npz") or (path / "run.npz").exists():
         from lrf3d.logs.run_file import load_run
 
         if poses not in ("auto", "truth"):

@@ -56,9 +56,10 @@ def find_world(name_or_path: str | Path) -> Path:
         check_ordinary(path, what="a world file", missing=missing, error=WorldError)
         return path
     if path.is_dir() or path.suffix.lower() == ".npz":
-        what = "a run" if path.suffix.lower() == ".npz" else "a folder"
+        run = not path.is_dir() or (path / "run.npz").exists()
+        what = "a run, for `lrf3d view` and others" if run else "a folder"
         raise WorldError(
-            f"{path}: {what}, expected a world: {', '.join(names)}, or a file ({known})"
+            f"{path}: {what}; expected a world: {', '.join(names)}, or a file ({known})"
         )
     if path.is_file() or path.suffix:
         raise WorldError(f"{path}: unknown ending; worlds are read from {known}")
