@@ -135,7 +135,8 @@ def render_frames(
         MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
         OutputError: The folder cannot be written.
     """
-    folder = Path(folder)
+    # The current folder has a name, too, and one above it.
+    folder = Path(os.path.abspath(folder))
     job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES, scheduler)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder}: there is something already; name a new or an empty folder")
