@@ -17,7 +17,7 @@ LARGEST_TEXT = 1 << 28
 """Bytes of text that are read into memory: about two million walls as TOML."""
 
 GENERAL = frozenset(
-    "building data drawing export floorplan grid journal log map model plan run run_bag scan scene"
+    "building data drawing export floorplan grid journal log map model plan run scan scene"
     " sweep untitled world".split()
 )
 """Names of files that say what they are but not of which place; their folder's name does."""

@@ -3,18 +3,18 @@
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
 import typer
 
 from lrf3d.cli.console import warn
-from lrf3d.errors import InputError
 from lrf3d.input import read_text
-from lrf3d.output import Lock, clear_unfinished, locked, make_folder
+from lrf3d.output import clear_unfinished, locked, make_folder
 from lrf3d.world import world_names
 
 LONGEST = 100
@@ -23,7 +23,10 @@ LONGEST = 100
 LARGEST_SUMMARY = 1 << 26
 """Bytes of a summary.json that is looked into."""
 
-RESULTS = ("run.npz", "sweep.parquet", "summary.json", "map.geojson")
+LOCK, SUMMARY = ".lrf3d.lock", "summary.json"
+"""Files that say what made the results: while they are made or unfinished, and afterwards."""
+
+RESULTS = ("run.npz", "sweep.parquet", SUMMARY, "map.geojson")
 """Files that are results, whoever made them."""
 
 
@@ -50,14 +53,14 @@ def results_folder(
         context: The command.
         sources: The worlds, or the log, that the results are of.
         name: What these are called.
-        out: The folder that was asked for; ``out/NAME`` where None.
+        out: The folder that was asked for. Where None, ``out/NAME``, or where that holds results
+            of something else the first of ``out/NAME_2``, ``out/NAME_3``, … that does not.
 
     Raises:
-        InputError: Another process writes to it, or it was not asked for and holds results of
-            something else.
+        InputError: Another process writes to it.
         OutputError: It cannot be made or written to.
     """
-    folder = make_folder(Path("out") / folder_name(name) if out is None else out)
+    folder = Path("out") / folder_name(name) if out is None else out
     names = world_names()
     made_by = {
         "command": context.info_name,
@@ -66,7 +69,10 @@ def results_folder(
             for source in sources
         ],
     }
-    context.with_resource(_held(folder, made_by, asked=out is not None))
+    if out is None:
+        folder = _free(folder, made_by)
+    make_folder(folder)
+    context.with_resource(_held(folder, made_by))
     return ResultsFolder(folder, made_by)
 
 
@@ -81,44 +87,54 @@ def folder_name(name: str) -> str:
     return plain.encode()[:LONGEST].decode(errors="ignore") or "world"
 
 
+def _free(folder: Path, made_by: dict[str, Any]) -> Path:
+    """The folder, or the first numbered one after it, that holds nothing of others."""
+    numbered = (Path(f"{folder}_{number}") for number in count(2))
+    place = next(place for place in chain([folder], numbered) if _maker(place) in (None, made_by))
+    if place != folder:
+        others = _said(_maker(folder), folder)
+        warn(f"{folder}: holds results of {others}; the new ones go to {place}")
+    return place
+
+
 @contextmanager
-def _held(folder: Path, made_by: dict[str, Any], *, asked: bool) -> Iterator[None]:
+def _held(folder: Path, made_by: dict[str, Any]) -> Iterator[None]:
     """Hold a folder, which is not overwritten without a word where others made what it holds."""
-    file = folder / ".lrf3d.lock"
-    with locked(file, folder) as lock:
-        before = _maker(folder, lock)
+    with locked(folder / LOCK, folder) as lock:
+        before = _maker(folder, lock.left)
         if before not in (None, made_by):
-            what = f"{folder}: holds results of {_said(before, folder)}"
-            if not asked:
-                # The note of a stopped command stays.
-                lock.keep = bool(lock.left)
-                raise InputError(f"{what}; name another folder with --out")
-            warn(f"{what}; files of the same names are replaced")
+            others = _said(before, folder)
+            warn(f"{folder}: holds results of {others}; files of the same names are replaced")
         clear_unfinished(folder)
         lock.note(made_by=made_by)
         try:
             yield
         finally:
             # Until a summary says it, the lock file keeps in mind whose unfinished work lies here.
-            others = any(entry.name != file.name for entry in folder.iterdir())
-            lock.keep = others and _summary_maker(folder) != made_by
+            work = any(entry.name != LOCK for entry in folder.iterdir())
+            lock.keep = work and _member(folder / SUMMARY) != made_by
 
 
-def _maker(folder: Path, lock: Lock) -> object:
-    """What made the results in a folder; an empty dict where that is not known."""
-    noted = lock.left.get("made_by") or _summary_maker(folder)
+def _maker(folder: Path, left: Mapping[str, Any] | None = None) -> object:
+    """What made the results in a folder; an empty dict where that is not known.
+
+    Args:
+        folder: The folder.
+        left: What its lock file says, where that is read already.
+    """
+    noted = _member(folder / LOCK) if left is None else left.get("made_by")
+    noted = noted or _member(folder / SUMMARY)
     if noted is None and any((folder / name).exists() for name in RESULTS):
         return {}
     return noted
 
 
-def _summary_maker(folder: Path) -> object:
-    path = folder / "summary.json"
+def _member(path: Path) -> object:
+    """What made the results, as a file in JSON says; None where it says nothing."""
     if not path.exists():
         return None
     try:
-        summary = json.loads(read_text(path, largest=LARGEST_SUMMARY))
-        return summary.get("made_by")
+        return json.loads(read_text(path, largest=LARGEST_SUMMARY)).get("made_by")
     except (ValueError, AttributeError, RecursionError):
         return None
 

@@ -55,8 +55,8 @@ Out = Annotated[
     typer.Option(
         help="Folder for the results. If not given, out/NAME: what is read names itself, else its"
         " file does (a map.yaml with its folder's name before it); a map of a run goes to"
-        " out/NAME_map, a sweep to out/NAME_sweep. Results of something else are not overwritten"
-        " there; in a folder that is given they are, with a warning."
+        " out/NAME_map, a sweep to out/NAME_sweep. Where that holds results of something else, a"
+        " number follows; in a folder that is given they are replaced, with a warning."
     ),
 ]
 ViewOption = Annotated[
