@@ -14,6 +14,7 @@ from benchmarks.text import duration, error_words
 from benchmarks.timing import Method, Timing
 from benchmarks.whole import FORMAT, Report
 from lrf3d.errors import InputError
+from lrf3d.input import read_text
 from lrf3d.tables import table
 
 SAME = ("system", "processor", "cores")
@@ -153,10 +154,10 @@ def load_report(path: str | Path) -> dict[str, Any]:
     """
     give = "give a report.json of scripts/bench"
     try:
-        report = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
+        report = json.loads(read_text(path, what="a report.json of scripts/bench"))
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: no JSON ({error}); {give}") from error
     if not isinstance(report, dict) or report.get("benchmark") != "all":
         raise InputError(f"{path}: no report of all parts; {give}")

@@ -1,11 +1,37 @@
-"""Writing files whole or not at all: first under another name, then renamed."""
+"""Writing files whole or not at all: first under another name, then renamed; one writer at a time.
 
+What a process that was killed left half-written is removed by the next one that writes beside it.
+"""
+
+import json
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import re
+import shutil
+import stat
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from platform import node
+from typing import Any
 
-from lrf3d.errors import OutputError
+from lrf3d.errors import InputError, OutputError
+
+try:
+    import fcntl
+except ImportError:  # pragma: no cover
+    # Windows has no such locks.
+    fcntl = None  # type: ignore[assignment]
+
+LONGEST_STEM = 100
+"""Bytes of a name that are kept in the name of its unfinished file: names end at 255."""
+
+FORGOTTEN = 7 * 86400.0
+"""Age [s] from which on what another machine left unfinished is removed: whether its process is
+still there cannot be asked."""
+
+_UNFINISHED = re.compile(r"\..*\.(\d+)-\d+@([\w-]*)\.unfinished(\..*)?", re.DOTALL)
 
 
 @contextmanager
@@ -19,7 +45,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
         OutputError: The file cannot be written there.
     """
     path = Path(path)
-    unfinished = path.with_name(f".{path.stem}.{os.getpid()}.unfinished{path.suffix}")
+    unfinished = _unfinished(path)
     try:
         try:
             yield unfinished
@@ -33,6 +59,21 @@ def replacing(path: str | Path) -> Iterator[Path]:
             ) from error
     finally:
         unfinished.unlink(missing_ok=True) if unfinished.parent.is_dir() else None
+
+
+@contextmanager
+def unfinished_folder(path: str | Path) -> Iterator[Path]:
+    """Make a folder beside ``path`` for what is to be moved there when it is whole.
+
+    Afterwards the folder and what is left in it are gone.
+    """
+    # A name of its own: a file may be under way to the same place.
+    folder = _unfinished(Path(f"{path}.parts"))
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -61,3 +102,171 @@ def make_folder(path: str | Path) -> Path:
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{path}: the folder cannot be written to; choose another with --out")
     return path
+
+
+class Lock:
+    """A lock that is held, and what stands in its file.
+
+    Args:
+        file: The open file.
+        left: What the last holder noted, where it left the file behind.
+
+    Attributes:
+        keep: Whether the file stays with its note when the lock is released.
+    """
+
+    def __init__(self, file: int, left: Mapping[str, Any]) -> None:
+        self._file, self.left, self.keep = file, left, False
+
+    def note(self, **values: Any) -> None:
+        """Write into the file who holds the lock, and what else the next holder should know."""
+        text = json.dumps({**values, "process": os.getpid(), "machine": _MACHINE})
+        # A note that finds no room is no reason to stop: the lock holds without it.
+        with suppress(OSError):
+            os.ftruncate(self._file, 0)
+            os.lseek(self._file, 0, os.SEEK_SET)
+            os.write(self._file, text.encode())
+
+
+@contextmanager
+def locked(path: Path, target: Path) -> Iterator[Lock]:
+    """Hold a lock file, so that no other process writes to a target meanwhile.
+
+    The system releases the lock however this process ends. Where the file system has no locks,
+    the process that the file names is looked for instead.
+
+    Args:
+        path: The lock file; its folder is there.
+        target: The file or the folder that it is for, as messages name it.
+
+    Raises:
+        InputError: Another process holds it.
+        OutputError: The file cannot be made.
+    """
+    while True:
+        try:
+            file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
+        except OSError as error:
+            raise OutputError(
+                f"{target}: cannot be written: {error.strerror}; choose another place"
+            ) from error
+        try:
+            if not stat.S_ISREG(os.fstat(file).st_mode):
+                raise OutputError(f"{path}: not an ordinary file; take it away")
+            left = _note_of(file)
+            if not _take(file, left):
+                who = f"process {left['process']}" if "process" in left else "another process"
+                raise InputError(
+                    f"{target}: {who} writes here; wait for it, or choose another place with --out"
+                )
+            # Whoever released the lock at this moment has removed the file.
+            if _same_file(file, path):
+                break
+        except BaseException:
+            os.close(file)
+            raise
+        os.close(file)
+    lock = Lock(file, left)
+    try:
+        lock.note(**{name: value for name, value in left.items() if name not in _HOLDER})
+        yield lock
+    finally:
+        with suppress(OSError):
+            if not lock.keep:
+                path.unlink()
+            # Closing is not enough: children that were forked meanwhile have the file open, too.
+            if fcntl is not None:
+                fcntl.flock(file, fcntl.LOCK_UN)
+        os.close(file)
+
+
+def beside(path: Path) -> Path:
+    """The lock file of a target, beside it."""
+    return path.with_name(f".{_cut(path.name)}.lock")
+
+
+def clear_unfinished(folder: Path) -> None:
+    """Remove what processes that are gone left half-written in a folder."""
+    try:
+        with os.scandir(folder) as entries:
+            found = [(entry, _UNFINISHED.fullmatch(entry.name)) for entry in entries]
+        for entry, match in found:
+            if match is None or not _abandoned(entry, int(match[1]), match[2]):
+                continue
+            if entry.is_dir(follow_symlinks=False):
+                shutil.rmtree(entry.path, ignore_errors=True)
+            else:
+                os.unlink(entry.path)
+    except OSError:
+        # It is none of ours, or somebody else removes it as well.
+        return
+
+
+_MACHINE = re.sub(r"[^\w-]", "_", node(), flags=re.ASCII)[:40]
+
+_HOLDER = ("process", "machine")
+
+
+def _unfinished(path: Path) -> Path:
+    """The name beside a path under which this thread writes what is to stand there."""
+    clear_unfinished(path.parent)
+    who = f"{os.getpid()}-{threading.get_native_id()}@{_MACHINE}"
+    return path.with_name(f".{_cut(path.stem)}.{who}.unfinished{path.suffix}")
+
+
+def _cut(name: str) -> str:
+    return os.fsdecode(os.fsencode(name)[:LONGEST_STEM])
+
+
+def _abandoned(entry: "os.DirEntry[str]", process: int, machine: str) -> bool:
+    if machine != _MACHINE:
+        return entry.stat(follow_symlinks=False).st_mtime < time.time() - FORGOTTEN
+    return not _alive(process)
+
+
+def _alive(process: int) -> bool:
+    """Whether there is such a process on this machine."""
+    if os.name != "posix":
+        # Elsewhere there is no way of asking that does it no harm.
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _take(file: int, left: Mapping[str, Any]) -> bool:
+    """Whether the lock on an open file could be had."""
+    if fcntl is not None:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            return False
+        except OSError:
+            # A file system without locks, such as some of networks.
+            pass
+    process = left.get("process")
+    if left.get("machine") != _MACHINE or not isinstance(process, int):
+        return True
+    return process == os.getpid() or not _alive(process)
+
+
+def _note_of(file: int) -> dict[str, Any]:
+    """What stands in a lock file; nothing where it is damaged."""
+    try:
+        note = json.loads(os.read(file, 1 << 16))
+    except (ValueError, RecursionError):
+        return {}
+    return note if isinstance(note, dict) else {}
+
+
+def _same_file(file: int, path: Path) -> bool:
+    try:
+        here, there = os.fstat(file), os.stat(path)
+    except FileNotFoundError:
+        return False
+    return (here.st_dev, here.st_ino) == (there.st_dev, there.st_ino)

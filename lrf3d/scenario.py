@@ -165,7 +165,7 @@ def _scenario(file: WorldFile) -> Scenario:
         imperfections=Imperfections(**noise),
         movers=file.movers,
         mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
-        name=file.path.stem,
+        name=file.world.name,
         **robot,
         **_film(file),
     )

@@ -20,6 +20,7 @@ class Poses(StrEnum):
 
 
 def map_(
+    context: typer.Context,
     log: Annotated[
         Path,
         typer.Argument(
@@ -53,12 +54,14 @@ def map_(
 
     Writes map.geojson, map.png and summary.json.
     """
+    from lrf3d.cli.folder import results_folder
     from lrf3d.logs import load_log
-    from lrf3d.output import make_folder, write_text
+    from lrf3d.output import write_text
     from lrf3d.study.log_mapping import SIGMA, draw_mapped_log, map_log
 
     drive = load_log(log, largest_range=largest_range, poses=poses.value, scan_topic=scan_topic)
-    folder = make_folder(Path("out") / drive.name if out is None else out)
+    place = results_folder(context, [log], drive.name, out)
+    folder = place.path
     with progress_bar("scans") as progress:
         mapped = map_log(
             drive,
@@ -69,7 +72,8 @@ def map_(
         )
     files = draw_mapped_log(mapped, folder)
     files["summary"] = folder / "summary.json"
-    summary = {**mapped.summary(), "files": {name: path.name for name, path in files.items()}}
+    summary = {**mapped.summary(), "made_by": place.made_by}
+    summary["files"] = {name: path.name for name, path in files.items()}
     write_text(files["summary"], json_text(summary))
     if json:
         print_json(summary)

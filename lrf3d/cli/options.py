@@ -32,7 +32,11 @@ class Renderer(StrEnum):
 
 
 WorldArgument = Annotated[
-    str, typer.Argument(metavar="WORLD", help="A built-in world, or a file of one.")
+    str,
+    typer.Argument(
+        metavar="WORLD",
+        help="A built-in world, or a file of one; a file called like a built-in one is ./NAME.",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the noise: the same seed, the same run.")]
@@ -46,7 +50,15 @@ ModeOption = Annotated[Mode | None, typer.Option(help="Mode of the mapper.")]
 IgnoreCollisions = Annotated[
     bool, typer.Option("--ignore-collisions", help="Only warn of a drive into a wall.")
 ]
-Out = Annotated[Path | None, typer.Option(help="Folder for what comes out; out/NAME if not given.")]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder for the results. If not given, out/NAME: what is read names itself, else its"
+        " file does (a map.yaml with its folder's name before it); a map of a run goes to"
+        " out/NAME_map, a sweep to out/NAME_sweep. Where that holds results of something else, a"
+        " number follows; in a folder that is given they are replaced, with a warning."
+    ),
+]
 ViewOption = Annotated[
     str | None,
     typer.Option(help="Where the film is seen from: chase, first, orbit, top, or a camera's name."),

@@ -9,6 +9,7 @@ from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, 
 
 
 def run(
+    context: typer.Context,
     world: options.WorldArgument,
     out: options.Out = None,
     mode: options.ModeOption = None,
@@ -56,10 +57,9 @@ def run(
     Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4. What is named
     MODULE:OBJECT is imported from the current folder or the installed modules.
     """
-    from pathlib import Path
-
     from lrf3d.cli.film import make_film
-    from lrf3d.output import make_folder, write_text
+    from lrf3d.cli.folder import results_folder
+    from lrf3d.output import write_text
     from lrf3d.scenario import load_scenario
     from lrf3d.study.experiment import Experiment, with_route
     from lrf3d.study.outputs import Results, draw_results
@@ -81,7 +81,8 @@ def run(
     if controller is None:
         scenario = with_route(scenario)
     check_view(scenario.view if view is None else view, scenario.world.cameras)
-    folder = make_folder(Path("out") / scenario.name if out is None else out)
+    place = results_folder(context, [world], scenario.name, out)
+    folder = place.path
     sigmas = tuple(sigma) if sigma else scenario.sigmas
     experiment = Experiment(
         scenario,
@@ -105,7 +106,8 @@ def run(
     )
     files = draw_results(results, folder)
     files["summary"] = folder / "summary.json"
-    summary = {**results.summary, "files": {name: path.name for name, path in files.items()}}
+    summary = {**results.summary, "made_by": place.made_by}
+    summary["files"] = {name: path.name for name, path in files.items()}
     if video:
         film = folder / "run.mp4"
         make_film(results.run, film, asked)

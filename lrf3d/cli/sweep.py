@@ -9,6 +9,7 @@ from lrf3d.cli import options
 
 
 def sweep(
+    context: typer.Context,
     worlds: Annotated[
         list[str] | None,
         typer.Argument(metavar="[WORLD]…", help="Built-in worlds, or files; not with --grid."),
@@ -51,9 +52,11 @@ def sweep(
     """
     from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
     from lrf3d.cli.film import stoppable
+    from lrf3d.cli.folder import results_folder
     from lrf3d.cluster.connection import check_address
     from lrf3d.errors import InputError
-    from lrf3d.output import make_folder, write_text
+    from lrf3d.input import own_name
+    from lrf3d.output import write_text
     from lrf3d.study.sweep.drawing import draw_figures, table_text
     from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, parse_axis, parse_values, read_grid
     from lrf3d.study.sweep.plan import make_plan
@@ -74,8 +77,10 @@ def sweep(
     else:
         raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
     plan = make_plan(chosen, collision=warn if ignore_collisions else None)
-    name = plan.cells[0].world if grid is None else grid.stem
-    folder = make_folder(Path("out") / f"{name}_sweep" if out is None else out)
+    name = plan.worlds[0] if grid is None else own_name(grid)
+    sources = chosen.worlds if grid is None else [grid]
+    place = results_folder(context, sources, f"{name}_sweep", out)
+    folder = place.path
     with stoppable(), progress_bar("runs") as progress:
         result = run(
             plan, folder, scheduler=scheduler, workers=workers, resume=resume, progress=progress
@@ -83,7 +88,8 @@ def sweep(
     figures = draw_figures(plan, result.rows, folder)
     files = {"table": result.table, **figures}
     files["summary"] = folder / "summary.json"
-    summary = {**result.summary, "files": {key: path.name for key, path in files.items()}}
+    summary = {**result.summary, "made_by": place.made_by}
+    summary["files"] = {key: path.name for key, path in files.items()}
     write_text(files["summary"], json_text(summary))
     if json:
         print_json(summary)

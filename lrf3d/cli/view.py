@@ -1,6 +1,5 @@
 """``lrf3d view``: a run or a world in the browser."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,7 +11,9 @@ def view(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="RUN|WORLD", help="A run.npz or its folder to play; or a world to drive in."
+            metavar="RUN|WORLD",
+            help="A run.npz or its folder to play; or a world to drive in. A built-in world comes"
+            " before a folder of the same name, which is ./NAME.",
         ),
     ],
     host: Annotated[
@@ -35,15 +36,15 @@ def view(
     A run is played, paused and scrubbed. In a world the arrow keys or the pads on the page drive
     the robot, which scans and maps as it goes. Ctrl-C ends it.
     """
+    from lrf3d.logs.reading import is_run
     from lrf3d.view.opening import open_view
 
     def say(address: str) -> None:
         print(f"{what} is shown at {address}; Ctrl-C ends it", flush=True)
 
-    is_run = Path(what).is_dir() or Path(what).suffix.lower() == ".npz"
     open_view(
         what,
-        is_run=is_run,
+        is_run=is_run(what),
         host=host,
         port=port,
         browser=browser,

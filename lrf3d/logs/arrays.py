@@ -13,6 +13,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
+from lrf3d.input import check_ordinary
 from lrf3d.logs.packed import LARGEST_RATIO
 
 UNSUSPICIOUS = 1 << 28
@@ -43,10 +44,11 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
     """The arrays of a .npz file by their names.
 
     Raises:
-        FileNotFoundError: There is no such file.
+        InputError: There is no such file, or it is no ordinary one.
         ValueError: It holds what is no array, or unpacks to far more than a run does; or one of
             the others of :data:`DAMAGES`.
     """
+    check_ordinary(path, what="a .npz file")
     with zipfile.ZipFile(path) as file:
         total = sum(entry.file_size for entry in file.infolist())
         if total > max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
+from lrf3d.input import check_ordinary
 from lrf3d.logs.bag_bounds import bounded_unpacking, check_metadata, check_packed_files
 from lrf3d.logs.laser_log import BadLine
 
@@ -87,10 +88,14 @@ def open_bag(path: Path) -> Iterator[Bag]:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise missing_rosbags(path) from None
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise InputError(f"{path}: a folder without metadata.yaml or run.npz, expected a log")
+    if path.is_dir():
+        if not (path / "metadata.yaml").exists():
+            raise InputError(f"{path}: a folder without metadata.yaml or run.npz, expected a log")
+        for part in path.iterdir():
+            if part.name == "metadata.yaml" or not part.is_dir():
+                check_ordinary(part, what="a file of a ROS 2 bag")
+    else:
+        check_ordinary(path, what="a ROS 2 bag")
     typestore = get_typestore(Stores.ROS2_HUMBLE)
     # What a damaged file does to a reader is anyone's guess: any exception says that it is one.
     with bounded_unpacking():

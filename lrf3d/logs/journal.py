@@ -28,6 +28,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.errors import OutputError
 from lrf3d.mapping import LineMap
 
 MAGIC = b"lrf3d journal 1\n"
@@ -63,6 +64,7 @@ class Chunk:
         first: Its first scan.
         scans: How many it holds.
         begin: Where its columns begin in the file.
+        sums: The checksum of each column, in their order.
         rng: State of the random numbers after its last scan.
         stages: The stages of the map among its scans, and the maps.
     """
@@ -70,6 +72,7 @@ class Chunk:
     first: int
     scans: int
     begin: int
+    sums: tuple[int, ...]
     rng: dict[str, Any]
     stages: dict[int, LineMap]
 
@@ -116,7 +119,8 @@ class Journal:
         for line_map in stages.values():
             parts += [_bytes(line_map.segments), _bytes(line_map.objects), _bytes(line_map.points)]
         before = sum(map(len, parts))
-        parts += [_bytes(columns[name]) for name in COLUMNS]
+        rows = [_bytes(columns[name]) for name in COLUMNS]
+        parts += rows
         checksum = 0
         for part in parts:
             checksum = zlib.crc32(part, checksum)
@@ -125,13 +129,22 @@ class Journal:
         for part in parts:
             self._file.write(part)
         self._sync()
-        self.chunks.append(Chunk(first, scans, begin, rng, dict(stages)))
+        sums = tuple(map(zlib.crc32, rows))
+        self.chunks.append(Chunk(first, scans, begin, sums, rng, dict(stages)))
 
     def column(self, name: str, *, first: int = 0) -> Iterator[Array]:
-        """A column, chunk by chunk, from the chunk with a scan on."""
-        dtype = np.dtype(COLUMNS[name][0])
+        """A column, chunk by chunk, from the chunk with a scan on.
+
+        Raises:
+            OutputError: The file no longer holds what was written to it.
+        """
+        dtype, place = np.dtype(COLUMNS[name][0]), list(COLUMNS).index(name)
         # Another handle, so that reading does not move where is written.
-        with self.path.open("rb") as file:
+        try:
+            reading = self.path.open("rb")
+        except FileNotFoundError:
+            raise self._changed() from None
+        with reading as file:
             for chunk in self.chunks:
                 if chunk.first + chunk.scans <= first:
                     continue
@@ -142,8 +155,15 @@ class Journal:
                         break
                     begin += int(np.prod(shape)) * np.dtype(other_type).itemsize
                 file.seek(begin)
-                count = int(np.prod(shape))
-                yield np.frombuffer(file.read(count * dtype.itemsize), dtype).reshape(shape)
+                data = file.read(int(np.prod(shape)) * dtype.itemsize)
+                if zlib.crc32(data) != chunk.sums[place]:
+                    raise self._changed()
+                yield np.frombuffer(data, dtype).reshape(shape)
+
+    def _changed(self) -> OutputError:
+        return OutputError(
+            f"{self.path}: another program has changed it; run again, into a folder of its own"
+        )
 
     def close(self) -> None:
         """Close the file."""
@@ -179,7 +199,14 @@ class Journal:
             at += 48 * size
         if first != self.scans:
             return None
-        return Chunk(first, scans, place + _LENGTH.size + at, state["rng"], stages)
+        begin, sums = at, []
+        for name, (dtype, _) in COLUMNS.items():
+            size = int(np.prod(column_shape(name, scans, self.beams))) * np.dtype(dtype).itemsize
+            sums.append(zlib.crc32(payload[begin : begin + size]))
+            begin += size
+        if begin != len(payload):
+            return None
+        return Chunk(first, scans, place + _LENGTH.size + at, tuple(sums), state["rng"], stages)
 
 
 def read_origin(file: IO[bytes]) -> dict[str, str] | None:

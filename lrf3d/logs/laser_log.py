@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.geometry import Float
+from lrf3d.input import own_name
 from lrf3d.laser import LaserScan
 from lrf3d.robot import Trajectory
 
@@ -78,6 +79,6 @@ class LaserLog:
 def log_name(path: Path) -> str:
     """The name of a log without the endings that tell its format."""
     if path.is_dir():
-        return path.resolve().name
+        return own_name(path, stem=path.resolve().name)
     name = path.name.removesuffix(".gz")
-    return name.rsplit(".", 1)[0] or name
+    return own_name(path, stem=name.rsplit(".", 1)[0] or name)

@@ -6,7 +6,7 @@ huge ones can be mapped instead of read. Nothing but the arrays decides the byte
 
 import os
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import DTypeLike, NDArray
 
+from lrf3d.errors import OutputError
 from lrf3d.output import replacing
 
 ALIGNED = 64
@@ -67,10 +68,22 @@ def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
                 member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
                 with archive.open(member, "w", force_zip64=True) as stream:
                     stream.write(_header(column))
-                    for block in column.blocks:
+                    for block in _checked(column, path):
                         stream.write(np.ascontiguousarray(block).reshape(-1).view(np.uint8).data)
         file.flush()
         os.fsync(file.fileno())
+
+
+def _checked(column: Column, path: str | Path) -> Iterator[Array]:
+    """The blocks of a column; together they are of the type and the shape that stand before it."""
+    rows = 0
+    for block in column.blocks:
+        rows += len(block) if block.ndim else 1
+        if block.dtype != np.dtype(column.dtype) or block.shape[1:] != column.shape[1:]:
+            raise OutputError(f"{path}: not written: {column.name} has {block.dtype}{block.shape}")
+        yield block
+    if rows != (column.shape[0] if column.shape else 1):
+        raise OutputError(f"{path}: not written: {column.name} has {rows} rows of {column.shape}")
 
 
 def _header(column: Column) -> bytes:

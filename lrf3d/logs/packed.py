@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from lrf3d.errors import InputError
+from lrf3d.input import opened
 
 BLOCK = 1 << 20
 """Bytes that are read at a time, and the longest line: a scan of 100,000 beams is shorter."""
@@ -39,22 +40,15 @@ def lines_of(path: Path) -> Iterator[Line]:
     Raises:
         InputError: The file cannot be read, or unpacks to far more than a log would.
     """
-    try:
-        with path.open("rb") as file:
-            packed = file.read(len(GZIP)) == GZIP
-            file.seek(0)
-            if not packed:
-                yield from _lines(file, path, None)
-                return
-            allowed = max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size)
-            with gzip.open(file) as unpacked:
-                yield from _lines(unpacked, path, allowed)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: a folder, expected a log") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    with opened(path, what="a log") as file:
+        packed = file.read(len(GZIP)) == GZIP
+        file.seek(0)
+        if not packed:
+            yield from _lines(file, path, None)
+            return
+        allowed = max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size)
+        with gzip.open(file) as unpacked:
+            yield from _lines(unpacked, path, allowed)
 
 
 def _lines(stream: BinaryIO | gzip.GzipFile, path: Path, allowed: int | None) -> Iterator[Line]:

@@ -3,7 +3,9 @@
 from pathlib import Path
 
 from lrf3d.errors import InputError
+from lrf3d.input import own_name
 from lrf3d.logs.laser_log import LaserLog
+from lrf3d.world import world_names
 
 CARMEN_ENDINGS = (".log", ".log.gz", ".clf", ".clf.gz")
 """Endings of CARMEN logs; the last two are what the University of Freiburg calls them."""
@@ -13,6 +15,16 @@ BAG_ENDINGS = (".mcap", ".db3")
 
 POSES = ("auto", "truth", "tf", "odom")
 """Where the poses of a log may come from."""
+
+
+def is_run(name: str) -> bool:
+    """Whether a name is that of a run, a ``.npz`` or a folder, and not of a world.
+
+    As everywhere, a built-in world comes before a folder that is called the same.
+    """
+    if name in world_names():
+        return False
+    return Path(name).is_dir() or Path(name).suffix.lower() == ".npz"
 
 
 def load_log(
@@ -55,13 +67,15 @@ def load_log(
         from lrf3d.logs.carmen import load_carmen
 
         return load_carmen(path, largest_range=largest_range, poses=poses)
-    if ending.endswith(".npz") or (path / "run.npz").is_file():
+    if ending.endswith(".npz") or (path / "run.npz").exists():
         from lrf3d.logs.run_file import load_run
 
         if poses not in ("auto", "truth"):
             raise InputError(f"{path}: no poses from {poses} in it; a run knows the truth alone")
+        run = load_run(path)
         # Not called like the run, so that its map does not take the place of the run's own.
-        return LaserLog("run", list(load_run(path).scans), source="the run")
+        name = own_name(path.resolve().parent if path.name == "run.npz" else path)
+        return LaserLog(f"{name}_map", list(run.scans), source="the run")
     if ending.endswith(BAG_ENDINGS) or path.is_dir():
         from lrf3d.logs.ros_bag import load_bag
 

@@ -8,13 +8,15 @@ scans there are, a few megabytes of them are in memory.
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lrf3d.errors import InputError, OutputError
+from lrf3d.input import check_ordinary
 from lrf3d.laser import LaserScan
 from lrf3d.logs.arrays import DAMAGES, read_arrays
 from lrf3d.logs.journal import COLUMNS, Array, Journal, column_shape, read_origin
@@ -22,6 +24,7 @@ from lrf3d.logs.npz_writer import Column, write_npz
 from lrf3d.logs.origin import origin_of
 from lrf3d.logs.run_file import head_columns, load_run, map_columns, mover_columns
 from lrf3d.mapping import LineMap
+from lrf3d.output import beside, locked
 from lrf3d.pose import Pose
 from lrf3d.simulation import Run, Stages, total_of
 from lrf3d.steering import Steered
@@ -64,8 +67,8 @@ def record(
         The run, whose large arrays are mapped from the file.
 
     Raises:
-        InputError: Nobody says when the simulation ends, the file has another ending, or what is
-            to be resumed is another run.
+        InputError: Nobody says when the simulation ends, the file has another ending, what is to
+            be resumed is another run, or another process writes to the file.
         OutputError: The file cannot be written.
 
     Examples:
@@ -81,6 +84,30 @@ def record(
         raise InputError(f"{path}: expected a name that ends in .npz")
     total = total_of(simulation)
     origin = origin_of(simulation, about or {})
+    with _writing(path):
+        return _record(simulation, path, total, origin, resume, film, progress)
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Keep other processes from a run and from what lies beside it until it is whole."""
+    with locked(beside(path), path):
+        for name in (path, path.with_suffix(".journal"), path.with_suffix(".checkpoint")):
+            # After hours of work it would be too late to see that it cannot be replaced.
+            if name.exists():
+                check_ordinary(name, what="a file of an earlier run")
+        yield
+
+
+def _record(
+    simulation: "Simulation",
+    path: Path,
+    total: int,
+    origin: dict[str, str],
+    resume: bool,
+    film: FilmPlan,
+    progress: Progress,
+) -> Run:
     if resume and _finished(path, origin):
         return load_run(path)
     journal_path, checkpoint = path.with_suffix(".journal"), path.with_suffix(".checkpoint")

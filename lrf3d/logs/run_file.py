@@ -39,6 +39,7 @@ at multiples of 64 bytes, so that `load_run` maps the large ones and a run of an
 looked at. Where a program was stopped, a journal lies in its place: see `recording`.
 """
 
+import os
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -47,6 +48,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lrf3d.errors import InputError
+from lrf3d.input import check_ordinary
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.logs.arrays import DAMAGES, read_arrays
 from lrf3d.logs.npz_writer import Column, write_npz
@@ -159,8 +161,7 @@ def load_run(path: str | Path) -> Run:
         >>> lrf3d.load_run("run.npz").trajectory.length
         1.0
     """
-    path = Path(path)
-    path = path / "run.npz" if path.is_dir() else path
+    path = run_path(path)
     try:
         arrays = read_arrays(path)
         if int(arrays["version"]) != VERSION:
@@ -169,18 +170,44 @@ def load_run(path: str | Path) -> Run:
                 f" version {VERSION}; run the simulation again"
             )
         return _run(arrays)
-    except InputError:
-        raise
-    except FileNotFoundError:
-        mend = "`lrf3d run WORLD` writes one"
-        if path.with_suffix(".journal").exists():
-            mend = "the run was stopped; the same `lrf3d run` with --resume ends it"
-        raise InputError(f"{path}: no such file; {mend}") from None
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
     except KeyError as error:
         raise InputError(f"{path}: not a run of lrf3d, it holds no {error}") from None
     except DAMAGES as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: not a run of lrf3d or damaged ({reason})") from None
+
+
+def run_path(path: str | Path) -> Path:
+    """The file of a run that is given by its name or by its folder.
+
+    Raises:
+        InputError: There is none; the message says what is there instead.
+    """
+    path = Path(path)
+    folder, file = (path, path / "run.npz") if path.is_dir() else (path.parent, path)
+    if os.path.lexists(file):
+        check_ordinary(file, what="a run.npz")
+        return file
+    mend = "`lrf3d run WORLD` writes one"
+    if file.with_suffix(".journal").exists():
+        raise InputError(
+            f"{file}: no such file; the run was stopped; the same `lrf3d run` with --resume ends it"
+        )
+    for name, what in _OTHERS.items():
+        if folder == path and (folder / name).is_file():
+            raise InputError(f"{folder}: the folder of {what}, with no run.npz in it; {mend}")
+    raise InputError(f"{file}: no such file; {mend}")
+
+
+_OTHERS = {
+    "sweep.parquet": "a sweep",
+    "metadata.yaml": "a ROS 2 bag",
+    "map.geojson": "a map that was made from a log",
+}
+"""What a folder is that holds such a file and no run."""
 
 
 def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
@@ -217,8 +244,24 @@ def _movers(arrays: dict[str, Any]) -> "tuple[Mover, ...]":
     )
 
 
+_KINDS = {
+    **dict.fromkeys(("segments", "heights", "lrf", "scan_duration", "cameras", "colours"), "f"),
+    **dict.fromkeys(("times", "poses", "ranges", "truth", "map_segments"), "f"),
+    **dict.fromkeys(("objects", "walls", "stages", "map_sizes", "map_objects"), "iu"),
+    **dict.fromkeys(("map_points", "mover_corners", "mover_stops"), "iu"),
+    **dict.fromkeys(("mover_heights", "mover_outlines", "mover_times", "mover_poses"), "f"),
+    **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view"), "U"),
+}
+"""The kinds of numbers that arrays hold, as NumPy names them: f floating, i and u whole, U text."""
+
+
 def _run(arrays: dict[str, Any]) -> Run:
+    for name in arrays.keys() & _KINDS.keys():
+        if arrays[name].dtype.kind not in _KINDS[name]:
+            raise ValueError(f"{name} of type {arrays[name].dtype}")
     scans = len(arrays["times"]), int(arrays["lrf"][2])
+    if arrays["poses"].shape != (scans[0], 3):
+        raise ValueError(f"poses of shape {arrays['poses'].shape}, expected {(scans[0], 3)}")
     for name in ("ranges", "truth", "walls"):
         if arrays[name].shape != scans:
             raise ValueError(f"{name} of shape {arrays[name].shape}, expected {scans}")

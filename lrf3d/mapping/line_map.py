@@ -11,6 +11,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, normal_lines
+from lrf3d.input import read_text
 from lrf3d.output import write_text
 
 
@@ -125,12 +126,14 @@ def load_map(path: str | Path) -> LineMap:
         (0, 4)
     """
     try:
-        features = json.loads(Path(path).read_text())["features"]
+        features = json.loads(read_text(path, what="a map of lrf3d"))["features"]
         ends = [feature["geometry"]["coordinates"] for feature in features]
         segments = np.array(ends, dtype=np.float64).reshape(-1, 4)
         values = [feature["properties"] for feature in features]
         objects = np.array([value["object"] for value in values], dtype=np.int64)
         points = np.array([value["points"] for value in values], dtype=np.int64)
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise InputError(f"{path}: not a map of lrf3d ({error!r})") from None
     return LineMap(segments, objects, points)

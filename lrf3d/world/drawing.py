@@ -7,6 +7,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int, lengths
+from lrf3d.input import own_name
 from lrf3d.world.model import World
 from lrf3d.world.pieces import walls
 from lrf3d.world.schema import FARTHEST
@@ -44,7 +45,7 @@ def world_of_strokes(strokes: Sequence[Float], path: Path, name: str = "") -> Wo
         raise WorldError(f"{path}: holds {len(segments):,} walls, more than {MOST_WALLS:,}")
     extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
     gap = min(TOUCHING, FINEST_GAP * extent)
-    return World(segments, connected(segments, gap), name=name or path.stem)
+    return World(segments, connected(segments, gap), name=own_name(path, name))
 
 
 def without_repeats(segments: Float) -> Float:

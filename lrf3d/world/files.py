@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import OutputError, WorldError
+from lrf3d.input import check_ordinary
 from lrf3d.resources import worlds_folder
 from lrf3d.world.model import World
 
@@ -134,6 +135,8 @@ def world_names() -> list[str]:
 def find_world(name_or_path: str | Path) -> Path:
     """The file of a world that is named or given by its path; its ending is a known one.
 
+    A built-in name comes before a file or a folder that is called the same: that is ``./city``.
+
     Raises:
         WorldError: There is no such world.
     """
@@ -143,9 +146,15 @@ def find_world(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     known = ", ".join(FORMATS)
     if path.suffix.lower() in FORMATS:
-        if not path.is_file():
-            raise WorldError(f"{path}: no such file{_suggestion(path.stem, names)}")
+        missing = f"no such file{_suggestion(path.stem, names)}"
+        check_ordinary(path, what="a world file", missing=missing, error=WorldError)
         return path
+    if path.is_dir() or path.suffix.lower() == ".npz":
+        run = not path.is_dir() or (path / "run.npz").exists()
+        what = "a run, for `lrf3d view` and others" if run else "a folder"
+        raise WorldError(
+            f"{path}: {what}; expected a world: {', '.join(names)}, or a file ({known})"
+        )
     if path.is_file() or path.suffix:
         raise WorldError(f"{path}: unknown ending; worlds are read from {known}")
     raise WorldError(

@@ -13,6 +13,7 @@ from typing import Any, NoReturn, cast
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float
+from lrf3d.input import own_name
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.dissolve import STRAIGHT
@@ -58,11 +59,10 @@ def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
         centre = centre_of(outlines)
         place = float(centre[0]), float(centre[1])
         features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
-    name = data.get("name")
     try:
         world = world_of_features(
             features,
-            name if isinstance(name, str) else path.stem,
+            own_name(path, data.get("name")),
             simplify=simplify,
             place=place,
         )
@@ -85,7 +85,19 @@ def _parse(path: Path) -> dict[str, Any]:
         raise WorldError(f"{path}: not JSON: {error}") from None
     if not isinstance(data, dict):
         raise WorldError(f"{path}: expected a GeoJSON object, found a JSON {type(data).__name__}")
+    if data.get("type") in _FOREIGN:
+        raise WorldError(f"{path}: {_FOREIGN[data['type']]}")
     return data
+
+
+_FOREIGN = {
+    **dict.fromkeys(
+        ("CityJSON", "CityJSONFeature"),
+        "CityJSON, which is not read; make a mesh of it, as by `cjio FILE export obj city.obj`",
+    ),
+    "Topology": "TopoJSON, which is not read; make GeoJSON of it, as by `topo2geo`",
+}
+"""What to say of other JSON with coordinates, by its type."""
 
 
 def _cameras(members: object) -> tuple[FixedCamera, ...]:

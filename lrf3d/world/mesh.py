@@ -15,6 +15,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int, lengths
+from lrf3d.input import own_name
 from lrf3d.world.collinear import merge_collinear
 from lrf3d.world.drawing import connected
 from lrf3d.world.model import World
@@ -70,11 +71,11 @@ def read_mesh(path: Path, *, cut: float = CUT) -> World:
     order = np.argsort(owners, kind="stable")
     segments, owners, heights = segments[order], owners[order], heights[order]
     if len(parts) == 1 and not parts[0][0]:
-        return World(segments, connected(segments), heights, path.stem)
+        return World(segments, connected(segments), heights, own_name(path))
     numbers, objects = np.unique(owners, return_inverse=True)
     names = tuple(parts[number][0] for number in numbers)
     colours = np.array([parts[number][1] for number in numbers])
-    return World(segments, objects, heights, path.stem, object_names=names, colours=colours)
+    return World(segments, objects, heights, own_name(path), object_names=names, colours=colours)
 
 
 def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:

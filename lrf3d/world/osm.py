@@ -14,6 +14,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float
+from lrf3d.input import own_name
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.geographic import centre_of, lay_flat
 from lrf3d.world.geojson_features import Feature
@@ -58,7 +59,7 @@ def read_osm(path: Path) -> World:
     features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
     place = float(centre[0]), float(centre[1])
     try:
-        return world_of_features(features, path.stem, place=place)
+        return world_of_features(features, own_name(path), place=place)
     except WorldError as error:
         raise WorldError(f"{path}: {error}") from None
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Bool, Float
+from lrf3d.input import own_name
 from lrf3d.world.drawing import connected
 from lrf3d.world.model import World
 from lrf3d.world.outlines import BAND
@@ -70,7 +71,7 @@ def read_ros_map(path: Path) -> World:
     segments = points.reshape(-1, 4)
     # Ends are sealed to rounding; half a cell is as near as the map can tell.
     objects = connected(segments, 0.5 * description.resolution)
-    return World(segments, objects, name=path.stem)
+    return World(segments, objects, name=own_name(path))
 
 
 class _Description:

@@ -16,6 +16,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, lengths
+from lrf3d.input import own_name
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.locate import Path, lines_of_keys, nearest_line
 from lrf3d.world.model import DEFAULT_HEIGHT, World
@@ -67,7 +68,7 @@ def read_toml(path: FilePath) -> WorldFile:
     document = _Document(path, read_text(path))
     data = document.parse()
     document.check_keys(data, ["name", "object", *TABLES, "mover", "camera", "place"], ())
-    name = document.check(text(), data.get("name", path.stem), ("name",))
+    name = document.check(text(), data.get("name", ""), ("name",))
     place = document.check(PLACE, data["place"], ("place",)) if "place" in data else None
     tables = {
         key: document.check_table(data[key], checks, (key,))
@@ -75,7 +76,7 @@ def read_toml(path: FilePath) -> WorldFile:
         if key in data
     }
     cameras = document.cameras(data.get("camera", []))
-    world = document.world(data.get("object"), name, cameras, place)
+    world = document.world(data.get("object"), own_name(path, name), cameras, place)
     return WorldFile(world, tables, document.movers(data.get("mover", [])), path, document.text)
 
 

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d import InputError, LaserRangeFinder, LineMap, LineMapper, ProportionalNoise, World
+from lrf3d import (
+    InputError,
+    LaserRangeFinder,
+    LineMap,
+    LineMapper,
+    OutputError,
+    ProportionalNoise,
+    World,
+)
 from lrf3d.logs import recording
 from lrf3d.logs.journal import Journal
 
@@ -291,3 +299,67 @@ def test_a_stream_of_steps_gives_the_run_and_keeps_no_scans():
     seen += [step.index for step in steps]
     assert seen == [0, 1, 2, 3, 4]
     assert isinstance(steps.map, LineMap) and steps.done == 5
+
+
+def test_one_file_has_one_writer(tmp_path):
+    path = tmp_path / "run.npz"
+
+    def another(done, total):
+        if done == 2:
+            with pytest.raises(InputError, match=r"run\.npz: process \d+ writes here"):
+                lrf3d.record(simulation(scans=9), path)
+
+    lrf3d.record(simulation(scans=5), path, progress=another)
+    assert len(lrf3d.load_run(path)) == 5
+    assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
+
+
+@pytest.mark.parametrize("damage", ["changed", "cut", "removed"])
+def test_a_journal_that_others_change_does_not_replace_the_run(damage, tmp_path):
+    path = tmp_path / "run.npz"
+    lrf3d.record(simulation(scans=5), path)
+    before = path.read_bytes()
+    journal = path.with_suffix(".journal")
+
+    def meddle(done, total):
+        if done == total and damage == "changed":
+            data = bytearray(journal.read_bytes())
+            data[-100] ^= 1
+            journal.write_bytes(data)
+        elif done == total and damage == "cut":
+            os.truncate(journal, journal.stat().st_size // 2)
+        elif done == total:
+            journal.unlink()
+
+    with pytest.raises(OutputError, match=r"run\.journal"):
+        lrf3d.record(simulation(scans=400), path, progress=meddle)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["run.npz", "run.journal", "run.checkpoint"])
+def test_what_cannot_be_replaced_is_known_before_the_drive(name, tmp_path):
+    (tmp_path / name).mkdir()
+    with pytest.raises(InputError, match=f"{name}: a folder, expected a file of an earlier run"):
+        lrf3d.record(simulation(scans=5), tmp_path / "run.npz", progress=stopping(1))
+
+
+@pytest.mark.parametrize(
+    ("name", "array"),
+    [
+        ("segments", np.zeros((1, 4))),
+        ("lrf", np.array([1.0, 0.0, 61, 0, 20, 0.5])),
+        ("poses", np.zeros((5, 2))),
+        ("ranges", np.zeros((5, 61), dtype=np.complex128)),
+        ("walls", np.full((5, 61), "x")),
+        ("world_name", np.array(3.0)),
+    ],
+)
+def test_what_is_wrong_in_a_run_is_told_with_its_file(name, array, tmp_path):
+    path = tmp_path / "run.npz"
+    lrf3d.record(simulation(scans=5), path)
+    with np.load(path) as arrays:
+        changed = {**arrays, name: array}
+    np.savez(path, **changed)
+    with pytest.raises(InputError) as refused:
+        lrf3d.load_run(path)
+    assert str(refused.value).startswith(f"{path}: ")

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError
+from lrf3d.input import read_text
 from lrf3d.mapping.line_mapper import MODES
 from lrf3d.world.schema import TABLES
 from lrf3d.world.settings import read_settings
-from lrf3d.world.text_file import read_text
 
 SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
 """Noises [m] where none are asked for: those of the paper's figures, and some between."""
@@ -74,7 +74,7 @@ class Grid:
         """The grid in JSON's types."""
         axes = {name: list(values) for name, values in self.axes.items()}
         return {
-            "worlds": [Path(world).stem for world in self.worlds],
+            "worlds": list(self.worlds),
             "axes": axes,
             "seeds": self.seeds,
             "every": self.every,
@@ -139,7 +139,7 @@ def read_grid(path: Path, axes: Mapping[str, tuple[Value, ...]], **rest: Any) ->
         InputError: The file cannot be read or used.
     """
     try:
-        data = tomllib.loads(read_text(path))
+        data = tomllib.loads(read_text(path, what="a grid"))
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: {error}") from None
     known = ["worlds", "seeds", "every", *TABLES]

@@ -77,6 +77,11 @@ class Plan:
         }
 
     @property
+    def worlds(self) -> list[str]:
+        """The names of the worlds."""
+        return list(dict.fromkeys(cell.world for cell in self.cells))
+
+    @property
     def axes(self) -> dict[str, tuple[Value, ...]]:
         """The values of what is varied, by column."""
         return {column_of(name): values for name, values in self.grid.axes.items()}
@@ -103,7 +108,7 @@ def make_plan(grid: Grid, *, collision: Callable[[str], None] | None = None) -> 
     runs: list[PlannedRun] = []
     for name in grid.worlds:
         file = read_scenario_file(name)
-        known = next((cell for cell in cells if cell.world == file.path.stem), None)
+        known = next((cell for cell in cells if cell.world == file.world.name), None)
         if known is not None:
             raise InputError(f"{name}: another world of the sweep is called {known.world}, too")
         drives = _Drives(file.world, grid.every, collision)

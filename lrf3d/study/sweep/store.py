@@ -5,16 +5,15 @@ become one table in the order of the plan. One process writes; workers only comp
 run that was made twice is kept once.
 """
 
-import fcntl
-import os
 import shutil
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from lrf3d.cluster.libraries import missing_sweep
-from lrf3d.errors import InputError, OutputError
-from lrf3d.output import make_folder, replacing
+from lrf3d.errors import InputError
+from lrf3d.output import beside, locked, make_folder, replacing
 from lrf3d.study.sweep.plan import Plan
 from lrf3d.study.sweep.task import Row
 
@@ -65,7 +64,7 @@ class Store:
 
     Raises:
         InputError: The folder holds runs and is not to be gone on with, holds runs of another
-            plan, or another sweep writes to it.
+            plan, or another process writes a sweep to it.
         OutputError: It cannot be written to.
     """
 
@@ -75,7 +74,8 @@ class Store:
         self._rows: dict[str, Row] = {}
         self._waiting: list[Row] = []
         self._planned = {run.order.key: run for run in plan.runs}
-        self._lock = self._locked()
+        self._held = ExitStack()
+        self._held.enter_context(locked(beside(folder / TABLE), folder))
         try:
             found = self._found()
             if found and not resume:
@@ -141,7 +141,7 @@ class Store:
 
     def close(self) -> None:
         """Let others in."""
-        os.close(self._lock)
+        self._held.close()
 
     def _write(self, rows: Sequence[Row], path: Path) -> None:
         with replacing(path) as unfinished:
@@ -155,21 +155,6 @@ class Store:
             if path.is_file():
                 rows.update({row["key"]: row for row in _read(path)})
         return rows
-
-    def _locked(self) -> int:
-        """A lock on the folder, which ends with this process however it ends."""
-        try:
-            lock = os.open(self._folder, os.O_RDONLY)
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(lock)
-            raise InputError(
-                f"{self._folder}: another sweep writes here; wait for it, or choose another"
-                " folder with --out"
-            ) from None
-        except OSError as error:
-            raise OutputError(f"{self._folder}: cannot be locked: {error.strerror}") from error
-        return lock
 
 
 def _read(path: Path) -> list[Row]:

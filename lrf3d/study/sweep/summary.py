@@ -87,7 +87,7 @@ def cell_means(plan: Plan, rows: Sequence[Row]) -> list[CellMean]:
 def summarise(plan: Plan, rows: Sequence[Row]) -> dict[str, Any]:
     """The summary in JSON's types: the same for the same rows."""
     return {
-        "sweep": plan.grid.as_dict(),
+        "sweep": {**plan.grid.as_dict(), "worlds": plan.worlds},
         "runs": len(rows),
         "confidence": CONFIDENCE,
         "combinations": [

@@ -1,0 +1,130 @@
+"""Reading files: only ordinary ones, within bounds, and what a file's contents are called.
+
+Whatever a user names is opened through here, so that a pipe, a device or a folder is one clear
+line instead of a program that waits for ever or fills the memory.
+"""
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from lrf3d.errors import InputError
+
+LARGEST_TEXT = 1 << 28
+"""Bytes of text that are read into memory: about two million walls as TOML."""
+
+GENERAL = frozenset(
+    "building data drawing export floorplan grid journal log map model plan run scan scene"
+    " sweep untitled world".split()
+)
+"""Names of files that say what they are but not of which place; their folder's name does."""
+
+
+def check_ordinary(
+    path: str | Path,
+    *,
+    what: str = "a file",
+    largest: int | None = None,
+    missing: str = "no such file",
+    error: type[InputError] = InputError,
+) -> None:
+    """Check that a path is an ordinary file of at most so many bytes.
+
+    Args:
+        path: The path; links are followed.
+        what: What is expected there, for messages.
+        largest: How many bytes it may have.
+        missing: What to say where nothing is there.
+        error: The class of what is raised.
+
+    Raises:
+        InputError: It is not there, is a folder, a pipe, a socket or a device, or is too large.
+    """
+    try:
+        # Opening a pipe would wait for a writer, so what it is is asked before.
+        status = os.stat(path)
+    except FileNotFoundError:
+        raise error(f"{path}: {missing}") from None
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    except ValueError:
+        raise error(f"{str(path)!r}: not a path of a file") from None
+    if stat.S_ISDIR(status.st_mode):
+        raise error(f"{path}: a folder, expected {what}")
+    if not stat.S_ISREG(status.st_mode):
+        raise error(f"{path}: not an ordinary file, expected {what}")
+    if largest is not None and status.st_size > largest:
+        raise error(
+            f"{path}: {status.st_size / 1e6:.3g} MB, more than the {largest / 1e6:.3g} MB that"
+            " such a file may have; cut it down to what is needed"
+        )
+
+
+@contextmanager
+def opened(
+    path: str | Path,
+    *,
+    what: str = "a file",
+    largest: int | None = None,
+    error: type[InputError] = InputError,
+) -> Iterator[BinaryIO]:
+    """Open an ordinary file for reading; the arguments are those of :func:`check_ordinary`.
+
+    Raises:
+        InputError: It is not there, is no ordinary file, is too large, or cannot be read.
+    """
+    check_ordinary(path, what=what, largest=largest, error=error)
+    try:
+        with open(path, "rb") as file:
+            yield file
+    except FileNotFoundError:
+        raise error(f"{path}: no such file") from None
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+
+
+def read_text(
+    path: str | Path,
+    *,
+    what: str = "a text file",
+    largest: int = LARGEST_TEXT,
+    error: type[InputError] = InputError,
+) -> str:
+    """The text of an ordinary file, UTF-8 with or without a byte order mark.
+
+    Raises:
+        InputError: There is no such file, it is too large, or it cannot be read as text.
+    """
+    with opened(path, what=what, largest=largest, error=error) as file:
+        data = file.read()
+    try:
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as problem:
+        line = data[: problem.start].count(b"\n") + 1
+        raise error(f"{path}:{line}: not a text file in UTF-8") from None
+
+
+def own_name(path: str | Path, given: object = None, *, stem: str | None = None) -> str:
+    """What the contents of a file are called, in pictures and in the folder of the results.
+
+    A name that the file gives itself comes first, then the file's name without its ending. Where
+    that says only what it is, as ``map.yaml`` does, the name of its folder stands before it.
+
+    Args:
+        path: The file, or the folder.
+        given: The name in the file, if it is a text.
+        stem: The file's name without its ending, where that has more than one part.
+
+    Example:
+        >>> own_name("plans/office.dxf"), own_name("berlin/map.yaml"), own_name("x.toml", "Lab 3")
+        ('office', 'berlin_map', 'Lab 3')
+    """
+    if isinstance(given, str) and given.strip():
+        return given
+    place = Path(os.path.abspath(path))
+    name = place.stem if stem is None else stem
+    folder = place.parent.name
+    return f"{folder}_{name}" if folder and name.lower() in GENERAL else name

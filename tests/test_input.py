@@ -1,0 +1,134 @@
+"""Reading: only ordinary files, what a name means, and what a file's contents are called."""
+
+import os
+import signal
+import socket
+from pathlib import Path
+
+import pytest
+from lrf3d.study.bench.comparison import load_report
+
+from lrf3d import InputError, LineMap, WorldError, load_log, load_run, load_world
+from lrf3d.input import own_name
+from lrf3d.logs.reading import is_run
+from lrf3d.study.sweep.grid import read_grid
+from lrf3d.world.files import READERS, find_world
+
+ROOM = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
+
+
+@pytest.fixture(autouse=True)
+def here_and_soon(tmp_path, monkeypatch):
+    """The current folder is empty, and who waits for a pipe is stopped."""
+
+    def stop(*_):
+        raise TimeoutError("waits for ever")
+
+    monkeypatch.chdir(tmp_path)
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(60)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+def fifo(path):
+    os.mkfifo(path)
+
+
+def zeros(path):
+    os.symlink("/dev/zero", path)
+
+
+def pair(path):
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(path)
+
+
+READ = {
+    "a.log": load_log,
+    "b.log.gz": load_log,
+    "c.mcap": load_log,
+    "d.db3": load_log,
+    "e.npz": load_log,
+    "f.npz": load_run,
+    "grid.toml": lambda path: read_grid(path, {}),
+    "report.json": load_report,
+    "map.json": LineMap.load,
+    **{f"world{ending}": load_world for ending in READERS},
+}
+
+
+@pytest.mark.parametrize("make", [fifo, zeros, pair, os.mkdir])
+@pytest.mark.parametrize("name", READ)
+def test_what_is_no_ordinary_file_is_refused_at_once(name, make):
+    make(name)
+    if make is os.mkdir and name in ("c.mcap", "d.db3", "e.npz", "f.npz"):
+        said = "a folder without|no such file"
+    else:
+        said = "a folder, expected" if make is os.mkdir else "not an ordinary file"
+    with pytest.raises(InputError, match=said) as refused:
+        READ[name](Path(name))
+    assert str(refused.value).startswith(name)
+
+
+@pytest.mark.parametrize("inside", ["metadata.yaml", "a.mcap", "b.mcap.zstd"])
+def test_a_bag_with_a_pipe_in_it_is_refused(inside):
+    bag = Path("bag")
+    bag.mkdir()
+    (bag / "metadata.yaml").write_text("")
+    (bag / inside).unlink(missing_ok=True)
+    fifo(bag / inside)
+    with pytest.raises(InputError, match=f"{inside}: not an ordinary file"):
+        load_log(bag)
+
+
+def test_a_built_in_world_comes_before_a_folder_of_its_name():
+    for name in ("city", "mine"):
+        Path(name).mkdir()
+    assert not is_run("city") and find_world("city").name == "city.toml"
+    assert is_run("./city") and is_run("mine") and is_run("a/run.npz")
+    assert not is_run("plan.dxf")
+    with pytest.raises(WorldError, match="city: a folder; expected a world: city, corridor"):
+        find_world("./city")
+    (Path("mine") / "run.npz").write_text("")
+    with pytest.raises(WorldError, match="mine: a run, for `lrf3d view` and others; expected"):
+        find_world("mine")
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        ("map.geojson", "the folder of a map that was made from a log, with no run.npz in it"),
+        ("sweep.parquet", "the folder of a sweep"),
+        ("metadata.yaml", "the folder of a ROS 2 bag"),
+        ("run.journal", "the run was stopped"),
+        ("notes.txt", "run.npz: no such file; `lrf3d run WORLD` writes one"),
+    ],
+)
+def test_a_folder_without_a_run_is_named_for_what_it_holds(file, said):
+    Path("out").mkdir()
+    (Path("out") / file).write_text("")
+    with pytest.raises(InputError, match=said):
+        load_run("out")
+
+
+@pytest.mark.parametrize("kind", ["CityJSON", "CityJSONFeature", "Topology"])
+def test_other_json_of_places_is_named_with_the_way_to_convert_it(kind):
+    Path("a.json").write_text(f'{{"type": "{kind}"}}')
+    with pytest.raises(WorldError, match=r"^a.json: (CityJSON|TopoJSON), which is not read; make"):
+        load_world("a.json")
+
+
+def test_a_world_is_called_as_it_says_or_as_its_file_or_with_the_folder_before_it():
+    for folder in ("berlin", "bonn"):
+        Path(folder).mkdir()
+        Path(folder, "map.toml").write_text(ROOM)
+    Path("berlin/hall.toml").write_text(ROOM)
+    Path("berlin/lab.toml").write_text(f'name = "Lab 3"\n{ROOM}')
+    names = [load_world(f"{n}.toml").name for n in ("berlin/map", "bonn/map", "berlin/hall")]
+    assert names == ["berlin_map", "bonn_map", "hall"]
+    assert load_world("berlin/lab.toml").name == "Lab 3"
+    os.chdir("bonn")
+    assert own_name("map.yaml") == own_name("../bonn/map.yaml") == "bonn_map"
+    assert own_name("a/run.log.gz", stem="run") == "a_run"
