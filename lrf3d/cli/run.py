@@ -59,10 +59,11 @@ def run(
     from pathlib import Path
 
     from lrf3d.cli.film import make_film
+    from lrf3d.interrupts import noting
     from lrf3d.output import make_folder, write_text
     from lrf3d.scenario import load_scenario
     from lrf3d.study.experiment import Experiment, with_route
-    from lrf3d.study.outputs import Results, draw_results
+    from lrf3d.study.outputs import KEPT, Results, draw_results
     from lrf3d.study.plugins import load_plugin
     from lrf3d.world.cameras import check_view
 
@@ -103,15 +104,16 @@ def run(
         resume=resume,
         collision=warn if ignore_collisions else None,
     )
-    files = draw_results(results, folder)
-    files["summary"] = folder / "summary.json"
-    summary = {**results.summary, "files": {name: path.name for name, path in files.items()}}
-    if video:
-        film = folder / "run.mp4"
-        make_film(results.run, film, asked)
-        files = {"video": film, **files}
-        summary["files"] = {name: path.name for name, path in files.items()}
-    write_text(files["summary"], json_text(summary))
+    with noting(lambda: KEPT):
+        files = draw_results(results, folder)
+        files["summary"] = folder / "summary.json"
+        summary = {**results.summary, "files": {name: path.name for name, path in files.items()}}
+        if video:
+            film = folder / "run.mp4"
+            make_film(results.run, film, asked)
+            files = {"video": film, **files}
+            summary["files"] = {name: path.name for name, path in files.items()}
+        write_text(files["summary"], json_text(summary))
     if json:
         print_json(summary)
         return

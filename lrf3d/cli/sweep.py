@@ -50,9 +50,9 @@ def sweep(
     it had not been. Writes sweep.parquet, summary.json and a figure for each world and setting.
     """
     from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
-    from lrf3d.cli.film import stoppable
     from lrf3d.cluster.connection import check_address
     from lrf3d.errors import InputError
+    from lrf3d.interrupts import noting
     from lrf3d.output import make_folder, write_text
     from lrf3d.study.sweep.drawing import draw_figures, table_text
     from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, parse_axis, parse_values, read_grid
@@ -76,11 +76,12 @@ def sweep(
     plan = make_plan(chosen, collision=warn if ignore_collisions else None)
     name = plan.cells[0].world if grid is None else grid.stem
     folder = make_folder(Path("out") / f"{name}_sweep" if out is None else out)
-    with stoppable(), progress_bar("runs") as progress:
+    with progress_bar("runs") as progress:
         result = run(
             plan, folder, scheduler=scheduler, workers=workers, resume=resume, progress=progress
         )
-    figures = draw_figures(plan, result.rows, folder)
+    with noting(lambda: "all runs kept; go on with --resume"):
+        figures = draw_figures(plan, result.rows, folder)
     files = {"table": result.table, **figures}
     files["summary"] = folder / "summary.json"
     summary = {**result.summary, "files": {key: path.name for key, path in files.items()}}
