@@ -54,6 +54,7 @@ def whole() -> Iterator[None]:
     when half of them are there, and they are to be ended by the one that the user talks to. They
     inherit that the signal is blocked, from their very first moment.
     """
+    from multiprocessing import resource_tracker
     from threading import current_thread, main_thread
 
     if current_thread() is not main_thread() or not hasattr(signal, "pthread_sigmask"):
@@ -64,6 +65,8 @@ def whole() -> Iterator[None]:
     def keep(number: int, where: "FrameType | None") -> None:
         came.append(number)
 
+    # The one that Python starts for itself with the first unblocks the signal when it is there.
+    resource_tracker.ensure_running()
     # Blocking alone is not enough: another thread of this process may be given the signal.
     before = signal.getsignal(signal.SIGINT)
     if callable(before):

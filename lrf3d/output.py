@@ -1,6 +1,8 @@
 """Writing files whole or not at all: first under another name, then renamed."""
 
 import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -61,3 +63,24 @@ def make_folder(path: str | Path) -> Path:
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{path}: the folder cannot be written to; choose another with --out")
     return path
+
+
+@contextmanager
+def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
+    """A folder to work in, which is gone afterwards, even when its removal is interrupted.
+
+    Args:
+        beside: The folder that it is made in; the system's for temporary files where None.
+    """
+    prefix = "lrf3d-" if beside is None else ".unfinished-"
+    folder = Path(tempfile.mkdtemp(prefix=prefix, dir=beside))
+    try:
+        yield folder
+    finally:
+        try:
+            shutil.rmtree(folder)
+        except BaseException as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            # What a process that was ended still writes is removed by that process or the system.
+            if not isinstance(error, OSError):
+                raise

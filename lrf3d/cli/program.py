@@ -32,29 +32,35 @@ def main() -> None:
     """Run the program; a known error ends it with one line and the status 1."""
     stops = Stops()
     error: BaseException | None = None
-    status: Any = 0
     try:
-        stops.begin()
-        for stream in (sys.stdout, sys.stderr):
-            # A terminal that lacks a letter, σ or one of a file's name, is no reason to fail.
-            if hasattr(stream, "reconfigure"):
-                stream.reconfigure(errors="backslashreplace")
-        from lrf3d.cli.app import app
-
-        try:
-            app()
-        except SystemExit as end:
-            error, status = end, end.code
-        # What cannot be printed is better known now than when Python ends.
-        sys.stdout.flush()
+        _run(stops)
+        stops.over = True
     except BaseException as caught:
-        error, status = caught, None
+        # Nothing may come before this: from here on, an interrupt would leave this function.
+        stops.over = True
+        error = caught
     stops.end()
     if stops.number:
-        status = _stopped(stops.number, error)
-    elif error is not None and status is None and not isinstance(error, SystemExit):
-        status = _failed(error)
-    sys.exit(status)
+        sys.exit(_stopped(stops.number, error))
+    if isinstance(error, SystemExit):
+        sys.exit(error.code)
+    sys.exit(0 if error is None else _failed(error))
+
+
+def _run(stops: "Stops") -> None:
+    """Do what the command line asks for, and print it."""
+    stops.begin()
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that lacks a letter, σ or one of a file's name, is no reason to fail.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    from lrf3d.cli.app import app
+
+    try:
+        app()
+    finally:
+        # What cannot be printed is better known now than when Python ends.
+        sys.stdout.flush()
 
 
 class Stops:
@@ -68,6 +74,8 @@ class Stops:
     def __init__(self) -> None:
         self.number = 0
         """The signal that asked first; 0 while none did."""
+        self.over = False
+        """Whether it is too late: all is done, or on its way out."""
         self._asked = 0.0
 
     def begin(self) -> None:
@@ -78,13 +86,15 @@ class Stops:
                 signal.signal(number, self._ask)
 
     def end(self) -> None:
-        """Listen no more: all is done or tidied up, and only Python itself has to end."""
+        """Listen no more: only Python itself has to end."""
         for number in ENDS:
             signal.signal(number, signal.SIG_IGN)
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def _ask(self, number: int, where: "FrameType | None") -> None:
+        if self.over:
+            return
         if self.number:
             if monotonic() > self._asked + PATIENCE:
                 os._exit(_stopped(self.number, None))
@@ -101,7 +111,7 @@ class Stops:
         on_its_way = any(isinstance(each, KeyboardInterrupt) for each in chain(sys.exc_info()[1]))
         # Half-loaded libraries of C fail in ways of their own. Loading ends, or is interrupted
         # when it takes too long, as a user's module may that never ends.
-        if on_its_way or (_loads(where) and monotonic() < self._asked + PATIENCE):
+        if self.over or on_its_way or (_loads(where) and monotonic() < self._asked + PATIENCE):
             return
         raise KeyboardInterrupt
 
@@ -117,7 +127,8 @@ def _loads(frame: "FrameType | None") -> bool:
 
 def _be_quiet() -> None:
     """Let nobody but this module speak of what an interrupt broke."""
-    sys.excepthook = sys.unraisablehook = lambda *_: None
+    sys.excepthook = lambda *_: None
+    sys.unraisablehook = lambda _: None
     if "threading" in sys.modules:
         sys.modules["threading"].excepthook = lambda *_: None  # type: ignore[attr-defined]
     if "logging" in sys.modules:

@@ -16,6 +16,7 @@ from lrf3d.cluster.libraries import missing_sweep
 from lrf3d.cores import core_count
 from lrf3d.errors import InputError, Lrf3dError
 from lrf3d.interrupts import whole
+from lrf3d.output import scratch_folder
 
 try:
     import dask
@@ -66,7 +67,11 @@ def connected(scheduler: str | None, workers: int | None = None) -> Iterator[Cli
         "distributed.worker.memory.pause": False,
         "distributed.worker.memory.terminate": False,
     }
-    with dask.config.set(settings), ExitStack() as started:
+    with (
+        scratch_folder() as folder,
+        dask.config.set({**settings, "temporary-directory": str(folder)}),
+        ExitStack() as started,
+    ):
         # Ctrl-C is for the one that talks to the user: a terminal sends it to all processes.
         with whole():
             client = started.enter_context(_started(core_count() if workers is None else workers))

@@ -17,7 +17,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from math import cos, sin
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
@@ -26,7 +25,7 @@ from lrf3d.errors import InputError, OutputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.logs.bag_messages import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS, missing_rosbags
-from lrf3d.output import replacing
+from lrf3d.output import replacing, scratch_folder
 from lrf3d.pose import Pose
 from lrf3d.simulation import Run
 
@@ -72,8 +71,8 @@ def _bag_of(run: Run, path: Path) -> Iterator[Path]:
     if run.trajectory.times[0] < 0.0:
         raise InputError(f"{path}: a bag tells no time before 0, and the run begins earlier")
     try:
-        with TemporaryDirectory(prefix=".unfinished-", dir=path.parent) as place:
-            folder = Path(place, path.stem)
+        with scratch_folder(path.parent) as place:
+            folder = place / path.stem
             _fill(run, folder)
             yield folder
     except OSError as error:

@@ -3,7 +3,6 @@
 import math
 import os
 import shutil
-import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError
-from lrf3d.output import make_folder, replacing
+from lrf3d.output import make_folder, replacing, scratch_folder
 from lrf3d.render.film_parts import Progress, draw_parts
 from lrf3d.render.renderers import choose_renderer
 from lrf3d.render.timeline import Timeline
@@ -86,12 +85,12 @@ def render_video(
         raise InputError(
             f"fps {fps:g}: players show at most {kind.fastest:g} frames a second of {path.suffix}"
         )
-    with replacing(path) as unfinished, tempfile.TemporaryDirectory(prefix="lrf3d-") as folder:
+    with replacing(path) as unfinished, scratch_folder() as folder:
         # A folder that cannot be written to is better known before the film is drawn.
         unfinished.touch()
         unfinished.unlink()
         drawing = share_of(progress, 0.0, 1.0 - kind.joining, len(job.times))
-        parts, frames = _draw(job, Path(folder), workers, scheduler, drawing)
+        parts, frames = _draw(job, folder, workers, scheduler, drawing)
         joining = share_of(progress, 1.0 - kind.joining, 1.0, len(job.times))
         kind.join(parts, frames, unfinished, fps=fps, progress=joining)
 
@@ -144,9 +143,9 @@ def render_frames(
     make_folder(folder.parent)
     try:
         # Beside its place, so that it can be put there at once.
-        with tempfile.TemporaryDirectory(prefix=".lrf3d-", dir=folder.parent) as place:
-            parts, _ = _draw(job, Path(place), workers, scheduler, progress)
-            whole = Path(place) / "frames"
+        with scratch_folder(folder.parent) as place:
+            parts, _ = _draw(job, place, workers, scheduler, progress)
+            whole = place / "frames"
             whole.mkdir()
             for part in parts:
                 for picture in part.iterdir():

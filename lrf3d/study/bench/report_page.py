@@ -5,8 +5,8 @@ from collections.abc import Callable
 from functools import partial
 from html import escape
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
+from lrf3d.output import scratch_folder
 from lrf3d.render.trade_off_figure import Panel, draw_trade_offs
 from lrf3d.render.trade_off_figure import Way as Drawn
 from lrf3d.study.bench.comparison import Comparison
@@ -185,8 +185,8 @@ def _left_out(key: str, why: str) -> str:
 
 
 def _figure(draw: Callable[[Path], object], words: str, *, width: str = "100%") -> str:
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "figure.svg"
+    with scratch_folder() as folder:
+        path = folder / "figure.svg"
         draw(path)
         data = base64.b64encode(path.read_bytes()).decode("ascii")
     source = f"data:image/svg+xml;base64,{data}"
