@@ -4,7 +4,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lrf3d.errors import OutputError
@@ -34,7 +34,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
                 f"{path}: cannot be written: {reason}; choose another place"
             ) from error
     finally:
-        unfinished.unlink(missing_ok=True) if unfinished.parent.is_dir() else None
+        # Where nothing can be written, as under a name that is too long, nothing is left.
+        with suppress(OSError):
+            unfinished.unlink()
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -7,6 +7,9 @@ import typer
 from lrf3d.cli import options
 from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
 
+MOST_SCANS = 10_000_000
+"""Scans of a run at most: a month of four a second. Their poses are in memory, half a gigabyte."""
+
 
 def run(
     world: options.WorldArgument,
@@ -36,7 +39,11 @@ def run(
     ] = None,
     scans: Annotated[
         int | None,
-        typer.Option(min=1, help="How many scans; the route is driven there and back until then."),
+        typer.Option(
+            min=1,
+            max=MOST_SCANS,
+            help="How many scans; the route is driven there and back until then.",
+        ),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where this run was stopped.")

@@ -61,6 +61,13 @@ if TYPE_CHECKING:
 
 VERSION = 1
 
+KINDS = {
+    **dict.fromkeys(("version", "objects", "walls", "stages", "map_sizes"), "iu"),
+    **dict.fromkeys(("map_objects", "map_points", "mover_corners", "mover_stops"), "iu"),
+    **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
+}
+"""What kinds of values an array may have, as NumPy names them; all others have floats."""
+
 
 def save_run(run: Run, path: str | Path) -> None:
     """Write a run to a file whole or not at all.
@@ -202,6 +209,10 @@ def _movers(arrays: dict[str, Any]) -> "tuple[Mover, ...]":
 
 
 def _run(arrays: dict[str, Any]) -> Run:
+    for name, array in arrays.items():
+        # Of no values there may be any kind: an empty list of names has that of numbers.
+        if array.size and array.dtype.kind not in KINDS.get(name, "f"):
+            raise ValueError(f"{name} holds {array.dtype}, which a run does not")
     scans = len(arrays["times"]), int(arrays["lrf"][2])
     for name in ("ranges", "truth", "walls"):
         if arrays[name].shape != scans:

@@ -129,9 +129,9 @@ class Page:
             return
         x, top = LEFT / self.size[0], self.size[1]
         self.figure.text(
-            x, 1.0 - 0.22 / top, title, color=INK, fontsize=14, weight="bold", va="top"
+            x, 1.0 - 0.22 / top, plain(title), color=INK, fontsize=14, weight="bold", va="top"
         )
-        self.figure.text(x, 1.0 - 0.56 / top, counts, color=FAINT, fontsize=9.5, va="top")
+        self.figure.text(x, 1.0 - 0.56 / top, plain(counts), color=FAINT, fontsize=9.5, va="top")
 
     def legend(self, handles: Sequence[Artist]) -> None:
         """Say what the signs mean, below all panels."""
@@ -154,6 +154,11 @@ class Page:
             OutputError: It cannot be written there, or the ending names no known format.
         """
         return save_figure(self.figure, path)
+
+
+def plain(words: str) -> str:
+    """Words that a user may have chosen, such as a name, so that no figure reads them as maths."""
+    return words.replace("$", r"\$")
 
 
 def save_figure(figure: Figure, path: str | Path | None) -> Figure:
