@@ -55,12 +55,30 @@ def _run(stops: "Stops") -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     from lrf3d.cli.app import app
+    from lrf3d.output import scratch_folder
 
     try:
-        app()
+        if _keeps_compiled():
+            app()
+        else:
+            # Numba refuses to start where it finds no place; what it compiles lasts for this run.
+            with scratch_folder() as folder:
+                os.environ["NUMBA_CACHE_DIR"] = str(folder)
+                app()
     finally:
         # What cannot be printed is better known now than when Python ends.
         sys.stdout.flush()
+
+
+def _keeps_compiled() -> bool:
+    """Whether Numba finds a place to keep what it compiles: beside the modules, or at home."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    for place in (os.path.dirname(os.path.dirname(__file__)), home):
+        while place and not os.path.exists(place):
+            place = os.path.dirname(place)
+        if os.access(place, os.W_OK | os.X_OK):
+            return True
+    return "NUMBA_CACHE_DIR" in os.environ
 
 
 class Stops:
@@ -157,8 +175,7 @@ def _failed(error: BaseException) -> int:
     if isinstance(error, Lrf3dError):
         _say(str(error))
     elif isinstance(error, OSError):
-        _say(_system_error(error))
-        _give_up(sys.stdout)
+        _say(_system_error(error, "standard output" if _give_up(sys.stdout) else ""))
     elif isinstance(error, MemoryError):
         why = f" ({error})" if str(error) else ""
         _say(f"out of memory{why}; ask for less at once, or use a machine with more memory")
@@ -167,23 +184,28 @@ def _failed(error: BaseException) -> int:
     return 1
 
 
-def _system_error(error: OSError) -> str:
-    """What the system refused, and where."""
+def _system_error(error: OSError, place: str) -> str:
+    """What the system refused, and where: at the file that it names, or else at a place."""
     reason = error.strerror or str(error) or type(error).__name__
     names = [os.fsdecode(name) for name in (error.filename, error.filename2)
              if isinstance(name, str | bytes)]  # fmt: skip
-    if names:
-        return f"{' to '.join(names)}: {reason}"
-    return f"{reason}, while output was written or a device was used"
+    return ": ".join(filter(None, [" to ".join(names) or place, reason]))
 
 
-def _give_up(*streams: "Any") -> None:
-    """Leave streams without what they could not print, or Python would try again at its end."""
+def _give_up(*streams: "Any") -> bool:
+    """Leave streams without what they cannot print, or Python would try again at its end.
+
+    Returns:
+        Whether there was such a stream.
+    """
+    found = False
     for stream in streams:
         try:
             stream.flush()
         except OSError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+            found = True
+    return found
 
 
 def _say(message: str) -> None:

@@ -157,8 +157,12 @@ class Page:
 
 
 def plain(words: str) -> str:
-    """Words that a user may have chosen, such as a name, so that no figure reads them as maths."""
-    return words.replace("$", r"\$")
+    """Words that a user may have chosen, such as a name, as a figure shows them.
+
+    They are not read as maths, and letters that are none, of a file's name that is not UTF-8, have
+    a question mark in their place.
+    """
+    return words.encode("utf-8", "replace").decode("utf-8").replace("$", r"\$")
 
 
 def save_figure(figure: Figure, path: str | Path | None) -> Figure:

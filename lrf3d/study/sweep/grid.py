@@ -21,6 +21,9 @@ SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
 SEEDS = 20
 """Seeds of each setting where nothing is said."""
 
+MOST = 1_000_000
+"""Seeds at most, as each run of a plan is in memory; and scans of a drive of which one is used."""
+
 SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
 """The settings that have a flag of their own."""
 
@@ -50,8 +53,8 @@ class Grid:
         if not self.worlds:
             raise InputError("sweep: no world; name one, such as city")
         for name, least in (("seeds", self.seeds), ("every", self.every)):
-            if least < 1:
-                raise InputError(f"sweep: {name} is {least}, expected at least 1")
+            if not 1 <= least <= MOST:
+                raise InputError(f"sweep: {name} is {shown(least)}, expected 1 to {MOST:,}")
         axes = {name: tuple(_checked(name, v) for v in vs) for name, vs in self.axes.items()}
         for name, values in axes.items():
             if not values:
