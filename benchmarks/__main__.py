@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lrf3d.cli import options
-from lrf3d.cli.app import main
+from lrf3d.cli import main, options
 
 if TYPE_CHECKING:
     from benchmarks.results import Result

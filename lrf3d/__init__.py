@@ -5,8 +5,9 @@ nothing and loads no more than a program needs.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+# That of typing takes as long to load as all that the program needs to listen for Ctrl-C.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
     from lrf3d.casting.mover import Mover

@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import stat
+import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -58,7 +59,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
                 f"{path}: cannot be written: {reason}; choose another place"
             ) from error
     finally:
-        unfinished.unlink(missing_ok=True) if unfinished.parent.is_dir() else None
+        # Where nothing can be written, as under a name that is too long, nothing is left.
+        with suppress(OSError):
+            unfinished.unlink()
 
 
 @contextmanager
@@ -70,10 +73,31 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
     # A name of its own: a file may be under way to the same place.
     folder = _unfinished(Path(f"{path}.parts"))
     folder.mkdir()
-    try:
+    with _removed_at_the_end(folder):
         yield folder
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Make a folder among the system's temporary files to work in; it is gone afterwards."""
+    folder = Path(tempfile.mkdtemp(prefix="lrf3d-"))
+    with _removed_at_the_end(folder):
+        yield folder
+
+
+@contextmanager
+def _removed_at_the_end(folder: Path) -> Iterator[None]:
+    """Remove a folder when the block ends, even when its removal is interrupted."""
+    try:
+        yield
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        try:
+            shutil.rmtree(folder)
+        except BaseException as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            # What a process that was ended still writes is removed by that process or the system.
+            if not isinstance(error, OSError):
+                raise
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -1,8 +1,25 @@
-"""What all tests share."""
+"""What all tests share: what a test needs, and signals as in a program started by hand."""
 
 import functools
+import signal
 
 import pytest
+
+# A shell without job control ignores Ctrl-C for what it starts in the background, and so do all
+# programs that these start in turn.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM)
+
+
+@pytest.fixture(autouse=True)
+def handlers():
+    """The program's own handlers of signals end with the test that called its main()."""
+    before = {number: signal.getsignal(number) for number in ENDS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @functools.cache

@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lrf3d.cli import options
-from lrf3d.cli.app import main
+from lrf3d.cli import main, options
 
 app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
 

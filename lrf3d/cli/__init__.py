@@ -1,5 +1,5 @@
 """The command line: one typed function a command, heavy imports inside."""
 
-from lrf3d.cli.app import main
+from lrf3d.cli.program import main
 
 __all__ = ["main"]

@@ -1,6 +1,4 @@
-"""The program ``lrf3d``: its commands, and how its errors reach the user."""
-
-import sys
+"""The commands of the program ``lrf3d``."""
 
 import typer
 
@@ -13,10 +11,6 @@ from lrf3d.cli.run import run
 from lrf3d.cli.sweep import sweep
 from lrf3d.cli.view import view
 from lrf3d.cli.world import world
-from lrf3d.errors import Lrf3dError
-
-INTERRUPTED = 130
-"""The status of a program that Ctrl-C ended: 128 and the number of the signal."""
 
 # Rich help would cost a third of the time that a help page may take.
 app = typer.Typer(
@@ -37,26 +31,3 @@ app.command("map", epilog="Example: lrf3d map drive.log.gz --out out/drive")(map
 app.command(epilog="Example: lrf3d localise city --seeds 100 --json")(localise)
 app.command(epilog="Example: lrf3d sweep city --sigma 0.04,0.42 --beams 91,181 --seeds 20")(sweep)
 app.add_typer(world, name="world")
-
-
-def main(program: typer.Typer = app, name: str = "lrf3d") -> None:
-    """Run a program; a known error ends it with one line and the status 1.
-
-    Args:
-        program: The program.
-        name: How it is called.
-    """
-    try:
-        program(prog_name=name)
-    except Lrf3dError as error:
-        print(f"lrf3d: {error}", file=sys.stderr)
-        sys.exit(1)
-    except SystemExit as end:
-        # Typer turns Ctrl-C into this status, without a word.
-        if end.code == INTERRUPTED:
-            print("lrf3d: stopped", file=sys.stderr)
-        raise
-    except BrokenPipeError:
-        # Whoever read our output has had enough; that is no error.
-        sys.stderr.close()
-        sys.exit(0)

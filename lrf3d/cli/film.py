@@ -1,12 +1,9 @@
-"""Films on the command line: what is not asked for has defaults, and who stops one is obeyed."""
+"""Films on the command line: what is not asked for has defaults."""
 
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from types import FrameType
 from typing import Any, TypeVar
 
 from lrf3d.cli.console import progress_bar, warn
@@ -77,7 +74,7 @@ def make_film(run: Run, path: Path, options: FilmOptions) -> str:
         arguments = options.moving(path.suffix.lower(), renderer)
         frames = 0
         began = perf_counter()
-        with stoppable(), progress_bar("film") as progress:
+        with progress_bar("film") as progress:
 
             def count(done: int, total: int) -> None:
                 nonlocal frames
@@ -100,7 +97,7 @@ def make_frames(run: Run, folder: Path, options: FilmOptions) -> int:
 
     def draw(renderer: str) -> int:
         arguments = options.moving(".png", renderer)
-        with stoppable(), progress_bar("frames") as progress:
+        with progress_bar("frames") as progress:
             return render_frames(run, folder, **arguments, progress=progress)
 
     return drawn_by(options.renderer, draw)
@@ -130,20 +127,3 @@ def drawn_by(wanted: str | None, draw: Callable[[str], Result]) -> Result:
             raise
         warn(f"Embree draws instead, smaller and slower: {error}")
         return draw("embree")
-
-
-@contextmanager
-def stoppable() -> Iterator[None]:
-    """Within, being told to end ends a film as Ctrl-C does: nothing half-made is left."""
-    ends = [signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
-    before = {number: signal.signal(number, _stop) for number in ends}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _stop(number: int, where: FrameType | None) -> None:
-    # The status of a program that a signal ended, as shells have it.
-    raise SystemExit(128 + number)

@@ -7,6 +7,9 @@ import typer
 from lrf3d.cli import options
 from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
 
+MOST_SCANS = 10_000_000
+"""Scans of a run at most: a month of four a second. Their poses are in memory, half a gigabyte."""
+
 
 def run(
     context: typer.Context,
@@ -37,7 +40,11 @@ def run(
     ] = None,
     scans: Annotated[
         int | None,
-        typer.Option(min=1, help="How many scans; the route is driven there and back until then."),
+        typer.Option(
+            min=1,
+            max=MOST_SCANS,
+            help="How many scans; the route is driven there and back until then.",
+        ),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where this run was stopped.")
@@ -59,10 +66,11 @@ def run(
     """
     from lrf3d.cli.film import make_film
     from lrf3d.cli.folder import results_folder
+    from lrf3d.interrupts import noting
     from lrf3d.output import write_text
     from lrf3d.scenario import load_scenario
     from lrf3d.study.experiment import Experiment, with_route
-    from lrf3d.study.outputs import Results, draw_results
+    from lrf3d.study.outputs import KEPT, Results, draw_results
     from lrf3d.study.plugins import load_plugin
     from lrf3d.world.cameras import check_view
 
@@ -104,16 +112,17 @@ def run(
         resume=resume,
         collision=warn if ignore_collisions else None,
     )
-    files = draw_results(results, folder)
-    files["summary"] = folder / "summary.json"
-    summary = {**results.summary, "made_by": place.made_by}
-    summary["files"] = {name: path.name for name, path in files.items()}
-    if video:
-        film = folder / "run.mp4"
-        make_film(results.run, film, asked)
-        files = {"video": film, **files}
+    with noting(lambda: KEPT):
+        files = draw_results(results, folder)
+        files["summary"] = folder / "summary.json"
+        summary = {**results.summary, "made_by": place.made_by}
         summary["files"] = {name: path.name for name, path in files.items()}
-    write_text(files["summary"], json_text(summary))
+        if video:
+            film = folder / "run.mp4"
+            make_film(results.run, film, asked)
+            files = {"video": film, **files}
+            summary["files"] = {name: path.name for name, path in files.items()}
+        write_text(files["summary"], json_text(summary))
     if json:
         print_json(summary)
         return

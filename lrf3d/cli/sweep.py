@@ -51,11 +51,11 @@ def sweep(
     it had not been. Writes sweep.parquet, summary.json and a figure for each world and setting.
     """
     from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
-    from lrf3d.cli.film import stoppable
     from lrf3d.cli.folder import results_folder
     from lrf3d.cluster.connection import check_address
     from lrf3d.errors import InputError
     from lrf3d.input import own_name
+    from lrf3d.interrupts import noting
     from lrf3d.output import write_text
     from lrf3d.study.sweep.drawing import draw_figures, table_text
     from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, parse_axis, parse_values, read_grid
@@ -81,11 +81,12 @@ def sweep(
     sources = chosen.worlds if grid is None else [grid]
     place = results_folder(context, sources, f"{name}_sweep", out)
     folder = place.path
-    with stoppable(), progress_bar("runs") as progress:
+    with progress_bar("runs") as progress:
         result = run(
             plan, folder, scheduler=scheduler, workers=workers, resume=resume, progress=progress
         )
-    figures = draw_figures(plan, result.rows, folder)
+    with noting(lambda: "all runs kept; go on with --resume"):
+        figures = draw_figures(plan, result.rows, folder)
     files = {"table": result.table, **figures}
     files["summary"] = folder / "summary.json"
     summary = {**result.summary, "made_by": place.made_by}

@@ -9,12 +9,14 @@ import hashlib
 import logging
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from lrf3d.cluster.libraries import missing_sweep
 from lrf3d.cores import core_count
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, Lrf3dError
+from lrf3d.interrupts import whole
+from lrf3d.output import scratch_folder
 
 try:
     import dask
@@ -66,20 +68,43 @@ def connected(scheduler: str | None, workers: int | None = None) -> Iterator[Cli
         "distributed.worker.memory.terminate": False,
     }
     with (
-        dask.config.set(settings),
-        LocalCluster(
-            n_workers=core_count() if workers is None else workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            # Port 0 is any that is free; without it two sweeps would want the same.
-            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-            worker_dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-            preload=["lrf3d.cluster.preload"],
-        ) as cluster,
-        Client(cluster) as client,
+        scratch_folder() as folder,
+        dask.config.set({**settings, "temporary-directory": str(folder)}),
+        ExitStack() as started,
     ):
+        # Ctrl-C is for the one that talks to the user: a terminal sends it to all processes.
+        with whole():
+            client = started.enter_context(_started(core_count() if workers is None else workers))
+        yield client
+
+
+@contextmanager
+def _started(workers: int) -> Iterator[Client]:
+    """A client of new processes on this machine.
+
+    Raises:
+        Lrf3dError: They cannot be started.
+    """
+    with ExitStack() as started:
+        try:
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                # Port 0 is any that is free; without it two sweeps would want the same.
+                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+                worker_dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+            client = started.enter_context(Client(started.enter_context(cluster)))
+        except Exception as error:
+            # What is raised depends on what is lacking: memory, processes, ports, room for files.
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise Lrf3dError(
+                f"{workers} processes for the work cannot be started: {reason}; try fewer with"
+                " --workers, or give --scheduler"
+            ) from error
         yield client
 
 

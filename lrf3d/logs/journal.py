@@ -64,6 +64,7 @@ class Chunk:
         first: Its first scan.
         scans: How many it holds.
         begin: Where its columns begin in the file.
+        end: Where it ends.
         sums: The checksum of each column, in their order.
         rng: State of the random numbers after its last scan.
         stages: The stages of the map among its scans, and the maps.
@@ -72,6 +73,7 @@ class Chunk:
     first: int
     scans: int
     begin: int
+    end: int
     sums: tuple[int, ...]
     rng: dict[str, Any]
     stages: dict[int, LineMap]
@@ -94,19 +96,27 @@ class Journal:
         header = json.dumps(origin, sort_keys=True).encode()
         mode = "r+b" if keep and path.exists() else "w+b"
         self._file: IO[bytes] = path.open(mode)
+        begin = MAGIC + _LENGTH.pack(len(header), zlib.crc32(header)) + header
+        self._begin = len(begin)
         if mode == "r+b" and read_origin(self._file) == origin:
+            self._begin = self._file.tell()
             self._read_chunks()
-            self._file.truncate()
         else:
             self._file.seek(0)
-            self._file.truncate()
-            self._file.write(MAGIC + _LENGTH.pack(len(header), zlib.crc32(header)) + header)
-            self._sync()
+            self._file.write(begin)
+        self._file.seek(self._end)
+        self._file.truncate()
+        self._sync()
 
     @property
     def scans(self) -> int:
         """How many scans it holds."""
         return self.chunks[-1].first + self.chunks[-1].scans if self.chunks else 0
+
+    @property
+    def _end(self) -> int:
+        """Where the last whole chunk ends."""
+        return self.chunks[-1].end if self.chunks else self._begin
 
     def add(
         self, columns: dict[str, Array], rng: dict[str, Any], stages: dict[int, LineMap]
@@ -124,13 +134,16 @@ class Journal:
         checksum = 0
         for part in parts:
             checksum = zlib.crc32(part, checksum)
-        begin = self._file.tell() + _LENGTH.size + before
-        self._file.write(_LENGTH.pack(sum(map(len, parts)), checksum))
+        # What an interrupt left of a chunk is written over.
+        place, size = self._file.seek(self._end), sum(map(len, parts))
+        self._file.write(_LENGTH.pack(size, checksum))
         for part in parts:
             self._file.write(part)
         self._sync()
+        begin = place + _LENGTH.size + before
+        end = place + _LENGTH.size + size
         sums = tuple(map(zlib.crc32, rows))
-        self.chunks.append(Chunk(first, scans, begin, sums, rng, dict(stages)))
+        self.chunks.append(Chunk(first, scans, begin, end, sums, rng, dict(stages)))
 
     def column(self, name: str, *, first: int = 0) -> Iterator[Array]:
         """A column, chunk by chunk, from the chunk with a scan on.
@@ -174,12 +187,9 @@ class Journal:
         os.fsync(self._file.fileno())
 
     def _read_chunks(self) -> None:
-        """Find the chunks that are whole, and stand behind the last of them."""
-        place = self._file.tell()
-        while (chunk := self._read_chunk(place)) is not None:
+        """Find the chunks that are whole."""
+        while (chunk := self._read_chunk(self._end)) is not None:
             self.chunks.append(chunk)
-            place = self._file.tell()
-        self._file.seek(place)
 
     def _read_chunk(self, place: int) -> Chunk | None:
         """The chunk at a place in the file, or None where it is not whole."""
@@ -206,7 +216,8 @@ class Journal:
             begin += size
         if begin != len(payload):
             return None
-        return Chunk(first, scans, place + _LENGTH.size + at, tuple(sums), state["rng"], stages)
+        begin, end = place + _LENGTH.size + at, place + _LENGTH.size + len(payload)
+        return Chunk(first, scans, begin, end, tuple(sums), state["rng"], stages)
 
 
 def read_origin(file: IO[bytes]) -> dict[str, str] | None:

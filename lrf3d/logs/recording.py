@@ -9,7 +9,7 @@ scans there are, a few megabytes of them are in memory.
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, OutputError
 from lrf3d.input import check_ordinary
+from lrf3d.interrupts import noting
 from lrf3d.laser import LaserScan
 from lrf3d.logs.arrays import DAMAGES, read_arrays
 from lrf3d.logs.journal import COLUMNS, Array, Journal, column_shape, read_origin
@@ -108,14 +109,16 @@ def _record(
     film: FilmPlan,
     progress: Progress,
 ) -> Run:
-    if resume and _finished(path, origin):
-        return load_run(path)
     journal_path, checkpoint = path.with_suffix(".journal"), path.with_suffix(".checkpoint")
+    if resume and _finished(path, origin):
+        # It may have been stopped when only these were still to be taken away.
+        return _tidied(path, journal_path, checkpoint)
     if resume:
         _check_same(journal_path, origin)
     try:
         journal = Journal(journal_path, origin, simulation.lrf.beams, keep=resume)
-        try:
+        kept = noting(lambda: f"{journal.scans} of {total} scans kept; go on with --resume")
+        with kept, closing(journal):
             recorder = _Recorder(simulation, journal, checkpoint, Stages(total))
             if resume:
                 recorder.catch_up()
@@ -123,8 +126,6 @@ def _record(
                 checkpoint.unlink(missing_ok=True)
             recorder.run(lambda done: progress(done, total))
             recorder.write(path, json.dumps(origin, sort_keys=True), film)
-        finally:
-            journal.close()
     except OSError as error:
         if isinstance(error, OutputError) or error.errno is None:
             raise
@@ -132,8 +133,13 @@ def _record(
         raise OutputError(
             f"{journal_path}: cannot be written: {reason}; make room or choose another place"
         ) from error
-    journal_path.unlink(missing_ok=True)
-    checkpoint.unlink(missing_ok=True)
+    return _tidied(path, journal_path, checkpoint)
+
+
+def _tidied(path: Path, *beside: Path) -> Run:
+    """The finished run, when what was beside it until then is taken away."""
+    for each in beside:
+        each.unlink(missing_ok=True)
     return load_run(path)
 
 
@@ -153,9 +159,9 @@ class _Recorder:
             for name, (dtype, _) in COLUMNS.items()
         }
         self._room = scans
-        # How many scans wait, and the random numbers after the last of them: set at once, so that
-        # an interrupt finds them alike.
-        self._waiting: tuple[int, dict[str, Any]] = 0, {}
+        # The first scan that waits, how many do, and the random numbers after the last of them:
+        # set at once, so that an interrupt finds them alike.
+        self._waiting: tuple[int, int, dict[str, Any]] = 0, 0, {}
         self._maps: dict[int, LineMap] = {}
         self._checked = 0
 
@@ -190,6 +196,7 @@ class _Recorder:
                 ).at_time(float(times[row]))
                 simulation.take(scan, mapped=simulation.done < self._checked)
         simulation.rng.bit_generator.state = journal.chunks[-1].rng
+        self._waiting = journal.scans, 0, {}
 
     def write(self, path: Path, origin: str, film: FilmPlan) -> None:
         """Write the finished run, streaming."""
@@ -221,7 +228,7 @@ class _Recorder:
         return next(c.first for c in self.journal.chunks if scan < c.first + c.scans)
 
     def _add(self, step: "Step") -> None:
-        row = self._waiting[0]
+        first, row, _ = self._waiting
         columns = self._columns
         columns["times"][row], columns["poses"][row] = step.time, step.pose
         columns["ranges"][row], columns["truth"][row] = step.scan.ranges, step.true_scan.ranges
@@ -230,19 +237,20 @@ class _Recorder:
             # A map that waits to be worked out would hold all that came after it.
             len(step.map)
             self._maps[step.index] = step.map
-        self._waiting = row + 1, dict(self.simulation.rng.bit_generator.state)
+        self._waiting = first, row + 1, dict(self.simulation.rng.bit_generator.state)
         if row + 1 == self._room:
             self._flush()
             if self.journal.scans - self._checked >= CHECKPOINT_SCANS:
                 self._keep_mapper()
 
     def _flush(self) -> None:
-        count, rng = self._waiting
-        if not count:
-            return
-        columns = {name: column[:count] for name, column in self._columns.items()}
-        self.journal.add(columns, rng, self._maps)
-        self._waiting, self._maps = (0, {}), {}
+        first, count, rng = self._waiting
+        # An interrupt may come when they are in the journal already, and then flushes once more.
+        if count and self.journal.scans == first:
+            columns = {name: column[:count] for name, column in self._columns.items()}
+            maps = {stage: kept for stage, kept in self._maps.items() if stage < first + count}
+            self.journal.add(columns, rng, maps)
+        self._waiting, self._maps = (self.journal.scans, 0, {}), {}
 
     def _keep_mapper(self) -> None:
         """Write what the mapper has learnt, where it can tell."""

@@ -63,6 +63,13 @@ if TYPE_CHECKING:
 
 VERSION = 1
 
+KINDS = {
+    **dict.fromkeys(("version", "objects", "walls", "stages", "map_sizes"), "iu"),
+    **dict.fromkeys(("map_objects", "map_points", "mover_corners", "mover_stops"), "iu"),
+    **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
+}
+"""What kinds of values an array may have, as NumPy names them; all others have floats."""
+
 
 def save_run(run: Run, path: str | Path) -> None:
     """Write a run to a file whole or not at all.
@@ -244,21 +251,11 @@ def _movers(arrays: dict[str, Any]) -> "tuple[Mover, ...]":
     )
 
 
-_KINDS = {
-    **dict.fromkeys(("segments", "heights", "lrf", "scan_duration", "cameras", "colours"), "f"),
-    **dict.fromkeys(("times", "poses", "ranges", "truth", "map_segments"), "f"),
-    **dict.fromkeys(("objects", "walls", "stages", "map_sizes", "map_objects"), "iu"),
-    **dict.fromkeys(("map_points", "mover_corners", "mover_stops"), "iu"),
-    **dict.fromkeys(("mover_heights", "mover_outlines", "mover_times", "mover_poses"), "f"),
-    **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view"), "U"),
-}
-"""The kinds of numbers that arrays hold, as NumPy names them: f floating, i and u whole, U text."""
-
-
 def _run(arrays: dict[str, Any]) -> Run:
-    for name in arrays.keys() & _KINDS.keys():
-        if arrays[name].dtype.kind not in _KINDS[name]:
-            raise ValueError(f"{name} of type {arrays[name].dtype}")
+    for name, array in arrays.items():
+        # Of no values there may be any kind: an empty list of names has that of numbers.
+        if array.size and array.dtype.kind not in KINDS.get(name, "f"):
+            raise ValueError(f"{name} holds {array.dtype}, which a run does not")
     scans = len(arrays["times"]), int(arrays["lrf"][2])
     if arrays["poses"].shape != (scans[0], 3):
         raise ValueError(f"poses of shape {arrays['poses'].shape}, expected {(scans[0], 3)}")

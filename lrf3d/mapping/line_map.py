@@ -48,8 +48,10 @@ class LineMap:
         # Only what a deferred map was not asked for before is missing.
         if name not in ("segments", "objects", "points") or "_build" not in self.__dict__:
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-        columns = self.__dict__.pop("_build")()
+        columns = self._build()
         self.__dict__.update(zip(("segments", "objects", "points"), columns, strict=True))
+        # Only now: a map whose building was interrupted can be asked again.
+        self.__dict__.pop("_build", None)
         return self.__dict__[name]
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -87,11 +87,13 @@ class ScanArchive:
         kept[~np.isfinite(kept)] = 0.0
         self._places[self._count] = place
         self._reaches[self._count] = np.abs(kept).max(initial=0.0)
+        self._first[self._count + 1] = stop
+        # Last, and with nothing in between: a scan is kept whole or, after an interrupt, not.
+        self._keep(*place, scan.pose.theta)
         self._count += 1
-        self._first[self._count] = stop
 
     def _knows(self, x: float, y: float, theta: float) -> bool:
-        """Whether a scan from almost this pose is kept; if not, it will be."""
+        """Whether a scan from almost this pose is kept."""
         column, row = int(x // SAME_PLACE), int(y // SAME_PLACE)
         for i in range(column - 1, column + 2):
             for k in range(row - 1, row + 2):
@@ -99,7 +101,6 @@ class ScanArchive:
                     if (u - x) ** 2 + (v - y) ** 2 < SAME_PLACE**2:
                         if abs(wrap_angle(heading - theta)) < SAME_HEADING:
                             return True
-        self._keep(x, y, theta)
         return False
 
     def _keep(self, x: float, y: float, theta: float) -> None:

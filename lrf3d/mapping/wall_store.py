@@ -76,29 +76,36 @@ class WallStore:
             place: Where the laser is [m].
         """
         self._updates += 1
-        changes = self._changes
-        changes.number[0] = 0
+        self._changes.number[0] = 0
+        try:
+            if len(ends):
+                self._unite(ends, moments, labels, place)
+        finally:
+            # Maps of the states before are worked out later, so that an update that is
+            # interrupted has to say as well what it changed.
+            self._close()
+
+    def _unite(self, ends: Float, moments: Float, labels: Int, place: tuple[float, float]) -> None:
+        """Add walls, at least one, and unite them with those of the map."""
         count = len(ends)
-        if count:
-            free = self._take(count)
-            changes = self._changes
-            args = (ends, moments, labels, *place, self._unions, self._updates)
-            add_walls(self._walls, changes, free, *args)
-            self._unions += int(labels[-1, 1]) + 1
-            waiting, turn = np.append(free, 0), np.array([0, count])
-            while not unite_walls(
-                self._walls,
-                changes,
-                self._grid,
-                waiting,
-                turn,
-                self._updates,
-                self._rule,
-                self._reach,
-                self._cell,
-            ):
-                self._regrid(2 * len(self._grid.rows))
-        self._close()
+        free = self._take(count)
+        changes = self._changes
+        args = (ends, moments, labels, *place, self._unions, self._updates)
+        self._unions += int(labels[-1, 1]) + 1
+        add_walls(self._walls, changes, free, *args)
+        waiting, turn = np.append(free, 0), np.array([0, count])
+        while not unite_walls(
+            self._walls,
+            changes,
+            self._grid,
+            waiting,
+            turn,
+            self._updates,
+            self._rule,
+            self._reach,
+            self._cell,
+        ):
+            self._regrid(2 * len(self._grid.rows))
 
     def _take(self, count: int) -> Int:
         """Free rows (count,), with room for all that uniting them may need."""
@@ -128,10 +135,9 @@ class WallStore:
         changes, old = self._changes, self.version
         count = int(changes.number[0])
         rows = changes.rows[:count].copy()
-        self.version = Version(self._ledger, int(changes.number[1]))
-        old.following = self.version
-        old.rows = rows
-        old.before = changes.before.take(slice(count))
+        before, fresh = changes.before.take(slice(count)), Version(self._ledger, changes.number[1])
+        old.rows, old.before = rows, before
+        old.following = self.version = fresh
         self._free += rows[self._walls.points[rows] == 0].tolist()
         if changes.number[1] > MOST_BONDS:
             self._number_anew()

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Bbox
 
-from lrf3d.render.page import DOTS_PER_INCH, FAINT, GRID, INK, LEFT, save_figure
+from lrf3d.render.page import DOTS_PER_INCH, FAINT, GRID, INK, LEFT, plain, save_figure
 
 SPINE = "#c9ced6"
 """Colour of the frame around a panel."""
@@ -89,7 +89,7 @@ class Sheet:
     ) -> None:
         """Write words whose upper left corner is at a place."""
         place = x / self.size[0], y / self.size[1]
-        self.figure.text(*place, words, fontsize=size, weight=weight, color=colour, va="top")
+        self.figure.text(*place, plain(words), fontsize=size, weight=weight, color=colour, va="top")
 
     def save(self, path: str | Path | None) -> Figure:
         """Write the figure, if there is a path, and give it back.
@@ -123,7 +123,7 @@ def write_names(axes: Axes, names: Sequence[Name]) -> None:
         places = NOTE_PLACES if name.note else NAME_PLACES
         for right, up in places:
             text = axes.annotate(
-                name.words, (name.x, name.y), (right, up), textcoords="offset points",
+                plain(name.words), (name.x, name.y), (right, up), textcoords="offset points",
                 fontsize=7.5 if name.note else 9, color=name.colour,
                 weight="bold" if name.bold else "normal",
                 ha="left" if right > 0 else "right" if right < 0 else "center", va="center",

@@ -10,7 +10,6 @@ import pickle
 import queue
 import selectors
 import subprocess
-import tempfile
 import time
 import uuid
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from typing import Any
 from lrf3d.cluster.connection import connected
 from lrf3d.cluster.holding import hold
 from lrf3d.errors import InputError, Lrf3dError
+from lrf3d.output import scratch_folder
 from lrf3d.render.drawer import end_drawer, failure_of, start_drawer
 from lrf3d.render.film_parts import Progress, part_name, split_frames
 from lrf3d.render.worker import Job
@@ -137,8 +137,7 @@ def draw_there(job: bytes, number: int, bounds: tuple[int, int], topic: str) -> 
     from distributed import get_worker
 
     worker = get_worker()
-    with tempfile.TemporaryDirectory(prefix="lrf3d-") as place:
-        folder = Path(place)
+    with scratch_folder() as folder:
         part = folder / part_name(number)
         job_file = folder / "job.pickle"
         job_file.write_bytes(job)

@@ -129,9 +129,9 @@ class Page:
             return
         x, top = LEFT / self.size[0], self.size[1]
         self.figure.text(
-            x, 1.0 - 0.22 / top, title, color=INK, fontsize=14, weight="bold", va="top"
+            x, 1.0 - 0.22 / top, plain(title), color=INK, fontsize=14, weight="bold", va="top"
         )
-        self.figure.text(x, 1.0 - 0.56 / top, counts, color=FAINT, fontsize=9.5, va="top")
+        self.figure.text(x, 1.0 - 0.56 / top, plain(counts), color=FAINT, fontsize=9.5, va="top")
 
     def legend(self, handles: Sequence[Artist]) -> None:
         """Say what the signs mean, below all panels."""
@@ -154,6 +154,15 @@ class Page:
             OutputError: It cannot be written there, or the ending names no known format.
         """
         return save_figure(self.figure, path)
+
+
+def plain(words: str) -> str:
+    """Words that a user may have chosen, such as a name, as a figure shows them.
+
+    They are not read as maths, and letters that are none, of a file's name that is not UTF-8, have
+    a question mark in their place.
+    """
+    return words.encode("utf-8", "replace").decode("utf-8").replace("$", r"\$")
 
 
 def save_figure(figure: Figure, path: str | Path | None) -> Figure:

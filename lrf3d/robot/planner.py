@@ -38,6 +38,8 @@ FOLLOWER = 1.0
 LONGEST_LEG = 30.0
 """Longest straight piece of a route [m]."""
 
+NO_ROOM = "no room to drive between the walls; give a route or poses to stand at"
+
 
 def plan_route(
     world: World,
@@ -77,17 +79,18 @@ def plan_route(
             f"radius {radius}, clearance {clearance}, range_max {range_max}, lookahead"
             f" {lookahead}: expected positive numbers of metres"
         )
-    first = None
+    first, refused = None, InputError(NO_ROOM)
     for space in _spaces(world, radius, clearance):
         try:
             route = _route(space, world, clearance, range_max)
-        except InputError:
+        except InputError as error:
+            refused = error
             continue
         if _can_be_followed(route, world, radius, lookahead):
             return route
         first = route if first is None else first
     if first is None:
-        raise InputError("no room to drive between the walls; give a route or poses to stand at")
+        raise refused
     return first
 
 
@@ -153,7 +156,7 @@ def _across(space: FreeSpace) -> Int:
     while cells[-1] != start:
         cells.append(int(before[0, cells[-1]]))
     if len(cells) < 2:
-        raise InputError("no room to drive between the walls; give a route or poses to stand at")
+        raise InputError(NO_ROOM)
     return np.array(cells[::-1])
 
 

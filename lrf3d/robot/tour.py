@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.robot.free_space import FreeSpace
 from lrf3d.robot.viewpoints import Views
@@ -82,7 +83,15 @@ def best_tour(network: Network, *, longest: float) -> list[int]:
     """An order of places whose way shows much and is not longer than allowed.
 
     Tours are grown from each of the places that show the most, and the best is kept.
+
+    Raises:
+        InputError: No place shows a wall.
     """
+    if not len(network.places):
+        raise InputError(
+            "no wall can be seen from where the robot has room to drive; give a larger"
+            " laser.range_max, or a route"
+        )
     count = min(STARTS, len(network.places))
     tours = [_grown(network, start, longest) for start in range(count)]
     both_ways = [way for tour in tours for way in (tour, tour[::-1])]

@@ -109,6 +109,8 @@ def look_around(space: FreeSpace, world: World, *, range_max: float) -> Views:
 
 def _rarity(segments: Float, objects: Int) -> Float:
     """How much (n,) the walls count for the size of their object: more in small objects."""
+    if not len(segments):
+        return np.empty(0)
     sizes = np.bincount(objects, lengths(segments))
     typical = float(sizes[sizes > 0.0].mean())
     return np.clip(0.5 + 0.5 * typical / sizes[objects], None, MOST_RARITY)

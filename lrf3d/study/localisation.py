@@ -6,13 +6,13 @@ Each seed draws its own start, noise of the ranges and noise of the odometry.
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field, replace
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
+from lrf3d.cores import process_pool
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import ProportionalNoise
@@ -179,8 +179,7 @@ def score_localisation(
             tracks[seed] = task.follow(seed)
             progress(len(tracks), seeds)
     else:
-        # Fresh processes: a fork of one that runs compiled threads may hang.
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        with process_pool(workers) as pool:
             waiting = {pool.submit(task.follow, seed): seed for seed in range(seeds)}
             for done in as_completed(waiting):
                 tracks[waiting[done]] = done.result()

@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import Any
 
 from lrf3d.errors import InputError
+from lrf3d.interrupts import noting
 from lrf3d.logs import record
 from lrf3d.mapping import save_map
 from lrf3d.simulation import Run
@@ -18,6 +19,9 @@ from lrf3d.study.timed_mapper import Timed
 from lrf3d.world.cameras import FilmPlan
 
 Bar = Callable[[str], AbstractContextManager[Progress]]
+
+KEPT = "all scans kept; go on with --resume"
+"""What is said of a run that is stopped when its scans are taken but not all is drawn."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +75,9 @@ class Results:
             path, names = folder / "run.npz", experiment.names
             film = FilmPlan(experiment.scenario.view, experiment.scenario.playback)
             runs = [record(simulation, path, resume=resume, about=names, film=film, progress=count)]
-            for sigma in sigmas[1:]:
-                runs.append(replace(experiment, sigma=sigma).simulate(trajectory, count))
+            with noting(lambda: KEPT):
+                for sigma in sigmas[1:]:
+                    runs.append(replace(experiment, sigma=sigma).simulate(trajectory, count))
         seconds = perf_counter() - begin
         own = {"mapper": experiment.own_mapper, "controller": experiment.controller}
         summary = {

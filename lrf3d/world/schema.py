@@ -39,7 +39,11 @@ class Invalid(Exception):
 
 def shown(value: object) -> str:
     """A value of a file in few words."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:
+        # Python writes no number of more digits than this.
+        return "a number of thousands of digits"
     return text if len(text) <= 40 else text[:37] + "…"
 
 
@@ -52,7 +56,7 @@ def number(*, above: float = -math.inf, least: float = -math.inf, most: float = 
         if not (-FARTHEST <= value <= most and value >= least and value > above):
             limit = f" above {above:g}" if above > -math.inf else ""
             limit = f" of at least {least:g}" if least > -math.inf else limit
-            limit += f" and at most {most:g}" if math.isfinite(value) and value > most else ""
+            limit += f" and at most {most:g}" if most < value < math.inf else ""
             raise Invalid(f"expected a finite number{limit}, found {shown(value)}")
         return float(value)
 

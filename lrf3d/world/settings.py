@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from lrf3d.errors import InputError
-from lrf3d.world.schema import TABLES, Invalid
+from lrf3d.world.schema import TABLES, Invalid, shown
 
 
 def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
@@ -28,12 +28,28 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
         checks = TABLES[_known(table, TABLES, name)]
         check = checks[_known(key, checks, name)]
         try:
-            tables.setdefault(table, {})[key] = check(tomllib.loads(f"value = {value}")["value"])
-        except tomllib.TOMLDecodeError:
-            raise InputError(f"setting {name}: {value!r} is no value of TOML") from None
+            tables.setdefault(table, {})[key] = check(toml_value(value))
+        except NoValue:
+            raise InputError(f"setting {name}: {shown(value)} is no value of TOML") from None
         except Invalid as problem:
             raise InputError(f"setting {name}: {problem}") from None
     return tables
+
+
+class NoValue(Exception):
+    """A text that is no value of TOML."""
+
+
+def toml_value(text: str) -> Any:
+    """The value that a text is in TOML.
+
+    Raises:
+        NoValue: It is none, is nested too deeply, or is a number of thousands of digits.
+    """
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        raise NoValue from None
 
 
 def _known(word: str, known: Mapping[str, Any], name: str) -> str:

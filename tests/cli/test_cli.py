@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -182,7 +183,10 @@ def test_an_interrupt_ends_cleanly(room, tmp_path):
     os.kill(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert (out, err) == ("", "lrf3d: stopped\n")
+    assert out == ""
+    assert re.fullmatch(
+        r"lrf3d: stopped(; (\d+ of \d+|all) scans kept; go on with --resume)?\n", err
+    )
     # What was scanned is kept to be resumed; nothing else lies there.
     assert {path.name for path in (tmp_path / "out").iterdir()} <= {"run.journal"}
 
@@ -207,3 +211,74 @@ def test_a_run_that_was_killed_is_resumed_and_ends_the_same(room, tmp_path):
         assert (killed / name).read_bytes() == (whole / name).read_bytes()
     summary = json.loads(done.stdout)
     assert summary["drive"]["scans"] == 4000 and summary["judged_scans"] == 2000
+
+
+DIGITS = "9" * 5000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "ROOM", "--set", f"laser.range_max={DIGITS}"], "laser.range_max"),
+        (["run", "ROOM", "--set", f"laser.range_max=0x{DIGITS}"], "thousands of digits"),
+        (["run", "ROOM", "--set", "laser.range_max=2020-01-01"], "expected a number"),
+        (["run", "ROOM", "--set", "noise.sigma=" + "[" * 5000], "no value of TOML"),
+        (["sweep", "ROOM", "--sigma", f"0x{DIGITS}"], "thousands of digits"),
+        (["run", "n" * 300 + ".toml"], "too long"),
+        (["run", "ROOM", "--out", "n" * 300], "too long"),
+        (["render", "n" * 300], "too long"),
+        (["run", "ROOM", "--resume", "--out", "full"], "run.journal: Is a directory"),
+    ],
+)
+def test_what_no_file_and_no_number_can_be_is_one_line(room, tmp_path, arguments, words):
+    (tmp_path / "full" / "run.journal").mkdir(parents=True)
+    arguments = [str(room) if each == "ROOM" else each for each in arguments]
+    assert words in refused(*arguments, cwd=tmp_path)
+
+
+def test_a_laser_that_reaches_no_wall_is_one_line(room, tmp_path):
+    room.write_text(ROOM[: ROOM.index("[robot]")])
+    message = refused("run", room, "--set", "laser.range_max=0.3", "--out", tmp_path / "out")
+    assert "laser.range_max" in message
+
+
+def test_output_that_cannot_be_written_or_shown_is_no_traceback(room, tmp_path):
+    command = [sys.executable, "-m", "lrf3d", "world", "show"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (
+        1,
+        "lrf3d: standard output: No space left on device\n",
+    )
+    command = [sys.executable, "-m", "lrf3d", "run", str(room), "--no-video", "--sigma", "0.04"]
+    command += ["--sigma", "0.1", "--out", str(tmp_path / "out")]
+    environment = {**os.environ, "PYTHONIOENCODING": "latin-1"}
+    done = subprocess.run(command, capture_output=True, env=environment)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert rb"\u03c3 0.1 m" in done.stdout
+
+
+@pytest.mark.parametrize("name", ["$^$", "\udcff"])
+def test_any_name_can_be_that_of_a_world(tmp_path, name):
+    path = tmp_path / f"{name}.toml"
+    path.write_text(ROOM.replace('name = "box"', ""))
+    done = lrf3d("world", "show", path, "--out", tmp_path / "world.png")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_termination_is_obeyed_as_ctrl_c_and_what_is_ignored_stays_so(room, tmp_path):
+    room.write_text(ROOM.replace("scan_interval = 0.5", "scan_interval = 0.0005"))
+    command = [sys.executable, "-m", "lrf3d", "run", room, "--no-video", "--out", tmp_path / "out"]
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    while not (tmp_path / "out" / "run.journal").exists() and process.poll() is None:
+        pass
+    process.send_signal(signal.SIGHUP)
+    assert process.poll() is None
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 143
+    assert re.fullmatch(r"lrf3d: stopped(; .* scans kept; go on with --resume)?\n", err)

@@ -363,3 +363,56 @@ def test_what_is_wrong_in_a_run_is_told_with_its_file(name, array, tmp_path):
     with pytest.raises(InputError) as refused:
         lrf3d.load_run(path)
     assert str(refused.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize("moment", ["before", "within", "after"])
+def test_an_interrupt_while_a_chunk_is_written_keeps_each_scan_once(tmp_path, monkeypatch, moment):
+    path, whole = tmp_path / "run.npz", tmp_path / "whole.npz"
+    monkeypatch.setattr(recording, "CHUNK_BYTES", 15_000)
+    lrf3d.record(simulation(scans=40), whole)
+    add, sync = Journal.add, Journal._sync
+    calls = []
+
+    def interrupted(self, *arguments):
+        calls.append(1)
+        if len(calls) == 2 and moment == "within":
+            monkeypatch.setattr(Journal, "_sync", stop)
+        elif len(calls) != 2 or moment == "after":
+            add(self, *arguments)
+        if len(calls) != 2:
+            return None
+        if moment == "within":
+            return add(self, *arguments)
+        raise KeyboardInterrupt
+
+    def stop(self):
+        # What was written so far is in the file, and more may be.
+        monkeypatch.setattr(Journal, "_sync", sync)
+        self._file.write(b"and more")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Journal, "add", interrupted)
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        lrf3d.record(simulation(scans=40), path)
+    monkeypatch.setattr(Journal, "add", add)
+    journal = Journal(
+        path.with_suffix(".journal"),
+        recording.origin_of(simulation(scans=40), {}),
+        LRF.beams,
+        keep=True,
+    )
+    kept = journal.scans
+    journal.close()
+    assert stopped.value.__notes__ == [f"{kept} of 40 scans kept; go on with --resume"]
+    assert kept == 2 * journal.chunks[0].scans
+    lrf3d.record(simulation(scans=40), path, resume=True)
+    assert path.read_bytes() == whole.read_bytes()
+    assert {file.name for file in tmp_path.iterdir()} == {"run.npz", "whole.npz"}
+
+
+def test_what_lies_beside_a_finished_run_is_taken_away_when_it_is_resumed(tmp_path):
+    path = tmp_path / "run.npz"
+    lrf3d.record(simulation(scans=5), path)
+    path.with_suffix(".checkpoint").write_bytes(b"left")
+    lrf3d.record(simulation(scans=5), path, resume=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]

@@ -310,3 +310,40 @@ def test_the_covariance_of_a_line_is_what_repeated_scans_show():
     # In units of the expected deviations: variances within a quarter, correlations within 0.15.
     assert np.diag(found) / scale**2 == pytest.approx([1.0, 1.0], abs=0.25)
     assert (found - expected)[0, 1] / (scale[0] * scale[1]) == pytest.approx(0.0, abs=0.15)
+
+
+def test_a_map_whose_building_is_interrupted_can_be_asked_again():
+    asked = []
+
+    def build():
+        asked.append(1)
+        if len(asked) == 1:
+            raise KeyboardInterrupt
+        return np.ones((2, 4)), np.zeros(2, np.int64), np.ones(2, np.int64)
+
+    line_map = LineMap.deferred(build)
+    with pytest.raises(KeyboardInterrupt):
+        len(line_map)
+    assert len(line_map) == 2 and line_map.object_count == 1
+    assert len(asked) == 2
+
+
+def test_maps_from_before_an_interrupted_update_stay_as_they_were(monkeypatch):
+    from lrf3d.mapping import wall_store
+
+    whole, broken = LineMapper(), LineMapper()
+    caster = PlanarCaster(WORLD)
+    scans = [caster.cast(CIRCLE, pose) for pose in AROUND[:3]]
+    for scan in scans[:2]:
+        whole.update(scan)
+        before = broken.update(scan)
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(wall_store, "unite_walls", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        broken.update(scans[2])
+    monkeypatch.undo()
+    np.testing.assert_array_equal(before.segments, whole.map.segments)
+    assert len(broken.state()["scan_headings"]) == len(broken.state()["scan_places"])

@@ -1,19 +1,15 @@
 """Running the cases: shared over processes, repeatable, and within a time."""
 
-import multiprocessing.connection
-import os
-import signal
 from collections.abc import Callable, Collection, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from itertools import islice
-from threading import Thread
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from lrf3d.cores import core_count
+from lrf3d.cores import core_count, process_pool
 from stress.angles import ANGLES
 from stress.casting import CASTING
 from stress.drives import DRIVES
@@ -140,35 +136,17 @@ def _done(tasks: list[Task], processes: int, end: float) -> Iterator[tuple[Task,
                 return
             yield task, perform(task)
         return
-    # Forked processes could inherit a lock that a thread of Embree or numba holds just then.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=context, initializer=_serve) as pool:
+    with process_pool(processes) as pool:
         waiting = iter(tasks)
         running = {pool.submit(perform, task): task for task in islice(waiting, 2 * processes)}
-        try:
-            while running:
-                done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
-                late = perf_counter() > end
-                for future in done:
-                    yield running.pop(future), future.result()
-                    if not late:
-                        for task in islice(waiting, 1):
-                            running[pool.submit(perform, task)] = task
-                if late:
-                    for future in [one for one in running if one.cancel()]:
-                        del running[future]
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _serve() -> None:
-    """Leave an interrupt to the process that all others work for, and end when it is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    caller = multiprocessing.parent_process()
-    assert caller is not None
-    Thread(target=_end_with, args=(caller.sentinel,), daemon=True).start()
-
-
-def _end_with(caller: int) -> None:
-    multiprocessing.connection.wait([caller])
-    os._exit(1)
+        while running:
+            done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
+            late = perf_counter() > end
+            for future in done:
+                yield running.pop(future), future.result()
+                if not late:
+                    for task in islice(waiting, 1):
+                        running[pool.submit(perform, task)] = task
+            if late:
+                for future in [one for one in running if one.cancel()]:
+                    del running[future]

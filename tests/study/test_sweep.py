@@ -275,6 +275,11 @@ def test_a_grid_file_says_what_flags_say(room, tmp_path):
         ("[noise]\nsigma = [1, 1.0]", "noise.sigma has a value twice"),
         ("[noise]\nsigma = []", "noise.sigma has no value"),
         ("[robot]\nroute = [[[0, 0], [1, 1]]]", "only single values can be varied"),
+        ("noise = 5", r"noise: expected a table \[noise\], found 5"),
+        ("[noise]\nsigma = [2020-01-01]", "only single values can be varied"),
+        (f"[noise]\nsigma = [0x{'9' * 5000}]", "a number of thousands of digits"),
+        (f"[noise]\nsigma = [{'9' * 5000}]", "grid.toml: .*digits"),
+        (f"seeds = 0x{'9' * 5000}", "seeds is a number of thousands of digits, expected 1 to"),
         ("noise]", "grid.toml: .*line 1"),
     ],
 )
@@ -355,3 +360,15 @@ def test_without_the_extra_one_line_says_what_to_install_and_the_paper_needs_non
     assert done.returncode == 1 and done.stdout == ""
     what = "sweeps and clusters need Dask and Parquet; pip install 'lrf3d[sweep]'"
     assert done.stderr == f"lrf3d: {what}\n"
+
+
+def test_processes_that_cannot_be_started_are_one_clear_error(room, tmp_path, monkeypatch):
+    from lrf3d.cluster import connection
+    from lrf3d.errors import Lrf3dError
+
+    def fails(**_):
+        raise RuntimeError("Cluster failed to start:\nno room")
+
+    monkeypatch.setattr(connection, "LocalCluster", fails)
+    with pytest.raises(Lrf3dError, match="cannot be started: Cluster failed to start: no room"):
+        sweep(tiny(room), tmp_path / "out", workers=2)

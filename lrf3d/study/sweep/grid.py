@@ -12,14 +12,17 @@ from typing import Any
 from lrf3d.errors import InputError
 from lrf3d.input import read_text
 from lrf3d.mapping.line_mapper import MODES
-from lrf3d.world.schema import TABLES
-from lrf3d.world.settings import read_settings
+from lrf3d.world.schema import TABLES, shown
+from lrf3d.world.settings import NoValue, read_settings, toml_value
 
 SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
 """Noises [m] where none are asked for: those of the paper's figures, and some between."""
 
 SEEDS = 20
 """Seeds of each setting where nothing is said."""
+
+MOST = 1_000_000
+"""Seeds at most, as each run of a plan is in memory; and scans of a drive of which one is used."""
 
 SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
 """The settings that have a flag of their own."""
@@ -50,8 +53,8 @@ class Grid:
         if not self.worlds:
             raise InputError("sweep: no world; name one, such as city")
         for name, least in (("seeds", self.seeds), ("every", self.every)):
-            if least < 1:
-                raise InputError(f"sweep: {name} is {least}, expected at least 1")
+            if not 1 <= least <= MOST:
+                raise InputError(f"sweep: {name} is {shown(least)}, expected 1 to {MOST:,}")
         axes = {name: tuple(_checked(name, v) for v in vs) for name, vs in self.axes.items()}
         for name, values in axes.items():
             if not values:
@@ -83,15 +86,20 @@ class Grid:
 
 def setting(name: str, value: Value) -> str:
     """A setting as ``lrf3d run --set`` takes it."""
-    return f"{name}={json.dumps(value)}"
+    try:
+        return f"{name}={json.dumps(value)}"
+    except ValueError:
+        raise InputError(f"sweep: {name}: {shown(value)} cannot be a value") from None
 
 
 def _checked(name: str, value: Value) -> Value:
     """A value in the type that the setting has."""
+    if not isinstance(value, float | int | str | bool):
+        raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
     [table] = read_settings([setting(name, value)]).values()
     [checked] = table.values()
     if not isinstance(checked, float | int | str | bool):
-        raise InputError(f"sweep: {name}: only single values can be varied, not {value!r}")
+        raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
     return checked
 
 
@@ -121,8 +129,8 @@ def parse_values(text: str, flag: str) -> tuple[Value, ...]:
 
 def _value(text: str) -> Value:
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        value = toml_value(text)
+    except NoValue:
         return text
     return value if isinstance(value, float | int | str | bool) else text
 
@@ -140,7 +148,11 @@ def read_grid(path: Path, axes: Mapping[str, tuple[Value, ...]], **rest: Any) ->
     """
     try:
         data = tomllib.loads(read_text(path, what="a grid"))
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError:
+        raise InputError(f"{path}: nested too deeply for a grid") from None
+    except InputError:
+        raise
+    except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     known = ["worlds", "seeds", "every", *TABLES]
     for key in data:
@@ -150,7 +162,10 @@ def read_grid(path: Path, axes: Mapping[str, tuple[Value, ...]], **rest: Any) ->
             raise InputError(f"{path}: there is no {key!r}; {hint}")
     found: dict[str, tuple[Value, ...]] = {}
     for table in TABLES:
-        for key, values in data.get(table, {}).items():
+        keys = data.get(table, {})
+        if not isinstance(keys, dict):
+            raise InputError(f"{path}: {table}: expected a table [{table}], found {shown(keys)}")
+        for key, values in keys.items():
             found[f"{table}.{key}"] = tuple(values if isinstance(values, list) else [values])
     chosen: dict[str, Any] = {
         "worlds": _worlds(path, data.get("worlds", [])),
@@ -174,5 +189,5 @@ def _worlds(path: Path, worlds: object) -> Sequence[str]:
 def _count(path: Path, data: Mapping[str, Any], key: str, usual: int) -> int:
     value = data.get(key, usual)
     if isinstance(value, bool) or not isinstance(value, int):
-        raise InputError(f"{path}: {key}: expected a whole number, found {value!r}")
+        raise InputError(f"{path}: {key}: expected a whole number, found {shown(value)}")
     return value

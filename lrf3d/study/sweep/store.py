@@ -108,6 +108,11 @@ class Store:
     def __len__(self) -> int:
         return len(self._rows)
 
+    @property
+    def kept(self) -> int:
+        """How many of the rows are on the disk."""
+        return len(self._rows) - len(self._waiting)
+
     def __contains__(self, key: object) -> bool:
         return key in self._rows
 

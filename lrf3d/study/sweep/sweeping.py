@@ -9,6 +9,7 @@ from typing import Any
 from lrf3d.cluster.connection import connected
 from lrf3d.cluster.holding import hold
 from lrf3d.errors import InputError, Lrf3dError
+from lrf3d.interrupts import noting
 from lrf3d.study.sweep.batches import Batch, Batches
 from lrf3d.study.sweep.content import digest
 from lrf3d.study.sweep.plan import Plan
@@ -71,7 +72,8 @@ def sweep(
         OutputError: The folder cannot be written to.
     """
     begin = time.perf_counter()
-    with Store(folder, plan, resume=resume) as store:
+    store = Store(folder, plan, resume=resume)
+    with noting(lambda: f"{store.kept} of {len(plan.runs)} runs kept; go on with --resume"), store:
         resumed = len(store)
         missing = [run for run in plan.runs if run.order.key not in store]
         progress(resumed, len(plan.runs))

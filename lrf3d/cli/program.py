@@ -1,0 +1,223 @@
+"""The program ``lrf3d``: how it is stopped at any moment, and how its errors reach the user.
+
+Only what costs nothing to load is imported here, so that Ctrl-C is taken care of before anything
+else is loaded.
+"""
+
+import os
+import signal
+import sys
+from time import monotonic
+
+from lrf3d.interrupts import chain, notes
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from types import FrameType
+    from typing import Any
+
+ENDS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+"""Signals that ask a program to end: Ctrl-C, ``kill``, and a terminal that is closed."""
+
+AGAIN = 0.05
+"""How often an interrupt that was lost is raised again [s]: short for whoever waits, and long
+beside what a look at it takes."""
+
+PATIENCE = 10.0
+"""How long tidying up may take [s] before another Ctrl-C ends the program on the spot. Tidying up
+takes two or three seconds at most; a key that is held down must not cut it off."""
+
+
+def main(program: "Any" = None, name: str = "lrf3d") -> None:
+    """Run a program; a known error ends it with one line and the status 1.
+
+    Args:
+        program: The commands, a Typer; those of lrf3d where not given.
+        name: What the program is called.
+    """
+    stops = Stops()
+    error: BaseException | None = None
+    try:
+        _run(stops, program, name)
+        stops.over = True
+    except BaseException as caught:
+        # Nothing may come before this: from here on, an interrupt would leave this function.
+        stops.over = True
+        error = caught
+    stops.end()
+    if stops.number:
+        sys.exit(_stopped(stops.number, error))
+    if isinstance(error, SystemExit):
+        sys.exit(error.code)
+    sys.exit(0 if error is None else _failed(error))
+
+
+def _run(stops: "Stops", program: "Any", name: str) -> None:
+    """Do what the command line asks for, and print it."""
+    stops.begin()
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that lacks a letter, σ or one of a file's name, is no reason to fail.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    from lrf3d.output import scratch_folder
+
+    if program is None:
+        from lrf3d.cli.app import app as program
+
+    try:
+        if _keeps_compiled():
+            program(prog_name=name)
+        else:
+            # Numba refuses to start where it finds no place; what it compiles lasts for this run.
+            with scratch_folder() as folder:
+                os.environ["NUMBA_CACHE_DIR"] = str(folder)
+                program(prog_name=name)
+    finally:
+        # What cannot be printed is better known now than when Python ends.
+        sys.stdout.flush()
+
+
+def _keeps_compiled() -> bool:
+    """Whether Numba finds a place to keep what it compiles: beside the modules, or at home."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    for place in (os.path.dirname(os.path.dirname(__file__)), home):
+        while place and not os.path.exists(place):
+            place = os.path.dirname(place)
+        if os.access(place, os.W_OK | os.X_OK):
+            return True
+    return "NUMBA_CACHE_DIR" in os.environ
+
+
+class Stops:
+    """Being asked to stop: recorded once, and raised as KeyboardInterrupt until that is heard.
+
+    An interrupt may be lost: libraries catch it, compiled code turns it into another exception,
+    and what a destructor or a callback raises is dropped. So any exception that follows is taken
+    for the interrupt, and where none is on its way out of the program, it is raised again.
+    """
+
+    def __init__(self) -> None:
+        self.number = 0
+        """The signal that asked first; 0 while none did."""
+        self.over = False
+        """Whether it is too late: all is done, or on its way out."""
+        self._asked = 0.0
+
+    def begin(self) -> None:
+        """Listen from now on."""
+        for number in ENDS:
+            # Who starts a program in the background, or by nohup, has these ignored.
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._ask)
+
+    def end(self) -> None:
+        """Listen no more: only Python itself has to end."""
+        for number in ENDS:
+            signal.signal(number, signal.SIG_IGN)
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+    def _ask(self, number: int, where: "FrameType | None") -> None:
+        if self.over:
+            return
+        if self.number:
+            if monotonic() > self._asked + PATIENCE:
+                os._exit(_stopped(self.number, None))
+        else:
+            self.number, self._asked = number, monotonic()
+            _be_quiet()
+            if hasattr(signal, "setitimer"):
+                signal.signal(signal.SIGALRM, self._raise)
+                signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+        self._raise(number, where)
+
+    def _raise(self, _: int, where: "FrameType | None") -> None:
+        """Raise the interrupt, unless it is on its way out or modules are being loaded."""
+        on_its_way = any(isinstance(each, KeyboardInterrupt) for each in chain(sys.exc_info()[1]))
+        # Half-loaded libraries of C fail in ways of their own. Loading ends, or is interrupted
+        # when it takes too long, as a user's module may that never ends.
+        if self.over or on_its_way or (_loads(where) and monotonic() < self._asked + PATIENCE):
+            return
+        raise KeyboardInterrupt
+
+
+def _loads(frame: "FrameType | None") -> bool:
+    """Whether a frame is within an import."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _be_quiet() -> None:
+    """Let nobody but this module speak of what an interrupt broke."""
+    sys.excepthook = lambda *_: None
+    sys.unraisablehook = lambda _: None
+    if "threading" in sys.modules:
+        sys.modules["threading"].excepthook = lambda *_: None  # type: ignore[attr-defined]
+    if "logging" in sys.modules:
+        sys.modules["logging"].disable()
+
+
+def _stopped(number: int, error: BaseException | None) -> int:
+    """Say that the program was stopped and what is kept; gives its status, as shells have it."""
+    from lrf3d.errors import OutputError
+
+    said = ["stopped", *notes(error)]
+    if isinstance(error, OutputError):
+        said.insert(1, str(error))
+    _say("; ".join(said))
+    return 128 + number
+
+
+def _failed(error: BaseException) -> int:
+    """Say what went wrong, in one line where it is no mistake of the program; gives the status."""
+    from lrf3d.errors import Lrf3dError
+
+    if isinstance(error, BrokenPipeError):
+        # Whoever read our output has had enough; that is no error.
+        _give_up(sys.stdout, sys.stderr)
+        return 0
+    if isinstance(error, Lrf3dError):
+        _say(str(error))
+    elif isinstance(error, OSError):
+        _say(_system_error(error, "standard output" if _give_up(sys.stdout) else ""))
+    elif isinstance(error, MemoryError):
+        why = f" ({error})" if str(error) else ""
+        _say(f"out of memory{why}; ask for less at once, or use a machine with more memory")
+    else:
+        raise error
+    return 1
+
+
+def _system_error(error: OSError, place: str) -> str:
+    """What the system refused, and where: at the file that it names, or else at a place."""
+    reason = error.strerror or str(error) or type(error).__name__
+    names = [os.fsdecode(name) for name in (error.filename, error.filename2)
+             if isinstance(name, str | bytes)]  # fmt: skip
+    return ": ".join(filter(None, [" to ".join(names) or place, reason]))
+
+
+def _give_up(*streams: "Any") -> bool:
+    """Leave streams without what they cannot print, or Python would try again at its end.
+
+    Returns:
+        Whether there was such a stream.
+    """
+    found = False
+    for stream in streams:
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+            found = True
+    return found
+
+
+def _say(message: str) -> None:
+    """Print a line on stderr, if anybody can still read it."""
+    try:
+        print(f"lrf3d: {' '.join(message.splitlines())}", file=sys.stderr, flush=True)
+    except OSError:
+        _give_up(sys.stderr)
