@@ -6,13 +6,13 @@ import socket
 from pathlib import Path
 
 import pytest
-from lrf3d.study.bench.comparison import load_report
 
-from lrf3d import InputError, LineMap, WorldError, load_log, load_run, load_world
+from benchmarks.comparison import load_report
+from lrf3d import InputError, WorldError, load_log, load_map, load_run, load_world
 from lrf3d.input import own_name
 from lrf3d.logs.reading import is_run
 from lrf3d.study.sweep.grid import read_grid
-from lrf3d.world.files import READERS, find_world
+from lrf3d.world.files import FORMATS, find_world
 
 ROOM = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
 
@@ -54,8 +54,8 @@ READ = {
     "f.npz": load_run,
     "grid.toml": lambda path: read_grid(path, {}),
     "report.json": load_report,
-    "map.json": LineMap.load,
-    **{f"world{ending}": load_world for ending in READERS},
+    "map.json": load_map,
+    **{f"world{ending}": load_world for ending in FORMATS},
 }
 
 
