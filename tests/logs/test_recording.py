@@ -73,7 +73,7 @@ def small_chunks(monkeypatch):
     monkeypatch.setattr(recording, "CHECKPOINT_SCANS", 500)
 
 
-@pytest.mark.parametrize("mode", ["robust", "paper"])
+@pytest.mark.parametrize("mode", ["robust", pytest.param("paper", marks=pytest.mark.slow)])
 def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, tmp_path):
     scans = SCANS if mode == "robust" else 350
     lrf3d.record(simulation(mode, scans=scans), tmp_path / "whole.npz")
