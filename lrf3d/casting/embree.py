@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.domain import Rationals
+from lrf3d.casting.domain import Rationals, farthest
 from lrf3d.casting.mesh_scene import MeshScene
 from lrf3d.casting.scans import limit_ranges, make_scan
 from lrf3d.casting.threads import share
@@ -48,7 +48,7 @@ class EmbreeCaster:
         if self._walls is None:
             ranges, faces = self.cast_layers(lrf, pose)
             return make_scan(lrf, pose, ranges[0], faces[0])
-        if self._rationals.needed(*pose):
+        if self._rationals.needed(lrf, *pose):
             return LaserScan.measured(lrf, pose, *self._rationals.cast(lrf, pose))
         return LaserScan.measured(lrf, pose, *self._scene(lrf).cast(lrf, pose))
 
@@ -106,7 +106,7 @@ class EmbreeCaster:
             return scene
         assert self._walls is not None
         level = int(self._levels.searchsorted(lrf.height))
-        key = level, math.frexp(lrf.range_max)[1]
+        key = level, math.frexp(farthest(lrf))[1]
         if key not in self._scenes:
             tall = np.flatnonzero(self._walls.heights >= lrf.height).astype(np.int32)
             segments = self._walls.segments[tall]
@@ -123,7 +123,7 @@ class EmbreeCaster:
                 ranges[k] = scan.ranges
                 walls[k : k + 1] = scan.walls
             return ranges
-        if not self._rationals.everywhere:
+        if not self._rationals.for_all(lrf):
             scene = self._scene(lrf)
 
             def work(start: int, stop: int) -> None:
