@@ -68,8 +68,9 @@ def as_noise(noise: AnyNoise) -> Noise:
 class ProportionalNoise:
     """Gaussian noise that grows with the distance (Eq. 7): d + d/d_max · N(0, σ).
 
-    σ is the standard deviation [m] at range_max. A beam without return stays without; with
-    σ = 0 the scan is given back as it is and nothing is drawn.
+    σ is the standard deviation [m] at range_max. A beam without return stays without; one whose
+    noise goes below 0 is reported as too near (−inf, REP 117), for no range finder measures that.
+    With σ = 0 the scan is given back as it is and nothing is drawn.
     """
 
     sigma: float
@@ -91,14 +92,14 @@ class ProportionalNoise:
         finite = np.isfinite(ranges)
         draws = rng.normal(0.0, self.sigma, len(ranges))[finite]
         ranges[finite] += ranges[finite] / scan.range_max * draws
-        return replace(scan, ranges=ranges)
+        return replace(scan, ranges=not_negative(ranges))
 
 
 @dataclass(frozen=True, slots=True)
 class ConstantNoise:
     """Gaussian noise that is the same at every distance: d + N(0, σ), σ in metres.
 
-    With ProportionalNoise in a chain the variances add up.
+    With ProportionalNoise in a chain the variances add up. What goes below 0 is reported as there.
     """
 
     sigma: float
@@ -111,7 +112,8 @@ class ConstantNoise:
         if self.sigma == 0.0:
             return scan
         # Adding to an infinity leaves it as it is.
-        return replace(scan, ranges=scan.ranges + rng.normal(0.0, self.sigma, len(scan.ranges)))
+        ranges = scan.ranges + rng.normal(0.0, self.sigma, len(scan.ranges))
+        return replace(scan, ranges=not_negative(ranges))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +161,14 @@ class Chain:
         for noise in self.noises:
             scan = noise(scan, rng)
         return scan
+
+
+def not_negative(ranges: Float) -> Float:
+    """Noisy ranges as a range finder reports them: below 0 they are too near, −inf (REP 117).
+
+    It is what `Limits` reports of them too, whatever range_min is.
+    """
+    return np.where(ranges < 0.0, -np.inf, ranges)
 
 
 def within_limits(ranges: Float, range_min: float, range_max: float) -> Float:
