@@ -149,6 +149,18 @@ def test_a_wall_shorter_than_an_ulp_of_its_distance_from_the_middle_is_hit(make,
             assert scan.ranges == [1.0] and scan.walls == [0]
 
 
+def test_level_beams_whose_slope_is_tiny_are_seen_by_embree_as_level():
+    # Embree takes the inverse of -1e-23 as that of +1e-18, and a packet passed by what it met.
+    rng = np.random.default_rng(0)
+    small = rng.uniform(-1e-5, 1e-5, (9, 4))
+    world = World(np.concatenate([[[0.0, -2.5e-26, 0.0, 152725.0]], small, [[0, -19, -37, 0.9]]]))
+    casters = [PlanarCaster(world), EmbreeCaster(world), without_library(world)]
+    poses = [[-7.5, 5.45, -1.0000000000003701e-10], [-7.5, 5.45, -1e-10], [-7.5, 5.45, -2e-23]]
+    for width in (1e-10, 3e-10, 1e-6):
+        lrf = LaserRangeFinder(0.0, width, 3, 0.0, 1e10)
+        assert_same_bits(world, lrf, np.array(poses), casters)
+
+
 @pytest.mark.parametrize("case", ["walls of one ulp and more", "walls of 5e-324 to 1e7 m"])
 def test_walls_of_all_lengths_are_found_by_both_casters(case):
     [found] = [one for one in CASTING if one.name == case]
