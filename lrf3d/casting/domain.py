@@ -3,6 +3,8 @@
 Error-free products must neither under- nor overflow. With coordinates that are 0 or of 1e-44 to
 1e44 m, their differences are 0 or at least 1e-60 m, and all is well. Numbers beyond are no
 places that anyone goes to, yet they have a range by its definition: rationals give it, slowly.
+The same goes for range finders whose beams are turned by less than that, or that measure from so
+near or so far on.
 """
 
 import math
@@ -20,6 +22,14 @@ SMALLEST = 1e-44
 LARGEST = 1e44
 """Largest size of a number that compiled casting takes [m]."""
 
+FARTHEST = 1e50
+"""A distance [m] that is beyond every wall that compiled casting takes."""
+
+
+def farthest(lrf: LaserRangeFinder) -> float:
+    """The range_max [m] for compiled casting, which no product with it may make overflow."""
+    return min(lrf.range_max, FARTHEST)
+
 
 class Rationals:
     """Casts by rationals where the numbers are beyond what compiled casting is exact for."""
@@ -29,14 +39,18 @@ class Rationals:
         # Whether the walls themselves are beyond: then no scan can be compiled.
         self.everywhere = not bool(_inside(world.segments).all())
 
-    def needed(self, x: float, y: float, theta: float) -> bool:
+    def needed(self, lrf: LaserRangeFinder, x: float, y: float, theta: float) -> bool:
         """Whether a scan from this pose needs them; plain floats, since each scan asks."""
         return (
-            self.everywhere
+            self.for_all(lrf)
             or not (x == 0.0 or SMALLEST <= abs(x) <= LARGEST)
             or not (y == 0.0 or SMALLEST <= abs(y) <= LARGEST)
             or not (theta == 0.0 or abs(theta) >= SMALLEST)
         )
+
+    def for_all(self, lrf: LaserRangeFinder) -> bool:
+        """Whether all scans of a range finder need them."""
+        return self.everywhere or lrf.least_number < SMALLEST or lrf.range_min > LARGEST
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
         """Ranges and walls (beams,) of the scan from a pose."""
@@ -58,7 +72,7 @@ class Rationals:
 
         The walls may be empty where none are asked for.
         """
-        beyond = ~_inside(poses).all(axis=1) | self.everywhere
+        beyond = ~_inside(poses).all(axis=1) | self.for_all(lrf)
         for k in np.flatnonzero(beyond).tolist():
             x, y, theta = poses[k].tolist()
             ranges[k], hit = self.cast(lrf, (x, y, theta))

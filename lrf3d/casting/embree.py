@@ -2,18 +2,19 @@
 
 Most beams are proved by one look at the wall that Embree names: see `embree_walls` for what that
 takes. The few others (near ends and other walls, at grazing incidence) are cast again among the
-float64 walls. Meshes, layers and tilted lasers are cast in 3D, with float64 distances.
+float64 walls. A mesh is cut by the plane of the beams, and its cuts are cast at as walls. Layers
+and tilted lasers are cast in 3D, all in float64.
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.domain import Rationals
-from lrf3d.casting.mesh_scene import MeshScene
-from lrf3d.casting.scans import make_scan
+from lrf3d.casting.domain import Rationals, farthest
+from lrf3d.casting.mesh_scene import MeshScene, level_cut
 from lrf3d.casting.threads import share
 from lrf3d.casting.wall_scene import WallScene, build_wall_scene
 from lrf3d.geometry import Float, Int
@@ -22,8 +23,8 @@ from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose, as_poses
 from lrf3d.world import World
 
-FAR = 1.01
-"""How much farther than the range Embree looks in 3D, so that its error hides no triangle."""
+LEVELS = 8
+"""Heights of range finders that a mesh keeps its cuts of."""
 
 
 class EmbreeCaster:
@@ -31,7 +32,8 @@ class EmbreeCaster:
 
     Args:
         world: A world, or a ``trimesh.Trimesh``, whose triangles then stand where a world has
-            its walls; their distances are those of their planes in float64.
+            its walls. Level beams meet the triangles where these meet the plane at their height;
+            the ends of such a cut are rounded to float64, but for upright edges, which are exact.
 
     Examples:
         >>> import lrf3d
@@ -51,14 +53,16 @@ class EmbreeCaster:
         self._scenes: dict[tuple[int, int], WallScene] = {}
         self._latest: tuple[LaserRangeFinder | None, WallScene | None] = None, None
         self._mesh: MeshScene | None = None
+        self._cuts: dict[float, tuple[EmbreeCaster, Int]] = {}
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose; ``walls`` holds triangles where a mesh was given."""
         pose = as_pose(pose)
         if self._walls is None:
-            ranges, faces = self.cast_layers(lrf, pose)
-            return make_scan(lrf, pose, ranges[0], faces[0])
-        if self._rationals.needed(*pose):
+            caster, faces = self._cut(lrf.height)
+            scan = caster.cast(lrf, pose)
+            return replace(scan, walls=_named(faces, scan.walls))
+        if self._rationals.needed(lrf, *pose):
             return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
         return LaserScan.unchecked(lrf, pose, *self._scene(lrf).cast(lrf, pose))
 
@@ -82,8 +86,10 @@ class EmbreeCaster:
     ) -> tuple[Float, Int]:
         """Cast in 3D: layers of beams at elevations [rad], from a laser that may be tilted.
 
-        Walls reach from the ground to their heights; distances are computed in float64 from the
-        plane of the wall or triangle that Embree finds in float32.
+        Walls reach from the ground to their heights. A layer without elevation, of a laser that is
+        not tilted, is the scan of `cast`, exact also at corners. Inclined beams are cast in float64
+        without a proof: right where they pass edges by more than about 1e-14 rad, and to some
+        1e-12 m as far as the laser and the triangle are less than 1e4 m from the origin.
 
         Args:
             lrf: The range finder: its angles, limits and height.
@@ -96,11 +102,20 @@ class EmbreeCaster:
             Ranges (layers, beams) [m] after REP 117, and the walls or triangles, −1 for none.
         """
         x, y, theta = as_pose(pose)
-        beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)
-        origin = np.array([x, y, lrf.height])
-        distances, faces = self._solid().cast(origin, beams.reshape(-1, 3), FAR * lrf.range_max)
-        ranges = within_limits(distances, lrf.range_min, lrf.range_max).reshape(beams.shape[:2])
-        return ranges, np.where(np.isfinite(ranges), faces.reshape(ranges.shape), -1)
+        level = (np.asarray(elevations, dtype=np.float64) == 0.0) & (pitch == 0.0 == roll)
+        ranges = np.empty((len(level), lrf.beams))
+        walls = np.empty((len(level), lrf.beams), np.int64)
+        if level.any():
+            scan = self.cast(lrf, (x, y, theta))
+            ranges[level], walls[level] = scan.ranges, scan.walls
+        if not level.all():
+            beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
+            origin = np.array([x, y, lrf.height])
+            distances, faces = self._solid().cast(origin, beams.reshape(-1, 3), lrf.range_max)
+            found = within_limits(distances, lrf.range_min, lrf.range_max)
+            ranges[~level] = found.reshape(-1, lrf.beams)
+            walls[~level] = np.where(np.isfinite(found), faces, -1).reshape(-1, lrf.beams)
+        return ranges, walls
 
     def _solid(self) -> MeshScene:
         """The scene of the walls at their heights, or of the mesh; built at the first need."""
@@ -109,6 +124,19 @@ class EmbreeCaster:
             self._mesh = made(self.world)
         return self._mesh
 
+    def _cut(self, height: float) -> tuple["EmbreeCaster", Int]:
+        """A caster at where a mesh meets beams of a height [m], and the triangles of its walls."""
+        found = self._cuts.get(height)
+        if found is None:
+            triangles = np.asarray(self.world.triangles, dtype=np.float64).reshape(-1, 3, 3)
+            segments, faces = level_cut(triangles, height)
+            world = World(segments, heights=np.full(len(segments), max(height, 1.0)))
+            found = EmbreeCaster(world), faces
+            if len(self._cuts) >= LEVELS:
+                self._cuts = {}
+            self._cuts[height] = found
+        return found
+
     def _scene(self, lrf: LaserRangeFinder) -> WallScene:
         """The scene for beams of this height and range: built once for each level and range."""
         latest, scene = self._latest
@@ -116,7 +144,7 @@ class EmbreeCaster:
             return scene
         assert self._walls is not None
         level = int(self._levels.searchsorted(lrf.height))
-        key = level, math.frexp(lrf.range_max)[1]
+        key = level, math.frexp(farthest(lrf))[1]
         if key not in self._scenes:
             tall = np.flatnonzero(self._walls.heights >= lrf.height).astype(np.int32)
             segments = self._walls.segments[tall]
@@ -128,12 +156,11 @@ class EmbreeCaster:
         poses = np.ascontiguousarray(as_poses(poses))
         ranges = np.empty((len(poses), lrf.beams))
         if self._walls is None:
-            for k, pose in enumerate(poses):
-                scan = self.cast(lrf, pose)
-                ranges[k] = scan.ranges
-                walls[k : k + 1] = scan.walls
+            caster, faces = self._cut(lrf.height)
+            ranges = caster._cast_batch(lrf, poses, walls)
+            walls[:] = _named(faces, walls)
             return ranges
-        if not self._rationals.everywhere:
+        if not self._rationals.for_all(lrf):
             scene = self._scene(lrf)
 
             def work(start: int, stop: int) -> None:
@@ -143,3 +170,8 @@ class EmbreeCaster:
             share(work, len(poses))
         self._rationals.mend(lrf, poses, ranges, walls)
         return ranges
+
+
+def _named(names: Int, rows: Int) -> Int:
+    """Which walls the rows are of, by their names; −1 stays −1."""
+    return np.append(names, -1)[rows]

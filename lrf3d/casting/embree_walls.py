@@ -29,6 +29,9 @@ other, which leaves the part at z = 0 where it is.
 
 A beam's way through a strip may be as long as the wall, so Embree looks that much beyond the
 range, and 8δ more. No hit at all then means that there is none.
+
+All this holds for walls of any length above 0: of one much shorter than δ the plane is 6δ long and
+stands between its caps, and no part is clear, so every beam that Embree has hit it is cast again.
 """
 
 import numpy as np
@@ -84,7 +87,9 @@ def triangles(
     The vertices are seen from the centre, and so many units long as they are metres.
     """
     start, end = walls[:, :2] - centre, walls[:, 2:] - centre
-    along = end - start
+    # Seen from the centre both ends of a short wall may round to one point, or to a wall of another
+    # direction. Between the ends as they are the difference is right to its last bit.
+    along = walls[:, 2:] - walls[:, :2]
     length = np.hypot(along[:, 0], along[:, 1])[:, None]
     along = along / length
     across = np.column_stack([-along[:, 1], along[:, 0]])

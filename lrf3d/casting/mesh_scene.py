@@ -1,54 +1,45 @@
-"""MeshScene: any triangles in 3D; Embree finds the nearest in float32, float64 measures it."""
+"""MeshScene: any triangles in 3D, cast at in float64; and where they meet a level plane."""
 
 from typing import Any
 
 import numpy as np
 
+from lrf3d.casting.kernels.solid import cast_solid
+from lrf3d.casting.wall_tree import build_tree
 from lrf3d.geometry import Float, Int
 from lrf3d.world import World
 
 
 class MeshScene:
-    """Triangles, moved near the origin so that float32 holds them well, with float64 planes.
+    """Triangles in a tree of boxes over the plan.
 
     Args:
-        triangles: (n, 3, 3) corners [m], seen from the origin.
+        triangles: (n, 3, 3) corners [m].
         owners: (n,) what each triangle belongs to: a wall, or itself.
-        origin: (3,) where the origin of the triangles lies [m].
     """
 
-    def __init__(self, triangles: Float, owners: Int, origin: Float) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        self._origin = origin
-        self._points = triangles[:, 0]
-        self._normals = np.cross(
-            triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-        )
-        self._owners = owners
-        self._embree = EmbreeScene()
-        self._kept = None
-        if len(triangles):
-            faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
-            vertices = triangles.reshape(-1, 3).astype(np.float32)
-            self._kept = TriangleMesh(self._embree, vertices, faces)
+    def __init__(self, triangles: Float, owners: Int) -> None:
+        plan = triangles[:, :, :2]
+        tree = build_tree(np.hstack([plan.min(axis=1), plan.max(axis=1)]))
+        self._owners = np.append(owners, -1)
+        self._tree = tree.boxes, tree.links, np.ascontiguousarray(triangles[tree.rows]), tree.rows
 
     @classmethod
     def of_world(cls, world: World) -> "MeshScene":
-        """The walls of a world, each a rectangle from the ground to its height."""
-        from lrf3d.world.extrude import extrude
-
-        triangles = np.asarray(extrude(world).triangles, dtype=np.float64).reshape(-1, 3, 3)
-        return cls(triangles, np.arange(len(triangles)) // 2, np.append(world.origin, 0.0))
+        """The walls of a world, each a rectangle of two triangles from the ground to its height."""
+        ends = world.segments.reshape(-1, 2, 2)
+        foot, head = np.zeros((len(ends), 2, 3)), np.empty((len(ends), 2, 3))
+        foot[:, :, :2] = head[:, :, :2] = ends
+        head[:, :, 2] = world.heights[:, None]
+        p, q, above_q, above_p = foot[:, 0], foot[:, 1], head[:, 1], head[:, 0]
+        halves = np.stack([p, q, above_q, p, above_q, above_p], axis=1)
+        return cls(halves.reshape(-1, 3, 3), np.arange(2 * len(ends)) // 2)
 
     @classmethod
     def of_mesh(cls, mesh: Any) -> "MeshScene":
         """The triangles of a ``trimesh.Trimesh``."""
         triangles = np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3)
-        corners = triangles.reshape(-1, 3) if len(triangles) else np.zeros((1, 3))
-        origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
-        return cls(triangles - origin, np.arange(len(triangles)), origin)
+        return cls(triangles, np.arange(len(triangles)))
 
     def cast(self, origin: Float, directions: Float, reach: float) -> tuple[Float, Int]:
         """Cast rays (n, 3) from one origin (3,), no farther than about a reach [m].
@@ -56,20 +47,37 @@ class MeshScene:
         Returns:
             Distances (n,) [m], +inf for a miss, and what was hit (n,), −1 for a miss.
         """
-        distances = np.full(len(directions), np.inf)
-        owners = np.full(len(directions), -1)
-        if self._kept is None:
-            return distances, owners
-        local = origin - self._origin
-        origins = np.tile(local.astype(np.float32), (len(directions), 1))
-        found = self._embree.run(origins, directions.astype(np.float32), reach)
-        hit = found >= 0
-        faces = found[hit]
-        gap = np.einsum("ij,ij->i", self._points[faces] - local, self._normals[faces])
-        slope = np.einsum("ij,ij->i", directions[hit], self._normals[faces])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            measured = gap / slope
-        # A ray along a triangle has no distance to its plane: such a ray has no hit here.
-        distances[hit] = np.where(np.isfinite(measured), np.maximum(measured, 0.0), np.inf)
-        owners[hit] = np.where(np.isfinite(measured), self._owners[faces], -1)
-        return distances, owners
+        distances, hits = np.empty(len(directions)), np.empty(len(directions), np.int64)
+        cast_solid(*self._tree, origin, directions, reach, distances, hits)
+        return distances, self._owners[hits]
+
+
+def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
+    """Where triangles (n, 3, 3) meet the level plane at a height [m].
+
+    A cut ends on the edges of its triangle, rounded to float64, and in the same bits for both
+    triangles at an edge, so that no beam passes between them. On upright edges, as of pillars and
+    houses, nothing is rounded. Triangles within the plane have no cut: their neighbours bound them.
+
+    Returns:
+        The cuts (m, 4) as segments x1 y1 x2 y2 [m], and which triangle (m,) each is of.
+    """
+    near = (triangles[:, :, 2].min(axis=1) <= height) & (triangles[:, :, 2].max(axis=1) >= height)
+    faces = np.flatnonzero(near)
+    corners = triangles[faces]
+    side = np.sign(corners[:, :, 2] - height)
+    # An edge has one lower end, whichever triangle it is looked at from.
+    one, other = corners, np.roll(corners, -1, axis=1)
+    swap = (one[:, :, 2] > other[:, :, 2])[:, :, None]
+    low, high = np.where(swap, other, one), np.where(swap, one, other)
+    crosses = side * np.roll(side, -1, axis=1) < 0.0
+    rise = np.where(crosses, high[:, :, 2] - low[:, :, 2], 1.0)
+    share = ((height - low[:, :, 2]) / rise)[:, :, None]
+    middle = low[:, :, :2] + share * (high[:, :, :2] - low[:, :, :2])
+    # A triangle has two of these six points, unless it lies in the plane or touches it in a corner.
+    points = np.concatenate([middle, corners[:, :, :2]], axis=1)
+    meets = np.concatenate([crosses, side == 0.0], axis=1)
+    cut = meets.sum(axis=1) == 2
+    segments = points[cut][meets[cut]].reshape(-1, 4)
+    long = (segments[:, :2] != segments[:, 2:]).any(axis=1)
+    return segments[long], faces[cut][long]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.casting.domain import Rationals
+from lrf3d.casting.domain import Rationals, farthest
 from lrf3d.casting.kernels.scans import cast_scan, cast_scans
 from lrf3d.casting.threads import share
 from lrf3d.casting.wall_tree import WallTree, build_tree
@@ -46,10 +46,10 @@ class PlanarCaster:
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose."""
         pose = as_pose(pose)
-        if self._rationals.needed(*pose):
+        if self._rationals.needed(lrf, *pose):
             return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
         ranges, walls = cast_scan(
-            *self.tree(lrf.height), lrf.fan, *pose, *lrf.spread, lrf.range_min, lrf.range_max
+            *self.tree(lrf.height), lrf.fan, *pose, *lrf.spread, lrf.range_min, farthest(lrf)
         )
         return LaserScan.unchecked(lrf, pose, ranges, walls)
 
@@ -65,9 +65,9 @@ class PlanarCaster:
     def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
         poses = np.ascontiguousarray(as_poses(poses))
         ranges = np.empty((len(poses), lrf.beams))
-        if not self._rationals.everywhere:
+        if not self._rationals.for_all(lrf):
             tree = self.tree(lrf.height)
-            limits = (*lrf.spread, lrf.range_min, lrf.range_max)
+            limits = (*lrf.spread, lrf.range_min, farthest(lrf))
 
             def work(start: int, stop: int) -> None:
                 part = slice(start, stop)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.clusters import ends_of, narrowest_cluster
+from lrf3d.casting.domain import farthest
 from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
 from lrf3d.casting.embree_walls import all_clear_parts, float32_error, triangles
 from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
@@ -90,13 +91,13 @@ class PacketScene:
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
         """The ranges and walls of a scan, one of each for a beam."""
         ranges, walls = cast_scan(
-            *self._fixed, lrf.fan, *pose, *lrf.spread, lrf.range_min, lrf.range_max
+            *self._fixed, lrf.fan, *pose, *lrf.spread, lrf.range_min, farthest(lrf)
         )
         return ranges, walls
 
     def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
         """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
-        limits = (*lrf.spread, lrf.range_min, lrf.range_max)
+        limits = (*lrf.spread, lrf.range_min, farthest(lrf))
         cast_scans(*self._fixed, lrf.fan, poses, *limits, ranges, walls)
 
 
@@ -119,9 +120,9 @@ class RunScene:
 
     def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
         """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
-        limits = (*lrf.spread, lrf.range_min, lrf.range_max)
+        limits = (*lrf.spread, lrf.range_min, farthest(lrf))
         known = self._known
-        reach = (lrf.range_max + known.local[5]) * known.local[2]
+        reach = (farthest(lrf) + known.local[5]) * known.local[2]
         for k in range(0, len(poses), BLOCK):
             part = slice(k, k + BLOCK)
             found = np.empty(0, dtype=np.int32)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from lrf3d.casting import EmbreeCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
+from lrf3d.laser.noise import not_negative
 from lrf3d.robot.collision import Obstacles
 from lrf3d.robot.free_space import find_free_space
 from lrf3d.robot.unicycle import arcs
@@ -124,7 +125,7 @@ class DriveTask:
         draws = rng.normal(0.0, self.sigma, truth.shape)
         # Infinities stay what they are.
         spread = np.where(np.isfinite(truth), truth, 0.0) / self.lrf.range_max
-        return truth + spread * draws, truth, walls
+        return not_negative(truth + spread * draws), truth, walls
 
     def observe(self, ranges: Float) -> dict[str, NDArray[np.float32]]:
         """What the robots see, in finite numbers of float32.

@@ -18,6 +18,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from lrf3d.errors import InputError
+from lrf3d.geometry import Float
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.laser.scan import LaserScan
 
@@ -68,8 +69,9 @@ def as_noise(noise: AnyNoise) -> Noise:
 class ProportionalNoise:
     """Gaussian noise that grows with the distance (Eq. 7): d + d/d_max · N(0, σ).
 
-    σ is the standard deviation [m] at range_max. A beam without return stays without; with
-    σ = 0 the scan is given back as it is and nothing is drawn.
+    σ is the standard deviation [m] at range_max. A beam without return stays without; a range
+    that noise carries below 0 is reported as 0, as no range finder measures less. With σ = 0 the
+    scan is given back as it is and nothing is drawn.
 
     Examples:
         >>> import lrf3d
@@ -100,14 +102,14 @@ class ProportionalNoise:
         finite = np.isfinite(ranges)
         draws = rng.normal(0.0, self.sigma, len(ranges))[finite]
         ranges[finite] += ranges[finite] / scan.range_max * draws
-        return replace(scan, ranges=ranges)
+        return replace(scan, ranges=not_negative(ranges))
 
 
 @dataclass(frozen=True, slots=True)
 class ConstantNoise:
     """Gaussian noise that is the same at every distance: d + N(0, σ), σ in metres.
 
-    With ProportionalNoise in a chain the variances add up.
+    With ProportionalNoise in a chain the variances add up. What goes below 0 is reported as there.
     """
 
     sigma: float
@@ -120,7 +122,8 @@ class ConstantNoise:
         if self.sigma == 0.0:
             return scan
         # Adding to an infinity leaves it as it is.
-        return replace(scan, ranges=scan.ranges + rng.normal(0.0, self.sigma, len(scan.ranges)))
+        ranges = scan.ranges + rng.normal(0.0, self.sigma, len(scan.ranges))
+        return replace(scan, ranges=not_negative(ranges))
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +171,11 @@ class Chain:
         for noise in self.noises:
             scan = noise(scan, rng)
         return scan
+
+
+def not_negative(ranges: Float) -> Float:
+    """Noisy ranges as a range finder reports them: at least 0; infinities stay what they are."""
+    return np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges)
 
 
 def check_sigma(sigma: float, unit: str) -> None:

@@ -82,6 +82,12 @@ class LaserRangeFinder:
         return fan
 
     @cached_property
+    def least_number(self) -> float:
+        """Least size of a number other than 0 among range_min [m] and the fan; casters need it."""
+        numbers = np.abs(np.append(self.fan, self.range_min))
+        return float(numbers.min(where=numbers > 0.0, initial=np.inf))
+
+    @cached_property
     def time_increment(self) -> float:
         """Time from one beam to the next [s]."""
         return self.scan_duration / (self.beams - 1) if self.beams > 1 else 0.0

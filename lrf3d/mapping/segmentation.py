@@ -25,6 +25,12 @@ PRUNED = max(0.0, (LEAST_POINTS - 1) * POINT_COST - WALL_COST)
 """How much worse than the best a division may be and still lead to a better one later, in units
 of χ²: what the points behind it could cost that are too few for a wall of their own."""
 
+MOST_OPEN = 1024
+"""Most places where a wall may still begin that are weighed for a point, so that the work grows
+with the points and not with their square. On a wall all of its points stay such places; scanners
+with about a thousand beams have fewer on one wall. On longer ones the older half is thinned out,
+and a wall that is found to begin there may begin a few of many thousand beams beside its corner."""
+
 
 @njit(cache=True, nogil=True)
 def segment_cluster(
@@ -93,7 +99,7 @@ def segment_cluster(
             if best[first] + misfit <= cheapest + PRUNED:
                 open_first[kept] = first
                 kept += 1
-        opened = kept
+        opened = kept if kept < MOST_OPEN else _thinned(open_first, kept, choice)
         best[last] = cheapest
         origin[last] = choice
     found = 0
@@ -110,6 +116,17 @@ def segment_cluster(
         for k in range(2):
             walls[i, k], walls[found - 1 - i, k] = walls[found - 1 - i, k], walls[i, k]
     return found
+
+
+@njit(cache=True, nogil=True)
+def _thinned(places: Int, count: int, choice: int) -> int:  # pragma: no cover
+    """Strike off every second of the older half of places, but for the choice; how many stay."""
+    kept = 0
+    for place in range(count):
+        if place >= count // 2 or place % 2 == 0 or places[place] == choice:
+            places[kept] = places[place]
+            kept += 1
+    return kept
 
 
 @njit(cache=True, nogil=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import WorldError
-from lrf3d.geometry import Float, Int, lengths, normal_lines
+from lrf3d.geometry import Float, Int, normal_lines
 from lrf3d.world.cameras import FixedCamera
 
 DEFAULT_HEIGHT = 2.5
@@ -142,7 +142,8 @@ def _check_segments(segments: Float) -> None:
     if bad.any():
         wall = int(np.flatnonzero(bad)[0])
         raise WorldError(f"wall {wall}: ends {segments[wall].tolist()}, expected finite numbers")
-    empty = lengths(segments) == 0.0
+    # Not by their lengths, which overflow where the ends are farther apart than a float64 holds.
+    empty = (segments[:, :2] == segments[:, 2:]).all(axis=1)
     if empty.any():
         wall = int(np.flatnonzero(empty)[0])
         x, y = segments[wall, :2]

@@ -7,6 +7,9 @@ from hypothesis import strategies as st
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting import crosscheck
+from lrf3d.casting.exact import cast_exact
+from lrf3d.casting.mesh_scene import level_cut
+from lrf3d.laser import layer_directions
 
 ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
 CASTERS = [PlanarCaster, EmbreeCaster]
@@ -100,6 +103,31 @@ def test_numbers_beyond_all_bounds_have_their_exact_range_too(caster, segments, 
     assert (ranges == expected).all() and (walls == scan.walls).all()
 
 
+@pytest.mark.parametrize("caster", CASTERS)
+@pytest.mark.parametrize(
+    ("lrf", "ranges"),
+    [
+        (LaserRangeFinder(-0.5, 0.5, 3, 0.0, 1e308), [2 / np.cos(0.5), 2.0, 2 / np.cos(0.5)]),
+        (LaserRangeFinder(-0.5, 0.5, 3, 0.0, 1e-310), [np.inf] * 3),
+        (LaserRangeFinder(-0.5, 0.5, 3, 1e-320, 1e100), [2 / np.cos(0.5), 2.0, 2 / np.cos(0.5)]),
+        (LaserRangeFinder(-0.5, 0.5, 3, 1e300, 1e308), [-np.inf] * 3),
+        (LaserRangeFinder(-1e-200, 1e-200, 3, 0.0, 80.0), [2.0] * 3),
+    ],
+)
+def test_range_finders_with_numbers_beyond_all_bounds_are_cast_exactly(caster, lrf, ranges):
+    one = caster(World([[2, -9, 2, 9]]))
+    scan = one.cast(lrf, (0, 0, 0))
+    assert scan.ranges == pytest.approx(ranges, rel=1e-15)
+    assert np.array_equal(one.cast_batch(lrf, [(0, 0, 0)])[0], scan.ranges)
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_walls_longer_than_the_largest_number_are_cast_exactly(caster):
+    world = World([[-1.7e308, 3, 1.7e308, 3]])
+    scan = caster(world).cast(LaserRangeFinder(np.pi / 2, np.pi / 2, 1), (0, 0, 0))
+    assert scan.ranges == [3.0]
+
+
 def test_a_beam_along_a_wall_ends_at_its_nearest_point():
     lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1)
     cast = PlanarCaster(World(np.array([[7, 0, 3, 0.0]]))).cast
@@ -156,3 +184,121 @@ def test_embree_casts_at_any_mesh():
     scan = EmbreeCaster(box).cast(LaserRangeFinder(), (1000.0, 0.1, 0.0))
     assert scan.ranges[90] == pytest.approx(4.0, abs=1e-12)
     assert scan.walls[90] >= 0 and scan.ranges[0] == np.inf
+
+
+def pillars(seed, count=12, far=None):
+    """Square pillars of 3 m at any angle, and if asked for a triangle very far away; a mesh."""
+    import trimesh
+
+    rng = np.random.default_rng(seed)
+    parts = []
+    for _ in range(count):
+        pillar = trimesh.creation.box((*rng.uniform(0.2, 1.0, 2), 3.0))
+        turn = trimesh.transformations.rotation_matrix(rng.uniform(0, 3), (0, 0, 1))
+        pillar.apply_transform(turn)
+        pillar.apply_translation((*rng.uniform(-20, 20, 2), 1.5))
+        parts.append(pillar)
+    if far is not None:
+        corners = [[far, 0, 0], [far, 1, 0], [far, 0, 3]]
+        parts.append(trimesh.Trimesh(corners, [[0, 1, 2]], process=False))
+    return trimesh.util.concatenate(parts)
+
+
+def beside_corners(mesh, seed, count, least):
+    """Poses (count, 3) that look past an upright edge of a pillar, `least` to 1e-7 rad beside."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-22, 22, (count, 2))
+    away = (
+        np.asarray(mesh.vertices)[rng.integers(len(mesh.vertices) // 8 * 8, size=count), :2]
+        - places
+    )
+    beside = rng.choice([-1, 1], count) * 10.0 ** rng.uniform(np.log10(least), -7, count)
+    return np.column_stack([places, np.arctan2(away[:, 1], away[:, 0]) + beside])
+
+
+def exact_range_3d(origin, direction, triangles):
+    """The least t at which a beam meets a triangle, in rational numbers, or None for a miss."""
+
+    def dot(a, b):
+        return sum(p * q for p, q in zip(a, b, strict=True))
+
+    def cross(a, b):
+        (ax, ay, az), (bx, by, bz) = a, b
+        return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+    o, d = ([Fraction(float(value)) for value in vector] for vector in (origin, direction))
+    best = None
+    for triangle in triangles.tolist():
+        a, b, c = ([Fraction(v) - w for v, w in zip(corner, o, strict=True)] for corner in triangle)
+        sides = dot(d, cross(a, b)), dot(d, cross(b, c)), dot(d, cross(c, a))
+        if min(sides) < 0 < max(sides):
+            continue
+        normal = [x + y + z for x, y, z in zip(cross(a, b), cross(b, c), cross(c, a), strict=True)]
+        if dot(normal, d) == 0:
+            continue
+        t = dot(normal, a) / dot(normal, d)
+        if t >= 0 and (best is None or t < best):
+            best = t
+    return best
+
+
+BEAM = LaserRangeFinder(0.0, 0.0, 1)
+
+
+@pytest.mark.parametrize("far", [None, 1e7])
+def test_level_beams_beside_corners_of_meshes_are_cast_exactly(far):
+    mesh = pillars(1, far=far)
+    caster = EmbreeCaster(mesh)
+    poses = beside_corners(mesh, 2, 300, 1e-15)
+    walls, faces = level_cut(np.asarray(mesh.triangles), BEAM.height)
+    ranges, hits = caster.scan_batch(BEAM, poses)
+    for k, pose in enumerate(poses):
+        row, t = cast_exact(walls, pose[:2], BEAM.directions(pose)[0])
+        beyond = t is None or t > BEAM.range_max
+        assert ranges[k, 0] == (np.inf if beyond else float(t))
+        assert hits[k, 0] == (-1 if beyond else faces[row])
+        assert np.array_equal(caster.cast(BEAM, pose).ranges, ranges[k])
+        assert np.array_equal(caster.cast_layers(BEAM, pose)[0][0], ranges[k])
+
+
+@pytest.mark.parametrize("far", [None, 1e7])
+def test_inclined_beams_beside_edges_of_meshes_meet_the_right_triangle(far):
+    mesh = pillars(3, count=8, far=far)
+    caster = EmbreeCaster(mesh)
+    triangles = np.asarray(mesh.triangles)
+    for k, pose in enumerate(beside_corners(mesh, 4, 60, 1e-12)):
+        elevation = (1e-9, 0.02, -0.01, 0.1)[k % 4]
+        ranges, _ = caster.cast_layers(BEAM, pose, [elevation])
+        direction = layer_directions(BEAM, pose[2], [elevation])[0, 0]
+        t = exact_range_3d([*pose[:2], BEAM.height], direction, triangles)
+        expected = np.inf if t is None or t > BEAM.range_max else float(t)
+        assert ranges[0, 0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_layer_without_elevation_is_the_scan_also_between_others():
+    world = random_world(5, count=60)
+    caster, lrf = EmbreeCaster(world), LaserRangeFinder()
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        place = rng.uniform(-20, 20, 2)
+        aim = world.segments[rng.integers(60), :2] - place
+        pose = (*place, np.arctan2(aim[1], aim[0]))
+        scan = caster.cast(lrf, pose)
+        ranges, walls = caster.cast_layers(lrf, pose, [0.1, 0.0, -0.1])
+        assert np.array_equal(ranges[1], scan.ranges) and np.array_equal(walls[1], scan.walls)
+        assert not np.array_equal(ranges[0], ranges[1])
+        near, _ = caster.cast_layers(lrf, pose, [1e-13])
+        met = np.isfinite(near[0]) & np.isfinite(scan.ranges)
+        assert (np.abs(near[0][met] - scan.ranges[met]) < 1e-6).mean() > 0.99
+
+
+def test_a_plane_cuts_triangles_where_they_meet_it():
+    def cut(*corners):
+        return level_cut(np.array([corners], dtype=float), 1.0)[0].tolist()
+
+    assert cut((0, 0, 0), (4, 0, 0), (0, 0, 2)) == [[2, 0, 0, 0]]
+    assert cut((0, 0, 1), (4, 0, 0), (4, 0, 2)) == [[4, 0, 0, 0]]
+    assert cut((0, 0, 1), (4, 0, 1), (0, 0, 2)) == [[0, 0, 4, 0]]
+    assert cut((0, 0, 1), (4, 0, 1), (0, 4, 1)) == []
+    assert cut((0, 0, 1), (4, 0, 2), (0, 4, 2)) == []
+    assert cut((0, 0, 2), (4, 0, 3), (0, 4, 2)) == []

@@ -1,3 +1,4 @@
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -8,6 +9,7 @@ from hypothesis import strategies as st
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting import wall_scene
 from lrf3d.casting.embree_library import embree_library
+from stress.casting import CASTING
 
 FANS = [
     LaserRangeFinder(),
@@ -129,6 +131,42 @@ def test_a_wall_at_the_limit_is_found_though_the_world_is_far_larger():
     lrf = LaserRangeFinder(-0.5, 0.5, 33, range_max=1.2)
     poses = np.column_stack([np.linspace(x - 1.2, x - 1.0, 101), np.zeros((101, 2))])
     assert_same_bits(world, lrf, poses, [PlanarCaster(world), EmbreeCaster(world)])
+
+
+@pytest.mark.parametrize("make", [EmbreeCaster, without_library])
+@pytest.mark.parametrize("length", [2.3e-16, 1e-14, 1e-13, 1e-9])
+@pytest.mark.parametrize("far", [-300.0, -1e7])
+def test_a_wall_shorter_than_an_ulp_of_its_distance_from_the_middle_is_hit(make, length, far):
+    # Seen from the middle of the world both of its ends round to one point.
+    behind = [20, -1, 20, 1]
+    world = World([[1, 0, 1 + length, 0], [far, 5, far + 1, 5], behind])
+    upright = World([[1, 0, 1, 1e-15], [far, 5, far + 1, 5], behind])
+    lrf = LaserRangeFinder(0.0, 0.0, 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for each in (world, upright):
+            scan = make(each).cast(lrf, (0.0, 0.0, 0.0))
+            assert scan.ranges == [1.0] and scan.walls == [0]
+
+
+def test_level_beams_whose_slope_is_tiny_are_seen_by_embree_as_level():
+    # Embree takes the inverse of -1e-23 as that of +1e-18, and a packet passed by what it met.
+    rng = np.random.default_rng(0)
+    small = rng.uniform(-1e-5, 1e-5, (9, 4))
+    world = World(np.concatenate([[[0.0, -2.5e-26, 0.0, 152725.0]], small, [[0, -19, -37, 0.9]]]))
+    casters = [PlanarCaster(world), EmbreeCaster(world), without_library(world)]
+    poses = [[-7.5, 5.45, -1.0000000000003701e-10], [-7.5, 5.45, -1e-10], [-7.5, 5.45, -2e-23]]
+    for width in (1e-10, 3e-10, 1e-6):
+        lrf = LaserRangeFinder(0.0, width, 3, 0.0, 1e10)
+        assert_same_bits(world, lrf, np.array(poses), casters)
+
+
+@pytest.mark.parametrize("case", ["walls of one ulp and more", "walls of 5e-324 to 1e7 m"])
+def test_walls_of_all_lengths_are_found_by_both_casters(case):
+    [found] = [one for one in CASTING if one.name == case]
+    tally = found.attempt(np.random.default_rng(3), 20_000, 0)
+    assert tally.failures == 0, tally.examples
+    assert tally.rationals > 0 and tally.bounds > 0
 
 
 @pytest.mark.parametrize("make", [EmbreeCaster, without_library])

@@ -71,6 +71,9 @@ def test_what_is_seen_is_finite_and_lies_in_its_space():
     lost = np.isinf(truth)
     assert lost.any() and (seen["ranges"][lost] == 80.0).all()
     assert (walls[lost] == -1).all()
+    envs.task.sigma = 300.0
+    measured, *_ = envs.task.scan(np.random.default_rng(0))
+    assert (measured == 0.0).any() and (measured >= 0.0).all()
 
 
 def test_ranges_are_those_of_the_caster():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lrf3d import LaserRangeFinder, LaserScan, PlanarCaster, World
+from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, World, simulate
 from lrf3d.errors import InputError
 from lrf3d.laser import (
     AngleNoise,
@@ -57,6 +57,16 @@ def test_the_same_seed_gives_the_same_scan_and_as_many_draws_whatever_is_seen(no
     assert np.array_equal(noise(WALL, one).ranges, noise(WALL, np.random.default_rng(5)).ranges)
     noise(GAP, other)
     assert one.random() == other.random()
+
+
+@pytest.mark.parametrize("noise", [ProportionalNoise(300.0), ConstantNoise(50.0)])
+def test_what_noise_carries_below_zero_is_reported_as_zero(noise):
+    measured = noise(WALL, np.random.default_rng(0)).ranges
+    assert (measured == 0.0).sum() > 10 and (measured >= 0.0).all()
+    for mode in ("robust", "paper"):
+        world, poses = World([[4.0, -50, 4.0, 50]]), np.array([[0.0, 0, 0], [1, 0, 0]])
+        run = simulate(world, poses, LRF, noise=noise, mapper=LineMapper(mode))
+        assert np.isfinite(run.map.segments).all()
 
 
 def test_constant_noise_is_the_same_near_and_far():

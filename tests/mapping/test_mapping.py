@@ -1,5 +1,6 @@
 import json
 import pickle
+import types
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from lrf3d import (
     save_map,
 )
 from lrf3d.geometry import fit_line, lengths, normal_lines
+from lrf3d.mapping import segmentation
 from lrf3d.mapping.clusters import clusters, near_each_other, ordered_returns
 from lrf3d.mapping.extraction import LikelihoodExtractor
 from lrf3d.mapping.merging import EndPointMerging, unite
@@ -209,6 +211,35 @@ def test_a_corner_is_divided_at_its_place():
     corner = int(np.searchsorted(angles, np.arctan2(2.0, 5.0)))
     assert len(walls) == 2
     assert walls[0, 1] in (corner - 1, corner) and walls[1, 0] in (corner, corner + 1)
+
+
+def test_a_wall_of_more_points_than_are_weighed_is_divided_at_its_corners(monkeypatch):
+    rng = np.random.default_rng(3)
+    angles = np.linspace(-2.0, 2.0, 400)
+    deviations = np.full(400, 0.01)
+    across = np.maximum(np.abs(np.sin(angles)), 1e-9)
+    ranges = np.minimum(5.0 / np.maximum(np.cos(angles), 1e-9), 2.0 / across)
+    ranges += rng.normal(0.0, 0.01, 400)
+    whole = divide(angles, ranges, deviations)
+    open_places = []
+
+    def thinned(places, count, choice):
+        kept = segmentation._thinned.py_func(places, count, choice)
+        assert choice < 0 or choice in places[:kept]
+        open_places.append((count, kept))
+        return kept
+
+    # Uncompiled and with fewer open places, so that the work can be watched.
+    monkeypatch.setattr(segmentation, "MOST_OPEN", 32)
+    kernel = types.FunctionType(
+        segment_cluster.py_func.__code__, vars(segmentation) | {"_thinned": thinned}
+    )
+    walls = np.empty((400, 2), np.int64)
+    beams = np.column_stack([np.cos(angles), np.sin(angles)])
+    walls = walls[: kernel(beams, ranges, deviations, walls)]
+    assert open_places and all(count == 32 and 16 <= kept < 32 for count, kept in open_places)
+    assert len(walls) == len(whole) == 3
+    assert abs(walls - whole).max() <= 2
 
 
 def test_a_stray_point_is_on_no_wall():

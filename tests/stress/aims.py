@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
+from stress.worlds import mixed
 
 QUARTERS = 0.5 * np.pi * np.arange(-4.0, 5.0)
 """Headings [rad] along x and y."""
@@ -107,9 +108,3 @@ def all_ways(rng: np.random.Generator, walls: Float, places: Float) -> Float:
     near = at + rng.choice([-1.0, 1.0], count) * 10.0 ** rng.uniform(-15.5, -3, count)
     square = rng.choice(QUARTERS, count)
     return mixed(rng, at, near, along(rng, chosen), square, rng.uniform(-10, 10, count))
-
-
-def mixed(rng: np.random.Generator, *choices: Float) -> Float:
-    """Row for row one of the choices."""
-    pick: Int = rng.integers(len(choices), size=len(choices[0]))
-    return np.stack(choices)[pick, np.arange(len(pick))]

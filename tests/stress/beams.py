@@ -13,6 +13,17 @@ from lrf3d.laser import LaserRangeFinder
 from stress import aims, worlds
 from stress.aims import Batch
 
+FAR = 1e7
+"""Sizes of walls and distances [m] go up to this."""
+
+RATIONAL_SHARE, EXACT_SHARE, RATIONAL_BEAMS = 0.5, 0.7, 100
+"""How many of the worlds of all sizes have numbers that only rationals cast, how many of these and
+of those with short walls have beams exactly through the ends of walls, and how many beams at most
+are cast in such a world: each takes as long as hundreds of others."""
+
+SHORT_SHARE = 0.25
+"""How many of the worlds have short walls among the others."""
+
 REACH = 1e3
 """Range of the range finders in a world of 20 m: all of it, and room beyond."""
 
@@ -139,6 +150,91 @@ def at_slivers(rng: np.random.Generator, beams: int) -> Batch:
     return Batch(walls, lrf, np.column_stack([places, aims.heading(places, targets)]))
 
 
+def at_short_walls(rng: np.random.Generator, beams: int) -> Batch:
+    """Beams at walls of one ulp and more: through their ends, along them and past them."""
+    if rng.random() < 1.0 - EXACT_SHARE:
+        return _by_short_walls(rng, beams)
+    make = (_short_on_beams, _level_with_short_walls)[rng.integers(2)]
+    return make(rng, min(beams, RATIONAL_BEAMS))
+
+
+def _by_short_walls(rng: np.random.Generator, beams: int) -> Batch:
+    """Any fan at short walls among others."""
+    walls, few, scale = _with_short_walls(rng)
+    lrf = aims.fan(rng, *FANS[rng.integers(len(FANS))], REACH * scale)
+    places = aims.all_sorts(rng, walls, _poses(beams, lrf.beams))
+    headings = aims.all_ways(rng, few, places)
+    return Batch(walls, lrf, aims.aimed(rng, lrf, places, headings))
+
+
+def _level_with_short_walls(rng: np.random.Generator, beams: int) -> Batch:
+    """Single beams along x through ends of short walls exactly, and along those that are level."""
+    walls, few, scale = _with_short_walls(rng)
+    lrf = LaserRangeFinder(0.0, 0.0, 1, 0.0, REACH * scale)
+    targets = aims.corners(rng, few, beams)
+    away = scale * 10.0 ** rng.uniform(-12.0, 1.5, beams)
+    places = np.column_stack([targets[:, 0] - away, targets[:, 1]])
+    return Batch(walls, lrf, np.column_stack([places, np.zeros(beams)]))
+
+
+def _short_on_beams(rng: np.random.Generator, beams: int) -> Batch:
+    """From the origin at short walls that begin on a beam exactly, in a world far from there."""
+    lrf = aims.fan(rng, 7, rng.uniform(0.0, 6.0), FAR)
+    theta = rng.uniform(-4.0, 4.0)
+    through = lrf.directions((0.0, 0.0, theta))
+    begin = 2.0 ** rng.integers(-30, 24, (len(through), 1)) * through
+    walls, _ = _some_world(rng)
+    walls = worlds.far_away(rng, walls) if rng.random() < 0.5 else walls
+    walls = np.concatenate([worlds.stretched(rng, begin, rng.choice([1e-9, 10.0])), walls])
+    # Every beam of this heading is the same: each world is another try.
+    return Batch(walls[rng.permutation(len(walls))], lrf, np.array([[0.0, 0.0, theta]]))
+
+
+def _with_short_walls(rng: np.random.Generator) -> tuple[Float, Float, float]:
+    """A world with short walls among the others, those walls, and its scale."""
+    walls, scale = _some_world(rng)
+    return *_and_short_walls(rng, walls), scale
+
+
+def _and_short_walls(rng: np.random.Generator, walls: Float) -> tuple[Float, Float]:
+    """Walls with short ones among them, half of the time one far away, and the short ones."""
+    few = worlds.short(rng, walls, int(rng.integers(1, MOST + 1)))
+    walls = np.concatenate([few, walls])
+    if rng.random() < 0.5:
+        walls = worlds.far_away(rng, walls)
+    return walls[rng.permutation(len(walls))], few
+
+
+def of_all_sizes(rng: np.random.Generator, beams: int) -> Batch:
+    """Beams among walls of 1e-36 m or of the least float64 up to 1e7 m, from places as spread.
+
+    A part has numbers that compiled casting does not take, of which rationals cast every beam.
+    """
+    tiniest = rng.random() < RATIONAL_SHARE
+    least = 5e-324 if tiniest else 1e-36
+    beams = min(beams, RATIONAL_BEAMS) if tiniest else beams
+    walls = worlds.of_all_sizes(rng, int(rng.integers(1, 2 if tiniest else MOST // 4)), least, FAR)
+    far = FAR * rng.choice([10.0, 10.0, 1e3, 1e301])
+    if rng.random() < EXACT_SHARE:
+        # Single beams along x through ends of walls exactly.
+        lrf = LaserRangeFinder(0.0, 0.0, 1, 0.0, far)
+        targets = aims.corners(rng, walls, min(beams, RATIONAL_BEAMS))
+        away = 10.0 ** rng.uniform(np.log10(least), np.log10(FAR), len(targets))
+        level = np.column_stack([targets[:, 0] - away, targets[:, 1], np.zeros(len(targets))])
+        return Batch(walls, lrf, level)
+    lrf = aims.fan(rng, *FANS[rng.integers(9)], far)
+    count = _poses(beams, lrf.beams)
+    chosen = aims.some(rng, walls, count)
+    turn = rng.uniform(-np.pi, np.pi, count)
+    size = 10.0 ** rng.uniform(np.log10(least), np.log10(FAR), (count, 1))
+    free = size * np.column_stack([np.cos(turn), np.sin(turn)])
+    beside = chosen[:, :2] + size * rng.normal(size=free.shape)
+    along = chosen[:, :2] + rng.choice([-3.0, -0.5, 0.5, 2.0]) * (chosen[:, 2:] - chosen[:, :2])
+    on_wall = worlds.mixed(rng, chosen[:, :2], along, np.zeros((count, 2)))
+    places = worlds.mixed(rng, free, free, beside, beside, on_wall)
+    return Batch(walls, lrf, aims.aimed(rng, lrf, places, aims.all_ways(rng, walls, places)))
+
+
 def at_crossings(rng: np.random.Generator, beams: int) -> Batch:
     """Narrow and wide fans about the points where walls cross."""
     walls, scale = _some_world(rng, worlds.crossing)
@@ -187,7 +283,7 @@ def on_limits(rng: np.random.Generator, beams: int) -> Batch:
     # Straight along x or y the place is as exact as can be.
     count = len(target)
     free, square = rng.uniform(-4, 4, count), rng.choice(aims.QUARTERS, count)
-    away = aims.mixed(rng, free, np.zeros(count), square)
+    away = worlds.mixed(rng, free, np.zeros(count), square)
     places = target - limit * np.column_stack([np.cos(away), np.sin(away)])
     return Batch(walls, lrf, aims.aimed(rng, lrf, places, away))
 
@@ -233,6 +329,8 @@ def _world(rng: np.random.Generator, make: worlds.WorldMaker, scale: float, offs
     move = offset * np.array([(1.0, 0.0), (0.0, 1.0), (1.0, 1.0)])[rng.integers(3)]
     while True:
         walls = worlds.placed(make(rng, int(rng.integers(1, MOST + 1))), scale, move)
+        if len(walls) and rng.random() < SHORT_SHARE:
+            walls = _and_short_walls(rng, walls)[0]
         if len(walls):
             return walls
 

@@ -43,6 +43,8 @@ _KINDS: dict[str, Maker] = {
     "grazing": beams.grazing,
     "along walls": beams.along_walls,
     "slivers of 1e-9 m": beams.at_slivers,
+    "walls of one ulp and more": beams.at_short_walls,
+    "walls of 5e-324 to 1e7 m": beams.of_all_sizes,
     "crossing walls": beams.at_crossings,
     "doubled walls, alike": _at_doubles(worlds.alike),
     "doubled walls, turned round": _at_doubles(worlds.turned_round),

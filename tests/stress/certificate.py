@@ -15,6 +15,9 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserRangeFinder
 from stress.certify import UNDECIDED, certify
 
+LEAST, MOST = 1e-44, 1e44
+"""Between these the size of a number [m] is one that the error bounds hold for."""
+
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
@@ -91,7 +94,7 @@ def certified(
     walls = np.empty(shape, dtype=np.int64)
     ranges, rest, slack = np.empty(shape), np.empty(shape), np.empty(shape)
     certify(segments, poses[:, :2], beams, lrf.range_min, lrf.range_max, walls, ranges, rest, slack)
-    known = walls != UNDECIDED
+    known = (walls != UNDECIDED) & _bounds_hold(segments, lrf, poses)
     rational = ~known if outright is None else ~known | outright
     contradictions = 0
     reference = ExactWorld(segments, poses[:, :2].tolist())
@@ -104,6 +107,20 @@ def certified(
         walls[k, i], ranges[k, i], rest[k, i], slack[k, i] = wall, high, low, 0.0
     limits = lrf.range_min, lrf.range_max
     return Certificate(walls, ranges, rest, slack, rational, contradictions, limits)
+
+
+def _bounds_hold(segments: Float, lrf: LaserRangeFinder, poses: Float) -> Bool:
+    """For which poses (k, 1) no product of the bounds under- or overflows."""
+    shared = np.concatenate([segments.ravel(), lrf.fan.ravel(), [lrf.range_min]])
+    own = np.column_stack([poses[:, :2], np.sin(poses[:, 2])])
+    hold = np.asarray(_ordinary(shared).all() & _ordinary(own).all(axis=1), dtype=np.bool_)
+    return hold[:, None]
+
+
+def _ordinary(values: Float) -> Bool:
+    """Which numbers are 0, or neither tiny nor enormous."""
+    size = np.abs(values)
+    return np.asarray((size == 0.0) | ((size > LEAST) & (size < MOST)), dtype=np.bool_)
 
 
 def directions(lrf: LaserRangeFinder, poses: Float) -> Float:

@@ -83,6 +83,65 @@ def room_of_corners(rng: np.random.Generator, count: int) -> Float:
     return _closed(ring[None])
 
 
+def short(rng: np.random.Generator, walls: Float, count: int) -> Float:
+    """Walls of one ulp of their coordinates up to all of the world, at and between its walls.
+
+    They begin at ends of the walls, on whole metres, and at all distances from the middle of the
+    walls and from the origin.
+    """
+    ends = walls.reshape(-1, 2)
+    middle = ends.mean(axis=0)
+    size = np.abs(ends - middle).max()
+    away = size * 10.0 ** rng.uniform(-16.0, 0.0, (count, 1)) * rng.normal(size=(count, 2))
+    at_end = ends[rng.integers(len(ends), size=count)]
+    whole = np.round(middle + away) + rng.integers(1, 3, (count, 2))
+    return stretched(rng, mixed(rng, at_end, middle + away, away, whole), size)
+
+
+def far_away(rng: np.random.Generator, walls: Float) -> Float:
+    """The walls and one more, up to 1e6 times as far as they reach: their middle is far off."""
+    size = np.abs(walls - np.tile(walls[0, :2], 2)).max()
+    turn = rng.uniform(-np.pi, np.pi)
+    away = size * 10.0 ** rng.uniform(0.0, 6.0) * np.array([np.cos(turn), np.sin(turn)])
+    one = walls[0] + np.tile(away, 2) + size * rng.uniform(-1.0, 1.0, 4)
+    return np.concatenate([walls, one[None]])
+
+
+def of_all_sizes(rng: np.random.Generator, count: int, least: float, most: float) -> Float:
+    """Walls whose lengths and distances from the origin spread over all powers of ten [m]."""
+    low, high = np.log10(least), np.log10(most)
+    turn = rng.uniform(-np.pi, np.pi, 4 * count)
+    unit = np.column_stack([np.cos(turn), np.sin(turn)])
+    unit[rng.random(unit.shape) < 0.1] = 0.0
+    begin = 10.0 ** rng.uniform(low, high, (4 * count, 1)) * unit
+    level = rng.random((4 * count, 2)) < 0.2
+    begin = np.where(level, begin[rng.permutation(4 * count)], begin)
+    length = 10.0 ** rng.uniform(low, high, (4 * count, 1))
+    way = rng.normal(size=begin.shape) * (rng.random(begin.shape) < 0.8)
+    walls = np.column_stack([begin, begin + length * way])
+    few = stretched(rng, begin[: count + 1], 1e-9, 1e8 * least)
+    walls = np.concatenate([walls, few])
+    return _shuffled(rng, walls[(walls[:, :2] != walls[:, 2:]).any(axis=1)])
+
+
+def stretched(rng: np.random.Generator, begin: Float, size: float, least: float = 1e-28) -> Float:
+    """A wall from each of the points (n, 2), of one ulp of its coordinates up to a size [m].
+
+    Half of them are of a few ulps; a third are level or upright. Coordinates below `least` [m] have
+    its ulp.
+    """
+    ulp = np.spacing(np.maximum(np.abs(begin), least))
+    most = np.clip(np.log2(size) - np.log2(ulp), 2.0, 60.0)
+    few = rng.random(begin.shape) < 0.5
+    steps = np.round(2.0 ** rng.uniform(0.0, np.where(few, 2.0, most)))
+    steps *= rng.choice([-1.0, 1.0], begin.shape)
+    level = rng.random(len(begin)) < 1.0 / 3.0
+    steps[level, rng.integers(2, size=np.count_nonzero(level))] = 0.0
+    walls = np.column_stack([begin, begin + steps * ulp])
+    kept: Float = walls[(walls[:, :2] != walls[:, 2:]).any(axis=1)]
+    return kept
+
+
 def any_world(rng: np.random.Generator, count: int) -> Float:
     """A world of one of the kinds above."""
     kinds: tuple[WorldMaker, ...] = (
@@ -111,6 +170,12 @@ def _rectangles(rng: np.random.Generator, reach: float, half: Float) -> Float:
     corners = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return _closed(middle + np.einsum("jkn,nik->nij", turn, corners))
+
+
+def mixed(rng: np.random.Generator, *choices: Float) -> Float:
+    """Row for row one of the choices."""
+    pick = rng.integers(len(choices), size=len(choices[0]))
+    return np.asarray(np.stack(choices)[pick, np.arange(len(pick))])
 
 
 def _shuffled(rng: np.random.Generator, walls: Float) -> Float:

@@ -11,7 +11,7 @@ from lrf3d.casting.kernels.compiling import compiled, inner
 from lrf3d.casting.kernels.embree_proof import cast_again, near_a_wall, prove
 from lrf3d.casting.kernels.fan import trace
 from lrf3d.casting.kernels.measure import PADDING, measure
-from lrf3d.casting.kernels.packets import COHERENT, SCATTERED, WIDTH, find, new_packet
+from lrf3d.casting.kernels.packets import COHERENT, SCATTERED, WIDTH, component, find, new_packet
 from lrf3d.casting.kernels.sparing import find_sparing, stride_for
 
 ROOM = max(PADDING, WIDTH - 1)
@@ -107,7 +107,7 @@ def send_rays(fan, poses, local):
             row = k * beams + i
             origins[row, 0] = (poses[k, 0] - local[0]) * local[2]
             origins[row, 1] = (poses[k, 1] - local[1]) * local[2]
-            directions[row, 0], directions[row, 1] = dx[i], dy[i]
+            directions[row, 0], directions[row, 1] = component(dx[i]), component(dy[i])
     return origins, directions
 
 

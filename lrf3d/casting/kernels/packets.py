@@ -42,6 +42,11 @@ COHERENT = 1 << 16
 SCATTERED = 0
 """The flag for rays that do not: each soon goes its own way."""
 
+LEAST_COMPONENT = 2.0**-40
+"""Size of a component of a direction below which Embree gets 0 in its place. It takes the inverse
+of less than 1e-18 as that of +1e-18, also of what is negative, and then a packet of beams that all
+look level passes by what is before them. So little moves no place by a thousandth of its error."""
+
 ALL = -1
 """All bits: of Embree's features, of the mask of a ray; and as an index, none."""
 
@@ -81,6 +86,12 @@ def new_packet(flags):
 
 
 @inner
+def component(value):
+    """A component of a direction as Embree gets it."""
+    return value if abs(value) >= LEAST_COMPONENT else 0.0
+
+
+@inner
 def find(intersect, scene, packet, x, y, dx, dy, reach, beams, faces):
     """Find the triangle, or −1, that each beam from (x, y) meets first within reach.
 
@@ -94,8 +105,8 @@ def find(intersect, scene, packet, x, y, dx, dy, reach, beams, faces):
         packet[VALID + k] = ALL
     for start in range(0, beams, WIDTH):
         for k in range(WIDTH):
-            numbers[DX + k] = dx[start + k]
-            numbers[DY + k] = dy[start + k]
+            numbers[DX + k] = component(dx[start + k])
+            numbers[DY + k] = component(dy[start + k])
             numbers[FAR + k] = reach
             packet[GEOMETRY + k] = ALL
         for k in range(beams - start, WIDTH):
