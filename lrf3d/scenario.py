@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Value, read_only
 from lrf3d.laser import Imperfections, LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.world import World, load_world
@@ -27,7 +27,7 @@ SIGMA = 0.04
 
 
 @dataclass(frozen=True, eq=False)
-class Scenario:
+class Scenario(Value):
     """A world, and how it is driven through, scanned, mapped and filmed.
 
     Args:
@@ -69,6 +69,11 @@ class Scenario:
     view: str = "chase"
     playback: float = 4.0
     name: str = ""
+
+    def __post_init__(self) -> None:
+        for key in ("route", "poses"):
+            if getattr(self, key) is not None:
+                object.__setattr__(self, key, read_only(getattr(self, key), key))
 
     def __deepcopy__(self, memo: object) -> "Scenario":
         # Nothing changes a scenario, so that it serves as its own copy: Gymnasium makes them.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, Value, read_only, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapped import some_rows
 from lrf3d.mapping import LineMap
@@ -29,7 +29,7 @@ mapper some hundredths of a second to work out."""
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Run(Value):
     """What a simulation was made of and what came out; all that pictures and films need.
 
     Args:
@@ -56,6 +56,10 @@ class Run:
     maps: tuple[LineMap, ...]
     movers: "tuple[Mover, ...]" = ()
     film: FilmPlan = USUAL_FILM
+
+    def __post_init__(self) -> None:
+        for name, dtype in (("ranges", np.float64), ("truth", np.float64), ("walls", np.int64)):
+            object.__setattr__(self, name, read_only(getattr(self, name), name, dtype))
 
     def __len__(self) -> int:
         return len(self.trajectory)
@@ -180,9 +184,9 @@ def collect(
         simulation.world,
         simulation.lrf,
         Trajectory(times[:done], poses[:done]),
-        ranges[:done],
-        truth[:done],
-        walls[:done],
+        sealed(ranges)[:done],
+        sealed(truth)[:done],
+        sealed(walls)[:done],
         tuple(maps),
         tuple(maps.values()),
         simulation.movers,

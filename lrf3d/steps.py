@@ -13,7 +13,7 @@ from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.mover import Mover
 from lrf3d.casting.timed import Caster, timed
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
 from lrf3d.laser.noise import AnyNoise, as_noise
 from lrf3d.mapping import LineMapper
@@ -119,8 +119,8 @@ class Simulation:
         scans: int | None = None,
         radius: float | None = None,
     ) -> None:
-        if scans is not None and scans < 1:
-            raise InputError(f"scans {scans}: expected at least 1")
+        if scans is not None:
+            scans = whole_number(scans, "scans")
         self.world = world
         self.lrf = LaserRangeFinder() if lrf is None else lrf
         self.noise: Noise = ProportionalNoise(0.0) if noise is None else as_noise(noise)

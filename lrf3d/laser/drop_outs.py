@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, is_finite
 from lrf3d.laser.scan import LaserScan
 from lrf3d.laser.surfaces import incidences
 
@@ -34,7 +34,7 @@ class DropOuts:
 
     def __post_init__(self) -> None:
         for name in ("share", "far", "grazing"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
+            if not (is_finite(getattr(self, name)) and 0.0 <= getattr(self, name) <= 1.0):
                 raise InputError(
                     f"drop-outs: {name} is {getattr(self, name)}, expected a probability, 0 to 1"
                 )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float
+from lrf3d.geometry import Bool, Float, is_finite
 from lrf3d.laser.scan import LaserScan
 from lrf3d.laser.surfaces import on_one_wall
 
@@ -32,7 +32,7 @@ class MixedPixels:
 
     def __post_init__(self) -> None:
         for name in ("divergence", "jump"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+            if not (is_finite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(
                     f"mixed pixels: {name} is {getattr(self, name)}, expected a positive number"
                 )

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, wrap_angle
+from lrf3d.geometry import Float, Int, Value, read_only, wrap_angle
 from lrf3d.pose import as_poses
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Track(Value):
     """Where the robot was thought to be at each scan.
 
     Args:
@@ -23,6 +23,12 @@ class Track:
     covariances: Float
     lines: Int
     comparisons: Int
+
+    def __post_init__(self) -> None:
+        for name in ("poses", "covariances"):
+            object.__setattr__(self, name, read_only(getattr(self, name), name))
+        for name in ("lines", "comparisons"):
+            object.__setattr__(self, name, read_only(getattr(self, name), name, np.int64))
 
     def __len__(self) -> int:
         return len(self.poses)

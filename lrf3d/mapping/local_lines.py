@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, lengths, normal_lines
+from lrf3d.geometry import Float, Int, is_finite, lengths, normal_lines
 from lrf3d.mapping.line_map import LineMap
 
 SAMPLES = 16
@@ -45,7 +45,7 @@ class RangeNoise:
 
     def __post_init__(self) -> None:
         values = (self.sigma, self.floor, self.range_max)
-        if not (np.isfinite(values).all() and min(values) >= 0.0 and self.range_max > 0.0):
+        if not (is_finite(*values) and min(values) >= 0.0 and self.range_max > 0.0):
             raise InputError(f"range noise {values}: expected finite numbers of metres, at least 0")
 
     def variance(self, ranges: Float) -> Float:
