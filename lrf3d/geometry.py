@@ -100,6 +100,15 @@ class Value:
 
     __slots__ = ()
 
+    def _hold(self, *names: str, dtype: DTypeLike = np.float64) -> None:
+        """Take over the arrays that were given under these names, read-only.
+
+        Raises:
+            InputError: One is not of numbers in rows of equal length.
+        """
+        for name in names:
+            object.__setattr__(self, name, read_only(getattr(self, name), name, dtype))
+
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         for name, value in state.items():
             object.__setattr__(

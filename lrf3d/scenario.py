@@ -71,9 +71,15 @@ class Scenario(Value):
     name: str = ""
 
     def __post_init__(self) -> None:
-        for key in ("route", "poses"):
-            if getattr(self, key) is not None:
-                object.__setattr__(self, key, read_only(getattr(self, key), key))
+        self._hold(*(name for name in ("route", "poses") if getattr(self, name) is not None))
+        movers = tuple(
+            {
+                name: read_only(value, name) if isinstance(value, np.ndarray) else value
+                for name, value in table.items()
+            }
+            for table in self.movers
+        )
+        object.__setattr__(self, "movers", movers)
 
     def __deepcopy__(self, memo: object) -> "Scenario":
         # Nothing changes a scenario, so that it serves as its own copy: Gymnasium makes them.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Value, read_only, sealed
+from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapped import some_rows
 from lrf3d.mapping import LineMap
@@ -58,8 +58,8 @@ class Run(Value):
     film: FilmPlan = USUAL_FILM
 
     def __post_init__(self) -> None:
-        for name, dtype in (("ranges", np.float64), ("truth", np.float64), ("walls", np.int64)):
-            object.__setattr__(self, name, read_only(getattr(self, name), name, dtype))
+        self._hold("ranges", "truth")
+        self._hold("walls", dtype=np.int64)
 
     def __len__(self) -> int:
         return len(self.trajectory)

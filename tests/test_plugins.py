@@ -372,7 +372,9 @@ def test_a_class_of_a_file_can_be_pickled(tmp_path, monkeypatch):
     import pickle
 
     monkeypatch.setattr(sys, "path", list(sys.path))
-    (tmp_path / "random.py").write_text("class Still:\n    def command(self, t, pose, scan): pass\n")
+    (tmp_path / "random.py").write_text(
+        "class Still:\n    def command(self, t, pose, scan): pass\n"
+    )
     found = load_plugin("controller", f"{tmp_path}/random.py:Still").found
     assert found is not None and pickle.loads(pickle.dumps(found)) is found
     monkeypatch.delitem(sys.modules, found.__module__)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, Value, read_only, wrap_angle
+from lrf3d.geometry import Float, Int, Value, wrap_angle
 from lrf3d.pose import as_poses
 
 
@@ -25,10 +25,8 @@ class Track(Value):
     comparisons: Int
 
     def __post_init__(self) -> None:
-        for name in ("poses", "covariances"):
-            object.__setattr__(self, name, read_only(getattr(self, name), name))
-        for name in ("lines", "comparisons"):
-            object.__setattr__(self, name, read_only(getattr(self, name), name, np.int64))
+        self._hold("poses", "covariances")
+        self._hold("lines", "comparisons", dtype=np.int64)
 
     def __len__(self) -> int:
         return len(self.poses)

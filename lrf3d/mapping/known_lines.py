@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, directions, lengths, normal_lines
+from lrf3d.geometry import Float, Int, Value, directions, lengths, normal_lines
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.world import World
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class KnownLines:
+@dataclass(frozen=True, eq=False)
+class KnownLines(Value):
     """Line segments of a known map.
 
     Args:
@@ -33,6 +33,10 @@ class KnownLines:
     lines: Float
     deviations: Float
     one_sided: bool
+
+    def __post_init__(self) -> None:
+        self._hold("segments", "middles", "units", "halves", "lines", "deviations")
+        self._hold("objects", dtype=np.int64)
 
     @classmethod
     def from_world(cls, world: World) -> "KnownLines":
@@ -74,6 +78,4 @@ class KnownLines:
 
     def of_objects(self, objects: Int) -> Int:
         """Rows of the segments that belong to any of some objects."""
-        wanted = np.zeros(int(self.objects.max(initial=-1)) + 1, dtype=np.bool_)
-        wanted[objects] = True
-        return np.flatnonzero(wanted[self.objects])
+        return np.flatnonzero(np.isin(self.objects, objects))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, is_finite, lengths, normal_lines
+from lrf3d.geometry import Float, Int, Value, is_finite, lengths, normal_lines
 from lrf3d.mapping.line_map import LineMap
 
 SAMPLES = 16
@@ -54,8 +54,8 @@ class RangeNoise:
         return np.maximum(variance, LEAST_DEVIATION**2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalLines:
+@dataclass(frozen=True, eq=False)
+class LocalLines(Value):
     """Lines that one scan shows, in the frame of the robot.
 
     Args:
@@ -67,6 +67,9 @@ class LocalLines:
     segments: Float
     lines: Float
     covariances: Float
+
+    def __post_init__(self) -> None:
+        self._hold("segments", "lines", "covariances")
 
     @classmethod
     def from_map(
