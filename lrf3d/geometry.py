@@ -30,7 +30,9 @@ def sealed(array: AnyArray) -> AnyArray:
 
 
 def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
-    """Values from outside as a read-only array; copied unless nobody can write to them.
+    """Values from outside as a read-only array.
+
+    They are copied unless they are such an array already, in rows, that nobody can write to.
 
     Args:
         values: The values.
@@ -40,8 +42,9 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
     Raises:
         InputError: They are not numbers in rows of equal length.
     """
-    if isinstance(values, np.ndarray) and values.dtype == dtype and _is_read_only(values):
-        return values
+    if isinstance(values, np.ndarray) and values.dtype == dtype and values.flags.c_contiguous:
+        if _is_read_only(values):
+            return values
     return sealed(np.array(numbers(values, name), dtype=dtype))
 
 

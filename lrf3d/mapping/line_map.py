@@ -40,6 +40,11 @@ class LineMap:
                 f"map of segments {segments.shape}, objects {objects.shape} and points"
                 f" {points.shape}: expected shapes (m, 4), (m,) and (m,)"
             )
+        if not np.isfinite(segments).all():
+            row = int(np.flatnonzero(~np.isfinite(segments).all(axis=1))[0])
+            raise InputError(
+                f"map: segment {row} is {segments[row].tolist()}, expected finite numbers"
+            )
         self.__dict__.update(segments=segments, objects=objects, points=points)
 
     @classmethod
