@@ -308,3 +308,14 @@ def test_the_covariance_of_a_line_is_what_repeated_scans_show():
     # In units of the expected deviations: variances within a quarter, correlations within 0.15.
     assert np.diag(found) / scale**2 == pytest.approx([1.0, 1.0], abs=0.25)
     assert (found - expected)[0, 1] / (scale[0] * scale[1]) == pytest.approx(0.0, abs=0.15)
+
+
+@pytest.mark.parametrize("mode", ["paper", "robust"])
+@pytest.mark.parametrize("distance", [0.0, 1e-310, 1e-12])
+def test_returns_from_one_place_make_no_segment(mode, distance, tmp_path):
+    lrf = LaserRangeFinder(beams=31)
+    mapper = LineMapper(mode)
+    for _ in range(3):
+        mapper.update(LaserScan((7, 8, 1), lrf.angles, np.full(31, distance)))
+    mapper.map.save(tmp_path / "map.geojson")
+    assert len(mapper.map) == 0 and "NaN" not in (tmp_path / "map.geojson").read_text()

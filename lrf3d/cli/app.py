@@ -5,6 +5,7 @@ import sys
 import typer
 
 from lrf3d.cli.bench import bench
+from lrf3d.cli.console import quiet_libraries
 from lrf3d.cli.crosscheck import crosscheck
 from lrf3d.cli.export import export
 from lrf3d.cli.localise import localise
@@ -47,6 +48,7 @@ app.add_typer(world, name="world")
 
 def main() -> None:
     """Run the program; a known error ends it with one line and the status 1."""
+    quiet_libraries()
     try:
         app()
     except Lrf3dError as error:

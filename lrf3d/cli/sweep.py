@@ -35,7 +35,7 @@ def sweep(
     ] = None,
     scheduler: options.Scheduler = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes here; one a core if not given.")
+        int | None, typer.Option(min=1, max=512, help="Processes here; one a core if not given.")
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the runs that are in the folder.")
@@ -73,7 +73,7 @@ def sweep(
         chosen = Grid.usual(*worlds, axes=axes, **counts)
     else:
         raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
-    plan = make_plan(chosen, collision=warn if ignore_collisions else None)
+    plan = make_plan(chosen, collision=warn if ignore_collisions else None, warn=warn)
     name = plan.cells[0].world if grid is None else grid.stem
     folder = make_folder(Path("out") / f"{name}_sweep" if out is None else out)
     with stoppable(), progress_bar("runs") as progress:

@@ -4,7 +4,9 @@ Only what the user names is ever imported: nothing that a world file or a log sa
 """
 
 import os
+import re
 import sys
+import warnings
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib import import_module
@@ -130,6 +132,8 @@ def _load(file: Path) -> ModuleType:
         raise ModuleNotFoundError(name=str(file))
     module = module_from_spec(spec)
     _find_also_in(file.parent)
+    # Of the user's own file, warnings are of use to the user.
+    warnings.filterwarnings("default", module=re.escape(name))
     # Dataclasses and pickles look a class up in the module that its name says.
     sys.modules[name] = module
     try:

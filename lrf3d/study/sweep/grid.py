@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError
 from lrf3d.mapping.line_mapper import MODES
 from lrf3d.world.schema import TABLES
-from lrf3d.world.settings import read_settings
+from lrf3d.world.settings import read_settings, value_of
 from lrf3d.world.text_file import read_text
 
 SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
@@ -20,6 +21,9 @@ SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
 
 SEEDS = 20
 """Seeds of each setting where nothing is said."""
+
+MOST_RUNS = 1_000_000
+"""Runs of a sweep at most: the fastest take a core hours, and the plan of all is held in memory."""
 
 SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
 """The settings that have a flag of their own."""
@@ -59,6 +63,12 @@ class Grid:
             if len(set(values)) < len(values):
                 raise InputError(f"sweep: {name} has a value twice: {values}")
         object.__setattr__(self, "axes", axes)
+        settings = len(self.worlds) * prod(len(values) for values in axes.values())
+        if settings * self.seeds > MOST_RUNS:
+            raise InputError(
+                f"sweep: {settings} settings with {self.seeds} seeds each are"
+                f" {settings * self.seeds:,} runs; expected at most {MOST_RUNS:,}"
+            )
 
     @classmethod
     def usual(cls, *worlds: str, axes: Mapping[str, tuple[Value, ...]], **rest: Any) -> "Grid":
@@ -83,7 +93,7 @@ class Grid:
 
 def setting(name: str, value: Value) -> str:
     """A setting as ``lrf3d run --set`` takes it."""
-    return f"{name}={json.dumps(value)}"
+    return f"{name}={json.dumps(value, ensure_ascii=False)}"
 
 
 def _checked(name: str, value: Value) -> Value:
@@ -121,8 +131,8 @@ def parse_values(text: str, flag: str) -> tuple[Value, ...]:
 
 def _value(text: str) -> Value:
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        value = value_of(text)
+    except InputError:
         return text
     return value if isinstance(value, float | int | str | bool) else text
 
