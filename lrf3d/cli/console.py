@@ -55,7 +55,7 @@ def quiet_libraries() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     # Where no handler is set up, as here, Python prints what libraries log from warnings on.
-    logging.lastResort = logging.NullHandler()  # type: ignore[assignment]
+    logging.lastResort = logging.NullHandler()
 
 
 def warn(message: str) -> None:
