@@ -10,9 +10,43 @@ The tree::
     └── MissingLibraryError          a library that this task needs and this machine lacks
 """
 
+LONGEST = 600
+"""Characters of a message at most: some lines of a terminal, whatever a file or a flag holds."""
+
+
+def one_line(text: str, most: int = LONGEST) -> str:
+    r"""A text as one line of a terminal: control characters escaped, the middle left out if long.
+
+    What is written by strangers, such as the name of a file, moves no cursor and fakes no line.
+
+    >>> one_line("a\nb"), one_line("abcdefghij", most=7)
+    ('a\\nb', 'abc…hij')
+    """
+    if len(text) > most:
+        text = f"{text[: most // 2]}…{text[len(text) - (most - 1) // 2 :]}"
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def shown(value: object, most: int = 40) -> str:
+    """A value that is not the program's own, as a message shows it: in few words.
+
+    >>> shown("word"), shown(list(range(100)), most=15)
+    ("'word'", '[0, 1, …98, 99]')
+    """
+    if isinstance(value, str) and len(value) > 2 * most:
+        # What would be left out is not even escaped.
+        value = value[:most] + value[-most:]
+    try:
+        return one_line(repr(value), most)
+    except ValueError:
+        # Python writes no integer of more than 4,300 digits.
+        return f"a {type(value).__name__} of very many digits"
+
 
 class Lrf3dError(Exception):
-    """The root of all errors that lrf3d raises on purpose.
+    """The root of all errors that lrf3d raises on purpose; the message is one line.
 
     Examples:
         >>> import lrf3d
@@ -22,6 +56,9 @@ class Lrf3dError(Exception):
         ...     print(type(error).__name__)
         WorldError
     """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(one_line(str(message)))
 
 
 class InputError(Lrf3dError, ValueError):

@@ -4,14 +4,119 @@ A segment is a row x1 y1 x2 y2 [m]; a line is a row alpha [rad] in (−π, π], 
 form x·cos α + y·sin α = p with p ≥ 0 (Eq. 3 of Teslić et al.).
 """
 
-from typing import Any
+import math
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from lrf3d.errors import InputError, shown
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
+AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
+
+
+def sealed(array: AnyArray) -> AnyArray:
+    """Mark an array that was just made, and is to be handed out, as read-only; nothing is copied.
+
+    A value that is handed out is shared: were its arrays writeable, a mapper or a noise that
+    works in place would change the truth that it is measured against.
+    """
+    array.flags.writeable = False
+    return array
+
+
+def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
+    """Values from outside as a read-only array.
+
+    They are copied unless they are such an array already, in rows, that nobody can write to.
+
+    Args:
+        values: The values.
+        name: What they are called where they are invalid.
+        dtype: Type of the array.
+
+    Raises:
+        InputError: They are not numbers in rows of equal length.
+    """
+    if isinstance(values, np.ndarray) and values.dtype == dtype and values.flags.c_contiguous:
+        if _is_read_only(values):
+            return values
+    return sealed(np.array(numbers(values, name), dtype=dtype))
+
+
+def numbers(values: Any, name: str) -> Any:
+    """Values from outside as an array of numbers: floats, integers or truth values.
+
+    Raises:
+        InputError: They are not numbers in rows of equal length.
+    """
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind == "O":
+            # Integers beyond 64 bits and fractions are numbers, too.
+            array = array.astype(np.float64)
+        if array.dtype.kind in "fiub":
+            return array
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InputError(f"{name}: expected numbers in rows of equal length, found {shown(values)}")
+
+
+def is_finite(*values: object) -> bool:
+    """Whether all values from outside are finite numbers; a text is not, and None neither."""
+    try:
+        return all(math.isfinite(value) for value in values)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return False
+
+
+def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = None) -> int:
+    """A value from outside as an integer; 181.0 is one as well.
+
+    Raises:
+        InputError: It is no whole number, or beyond the limits.
+    """
+    if not is_finite(value) or value != int(value) or value < least or value > (most or value):
+        limit = f"from {least} to {most}" if most else f"of at least {least}"
+        raise InputError(f"{name} {shown(value)}: expected a whole number {limit}")
+    return int(value)
+
+
+def _is_read_only(array: Any) -> bool:
+    """Whether nobody can write to an array, not even through the one that it is a view of."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return False
+        array = array.base
+    return True
+
+
+class Value:
+    """Base of values that hold arrays: they are read-only in copies and after unpickling as well.
+
+    NumPy forgets the mark whenever it copies or unpickles an array.
+    """
+
+    __slots__ = ()
+
+    def _hold(self, *names: str, dtype: DTypeLike = np.float64) -> None:
+        """Take over the arrays that were given under these names, read-only.
+
+        Raises:
+            InputError: One is not of numbers in rows of equal length.
+        """
+        for name in names:
+            object.__setattr__(self, name, read_only(getattr(self, name), name, dtype))
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(
+                self, name, sealed(value) if isinstance(value, np.ndarray) else value
+            )
 
 
 def wrap_angle(angle: ArrayLike) -> Any:

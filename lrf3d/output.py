@@ -46,6 +46,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
         OutputError: The file cannot be written there.
     """
     path = Path(path)
+    if "\0" in str(path):
+        raise OutputError(f"{path}: no name of a file; leave out its NUL character")
     unfinished = _unfinished(path)
     try:
         try:
@@ -117,6 +119,8 @@ def make_folder(path: str | Path) -> Path:
         OutputError: It cannot be made or written to.
     """
     path = Path(path)
+    if "\0" in str(path):
+        raise OutputError(f"{path}: no name of a folder; leave out its NUL character")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

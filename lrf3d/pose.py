@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, numbers, wrap_angle
 
 
 class Pose(NamedTuple):
@@ -59,8 +59,8 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
     try:
         x, y, theta = pose
         x, y, theta = float(x), float(y), float(theta)
-    except (TypeError, ValueError):
-        raise InputError(f"pose {pose!r}: expected three numbers x, y, theta") from None
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"pose {shown(pose)}: expected three numbers x, y, theta") from None
     # Plain floats: an array would take ten times as long, and this is done for every scan.
     if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
         raise InputError(f"pose {(x, y, theta)}: expected finite numbers")
@@ -73,7 +73,7 @@ def as_poses(poses: object) -> Float:
     Raises:
         InputError: The poses are not rows of three finite numbers.
     """
-    array = np.asarray(poses, dtype=np.float64)
+    array = np.asarray(numbers(poses, "poses"), dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise InputError(f"poses of shape {array.shape}: expected rows x, y, theta, shape (k, 3)")
     if not np.isfinite(array).all():

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Value, read_only
 from lrf3d.laser import Imperfections, LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.world import World, load_world
@@ -27,7 +27,7 @@ SIGMA = 0.04
 
 
 @dataclass(frozen=True, eq=False)
-class Scenario:
+class Scenario(Value):
     """A world, and how it is driven through, scanned, mapped and filmed.
 
     Args:
@@ -75,6 +75,17 @@ class Scenario:
     view: str = "chase"
     playback: float = 4.0
     name: str = ""
+
+    def __post_init__(self) -> None:
+        self._hold(*(name for name in ("route", "poses") if getattr(self, name) is not None))
+        movers = tuple(
+            {
+                name: read_only(value, name) if isinstance(value, np.ndarray) else value
+                for name, value in table.items()
+            }
+            for table in self.movers
+        )
+        object.__setattr__(self, "movers", movers)
 
     def __repr__(self) -> str:
         drive = "a route to plan"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapped import some_rows
 from lrf3d.mapping import LineMap
@@ -29,7 +29,7 @@ mapper some hundredths of a second to work out."""
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Run(Value):
     """What a simulation was made of and what came out; all that pictures and films need.
 
     Args:
@@ -65,6 +65,10 @@ class Run:
     maps: tuple[LineMap, ...]
     movers: "tuple[Mover, ...]" = ()
     film: FilmPlan = USUAL_FILM
+
+    def __post_init__(self) -> None:
+        self._hold("ranges", "truth")
+        self._hold("walls", dtype=np.int64)
 
     def __repr__(self) -> str:
         name = f"{self.world.name!r}, " if self.world.name else ""
@@ -205,9 +209,9 @@ def collect(
         simulation.world,
         simulation.lrf,
         Trajectory(times[:done], poses[:done]),
-        ranges[:done],
-        truth[:done],
-        walls[:done],
+        sealed(ranges)[:done],
+        sealed(truth)[:done],
+        sealed(walls)[:done],
         tuple(maps),
         tuple(maps.values()),
         simulation.movers,

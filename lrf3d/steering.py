@@ -5,8 +5,8 @@ from typing import Protocol
 
 import numpy as np
 
-from lrf3d.errors import CollisionError, InputError
-from lrf3d.geometry import Float
+from lrf3d.errors import CollisionError, InputError, shown
+from lrf3d.geometry import Float, is_finite
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Trajectory, Unicycle
@@ -84,8 +84,10 @@ class Steered:
         world: World,
         radius: float | None,
     ) -> None:
-        if not (np.isfinite(interval) and interval > 0.0):
-            raise InputError(f"scan_interval {interval}: expected a positive number of seconds")
+        if not (is_finite(interval) and interval > 0.0):
+            raise InputError(
+                f"scan_interval {shown(interval)}: expected a positive number of seconds"
+            )
         self.controller, self.interval = controller, interval
         self.start = self.pose = as_pose(start)
         self.goes_on = True
@@ -113,12 +115,12 @@ class Steered:
             return
         try:
             v, omega = (float(value) for value in command)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             v = omega = np.nan
-        if not np.isfinite([v, omega]).all():
+        if not is_finite(v, omega):
             raise InputError(
-                f"controller: the command {command!r} at t = {time:g} s is none; expected speed"
-                " [m/s] and turn rate [rad/s] as two finite numbers, or None to end"
+                f"controller: the command {shown(command)} at t = {time:g} s is none; expected"
+                " speed [m/s] and turn rate [rad/s] as two finite numbers, or None to end"
             )
         before, self.pose = self.pose, self._robot.move(self.pose, v, omega, self.interval)
         if self._obstacles is not None and self.radius is not None:

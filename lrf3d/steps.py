@@ -13,7 +13,7 @@ from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.mover import Mover
 from lrf3d.casting.timed import Caster, timed
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, numbers, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
 from lrf3d.laser.noise import AnyNoise, as_noise
 from lrf3d.mapping import LineMapper
@@ -133,8 +133,8 @@ class Simulation:
         scans: int | None = None,
         radius: float | None = None,
     ) -> None:
-        if scans is not None and scans < 1:
-            raise InputError(f"scans {scans}: expected at least 1")
+        if scans is not None:
+            scans = whole_number(scans, "scans")
         self.world = world
         self.lrf = LaserRangeFinder() if lrf is None else lrf
         self.noise: Noise = ProportionalNoise(0.0) if noise is None else as_noise(noise)
@@ -155,7 +155,7 @@ class Simulation:
             self._cast = timed(caster, self.lrf, None, movers)
         else:
             if not isinstance(drive, Trajectory):
-                poses = np.asarray(drive)
+                poses = numbers(drive, "poses")
                 drive = Trajectory(np.arange(len(poses) if poses.ndim else 0), poses)
             self.drive = Recorded(drive)
             self._cast = timed(caster, self.lrf, drive, movers)

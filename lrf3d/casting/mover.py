@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry import Float, Value, is_finite, read_only, wrap_angle
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
@@ -21,7 +21,7 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Mover:
+class Mover(Value):
     """A body that moves along a path: another robot, a person, a car.
 
     Args:
@@ -30,7 +30,7 @@ class Mover:
         height: How tall it is [m].
 
     Raises:
-        InputError: The outline has fewer than three corners.
+        InputError: The outline has fewer than three corners, or a number is not finite.
 
     Examples:
         >>> import lrf3d
@@ -46,9 +46,16 @@ class Mover:
     height: float = DEFAULT_HEIGHT
 
     def __post_init__(self) -> None:
-        outline = np.asarray(self.outline, dtype=np.float64)
+        outline = read_only(self.outline, "outline")
         if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
             raise InputError(f"mover with an outline {outline.shape}: expected at least 3 x, y")
+        if not np.isfinite(outline).all():
+            corner = int(np.flatnonzero(~np.isfinite(outline).all(axis=1))[0])
+            raise InputError(
+                f"mover: corner {corner} is {outline[corner].tolist()}, expected finite numbers"
+            )
+        if not (is_finite(self.height) and self.height > 0.0):
+            raise InputError(f"mover of height {self.height}: expected more than 0 metres")
         object.__setattr__(self, "outline", outline)
 
     @cached_property
@@ -78,7 +85,7 @@ class Mover:
 
 def round_outline(radius: float, corners: int = 16) -> Float:
     """Outline (corners, 2) of a body as wide as a circle of a radius [m], about it."""
-    if not (np.isfinite(radius) and radius > 0.0):
+    if not (is_finite(radius) and radius > 0.0):
         raise InputError(f"radius {radius}: expected a positive number of metres")
     turns = 2.0 * np.pi / corners * (np.arange(corners) + 0.5)
     # The sides touch the circle, so that nothing sees the body narrower than it is.

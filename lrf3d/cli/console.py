@@ -1,10 +1,14 @@
 """What the commands say: progress on a terminal, results as text or as JSON."""
 
 import json
+import logging
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from lrf3d.errors import one_line
 
 Progress = Callable[[int, int], None]
 
@@ -43,9 +47,20 @@ def progress_bar(title: str) -> Iterator[Progress]:
         yield report
 
 
+def quiet_libraries() -> None:
+    """Let only lrf3d itself speak on stderr: what libraries warn of is not the user's to mend.
+
+    ``python -W default -m lrf3d`` shows it.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    # Where no handler is set up, as here, Python prints what libraries log from warnings on.
+    logging.lastResort = logging.NullHandler()
+
+
 def warn(message: str) -> None:
     """Say on stderr what the user should know though the work goes on."""
-    print(f"lrf3d: warning: {message}", file=sys.stderr)
+    print(f"lrf3d: warning: {one_line(message)}", file=sys.stderr)
 
 
 def print_json(value: Any) -> None:
@@ -62,4 +77,4 @@ def print_table(rows: list[tuple[str, str]]) -> None:
     """Print names and values in two columns."""
     width = max(len(name) for name, _ in rows)
     for name, value in rows:
-        print(f"{name:<{width}}  {value}")
+        print(f"{name:<{width}}  {one_line(value)}")

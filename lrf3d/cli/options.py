@@ -83,7 +83,8 @@ Playback = Annotated[
 ]
 Samples = Annotated[int, typer.Option(help="Samples a pixel against jagged edges: 0 or 4.")]
 Workers = Annotated[
-    int | None, typer.Option(min=1, help="Processes that draw the film; one a core if not given.")
+    int | None,
+    typer.Option(min=1, max=512, help="Processes that draw the film; one a core if not given."),
 ]
 Scheduler = Annotated[
     str | None,

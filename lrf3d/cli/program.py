@@ -59,8 +59,10 @@ def _run(stops: "Stops", program: "Any", name: str) -> None:
         # A terminal that lacks a letter, σ or one of a file's name, is no reason to fail.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
+    from lrf3d.cli.console import quiet_libraries
     from lrf3d.output import scratch_folder
 
+    quiet_libraries()
     if program is None:
         from lrf3d.cli.app import app as program
 

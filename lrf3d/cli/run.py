@@ -7,9 +7,6 @@ import typer
 from lrf3d.cli import options
 from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
 
-MOST_SCANS = 10_000_000
-"""Scans of a run at most: a month of four a second. Their poses are in memory, half a gigabyte."""
-
 
 def run(
     context: typer.Context,
@@ -42,7 +39,6 @@ def run(
         int | None,
         typer.Option(
             min=1,
-            max=MOST_SCANS,
             help="How many scans; the route is driven there and back until then.",
         ),
     ] = None,

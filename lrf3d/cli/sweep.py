@@ -36,7 +36,7 @@ def sweep(
     ] = None,
     scheduler: options.Scheduler = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes here; one a core if not given.")
+        int | None, typer.Option(min=1, max=512, help="Processes here; one a core if not given.")
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the runs that are in the folder.")
@@ -76,7 +76,7 @@ def sweep(
         chosen = Grid.usual(*worlds, axes=axes, **counts)
     else:
         raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
-    plan = make_plan(chosen, collision=warn if ignore_collisions else None)
+    plan = make_plan(chosen, collision=warn if ignore_collisions else None, warn=warn)
     name = plan.worlds[0] if grid is None else own_name(grid)
     sources = chosen.worlds if grid is None else [grid]
     place = results_folder(context, sources, f"{name}_sweep", out)

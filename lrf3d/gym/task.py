@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lrf3d.casting import EmbreeCaster
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int, wrap_angle
+from lrf3d.geometry import Bool, Float, Int, is_finite, wrap_angle
 from lrf3d.laser.noise import not_negative
 from lrf3d.robot.collision import Obstacles
 from lrf3d.robot.free_space import find_free_space
@@ -68,7 +68,7 @@ class DriveTask:
     """
 
     def __init__(self, scenario: Scenario, count: int, *, sigma: float = 0.0) -> None:
-        if not (np.isfinite(sigma) and sigma >= 0.0):
+        if not (is_finite(sigma) and sigma >= 0.0):
             raise InputError(f"sigma {sigma}: expected a finite number of metres, at least 0")
         self.scenario, self.count, self.sigma = scenario, count, sigma
         self.lrf, self.dt = scenario.lrf, scenario.scan_interval

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float
+from lrf3d.geometry import Bool, Float, is_finite
 from lrf3d.laser.noise import (
     Chain,
     ConstantNoise,
@@ -110,7 +110,7 @@ class DropOuts:
 
     def __post_init__(self) -> None:
         for name in ("share", "far", "grazing"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
+            if not (is_finite(getattr(self, name)) and 0.0 <= getattr(self, name) <= 1.0):
                 raise InputError(
                     f"drop-outs: {name} is {getattr(self, name)}, expected a probability, 0 to 1"
                 )
@@ -163,7 +163,7 @@ class MixedPixels:
 
     def __post_init__(self) -> None:
         for name in ("divergence", "jump"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+            if not (is_finite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(
                     f"mixed pixels: {name} is {getattr(self, name)}, expected a positive number"
                 )

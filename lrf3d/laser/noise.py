@@ -17,8 +17,8 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, is_finite
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.laser.scan import LaserScan
 
@@ -133,7 +133,7 @@ class Quantised:
     step: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.step) and self.step > 0.0):
+        if not (is_finite(self.step) and self.step > 0.0):
             raise InputError(f"resolution {self.step}: expected a positive number of metres")
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
@@ -184,5 +184,5 @@ def check_sigma(sigma: float, unit: str) -> None:
     Raises:
         InputError: It is not.
     """
-    if not (np.isfinite(sigma) and sigma >= 0.0):
-        raise InputError(f"sigma {sigma}: expected a finite number of {unit}, at least 0")
+    if not (is_finite(sigma) and sigma >= 0.0):
+        raise InputError(f"sigma {shown(sigma)}: expected a finite number of {unit}, at least 0")

@@ -7,12 +7,18 @@ from functools import cached_property
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, Value, is_finite, sealed, whole_number
+
+MOST_BEAMS = 1_000_000
+"""Most beams of a scan: some hundred times as many as any range finder sends."""
+
+LARGEST_ANGLE = 63.0
+"""Largest angle [rad] of a beam: ten turns. Far beyond, float64 no longer resolves a beam."""
 
 
 @dataclass(frozen=True)
-class LaserRangeFinder:
+class LaserRangeFinder(Value):
     """A planar laser range finder that stands in the robot's middle and looks ahead.
 
     Args:
@@ -26,7 +32,8 @@ class LaserRangeFinder:
             meanwhile. With 0 all beams are sent at once.
 
     Raises:
-        InputError: There are no beams, or a limit is not finite or out of order.
+        InputError: There are no beams or over 1,000,000, or a limit is not finite, out of order,
+            or an angle of more than ten turns.
 
     Examples:
         >>> import lrf3d
@@ -46,11 +53,16 @@ class LaserRangeFinder:
     scan_duration: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.beams != int(self.beams) or self.beams < 1:
-            raise InputError(f"range finder with {self.beams} beams: expected at least 1")
+        beams = whole_number(self.beams, "range finder: beams", most=MOST_BEAMS)
+        object.__setattr__(self, "beams", beams)
         limits = (self.angle_min, self.angle_max, self.range_min, self.range_max, self.height)
-        if not np.isfinite(limits).all():
+        if not is_finite(*limits):
             raise InputError(f"range finder with limits {limits}: expected finite numbers")
+        if max(abs(self.angle_min), abs(self.angle_max)) > LARGEST_ANGLE:
+            raise InputError(
+                f"range finder: angles from {self.angle_min:g} to {self.angle_max:g} rad, expected"
+                f" −{LARGEST_ANGLE:g} to {LARGEST_ANGLE:g}"
+            )
         if self.angle_max < self.angle_min:
             raise InputError(
                 f"range finder: angle_max {self.angle_max:g} lies below angle_min"
@@ -61,25 +73,21 @@ class LaserRangeFinder:
                 f"range finder: range_min {self.range_min:g} and range_max {self.range_max:g},"
                 " expected 0 ≤ range_min < range_max"
             )
-        if not (np.isfinite(self.scan_duration) and self.scan_duration >= 0.0):
+        if not (is_finite(self.scan_duration) and self.scan_duration >= 0.0):
             raise InputError(
-                f"range finder: scan_duration {self.scan_duration:g}, expected a finite number of"
-                " seconds, at least 0"
+                f"range finder: scan_duration {shown(self.scan_duration)}, expected a finite number"
+                " of seconds, at least 0"
             )
 
     @cached_property
     def angles(self) -> Float:
         """Angles of the beams (beams,) [rad], 0 ahead; θ_s of the paper is angles + π/2."""
-        angles = np.linspace(self.angle_min, self.angle_max, self.beams)
-        angles.flags.writeable = False
-        return angles
+        return sealed(np.linspace(self.angle_min, self.angle_max, self.beams))
 
     @cached_property
     def fan(self) -> Float:
         """Cosines and sines (2, beams) of the angles: the beams at heading 0."""
-        fan = np.array([np.cos(self.angles), np.sin(self.angles)])
-        fan.flags.writeable = False
-        return fan
+        return sealed(np.array([np.cos(self.angles), np.sin(self.angles)]))
 
     @cached_property
     def least_number(self) -> float:

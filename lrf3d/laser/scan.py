@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Bool, Float, Int, Value, read_only, sealed
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions
 from lrf3d.laser.ros_scan import RosScan, make_ros_scan, read_ros_scan
 from lrf3d.pose import Pose, as_pose
 
 
 @dataclass(frozen=True, eq=False)
-class LaserScan:
+class LaserScan(Value):
     """The ranges of one scan, with the pose they were taken at.
 
     Args:
@@ -51,9 +51,9 @@ class LaserScan:
     time_increment: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        angles = np.asarray(self.angles, dtype=np.float64)
-        ranges = np.asarray(self.ranges, dtype=np.float64)
-        walls = np.full(len(ranges), -1) if self.walls is None else np.asarray(self.walls)
+        angles, ranges = read_only(self.angles, "angles"), read_only(self.ranges, "ranges")
+        walls = np.full(ranges.shape, -1) if self.walls is None else self.walls
+        walls = read_only(walls, "walls", np.int64)
         if angles.ndim != 1 or ranges.shape != angles.shape or walls.shape != angles.shape:
             raise InputError(
                 f"scan with angles {angles.shape}, ranges {ranges.shape} and walls {walls.shape}:"
@@ -62,7 +62,7 @@ class LaserScan:
         object.__setattr__(self, "pose", as_pose(self.pose))
         object.__setattr__(self, "angles", angles)
         object.__setattr__(self, "ranges", ranges)
-        object.__setattr__(self, "walls", walls.astype(np.int64, copy=False))
+        object.__setattr__(self, "walls", walls)
 
     def __repr__(self) -> str:
         x, y, theta = self.pose
@@ -74,13 +74,13 @@ class LaserScan:
 
     @classmethod
     def unchecked(cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> "LaserScan":
-        """The scan that a caster makes; its arrays fit and are not checked again."""
+        """The scan of arrays that a caster just made: they are sealed, not checked or copied."""
         scan = object.__new__(cls)
         scan.__dict__.update(
             pose=pose,
             angles=lrf.angles,
-            ranges=ranges,
-            walls=walls,
+            ranges=sealed(ranges),
+            walls=sealed(walls),
             range_min=lrf.range_min,
             range_max=lrf.range_max,
             time=0.0,
@@ -118,7 +118,7 @@ class LaserScan:
     @cached_property
     def hits(self) -> Bool:
         """Which beams (beams,) returned: a finite range up to range_max."""
-        return np.isfinite(self.ranges) & (self.ranges <= self.range_max)
+        return sealed(np.isfinite(self.ranges) & (self.ranges <= self.range_max))
 
     def points(self) -> Float:
         """Reflection points (m, 2) in the world of the beams that returned (Eq. 8)."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, wrap_angle
+from lrf3d.geometry import Bool, Float, Value, read_only, sealed, wrap_angle
 from lrf3d.localization.pairing import GATE, Innovation
 from lrf3d.pose import Pose, as_pose
 
@@ -19,8 +19,8 @@ LEAST_FREE, ROUNDED = 1e-9, 64.0
 many times what rounding makes of the share."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PoseEstimate:
+@dataclass(frozen=True, eq=False)
+class PoseEstimate(Value):
     """Where the robot is thought to be, and how well that is known.
 
     Args:
@@ -42,12 +42,11 @@ class PoseEstimate:
     covariance: Float
 
     def __post_init__(self) -> None:
-        covariance = np.array(self.covariance, dtype=np.float64)
+        covariance = read_only(self.covariance, "covariance")
         if covariance.shape != (3, 3) or not np.isfinite(covariance).all():
             raise InputError(f"covariance of shape {covariance.shape}: expected finite (3, 3)")
         if not np.array_equal(covariance, covariance.T) or (np.diag(covariance) < 0.0).any():
             raise InputError("covariance: expected a symmetric matrix with variances of at least 0")
-        covariance.flags.writeable = False
         object.__setattr__(self, "pose", as_pose(self.pose))
         object.__setattr__(self, "covariance", covariance)
 
@@ -96,7 +95,7 @@ class PoseEstimate:
         pose = Pose(
             float(x + change[0]), float(y + change[1]), float(wrap_angle(theta + change[2]))
         )
-        return Correction(PoseEstimate(pose, covariance), used)
+        return Correction(PoseEstimate(pose, covariance), sealed(used))
 
 
 class Correction(NamedTuple):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, directions, lengths, normal_lines
+from lrf3d.geometry import Float, Int, Value, directions, is_finite, lengths, normal_lines
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.world import World
 
@@ -47,7 +47,7 @@ class RangeNoise:
 
     def __post_init__(self) -> None:
         values = (self.sigma, self.floor, self.range_max)
-        if not (np.isfinite(values).all() and min(values) >= 0.0 and self.range_max > 0.0):
+        if not (is_finite(*values) and min(values) >= 0.0 and self.range_max > 0.0):
             raise InputError(f"range noise {values}: expected finite numbers of metres, at least 0")
 
     def variance(self, ranges: Float) -> Float:
@@ -56,8 +56,8 @@ class RangeNoise:
         return np.maximum(variance, LEAST_DEVIATION**2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalLines:
+@dataclass(frozen=True, eq=False)
+class LocalLines(Value):
     """Lines that one scan shows, in the frame of the robot.
 
     Args:
@@ -69,6 +69,9 @@ class LocalLines:
     segments: Float
     lines: Float
     covariances: Float
+
+    def __post_init__(self) -> None:
+        self._hold("segments", "lines", "covariances")
 
     @classmethod
     def from_map(
@@ -158,8 +161,8 @@ def line_covariances(
     return covariances
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class KnownLines:
+@dataclass(frozen=True, eq=False)
+class KnownLines(Value):
     """Line segments of a known map.
 
     Args:
@@ -188,6 +191,10 @@ class KnownLines:
     lines: Float
     deviations: Float
     one_sided: bool
+
+    def __post_init__(self) -> None:
+        self._hold("segments", "middles", "units", "halves", "lines", "deviations")
+        self._hold("objects", dtype=np.int64)
 
     @classmethod
     def from_world(cls, world: World) -> "KnownLines":
@@ -229,6 +236,4 @@ class KnownLines:
 
     def of_objects(self, objects: Int) -> Int:
         """Rows of the segments that belong to any of some objects."""
-        wanted = np.zeros(int(self.objects.max(initial=-1)) + 1, dtype=np.bool_)
-        wanted[objects] = True
-        return np.flatnonzero(wanted[self.objects])
+        return np.flatnonzero(np.isin(self.objects, objects))

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, wrap_angle
+from lrf3d.geometry import Float, Int, Value, wrap_angle
 from lrf3d.laser import LaserScan
 from lrf3d.localization.estimate import PoseEstimate
 from lrf3d.localization.lines import KnownLines, LocalLines, RangeNoise
@@ -39,7 +39,7 @@ class Extractor(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Track(Value):
     """Where the robot was thought to be at each scan.
 
     Args:
@@ -53,6 +53,10 @@ class Track:
     covariances: Float
     lines: Int
     comparisons: Int
+
+    def __post_init__(self) -> None:
+        self._hold("poses", "covariances")
+        self._hold("lines", "comparisons", dtype=np.int64)
 
     def __len__(self) -> int:
         return len(self.poses)

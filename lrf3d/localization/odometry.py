@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry import Float, is_finite, wrap_angle
 from lrf3d.pose import as_poses
 
 
@@ -32,7 +32,7 @@ class OdometryNoise:
 
     def __post_init__(self) -> None:
         values = (self.position, self.heading)
-        if not (np.isfinite(values).all() and min(values) >= 0.0):
+        if not (is_finite(*values) and min(values) >= 0.0):
             raise InputError(f"odometry noise {values}: expected finite numbers, at least 0")
 
     @property

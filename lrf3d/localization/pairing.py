@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int, lengths, wrap_angle
+from lrf3d.geometry import Bool, Float, Int, Value, lengths, wrap_angle
 from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.pose import Pose
 
@@ -118,8 +118,8 @@ def _alongside(
     return beside, np.asarray(excess**2 / (variance + END_DEVIATION**2))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pairs:
+@dataclass(frozen=True, eq=False)
+class Pairs(Value):
     """Lines of a scan with the known lines that they show.
 
     Args:
@@ -133,6 +133,9 @@ class Pairs:
     known: Int
     comparisons: int
     objects: Int
+
+    def __post_init__(self) -> None:
+        self._hold("local", "known", "objects", dtype=np.int64)
 
     def __len__(self) -> int:
         return len(self.local)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Value, sealed
 from lrf3d.input import own_name
 from lrf3d.laser import LaserScan
 from lrf3d.robot import Trajectory
@@ -43,7 +43,7 @@ class BadLine:
 
 
 @dataclass(frozen=True, eq=False)
-class LaserLog:
+class LaserLog(Value):
     """Scans with the poses that were logged, and what could not be read.
 
     Args:
@@ -68,12 +68,12 @@ class LaserLog:
     @cached_property
     def times(self) -> Float:
         """When each of the scans (k,) was taken [s]."""
-        return np.array([scan.time for scan in self.scans])
+        return sealed(np.array([scan.time for scan in self.scans]))
 
     @cached_property
     def poses(self) -> Float:
         """Poses (k, 3) of the laser, x, y [m], theta [rad], as they were logged."""
-        return np.array([scan.pose for scan in self.scans]).reshape(-1, 3)
+        return sealed(np.array([scan.pose for scan in self.scans]).reshape(-1, 3))
 
 
 def log_name(path: Path) -> str:

@@ -62,6 +62,8 @@ def load_log(
     path = Path(path)
     if poses not in POSES:
         raise InputError(f"poses from {poses!r}: expected one of {', '.join(POSES)}")
+    if "\0" in str(path):
+        raise InputError(f"{path}: no name of a file; leave out its NUL character")
     ending = path.name.lower()
     if ending.endswith(CARMEN_ENDINGS):
         from lrf3d.logs.carmen import load_carmen

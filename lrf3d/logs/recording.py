@@ -8,6 +8,7 @@ scans there are, a few megabytes of them are in memory.
 """
 
 import json
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -84,6 +85,7 @@ def record(
     if path.suffix != ".npz":
         raise InputError(f"{path}: expected a name that ends in .npz")
     total = total_of(simulation)
+    _check_room(path, run_bytes(total, simulation.lrf.beams))
     origin = origin_of(simulation, about or {})
     with _writing(path):
         return _record(simulation, path, total, origin, resume, film, progress)
@@ -141,6 +143,29 @@ def _tidied(path: Path, *beside: Path) -> Run:
     for each in beside:
         each.unlink(missing_ok=True)
     return load_run(path)
+
+
+def run_bytes(scans: int, beams: int) -> int:
+    """How many bytes the scans of a run take on disk."""
+    return 8 * scans * (4 + 3 * beams)
+
+
+def _check_room(path: Path, size: int) -> None:
+    """See that a file finds room on its disk.
+
+    Raises:
+        OutputError: It does not.
+    """
+    try:
+        free = shutil.disk_usage(path.parent).free
+    except OSError:
+        # A folder that is not there is reported where the file is made.
+        return
+    if size > free:
+        raise OutputError(
+            f"{path}: would take {1e-9 * size:,.1f} GB, {1e-9 * free:,.1f} GB are free; take fewer"
+            " scans or beams, or choose another place"
+        )
 
 
 class _Recorder:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, normal_lines
+from lrf3d.geometry import Float, Int, normal_lines, read_only, sealed
 from lrf3d.input import read_text
 from lrf3d.output import write_text
 
@@ -37,6 +37,25 @@ class LineMap:
     objects: Int
     points: Int
 
+    def __post_init__(self) -> None:
+        segments = read_only(self.segments, "segments")
+        objects = read_only(self.objects, "objects", np.int64)
+        points = read_only(self.points, "points", np.int64)
+        if not (
+            segments.shape == (len(segments), 4)
+            and objects.shape == points.shape == segments.shape[:1]
+        ):
+            raise InputError(
+                f"map of segments {segments.shape}, objects {objects.shape} and points"
+                f" {points.shape}: expected shapes (m, 4), (m,) and (m,)"
+            )
+        if not np.isfinite(segments).all():
+            row = int(np.flatnonzero(~np.isfinite(segments).all(axis=1))[0])
+            raise InputError(
+                f"map: segment {row} is {segments[row].tolist()}, expected finite numbers"
+            )
+        self.__dict__.update(segments=segments, objects=objects, points=points)
+
     @classmethod
     def deferred(cls, build: Callable[[], tuple[Float, Int, Int]]) -> "LineMap":
         """A map whose segments, objects and points are made when one of them is asked for."""
@@ -48,8 +67,8 @@ class LineMap:
         # Only what a deferred map was not asked for before is missing.
         if name not in ("segments", "objects", "points") or "_build" not in self.__dict__:
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-        columns = self._build()
-        self.__dict__.update(zip(("segments", "objects", "points"), columns, strict=True))
+        made = zip(("segments", "objects", "points"), self._build(), strict=True)
+        self.__dict__.update({of: read_only(column, of, column.dtype) for of, column in made})
         # Only now: a map whose building was interrupted can be asked again.
         self.__dict__.pop("_build", None)
         return self.__dict__[name]
@@ -71,7 +90,7 @@ class LineMap:
     @cached_property
     def lines(self) -> Float:
         """Lines (m, 2) of the segments: alpha [rad] in (−π, π], p [m] (Eq. 3)."""
-        return normal_lines(self.segments)
+        return sealed(normal_lines(self.segments))
 
     @property
     def object_count(self) -> int:

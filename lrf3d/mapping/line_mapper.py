@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
+from lrf3d.geometry import is_finite
 from lrf3d.laser import LaserScan
 from lrf3d.mapping.extraction import LikelihoodExtractor, SplitMergeExtractor
 from lrf3d.mapping.line_map import LineMap
@@ -75,7 +76,7 @@ class LineMapper:
         if mode not in MODES:
             raise InputError(f"mapper mode {mode!r}: expected one of {', '.join(MODES)}")
         paper = mode == "paper"
-        if not (np.isfinite(sigma) and sigma >= 0.0):
+        if not (is_finite(sigma) and sigma >= 0.0):
             raise InputError(f"mapper: sigma is {sigma}, expected metres, at least 0")
         split = 0.1 + 1.5 * sigma if split is None else split
         length = (0.1 if paper else 0.5) if merge_length is None else merge_length
@@ -88,7 +89,7 @@ class LineMapper:
             ("merge_distance", distance),
             ("floor", floor),
         ):
-            if not (np.isfinite(value) and value > 0.0):
+            if not (is_finite(value) and value > 0.0):
                 raise InputError(f"mapper: {name} is {value}, expected a positive number of metres")
         least = min_points if min_points is not None else (2 if paper else 4)
         self._settings = (

@@ -7,16 +7,21 @@ import numpy as np
 from lrf3d.geometry import Float, fit_line
 from lrf3d.mapping.table import SegmentTable, fit_ends, measure_moments
 
+LEAST_LENGTH = 1e-9
+"""Length [m] that a segment is longer than: points nearer to each other say no direction."""
+
 
 def split_and_merge(points: Float, split: float) -> SegmentTable:
     """Polyline of a cluster of points (n, 2), its lines fitted by total least squares.
 
     The cluster is split at the point farthest from the chord of its ends while that point is
     farther than ``split`` [m]; then neighbours are merged again where all their points lie
-    within ``split`` of one common line. A piece of one point is no segment.
+    within ``split`` of one common line. A piece of one point, or of points at one place, is no
+    segment.
     """
     cuts = _merge(points, _split(points, split), split)
     rows = [_segment(points[first : last + 1]) for first, last in pairwise(cuts)]
+    rows = [row for row in rows if np.hypot(*(row[0][2:] - row[0][:2])) > LEAST_LENGTH]
     if not rows:
         return SegmentTable.empty()
     return SegmentTable(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, directions, normal_lines, principal_direction
+from lrf3d.geometry import Float, Int, directions, lengths, normal_lines, principal_direction
 from lrf3d.mapping.line_map import LineMap
 
 
@@ -54,8 +54,11 @@ class SegmentTable:
 
     def as_map(self, place: Float) -> LineMap:
         """The map of the segments around a place (2,) [m] in the world."""
-        _, unions = np.unique(self.unions, return_inverse=True)
-        return LineMap(self.ends + np.tile(place, 2), unions, self.points)
+        ends = self.ends + np.tile(place, 2)
+        # Far from the world's origin the ends of a tiny segment may round to one place.
+        solid = lengths(ends) > 0.0
+        _, unions = np.unique(self.unions[solid], return_inverse=True)
+        return LineMap(ends[solid], unions, self.points[solid])
 
     def covariances(self) -> Float:
         """Covariances (m, 2, 2) of alpha [rad] and p [m] of the lines, in the table's own frame.
@@ -119,7 +122,7 @@ def fit_ends(moments: Float, ends: Float) -> Float:
     """
     mean = moments[1:3]
     unit = principal_direction(moments[3], moments[4], moments[5])
-    if unit @ directions(ends)[0] < 0.0:
+    if unit @ (ends[0, 2:] - ends[0, :2]) < 0.0:
         unit = -unit
     along = (ends.reshape(-1, 2) - mean) @ unit
     return np.concatenate([mean + along.min() * unit, mean + along.max() * unit])

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, is_finite, numbers
 from lrf3d.pose import as_pose
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle, arcs
@@ -46,25 +46,24 @@ def drive(
         >>> len(path), path.poses[-1].tolist()
         (21, [2.0, 0.0, 0.0])
     """
-    if not (np.isfinite(dt) and dt > 0.0):
+    if not (is_finite(dt) and dt > 0.0):
         raise InputError(f"dt {dt}: expected a positive number of seconds")
     pose = np.array(as_pose(start))
     if callable(v) or callable(omega):
         return _integrate(pose, _function(v), _function(omega), _positive(duration), dt, tolerance)
-    return _chain_arcs(pose, np.asarray(v, float), np.asarray(omega, float), duration, dt)
+    return _chain_arcs(pose, numbers(v, "v"), numbers(omega, "omega"), duration, dt)
 
 
 def _positive(duration: float | ArrayLike) -> float:
-    array = np.asarray(duration, dtype=np.float64)
-    if array.ndim or not (np.isfinite(array) and array > 0.0):
-        raise InputError(f"duration {duration!r}: expected one positive number of seconds")
-    return float(array)
+    if not (is_finite(duration) and duration > 0.0):  # type: ignore[operator]
+        raise InputError(f"duration {shown(duration)}: expected one positive number of seconds")
+    return float(duration)  # type: ignore[arg-type]
 
 
 def _function(value: Input) -> Callable[[float], float]:
     if callable(value):
         return value
-    constant = np.asarray(value, dtype=np.float64)
+    constant = numbers(value, "v and omega")
     if constant.ndim:
         raise InputError("v and omega: pieces and a function of time do not mix; give two of one")
     return lambda _: float(constant)
@@ -113,14 +112,14 @@ def _chain_arcs(
 ) -> Trajectory:
     try:
         v, omega, durations = np.broadcast_arrays(
-            np.atleast_1d(v), np.atleast_1d(omega), np.atleast_1d(np.asarray(duration, float))
+            np.atleast_1d(v), np.atleast_1d(omega), np.atleast_1d(numbers(duration, "duration"))
         )
     except ValueError:
         raise InputError(
             "drive: v, omega and duration have different numbers of pieces; give one of each"
         ) from None
     if not (np.isfinite(durations).all() and (durations > 0.0).all() and len(durations)):
-        raise InputError(f"duration {duration!r}: expected positive numbers of seconds")
+        raise InputError(f"duration {shown(duration)}: expected positive numbers of seconds")
     if not (np.isfinite(v).all() and np.isfinite(omega).all()):
         raise InputError("drive: v and omega must be finite numbers")
     begins = np.concatenate([[0.0], np.cumsum(durations)])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry import Float, is_finite, numbers, wrap_angle
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle
@@ -57,7 +57,7 @@ def follow_route(
         True
     """
     path = _Path(route)
-    if not (np.isfinite([speed, lookahead, dt]).all() and min(speed, lookahead, dt) > 0.0):
+    if not (is_finite(speed, lookahead, dt) and min(speed, lookahead, dt) > 0.0):
         raise InputError(
             f"speed {speed}, lookahead {lookahead}, dt {dt}: expected positive numbers"
         )
@@ -91,7 +91,7 @@ class _Path:
     """The way-points as a curve by its length."""
 
     def __init__(self, route: ArrayLike) -> None:
-        points = np.asarray(route, dtype=np.float64)
+        points = np.asarray(numbers(route, "route"), dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
             raise InputError(f"route of shape {points.shape}: expected finite points (m, 2)")
         steps = np.hypot(*np.diff(points, axis=0).T)

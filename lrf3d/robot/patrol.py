@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, is_finite, numbers
 from lrf3d.robot.trajectory import Trajectory
 
 TURN = 0.5
@@ -22,8 +22,10 @@ def patrol(route: ArrayLike, *, speed: float, until: float) -> Trajectory:
     Raises:
         InputError: The route has no length, or the speed is not positive.
     """
-    points = np.asarray(route, dtype=np.float64).reshape(-1, 2)
-    if not (np.isfinite(speed) and speed > 0.0):
+    points = np.asarray(numbers(route, "route"), dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise InputError(f"patrol along points {points.shape}: expected finite points (m, 2)")
+    if not (is_finite(speed) and speed > 0.0):
         raise InputError(f"patrol at {speed} m/s: expected a positive speed")
     points = points[np.append(True, (np.diff(points, axis=0) != 0.0).any(axis=1))]
     if len(points) < 2:

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, is_finite
 from lrf3d.robot.collision import find_collision
 from lrf3d.robot.following import CONTROL_STEP, follow_route
 from lrf3d.robot.free_space import FreeSpace, find_free_space
@@ -74,7 +74,7 @@ def plan_route(
         (2, True)
     """
     numbers = (radius, clearance, range_max, lookahead)
-    if not (np.isfinite(numbers).all() and min(numbers) > 0.0):
+    if not (is_finite(*numbers) and min(numbers) > 0.0):
         raise InputError(
             f"radius {radius}, clearance {clearance}, range_max {range_max}, lookahead"
             f" {lookahead}: expected positive numbers of metres"

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry import Float, Value, read_only, sealed, wrap_angle
 from lrf3d.pose import as_poses
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Trajectory:
+class Trajectory(Value):
     """Poses of a drive at rising times.
 
     Args:
@@ -32,15 +32,15 @@ class Trajectory:
     poses: Float
 
     def __init__(self, times: ArrayLike, poses: ArrayLike) -> None:
-        times = np.asarray(times, dtype=np.float64)
-        poses = as_poses(poses)
-        if times.shape != (len(poses),) or len(poses) == 0:
+        instants: Float = read_only(times, "times")
+        poses = as_poses(read_only(poses, "poses"))
+        if instants.shape != (len(poses),) or len(poses) == 0:
             raise InputError(
-                f"trajectory of {len(poses)} poses and times {times.shape}: expected one a pose"
+                f"trajectory of {len(poses)} poses and times {instants.shape}: expected one a pose"
             )
-        if not (np.diff(times) > 0.0).all():
+        if not (np.diff(instants) > 0.0).all():
             raise InputError("trajectory: expected times that rise from pose to pose")
-        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "times", instants)
         object.__setattr__(self, "poses", poses)
 
     def __repr__(self) -> str:
@@ -64,13 +64,13 @@ class Trajectory:
     def speeds(self) -> Float:
         """Speeds (k, 2) from each pose to the next: ahead [m/s], about itself [rad/s]."""
         if len(self) < 2:
-            return np.zeros((1, 2))
+            return sealed(np.zeros((1, 2)))
         steps = np.diff(self.poses, axis=0)
         turns = wrap_angle(steps[:, 2])
         middle = self.poses[:-1, 2] + 0.5 * turns
         ahead = steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle)
         speeds = np.column_stack([ahead, turns]) / np.diff(self.times)[:, None]
-        return np.vstack([speeds, speeds[-1:]])
+        return sealed(np.vstack([speeds, speeds[-1:]]))
 
     def every(self, count: int) -> "Trajectory":
         """The trajectory of each pose of so many, from the first on, and of the last."""

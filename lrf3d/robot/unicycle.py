@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, is_finite
 from lrf3d.pose import Pose, as_pose
 
 
@@ -28,7 +28,7 @@ class Unicycle:
     radius: float = 0.35
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.radius) and self.radius >= 0.0):
+        if not (is_finite(self.radius) and self.radius >= 0.0):
             raise InputError(f"robot of radius {self.radius} m: expected a finite one, at least 0")
 
     def derivative(self, state: Float, v: float, omega: float) -> Float:

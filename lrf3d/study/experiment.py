@@ -10,6 +10,7 @@ from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.casting.mover import Mover, round_outline
 from lrf3d.casting.timed import Caster
 from lrf3d.errors import CollisionError, InputError
+from lrf3d.logs.recording import run_bytes
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.line_mapper import FLOOR
 from lrf3d.robot import Trajectory, check_drive, follow_route
@@ -29,6 +30,9 @@ CASTERS: dict[str, Callable[[Any], Caster]] = {"embree": EmbreeCaster, "planar":
 
 POSE_INTERVAL = 4.0
 """Time between two scans [s] where the robot stands at single poses instead of driving."""
+
+MOST_SCANS = 10_000_000
+"""Scans of a run at most, eleven days at 10 Hz: their poses are held in memory, 32 bytes each."""
 
 CONTROLLED_SCANS = 1000
 """Scans after which a controller's drive ends where nothing is said."""
@@ -65,6 +69,14 @@ class Experiment:
     controller: Plugin | None = None
     scans: int | None = None
     radius: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.scans is not None and self.scans > MOST_SCANS:
+            size = 1e-9 * run_bytes(self.scans, self.scenario.lrf.beams)
+            raise InputError(
+                f"scans {self.scans}: they would take {size:,.0f} GB of disk; expected at most"
+                f" {MOST_SCANS:,}"
+            )
 
     @property
     def noise(self) -> float:

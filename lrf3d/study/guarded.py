@@ -15,6 +15,12 @@ from lrf3d.errors import InputError, Lrf3dError
 METHODS = {"update", "command", "report", "state", "restore"}
 """What lrf3d calls of a mapper and of a controller; a noise is called itself."""
 
+COPY_FIRST = (
+    "copy what is to be changed, as ranges = scan.ranges.copy(), and return"
+    " dataclasses.replace(scan, ranges=ranges)"
+)
+"""The mend where a plug-in writes to the scan that it is given, which others still need."""
+
 
 class Guarded:
     """A plug-in; in all but what its calls raise it is the plug-in itself.
@@ -56,6 +62,8 @@ def called(label: str, function: Callable[..., Any], *arguments: Any) -> Any:
         raise
     except Exception as error:
         words = " ".join(str(error).split())
+        if isinstance(error, ValueError) and words.endswith("read-only"):
+            words += f"; {COPY_FIRST}"
         place = extract_tb(error.__traceback__)[-1]
         raise InputError(
             f"{label}: {type(error).__name__}: {words} ({Path(place.filename).name},"

@@ -3,10 +3,16 @@
 Only what the user names is ever imported: nothing that a world file or a log says is run.
 """
 
+import os
+import re
 import sys
+import warnings
 from dataclasses import dataclass
+from hashlib import sha256
 from importlib import import_module
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from lrf3d.errors import InputError
@@ -69,6 +75,9 @@ def _expected(kind: str, method: str) -> str:
 def load_plugin(kind: str, name: str) -> Plugin:
     """Find what is named ``module:object``; modules in the current folder are found as well.
 
+    A file is loaded itself, even where another module bears its name. What it imports is looked
+    for in its folder last, so that nothing there takes the place of an installed module.
+
     Args:
         kind: ``mapper``, ``controller`` or ``noise``.
         name: The name, with dots in both parts where needed; a path of a file ``.py`` may stand
@@ -102,15 +111,57 @@ def load_plugin(kind: str, name: str) -> Plugin:
 
 def _import(name: str) -> Any:
     """Import a module by its name, or a file by its path."""
-    folder = Path.cwd()
+    file = Path(f"{name}.py" if name.isidentifier() else name)
+    if file.suffix == ".py" and file.is_file():
+        return _load(file.resolve())
     if name.endswith(".py"):
-        file = Path(name).resolve()
-        if not file.is_file():
-            raise ModuleNotFoundError(name=name)
-        folder, name = file.parent, file.stem
-    if str(folder) not in sys.path:
-        sys.path.insert(0, str(folder))
+        raise ModuleNotFoundError(name=name)
+    _find_also_in(Path.cwd())
     return import_module(name)
+
+
+def _load(file: Path) -> ModuleType:
+    """Run a file as a module, once: this very file, whatever else bears its name."""
+    name = file.stem
+    if not _is_free(name, file):
+        name = f"{name}_{sha256(os.fsencode(file)).hexdigest()[:12]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise ModuleNotFoundError(name=str(file))
+    module = module_from_spec(spec)
+    _find_also_in(file.parent)
+    # Of the user's own file, warnings are of use to the user.
+    warnings.filterwarnings("default", module=re.escape(name))
+    # Dataclasses and pickles look a class up in the module that its name says.
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _is_free(name: str, file: Path) -> bool:
+    """Whether a file may be the module of this name: nothing else is, or would be imported."""
+    if name in sys.modules:
+        known = getattr(sys.modules[name], "__file__", None)
+    elif name.isidentifier():
+        spec = find_spec(name)
+        if spec is None:
+            return True
+        known = spec.origin
+    else:
+        return False
+    return known is not None and Path(known).resolve() == file
+
+
+def _find_also_in(folder: Path) -> None:
+    """Let modules in a folder be found, after all others: none of them takes another's place."""
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
 
 
 def _nearest(name: str, names: list[str]) -> str:

@@ -8,8 +8,11 @@ Walls that touch are one object. Layers that are off or frozen, paper space, hat
 dimensions are no walls; heights (z) are ignored.
 """
 
+import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -33,6 +36,9 @@ DEEPEST = 30
 FINEST = 1.0 / 2000.0
 """Chords lie no farther from a curve than this share of its extent."""
 
+CACHE_HOME = "XDG_CACHE_HOME"
+"""The variable of the environment that says where programs keep what they can make again."""
+
 OUTLINES = {
     "LINE",
     "LWPOLYLINE",
@@ -53,7 +59,8 @@ def read_dxf(path: Path) -> World:
     Raises:
         WorldError: The file cannot be read, is no DXF or holds no outline.
     """
-    from ezdxf import units
+    with _no_list_of_fonts():
+        from ezdxf import units
     from ezdxf.enums import InsertUnits
     from ezdxf.filemanagement import readfile
     from ezdxf.lldxf.const import DXFError
@@ -83,6 +90,27 @@ def read_dxf(path: Path) -> World:
         if count > MOST_WALLS:
             raise WorldError(f"{path}: holds more than {MOST_WALLS:,} walls; simplify the drawing")
     return world_of_strokes(strokes, path)
+
+
+@contextmanager
+def _no_list_of_fonts() -> Iterator[None]:
+    """Where ezdxf is imported: it looks for no fonts, and writes nothing to the user's folders.
+
+    At its import it would read all fonts of the machine and keep a list of them in
+    ``~/.cache/ezdxf``; texts are no walls, so that an empty list in a folder of ours serves.
+    """
+    before = os.environ.get(CACHE_HOME)
+    with TemporaryDirectory(prefix="lrf3d-") as folder:
+        (Path(folder) / "ezdxf").mkdir()
+        fonts = Path(folder) / "ezdxf" / "font_manager_cache.json"
+        fonts.write_text('{"version": null, "font-faces": []}')
+        os.environ[CACHE_HOME] = folder
+        try:
+            yield
+        finally:
+            os.environ.pop(CACHE_HOME)
+            if before is not None:
+                os.environ[CACHE_HOME] = before
 
 
 def _entities(layout: Any, path: Path, hidden: set[str]) -> Iterator[Any]:

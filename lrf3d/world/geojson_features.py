@@ -9,10 +9,11 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import Float
 from lrf3d.world.colours import parse_colour
-from lrf3d.world.schema import FARTHEST, MOST_OBJECTS, shown
+from lrf3d.world.model import MOST_OBJECTS
+from lrf3d.world.schema import FARTHEST
 
 LEVEL_HEIGHT = 3.0
 """Height of a storey [m], for buildings that give their levels alone."""

@@ -7,23 +7,26 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import WorldError
-from lrf3d.geometry import Float, Int, normal_lines
+from lrf3d.errors import InputError, WorldError
+from lrf3d.geometry import Float, Int, Value, normal_lines, read_only, sealed
 from lrf3d.world.cameras import FixedCamera
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] where none is given: a room's storey."""
 
+MOST_OBJECTS = 1_000_000
+"""Largest number of an object: names and colours are kept for all numbers below."""
+
 
 @dataclass(frozen=True, eq=False)
-class World:
+class World(Value):
     """Walls of a scene: line segments with a height, each a part of an object.
 
     Args:
         segments: (n, 4) rows x1 y1 x2 y2 [m], in the coordinates of the source, also far from
             the origin.
-        objects: (n,) the object each wall belongs to, numbered from 0; all of one object where
-            not given.
+        objects: (n,) the object each wall belongs to, numbered from 0 to at most 1,000,000; all
+            of one object where not given.
         heights: (n,) heights of the walls above the ground [m]; 2.5 where not given.
         name: What the world is called in pictures and files.
         object_names: A name for each object, or none at all.
@@ -60,14 +63,18 @@ class World:
             np.zeros(count) if self.objects is None else self.objects, count, "object"
         )
         heights = np.full(count, DEFAULT_HEIGHT) if self.heights is None else self.heights
-        if not ((objects >= 0.0) & (objects == np.floor(objects))).all():
-            wall = int(np.flatnonzero((objects < 0.0) | (objects != np.floor(objects)))[0])
-            raise WorldError(f"wall {wall}: object {objects[wall]:g}, expected 0, 1, 2, …")
-        _set(self, "segments", segments)
-        _set(self, "objects", objects.astype(np.int64))
-        _set(self, "heights", _column(heights, count, "height"))
+        invalid = (objects < 0.0) | (objects > MOST_OBJECTS) | (objects != np.floor(objects))
+        if invalid.any():
+            wall = int(np.flatnonzero(invalid)[0])
+            raise WorldError(
+                f"wall {wall}: object {objects[wall]:.17g}, expected whole numbers from 0 to"
+                f" {MOST_OBJECTS}; number the objects anew, 0, 1, 2, …"
+            )
+        object.__setattr__(self, "segments", segments)
+        object.__setattr__(self, "objects", sealed(objects.astype(np.int64)))
+        object.__setattr__(self, "heights", _column(heights, count, "height"))
         colours = np.full((self.object_count, 3), np.nan) if self.colours is None else self.colours
-        _set(self, "colours", _rows(colours, 3, "colours"))
+        object.__setattr__(self, "colours", _rows(colours, 3, "colours"))
         object.__setattr__(self, "object_names", tuple(self.object_names))
         object.__setattr__(self, "cameras", tuple(self.cameras))
         names = len(self.object_names)
@@ -91,21 +98,21 @@ class World:
     @cached_property
     def lines(self) -> Float:
         """Lines (n, 2) of the walls: alpha [rad] in (−π, π], p [m] (Eq. 3)."""
-        return normal_lines(self.segments)
+        return sealed(normal_lines(self.segments))
 
     @cached_property
     def bounds(self) -> Float:
         """Corners (2, 2) of the box around all walls: smallest x, y and largest x, y [m]."""
         ends = self.segments.reshape(-1, 2)
         if not len(ends):
-            return np.zeros((2, 2))
-        return np.stack([ends.min(axis=0), ends.max(axis=0)])
+            return sealed(np.zeros((2, 2)))
+        return sealed(np.stack([ends.min(axis=0), ends.max(axis=0)]))
 
     @cached_property
     def origin(self) -> Float:
         """Whole metres (2,) near the middle: the origin of the local frame to compute in."""
         low, high = self.bounds
-        return np.asarray(np.round(low + 0.5 * (high - low)), dtype=np.float64)
+        return sealed(np.asarray(np.round(low + 0.5 * (high - low)), dtype=np.float64))
 
     @cached_property
     def object_count(self) -> int:
@@ -113,22 +120,25 @@ class World:
         return int(self.objects.max(initial=-1)) + 1
 
 
-def _set(world: World, name: str, array: Float | Int) -> None:
-    array.flags.writeable = False
-    object.__setattr__(world, name, array)
+def _array(values: ArrayLike, name: str) -> Float:
+    try:
+        array: Float = read_only(values, name)
+    except InputError as error:
+        raise WorldError(str(error)) from None
+    return array
 
 
 def _rows(values: ArrayLike, columns: int, name: str) -> Float:
-    array = np.array(values, dtype=np.float64)
+    array = _array(values, name)
     if array.size == 0:
-        return np.empty((0, columns))
+        return sealed(np.empty((0, columns)))
     if array.ndim != 2 or array.shape[1] != columns:
         raise WorldError(f"{name} of shape {array.shape}: expected (n, {columns})")
     return array
 
 
 def _column(values: ArrayLike | Sequence[float], count: int, name: str) -> Float:
-    array = np.array(values, dtype=np.float64)
+    array = _array(values, name)
     if array.shape != (count,):
         raise WorldError(f"{name} of shape {array.shape}: expected ({count},), one for each wall")
     if not np.isfinite(array).all():

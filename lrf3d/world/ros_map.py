@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import Bool, Float
 from lrf3d.input import own_name
 from lrf3d.world.drawing import connected
 from lrf3d.world.model import World
 from lrf3d.world.outlines import BAND
-from lrf3d.world.schema import FARTHEST, shown
+from lrf3d.world.schema import FARTHEST
 from lrf3d.world.text_file import open_within, read_text
 
 if TYPE_CHECKING:

@@ -10,16 +10,15 @@ from typing import cast
 
 import numpy as np
 
+from lrf3d.errors import shown
 from lrf3d.geometry import Float
 from lrf3d.world.cameras import WIDEST
 from lrf3d.world.colours import parse_colour
 from lrf3d.world.locate import Path
+from lrf3d.world.model import MOST_OBJECTS
 
 FARTHEST = 1e9
 """Largest coordinate [m] in a file: above it float64 no longer resolves a micrometre."""
-
-MOST_OBJECTS = 1_000_000
-"""Largest number of an object in a file: names and colours are kept for all numbers below."""
 
 Check = Callable[[object], object]
 
@@ -35,16 +34,6 @@ class Invalid(Exception):
     def __init__(self, message: str, inside: Path = ()) -> None:
         super().__init__(message)
         self.inside = inside
-
-
-def shown(value: object) -> str:
-    """A value of a file in few words."""
-    try:
-        text = repr(value)
-    except ValueError:
-        # Python writes no number of more digits than this.
-        return "a number of thousands of digits"
-    return text if len(text) <= 40 else text[:37] + "…"
 
 
 def number(*, above: float = -math.inf, least: float = -math.inf, most: float = FARTHEST) -> Check:

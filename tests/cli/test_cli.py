@@ -282,3 +282,26 @@ def test_a_termination_is_obeyed_as_ctrl_c_and_what_is_ignored_stays_so(room, tm
     _, err = process.communicate(timeout=60)
     assert process.returncode == 143
     assert re.fullmatch(r"lrf3d: stopped(; .* scans kept; go on with --resume)?\n", err)
+
+
+def test_scans_beyond_all_disks_are_refused_with_what_they_would_take(room, tmp_path):
+    said = refused("run", room, "--scans", 10**12, "--no-video", cwd=tmp_path)
+    assert "would take 1,496,000 GB of disk" in said and "10,000,000" in said
+
+
+def test_a_message_is_one_line_however_a_file_is_called(tmp_path):
+    said = refused("world", "show", "no\nsuch\x1b[31m" + "x" * 100 + ".toml", cwd=tmp_path)
+    assert r"no\nsuch\x1b[31m" in said and len(said) < 1000
+
+
+def test_what_libraries_warn_of_does_not_reach_the_terminal(room, tmp_path):
+    (tmp_path / "warner.py").write_text(
+        "import logging, warnings\n"
+        "class Mapper:\n"
+        "    def update(self, scan):\n"
+        "        warnings.warn_explicit('loud', RuntimeWarning, 'library.py', 1, 'library')\n"
+        "        logging.getLogger('library').error('louder')\n"
+    )
+    named = ("--mapper", "warner.py:Mapper", "--no-video", "--scans", 2)
+    done = lrf3d("run", room, *named, cwd=tmp_path)
+    assert done.returncode == 0 and done.stderr == ""

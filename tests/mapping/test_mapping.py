@@ -378,3 +378,14 @@ def test_maps_from_before_an_interrupted_update_stay_as_they_were(monkeypatch):
     monkeypatch.undo()
     np.testing.assert_array_equal(before.segments, whole.map.segments)
     assert len(broken.state()["scan_headings"]) == len(broken.state()["scan_places"])
+
+
+@pytest.mark.parametrize("mode", ["paper", "robust"])
+@pytest.mark.parametrize("distance", [0.0, 1e-310, 1e-12])
+def test_returns_from_one_place_make_no_segment(mode, distance, tmp_path):
+    lrf = LaserRangeFinder(beams=31)
+    mapper = LineMapper(mode)
+    for _ in range(3):
+        mapper.update(LaserScan((7, 8, 1), lrf.angles, np.full(31, distance)))
+    save_map(mapper.map, tmp_path / "map.geojson")
+    assert len(mapper.map) == 0 and "NaN" not in (tmp_path / "map.geojson").read_text()

@@ -328,3 +328,80 @@ def test_what_a_plug_in_raises_is_one_line_with_its_name(
     out, err = capsys.readouterr()
     assert end.value.code == 1 and out == "" and err.count("\n") == 1
     assert f"--{kind} mistakes.py:{name}" in err and re.search(said, err)
+
+
+def test_files_of_one_name_are_each_loaded_themselves(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "twin_parts.py").write_text(f"def where(scan): return {folder!r}\n")
+    a, b = (load_plugin("noise", f"{tmp_path / f}/twin_parts.py:where") for f in ("a", "b"))
+    assert (a.found(None), b.found(None)) == ("a", "b")
+    assert load_plugin("noise", f"{tmp_path}/b/twin_parts.py:where").found is b.found
+    for module in (a.found.__module__, b.found.__module__):
+        monkeypatch.delitem(sys.modules, module)
+
+
+SHADOWING = """
+from dataclasses import dataclass
+import statistics
+from beside_parts import offset
+
+@dataclass
+class Counts:
+    total: int = 0
+    def update(self, scan):
+        self.total += offset
+"""
+
+
+def test_a_file_takes_no_installed_modules_place_and_finds_those_beside_it(folder):
+    parts = folder / "parts"
+    parts.mkdir()
+    (parts / "random.py").write_text(SHADOWING)
+    (parts / "beside_parts.py").write_text("offset = 2\n")
+    # Neither is ever wanted: installed modules of these names come first.
+    for name in ("statistics", "matplotlib"):
+        (parts / f"{name}.py").write_text("raise SystemExit('taken for another')\n")
+    done = run(folder, "--mapper", "parts/random.py:Counts", "--scans", "3")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["mapper"] == "parts/random.py:Counts"
+
+
+def test_a_class_of_a_file_can_be_pickled(tmp_path, monkeypatch):
+    import pickle
+
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "random.py").write_text(
+        "class Still:\n    def command(self, t, pose, scan): pass\n"
+    )
+    found = load_plugin("controller", f"{tmp_path}/random.py:Still").found
+    assert found is not None and pickle.loads(pickle.dumps(found)) is found
+    monkeypatch.delitem(sys.modules, found.__module__)
+
+
+IN_PLACE = """
+def shifted(scan, rng):
+    scan.ranges[:] += 0.5
+    return scan
+
+class Zeroing:
+    def update(self, scan):
+        scan.ranges *= 0.0
+
+class Turning:
+    def command(self, time, pose, scan):
+        scan.angles.sort()
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [("noise", "shifted"), ("mapper", "Zeroing"), ("controller", "Turning")]
+)
+def test_a_plug_in_that_writes_in_place_is_told_to_copy(kind, name, folder):
+    (folder / "in_place.py").write_text(IN_PLACE)
+    done = run(folder, f"--{kind}", f"in_place.py:{name}", "--scans", "3")
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert f"--{kind} in_place.py:{name}: ValueError" in done.stderr
+    assert "read-only; copy what is to be changed" in done.stderr
+    assert "(in_place.py, line " in done.stderr

@@ -297,6 +297,23 @@ def test_values_are_numbers_words_and_nothing_else():
             Grid(("city",), dict([parse_axis(wrong)]))
 
 
+def test_numbers_are_written_as_run_takes_them():
+    assert parse_values(".04, 1., 2e-3, robust", "--sigma") == (0.04, 1.0, 0.002, "robust")
+
+
+def test_more_runs_than_can_be_made_are_refused_before_they_are_planned(room):
+    with pytest.raises(InputError, match=r"2 settings with 2000000000 .* 4,000,000,000 runs"):
+        Grid((room,), {"noise.sigma": (0.1, 0.2)}, seeds=2_000_000_000)
+
+
+def test_a_drive_that_is_thinned_to_one_scan_is_warned_of():
+    said = []
+    make_plan(Grid(("paper_room",), {}, seeds=1, every=100), warn=said.append)
+    assert len(said) == 1 and "paper_room: one scan in 100 leaves one of" in said[0]
+    make_plan(Grid(("paper_room",), {}, seeds=1, every=2), warn=said.append)
+    assert len(said) == 1
+
+
 def test_means_have_the_interval_of_student(room, tmp_path):
     mean = Mean.of([1.0, 2.0, 4.0, None])
     # Tables give t = 4.3027 for two degrees of freedom.

@@ -1,5 +1,8 @@
 """Worlds from DXF and SVG drawings and from OpenStreetMap extracts."""
 
+import os
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -285,3 +288,16 @@ def test_a_ring_cut_into_ways_in_any_order_is_closed_again(nodes, cuts, rng) -> 
 def test_an_extract_without_a_building_says_so(tmp_path: Path) -> None:
     with pytest.raises(WorldError, match="no whole building"):
         osm(tmp_path, way(1, 0, 1, 2))
+
+
+def test_reading_a_dxf_drawing_writes_nothing_to_the_users_folders(tmp_path: Path) -> None:
+    drawing = ezdxf.new()
+    drawing.modelspace().add_line((0, 0), (10, 20))
+    drawing.saveas(tmp_path / "a.dxf")
+    home = tmp_path / "home"
+    home.mkdir()
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("XDG_")}
+    command = [sys.executable, "-m", "lrf3d", "world", "convert", "a.dxf", "a.toml"]
+    environment |= {"HOME": str(home), "PYTHONPATH": str(Path(__file__).parent.parent)}
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, timeout=120)
+    assert not list(home.iterdir())

@@ -82,7 +82,11 @@ def test_settings_hold_instead_of_what_the_file_says(room):
         ("noise.dropouts=0.1", "did you mean 'drop_outs'"),
         ("range_max=2", "TABLE.KEY=VALUE"),
         ("laser.range_max", "TABLE.KEY=VALUE"),
-        ("laser.range_max=far", "no value of TOML"),
+        ("laser.range_max=far", "expected a number, found 'far'"),
+        ("robot.route=[[1, 2], [3", "no value of TOML; expected one as 20"),
+        ("laser.beams=5\nrange_max=1", "whole number"),
+        ("mapper.mode=papr", "expected one of paper, robust, found 'papr'"),
+        ("laser." + "a" * 1_000_000 + "=1", "known are"),
         ("laser.range_max=-1", "above 0"),
         ("noise.drop_outs=2", "at most 1"),
         ('laser.beams="many"', "whole number"),
@@ -92,6 +96,18 @@ def test_a_setting_that_is_none_is_answered_with_what_is_meant(text, said):
     with pytest.raises(InputError, match="setting") as error:
         read_settings([text])
     assert said in str(error.value) and "\n" not in str(error.value)
+    assert len(str(error.value)) < 1000
+
+
+def test_a_text_needs_no_quotes_and_a_number_no_leading_nought():
+    texts = ["mapper.mode=paper", "noise.sigma=.04", 'film.view="front door"', "robot.speed=2."]
+    assert read_settings(texts) == {
+        "mapper": {"mode": "paper"},
+        "noise": {"sigma": 0.04},
+        "film": {"view": "front door"},
+        "robot": {"speed": 2.0},
+    }
+    assert read_settings(["film.view=front door"])["film"]["view"] == "front door"
 
 
 @pytest.mark.parametrize(

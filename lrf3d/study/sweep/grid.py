@@ -6,14 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, shown
 from lrf3d.input import read_text
 from lrf3d.mapping.line_mapper import MODES
-from lrf3d.world.schema import TABLES, shown
-from lrf3d.world.settings import NoValue, read_settings, toml_value
+from lrf3d.world.schema import TABLES
+from lrf3d.world.settings import read_settings, value_of
 
 SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
 """Noises [m] where none are asked for: those of the paper's figures, and some between."""
@@ -22,7 +23,8 @@ SEEDS = 20
 """Seeds of each setting where nothing is said."""
 
 MOST = 1_000_000
-"""Seeds at most, as each run of a plan is in memory; and scans of a drive of which one is used."""
+"""Seeds at most; scans of a drive of which one is used; and runs, for the plan of all of them is
+held in memory, and the fastest take a core hours."""
 
 SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
 """The settings that have a flag of their own."""
@@ -62,6 +64,12 @@ class Grid:
             if len(set(values)) < len(values):
                 raise InputError(f"sweep: {name} has a value twice: {values}")
         object.__setattr__(self, "axes", axes)
+        settings = len(self.worlds) * prod(len(values) for values in axes.values())
+        if settings * self.seeds > MOST:
+            raise InputError(
+                f"sweep: {settings} settings with {self.seeds} seeds each are"
+                f" {settings * self.seeds:,} runs; expected at most {MOST:,}"
+            )
 
     @classmethod
     def usual(cls, *worlds: str, axes: Mapping[str, tuple[Value, ...]], **rest: Any) -> "Grid":
@@ -87,7 +95,7 @@ class Grid:
 def setting(name: str, value: Value) -> str:
     """A setting as ``lrf3d run --set`` takes it."""
     try:
-        return f"{name}={json.dumps(value)}"
+        return f"{name}={json.dumps(value, ensure_ascii=False)}"
     except ValueError:
         raise InputError(f"sweep: {name}: {shown(value)} cannot be a value") from None
 
@@ -129,8 +137,8 @@ def parse_values(text: str, flag: str) -> tuple[Value, ...]:
 
 def _value(text: str) -> Value:
     try:
-        value = toml_value(text)
-    except NoValue:
+        value = value_of(text)
+    except InputError:
         return text
     return value if isinstance(value, float | int | str | bool) else text
 

@@ -92,12 +92,18 @@ def column_of(name: str) -> str:
     return COLUMNS.get(name, name)
 
 
-def make_plan(grid: Grid, *, collision: Callable[[str], None] | None = None) -> Plan:
+def make_plan(
+    grid: Grid,
+    *,
+    collision: Callable[[str], None] | None = None,
+    warn: Callable[[str], None] = lambda message: None,
+) -> Plan:
     """Plan all runs of a grid: worlds are read, routes found and drives driven once each.
 
     Args:
         grid: What is varied.
         collision: Called with what is wrong with a drive into a wall, which then goes on.
+        warn: Called with what the figures will not show.
 
     Raises:
         InputError: A world, a setting or a drive is none.
@@ -111,7 +117,7 @@ def make_plan(grid: Grid, *, collision: Callable[[str], None] | None = None) -> 
         known = next((cell for cell in cells if cell.world == file.world.name), None)
         if known is not None:
             raise InputError(f"{name}: another world of the sweep is called {known.world}, too")
-        drives = _Drives(file.world, grid.every, collision)
+        drives = _Drives(file.world, grid.every, collision, warn)
         for values in grid.combinations:
             scenario = scenario_of(file, [setting(*each) for each in values.items()])
             seen, place = drives.place(scenario)
@@ -139,9 +145,15 @@ def _run(scenario: Scenario, seen: str, cell: int, seed: int) -> PlannedRun:
 class _Drives:
     """The drives through one world, each driven once."""
 
-    def __init__(self, world: World, every: int, collision: Callable[[str], None] | None) -> None:
+    def __init__(
+        self,
+        world: World,
+        every: int,
+        collision: Callable[[str], None] | None,
+        warn: Callable[[str], None],
+    ) -> None:
         self._walls = digest((world.segments, world.objects, world.heights))
-        self._every, self._collision = every, collision
+        self._every, self._collision, self._warn = every, collision, warn
         self._driven: dict[str, Trajectory] = {}
 
     def place(self, scenario: Scenario) -> tuple[str, Place]:
@@ -155,6 +167,11 @@ class _Drives:
         if asked not in self._driven:
             drive = trajectory_of(with_route(scenario), ignore_collisions=self._collision)
             used = slice(None, None, self._every)
+            if len(drive) > 1 and len(drive.times[used]) == 1:
+                self._warn(
+                    f"{scenario.name}: one scan in {self._every} leaves one of {len(drive)}, whose"
+                    " map is all that is scored; use more with a smaller --every"
+                )
             self._driven[asked] = Trajectory(drive.times[used], drive.poses[used])
         trajectory = self._driven[asked]
         seen = digest(

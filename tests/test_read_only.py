@@ -1,0 +1,173 @@
+"""Arrays that values hand out cannot be written to, and are not those of whoever made them."""
+
+import copy
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lrf3d.localization.track import Track
+from lrf3d.mapping.known_lines import KnownLines
+
+import lrf3d
+from lrf3d import LaserRangeFinder, LaserScan, LineMap, Trajectory, World
+from lrf3d.casting.mover import Mover
+from lrf3d.geometry import numbers, read_only
+from lrf3d.localization.estimate import PoseEstimate
+
+WALLS = [[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]
+POSES = [[2.0, 2.0, 0.0], [3.0, 2.0, 0.1], [4.0, 2.0, 0.2]]
+LRF = LaserRangeFinder(beams=31)
+
+
+def make_run():
+    noise = lrf3d.ProportionalNoise(0.04)
+    return lrf3d.simulate(World(WALLS), np.array(POSES), LRF, noise=noise, rng=0)
+
+
+def known_lines():
+    return KnownLines.from_world(World(WALLS))
+
+
+VALUES = {
+    "world": (lambda: World(WALLS), ("lines", "bounds", "origin")),
+    "range finder": (lambda: LaserRangeFinder(beams=31), ("angles", "fan", "single_beams")),
+    "scan": (lambda: LaserScan((1, 2, 3), np.zeros(3), np.ones(3)), ("hits",)),
+    "cast scan": (lambda: lrf3d.PlanarCaster(World(WALLS)).cast(LRF, POSES[0]), ("hits",)),
+    "embree scan": (lambda: lrf3d.EmbreeCaster(World(WALLS)).cast(LRF, POSES[0]), ("hits",)),
+    "trajectory": (lambda: Trajectory([0, 1, 2], POSES), ("speeds",)),
+    "map": (lambda: LineMap(np.array(WALLS), np.zeros(4), np.full(4, 9)), ("lines",)),
+    "built map": (lambda: make_run().map, ("segments", "lines")),
+    "run": (make_run, ("map",)),
+    "run's scan": (lambda: make_run().scan(1), ("hits",)),
+    "mover": (lambda: Mover([[0, 0], [1, 0], [1, 1]], Trajectory([0], POSES[:1])), ("reach",)),
+    "estimate": (lambda: PoseEstimate((0, 0, 0), np.eye(3)), ()),
+    "track": (lambda: Track(POSES, np.zeros((3, 3, 3)), [1, 2, 3], [4, 5, 6]), ()),
+    "known lines": (known_lines, ()),
+    "scenario": (lambda: lrf3d.load_scenario("city"), ()),
+}
+
+
+def arrays_in(value, seen=None):
+    """All arrays that can be reached from a value."""
+    seen = set() if seen is None else seen
+    if id(value) in seen:
+        return
+    seen.add(id(value))
+    if isinstance(value, np.ndarray):
+        yield value
+    elif isinstance(value, tuple | list):
+        for part in value:
+            yield from arrays_in(part, seen)
+    elif hasattr(value, "__dict__") and type(value).__module__.startswith("lrf3d"):
+        yield from arrays_in(list(vars(value).values()), seen)
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_arrays_of_values_and_of_their_copies_are_read_only(name):
+    make, cached = VALUES[name]
+    value = make()
+    if name == "scenario":
+        # What may not be changed in a scenario is a mapping that cannot be pickled.
+        copies = [copy.copy, copy.deepcopy]
+    else:
+        copies = [copy.copy, copy.deepcopy, lambda v: pickle.loads(pickle.dumps(v))]
+        copies += [lambda v: pickle.loads(pickle.dumps(v, protocol=2))]
+    for made in [lambda v: v, *copies, *copies]:
+        other = made(value)
+        for attribute in cached:
+            getattr(other, attribute)
+        found = list(arrays_in(other))
+        assert found or not made
+        assert not any(array.flags.writeable for array in found)
+
+
+def test_steps_hand_out_read_only_scans():
+    for step in lrf3d.Simulation(World(WALLS), np.array(POSES), LRF, mapper=lrf3d.LineMapper()):
+        for array in arrays_in([step.scan, step.true_scan, step.map]):
+            assert not array.flags.writeable
+
+
+def test_what_a_caller_writes_later_changes_no_value():
+    walls, ranges = np.array(WALLS), np.ones(3)
+    view = ranges[:]
+    view.flags.writeable = False
+    times, poses = np.arange(3.0), np.array(POSES)
+    world, scan = World(walls), LaserScan((0, 0, 0), np.zeros(3), view)
+    trajectory, line_map = Trajectory(times, poses), LineMap(walls, np.arange(4), np.arange(4))
+    for array in (walls, ranges, times, poses):
+        array[:] = -5.0
+    assert world.segments.tolist() == line_map.segments.tolist() == WALLS
+    assert scan.ranges.tolist() == [1, 1, 1]
+    assert trajectory.times.tolist() == [0, 1, 2] and trajectory.poses.tolist() == POSES
+
+
+def test_what_nobody_can_write_to_is_not_copied():
+    scan = LaserScan((0, 0, 0), np.zeros(3), np.ones(3))
+    assert replace(scan, time=2.0).ranges is scan.ranges
+    part = scan.ranges[1:]
+    assert read_only(part, "part") is part
+
+
+def test_a_noise_and_a_mapper_that_write_in_place_cannot_change_the_truth():
+    def shifted(scan):
+        scan.ranges[:] += 0.5
+        return scan
+
+    class Zeroing:
+        def update(self, scan):
+            scan.ranges[:] = 0.0
+
+    for settings in ({"noise": shifted}, {"mapper": Zeroing()}):
+        with pytest.raises(ValueError, match="read-only"):
+            next(iter(lrf3d.Simulation(World(WALLS), np.array(POSES), LRF, **settings)))
+
+
+def test_maps_of_wrong_shapes_are_refused():
+    with pytest.raises(lrf3d.InputError, match=r"\(m, 4\)"):
+        LineMap(np.zeros((2, 4)), np.zeros(3), np.zeros(2))
+
+
+def test_numbers_are_whatever_numpy_takes_for_numbers():
+    assert numbers([10**30, 1], "x").tolist() == [1e30, 1.0]
+    for bad in ("a", [[1], [1, 2]], [None, "b"], {"a": 1}, 1j, ["1"], np.array(["1"])):
+        with pytest.raises(lrf3d.InputError, match="x: expected numbers"):
+            numbers(bad, "x")
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: LaserRangeFinder(beams="a"), "beams 'a': expected a whole number"),
+        (lambda: LaserRangeFinder(beams=1.5), "beams 1.5: expected a whole number"),
+        (lambda: LaserRangeFinder(beams=10**12), "from 1 to 1000000"),
+        (lambda: LaserRangeFinder(0.0, 1e16), "expected −63 to 63"),
+        (lambda: LaserRangeFinder(range_max="a"), "expected finite numbers"),
+        (lambda: LaserRangeFinder(scan_duration=None), "scan_duration None"),
+        (lambda: lrf3d.ProportionalNoise("a"), "sigma 'a'"),
+        (lambda: lrf3d.ProportionalNoise(None), "sigma None"),
+        (lambda: lrf3d.LineMapper(sigma="a"), "sigma is a"),
+        (lambda: lrf3d.LineMapper(gap="a"), "gap is a"),
+        (lambda: World([[1, 2, 3], [4]]), "segments: expected numbers in rows"),
+        (lambda: World(WALLS, ["a"] * 4), "object: expected numbers in rows"),
+        (lambda: World(WALLS, [10**9] * 4), "object 1000000000, expected whole numbers from 0"),
+        (lambda: Trajectory([0, 1], [[0, 0, 0], [1, 2]]), "poses: expected numbers in rows"),
+        (lambda: Trajectory(["a"], [[0, 0, 0]]), "times: expected numbers"),
+        (lambda: lrf3d.EmbreeCaster(World(WALLS)).cast_batch(LRF, [[0], [1, 2]]), "poses: exp"),
+        (lambda: Mover([[0, 0], [1, np.nan], [1, 1]], Trajectory([0], POSES[:1])), "corner 1"),
+        (lambda: Mover([[0, 0], [1], [1, 1]], Trajectory([0], POSES[:1])), "outline: expected"),
+        (lambda: lrf3d.follow_route([[0, 0], [1]]), "route: expected"),
+        (lambda: lrf3d.follow_route([[0, 0], [9, 0]], speed="a"), "speed a"),
+        (lambda: lrf3d.Simulation(World(WALLS), POSES, scans="a"), "scans 'a'"),
+        (lambda: lrf3d.Simulation(World(WALLS), [[0, 0, 0], [1]]), "poses: expected numbers"),
+    ],
+)
+def test_what_is_no_number_is_one_clear_line(make, said):
+    with pytest.raises(lrf3d.InputError) as caught:
+        make()
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_whole_number_may_be_written_as_a_float():
+    assert LaserRangeFinder(beams=181.0) == LaserRangeFinder()
+    assert isinstance(LaserRangeFinder(beams=181.0).beams, int)
