@@ -1,7 +1,7 @@
 """Mutated inputs of every kind end in a result or in one clear line, in bounded time and memory.
 
 ``LRF3D_MUTATED=2000`` tries so many instead of a hundred; as a program, this file tries those of
-some seeds and prints what is wrong: ``python tests/test_mutated_inputs.py FIRST LAST``.
+some seeds and prints what is wrong: ``python tests/cli/test_mutated_inputs.py FIRST LAST``.
 """
 
 import os
