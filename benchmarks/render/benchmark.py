@@ -95,7 +95,6 @@ class RenderResult(Result):
         return found
 
     def tables(self) -> Iterable[str]:
-        """Ways to draw, and what each layer costs."""
         head = ("drawn by", "world", "buildings", "samples", "frame", "quartiles", "error")
         yield table(head, [
             (
@@ -118,7 +117,6 @@ class RenderResult(Result):
         yield table(("layer of the city", "time"), layers)
 
     def panels(self) -> tuple[Rows, tuple[str, str]]:
-        """Time against error, time by buildings, and what the layers cost."""
         floors = {
             f"floor, {entry.samples} samples" if entry.samples else "floor": entry.frame.median
             for entry in self.entries

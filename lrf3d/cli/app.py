@@ -49,12 +49,12 @@ def main(program: typer.Typer = app, name: str = "lrf3d") -> None:
     try:
         program(prog_name=name)
     except Lrf3dError as error:
-        print(f"lrf3d: {error}", file=sys.stderr)
+        print(f"{name}: {error}", file=sys.stderr)
         sys.exit(1)
     except SystemExit as end:
         # Typer turns Ctrl-C into this status, without a word.
         if end.code == INTERRUPTED:
-            print("lrf3d: stopped", file=sys.stderr)
+            print(f"{name}: stopped", file=sys.stderr)
         raise
     except BrokenPipeError:
         # Whoever read our output has had enough; that is no error.
