@@ -152,7 +152,7 @@ class MapResult(Result):
             lines = {mode: [entry for entry in of if entry.setting.mode == mode] for mode in MODES}
             curves = [
                 Curve(
-                    f"{score} F1, {mode} mode",
+                    f"{score} F1, {mode} mode" if first else "",
                     _values(lines[mode]),
                     [entry.score(f"{score}_f1") for entry in lines[mode]],
                     colour,
@@ -163,7 +163,7 @@ class MapResult(Result):
             ]
             spent = [
                 Curve(
-                    f"{mode} mode",
+                    f"{mode} mode" if first else "",
                     _values(lines[mode]),
                     [entry.update.median for entry in lines[mode]],
                     colour,

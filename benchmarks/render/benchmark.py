@@ -127,13 +127,13 @@ class RenderResult(Result):
             "lrf3d", [float(size) for size, _ in grown], [time for _, time in grown], OWN,
             labels=[duration(time) for _, time in grown],
         )  # fmt: skip
+        layers = [layer.replace(", ", ",\n") for layer in self.layers_s]
         costs = [1e3 * took for took in self.layers_s.values()]
         row: list[TradeOff | Curves | Bars] = [
             TradeOff("time and error, city", "time of a frame", "root mean square error [of 255]",
                      self.methods(), floors=floors),
             Curves("time by buildings", "buildings", "time of a frame", [sizes], times=True),
-            Bars("layers, city", "time of a frame [ms]", list(self.layers_s),
-                 {"layers": (OWN, costs)}, lying=True),
+            Bars("layers, city", "time of a frame [ms]", layers, {"": (OWN, costs)}, lying=True),
         ]  # fmt: skip
         return [row], (
             "Pictures: time against error",
