@@ -74,7 +74,6 @@ class Change:
         return float("inf") if not ratio else max(ratio, 1.0 / ratio)
 
     def as_dict(self) -> dict[str, Any]:
-        """The change in JSON's types."""
         names = ("part", "thing", "way", "old", "new", "ratio", "noise_ratio")
         return {"change": self.words, **{name: getattr(self, name) for name in names}}
 
@@ -114,7 +113,6 @@ class Comparison:
     missing: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
-        """The comparison in JSON's types."""
         return {
             "against": self.against,
             "made": self.made,

@@ -46,7 +46,7 @@ WIDE = 5.0
 EXACT_BAND = "#fdf1e3"
 """Colour of that shelf."""
 
-LEAST_APART = 0.11
+LEAST_APART = 0.15
 """Labels of values nearer to the next than this part of an axis would run into each other."""
 
 BAR = 0.72
@@ -130,15 +130,20 @@ def draw_panels(
     Raises:
         OutputError: The picture cannot be written.
     """
-    wide = min(MOST_WIDE, max(map(len, rows))) * (GAP + PANEL) + 0.3
+    # A lone panel is as wide as two, or a page would blow it up.
+    columns = min(MOST_WIDE, max(2, *map(len, rows)))
+    wide = columns * (GAP + PANEL) + 0.3
     tall = [TALL if len(row) <= MOST_WIDE else SHORT for row in rows]
     offs = [panel for row in rows for panel in row if isinstance(panel, TradeOff)]
     rings = any(method.default for panel in offs for method in panel.methods)
     foot = 0.2 if rings else 0.0
     head = HEAD if any(titles) else 0.0
-    sheet = Sheet(wide, head + sum(tall) + (TITLES + FOOT) * len(rows) + foot - 0.25, titles)
+    # Rows whose axes say nothing below them stand closer to the next.
+    feet = [FOOT if any(getattr(p, "x", "x") for p in row) else 0.5 * FOOT for row in rows]
+    height = head + sum(tall) + sum(feet) + TITLES * len(rows) + foot - 0.25
+    sheet = Sheet(wide, height, titles)
     top = sheet.size[1] - head
-    for row, height in zip(rows, tall, strict=True):
+    for row, height, below in zip(rows, tall, feet, strict=True):
         each = (wide - 0.3) / len(row)
         for column, panel in enumerate(row):
             left, bottom = GAP + column * each, top - TITLES - height
@@ -147,7 +152,7 @@ def draw_panels(
             draw = {TradeOff: _trade_off, Curves: _curves, Bars: _bars}[type(panel)]
             draw(axes, panel)  # type: ignore[operator]
             say_where_empty(axes)
-        top -= TITLES + height + FOOT
+        top -= TITLES + height + below
     if rings:
         ring = Line2D(
             [], [], marker="o", markersize=12, markerfacecolor="none", markeredgecolor=INK,
@@ -247,7 +252,8 @@ def _curves(axes: Axes, panel: Curves) -> None:
     if not drawn:
         return
     values = sorted({float(x) for curve in drawn for x in curve.x})
-    room = 1.45 if panel.legend else 2.5
+    named = any(curve.name for curve in drawn) and not panel.legend
+    room = 2.5 if named else 1.45
     axes.set(xscale="log", xlim=(values[0] / 1.45, values[-1] * room))
     axes.xaxis.set_major_locator(FixedLocator(values))
     axes.xaxis.set_minor_locator(NullLocator())
@@ -324,7 +330,7 @@ def _bars(axes: Axes, panel: Bars) -> None:
 
 
 def _number(number: float) -> str:
-    return f"{number:,.10g}" if number < 1e5 else f"{number / 1e6:.3g} M"
+    return f"{number:,.10g}" if number < 1e6 else f"{number / 1e6:.3g} M"
 
 
 def _name_times(axes: Axes, which: str) -> None:

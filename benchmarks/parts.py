@@ -72,7 +72,6 @@ class Part:
     took: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """The part in JSON's types."""
         return {
             "part": self.key,
             "title": self.title,

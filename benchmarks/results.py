@@ -28,7 +28,6 @@ class Saving:
     done: float
 
     def as_dict(self) -> dict[str, Any]:
-        """The saving in JSON's types."""
         return {
             "skipped_work": self.name,
             "skipped_s": self.skipped,
@@ -59,7 +58,6 @@ class Ratio:
         return self.value >= self.bound if self.at_least else self.value <= self.bound
 
     def as_dict(self) -> dict[str, Any]:
-        """The ratio in JSON's types."""
         return {
             "ratio": self.name,
             "value": self.value,
@@ -94,7 +92,6 @@ class Result:
     took_s: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """The result in JSON's types."""
         found = {each.name: as_json(getattr(self, each.name)) for each in fields(self)}
         machine = {**this_machine(), "load": found.pop("load")}
         return {"benchmark": self.benchmark, "machine": machine, **self.facts(), **found}

@@ -49,7 +49,6 @@ class RobotsResult(Result):
     episodes: int
 
     def tables(self) -> Iterable[str]:
-        """The rates in one row."""
         yield table(
             ("world", "robots", "beams", "cores", "a step", "nine tenths below", "scans a second",
              "beams a second"),

@@ -46,7 +46,6 @@ class Timing:
         return cls(table["median_s"], table["low_s"], table["high_s"], table["calls"])
 
     def as_dict(self) -> dict[str, float]:
-        """The timing in JSON's types; the quartiles show its noise."""
         return {
             "median_s": self.median,
             "low_s": self.low,

@@ -52,7 +52,6 @@ class Report:
     took: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """The report in JSON's types."""
         found: dict[str, Any] = as_json(
             {
                 "benchmark": "all",

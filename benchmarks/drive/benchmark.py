@@ -70,7 +70,6 @@ class DriveResult(Result):
     entries: list[Driven] = field(default_factory=list)
 
     def tables(self) -> Iterable[str]:
-        """Integrators with each kind of inputs."""
         head = ("inputs", "integrator", "setting", "drive", "quartiles", "off", "heading off", "")
         rows = [
             (
@@ -85,14 +84,13 @@ class DriveResult(Result):
             )
             for entry in self.entries
         ]
-        yield table(head, rows)
+        yield table(head, rows, left=(0, 1, 2))
         yield (
             f"the pose after {self.driven_s:g} s of driving against the true one; setting: the"
             " step, or the tolerance\nof RK45; default: what lrf3d.drive does where nothing is said"
         )
 
     def panels(self) -> tuple[Rows, tuple[str, str]]:
-        """The time of a drive against how far off its end is, for each kind of inputs."""
         methods = [entry.method for entry in self.entries]
         row = [
             TradeOff(thing, "time of the whole drive", "end off by [m]",

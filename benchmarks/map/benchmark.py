@@ -90,7 +90,6 @@ class MemoryEntry:
     count: StorageCount
 
     def as_dict(self) -> dict[str, Any]:
-        """The entry in JSON's types."""
         return {"mode": self.mode, "scans": self.scans, **self.count.as_dict()}
 
 
@@ -114,11 +113,9 @@ class MapResult(Result):
     line_pairs: list[PairEntry] = field(default_factory=list)
 
     def facts(self) -> dict[str, Any]:
-        """Where, and what is usual."""
         return {"world": "city", "usual": {"beams": USUAL_BEAMS, "sigma_m": SIGMA}}
 
     def tables(self) -> Iterable[str]:
-        """Settings, sizes, numbers to store, and line pairs."""
         head: tuple[str, ...]
         if self.settings:
             head = (
@@ -148,7 +145,6 @@ class MapResult(Result):
             yield table(head, [pair_row(entry) for entry in self.line_pairs])
 
     def panels(self) -> tuple[Rows, tuple[str, str]]:
-        """Error and time over all settings, updates by size, numbers to store, and line pairs."""
         scores, times = [], []
         for varied, words in VARIED.items():
             first = varied == next(iter(VARIED))
@@ -156,7 +152,7 @@ class MapResult(Result):
             lines = {mode: [entry for entry in of if entry.setting.mode == mode] for mode in MODES}
             curves = [
                 Curve(
-                    f"{score} F1, {mode} mode",
+                    f"{score} F1, {mode} mode" if first else "",
                     _values(lines[mode]),
                     [entry.score(f"{score}_f1") for entry in lines[mode]],
                     colour,
@@ -167,7 +163,7 @@ class MapResult(Result):
             ]
             spent = [
                 Curve(
-                    f"{mode} mode",
+                    f"{mode} mode" if first else "",
                     _values(lines[mode]),
                     [entry.update.median for entry in lines[mode]],
                     colour,

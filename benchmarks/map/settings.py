@@ -98,7 +98,6 @@ class MapEntry:
         return float(np.mean(values)) if values else np.nan
 
     def as_dict(self) -> dict[str, Any]:
-        """The entry in JSON's types."""
         return {
             "mode": self.setting.mode,
             "varied": self.setting.varied,

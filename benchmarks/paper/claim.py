@@ -75,7 +75,6 @@ class Claim:
         return f"holds in {' and '.join(right)}" if right else "does not hold"
 
     def as_dict(self) -> dict[str, Any]:
-        """The claim in JSON's types, without its pictures."""
         return {
             "name": self.name,
             "title": self.title,

@@ -49,7 +49,6 @@ class PaperReport:
     took: float
 
     def as_dict(self) -> dict[str, Any]:
-        """The report in JSON's types, without pictures."""
         return {
             "paper": PAPER,
             "claims": [claim.as_dict() for claim in self.claims],

@@ -95,7 +95,6 @@ class RenderResult(Result):
         return found
 
     def tables(self) -> Iterable[str]:
-        """Ways to draw, and what each layer costs."""
         head = ("drawn by", "world", "buildings", "samples", "frame", "quartiles", "error")
         yield table(head, [
             (
@@ -118,7 +117,6 @@ class RenderResult(Result):
         yield table(("layer of the city", "time"), layers)
 
     def panels(self) -> tuple[Rows, tuple[str, str]]:
-        """Time against error, time by buildings, and what the layers cost."""
         floors = {
             f"floor, {entry.samples} samples" if entry.samples else "floor": entry.frame.median
             for entry in self.entries
@@ -129,13 +127,13 @@ class RenderResult(Result):
             "lrf3d", [float(size) for size, _ in grown], [time for _, time in grown], OWN,
             labels=[duration(time) for _, time in grown],
         )  # fmt: skip
+        layers = [layer.replace(", ", ",\n") for layer in self.layers_s]
         costs = [1e3 * took for took in self.layers_s.values()]
         row: list[TradeOff | Curves | Bars] = [
             TradeOff("time and error, city", "time of a frame", "root mean square error [of 255]",
                      self.methods(), floors=floors),
             Curves("time by buildings", "buildings", "time of a frame", [sizes], times=True),
-            Bars("layers, city", "time of a frame [ms]", list(self.layers_s),
-                 {"layers": (OWN, costs)}, lying=True),
+            Bars("layers, city", "time of a frame [ms]", layers, {"": (OWN, costs)}, lying=True),
         ]  # fmt: skip
         return [row], (
             "Pictures: time against error",

@@ -72,17 +72,14 @@ class Determinants(Baseline):
     most_walls = 10_000
 
     def __init__(self, world: World, lrf: LaserRangeFinder) -> None:
-        """Keep the walls: there is no index."""
         self._segments = world.segments
 
     def scans(self, lrf: LaserRangeFinder, poses: Float) -> Call:
-        """Cast pose after pose."""
         return lambda: [
             cast_determinants(self._segments, pose[:2], lrf.directions(pose)) for pose in poses
         ]
 
     def answers(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int | None]:
-        """Ranges and walls."""
         found: Any = self.scans(lrf, poses)()
         distances, walls = (np.array(part) for part in zip(*found, strict=True))
         return _limited(distances, walls, lrf)
@@ -94,16 +91,14 @@ class _Own(Baseline):
     _caster: PlanarCaster | EmbreeCaster
 
     def scans(self, lrf: LaserRangeFinder, poses: Float) -> Call:
-        """Cast on all cores."""
         return lambda: self._caster.cast_batch(lrf, poses)
 
     def single(self, lrf: LaserRangeFinder, pose: Float) -> Call:
-        """Cast a scan, from the pose to the ``LaserScan``."""
+        # From the pose to the LaserScan.
         plain = tuple(pose.tolist())
         return lambda: self._caster.cast(lrf, plain)
 
     def answers(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int | None]:
-        """Ranges and walls."""
         return self._caster.scan_batch(lrf, poses)
 
 
@@ -113,13 +108,11 @@ class Planar(_Own):
     key, title = "planar", "PlanarCaster"
 
     def __init__(self, world: World, lrf: LaserRangeFinder) -> None:
-        """Build the tree."""
         self._caster = caster = PlanarCaster(world)
         self._tree = caster.tree(lrf.height)
 
     @property
     def index_bytes(self) -> int:
-        """The tree with the walls in it."""
         return self._tree.nbytes
 
 
@@ -129,8 +122,8 @@ class Embree(_Own):
     key, title = "embree", "EmbreeCaster"
 
     def __init__(self, world: World, lrf: LaserRangeFinder) -> None:
-        """Build Embree's scene and what the proof needs, by a first cast."""
         self._caster = EmbreeCaster(world)
+        # Embree's scene, and what the proof needs, are built by the first cast.
         self._caster.cast(lrf, (0.0, 0.0, 0.0))
 
 
@@ -140,22 +133,20 @@ class RawEmbree(Baseline):
     key, title = "raw", "Embree float32"
 
     def __init__(self, world: World, lrf: LaserRangeFinder) -> None:
-        """Build Embree's scene; trimesh's own would be scaled, and its distances with it."""
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
+        # The scene of trimesh would be scaled, and its distances with it.
         vertices, faces = _triangles(world)
         self._centre = world.origin
         self._scene = EmbreeScene()
         self._kept = TriangleMesh(self._scene, vertices, faces)
 
     def scans(self, lrf: LaserRangeFinder, poses: Float) -> Call:
-        """Find the triangles, on one core."""
         origins, directions = _rays32(lrf, poses, self._centre)
         return lambda: self._scene.run(origins, directions)
 
     def answers(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int | None]:
-        """Ranges and walls."""
         found = self._scene.run(*_rays32(lrf, poses, self._centre), output=1)
         hit = found["primID"] >= 0
         distances = np.where(hit, found["tfar"].astype(np.float64), np.inf)
@@ -170,18 +161,15 @@ class Location(Baseline):
     key, title = "location", "trimesh location"
 
     def __init__(self, world: World, lrf: LaserRangeFinder) -> None:
-        """Build the mesh and, by a first cast, trimesh's scene."""
         self._caster, self._centre = RawEmbreeCaster(world), world.origin
         self._caster.cast(lrf, (0.0, 0.0, 0.0))
 
     def scans(self, lrf: LaserRangeFinder, poses: Float) -> Call:
-        """Find the places that the rays hit."""
         origins, directions = rays(lrf, poses, self._centre)
         find = self._caster.mesh.ray.intersects_location
         return lambda: find(origins, directions, multiple_hits=False)
 
     def answers(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int | None]:
-        """Ranges and walls."""
         return self._caster.scan_batch(lrf, poses)
 
 
@@ -191,7 +179,6 @@ class Open3D(Baseline):
     key, title = "open3d", "Open3D"
 
     def __init__(self, world: World, lrf: LaserRangeFinder) -> None:
-        """Build the scene."""
         self._library = _library("open3d")
         vertices, faces = _triangles(world)
         self._centre = world.origin
@@ -199,12 +186,10 @@ class Open3D(Baseline):
         self._scene.add_triangles(vertices, faces.astype(np.uint32))
 
     def scans(self, lrf: LaserRangeFinder, poses: Float) -> Call:
-        """Cast on all cores."""
         tensor = self._tensor(lrf, poses)
         return lambda: self._scene.cast_rays(tensor)
 
     def answers(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int | None]:
-        """Ranges and walls."""
         found = self._scene.cast_rays(self._tensor(lrf, poses))
         shape = len(poses), lrf.beams
         distances = found["t_hit"].numpy().astype(np.float64).reshape(shape)
@@ -222,7 +207,6 @@ class MuJoCo(Baseline):
     most_walls = 10_000
 
     def __init__(self, world: World, lrf: LaserRangeFinder) -> None:
-        """Compile the model."""
         self._library = library = _library("mujoco")
         vertices, faces = _triangles(world)
         spec = library.MjSpec()
@@ -236,7 +220,6 @@ class MuJoCo(Baseline):
         self._centre = world.origin
 
     def scans(self, lrf: LaserRangeFinder, poses: Float) -> Call:
-        """Cast pose after pose."""
         origins, directions = rays(lrf, poses, self._centre)
         starts = origins[:: lrf.beams, :, None]
         beams = directions.reshape(len(poses), -1, 1)
@@ -245,9 +228,9 @@ class MuJoCo(Baseline):
         ]
 
     def answers(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int | None]:
-        """Ranges; of walls it knows only the mesh."""
         distances = np.array(self.scans(lrf, poses)()).reshape(len(poses), lrf.beams)
         distances[distances < 0.0] = np.inf
+        # Of walls it knows only the mesh.
         return within_limits(distances, lrf.range_min, lrf.range_max), None
 
     def _cast(self, lrf: LaserRangeFinder, start: Float, beams: Float) -> Float:

@@ -66,7 +66,6 @@ class ScanResult(Result):
     batch_memory: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def facts(self) -> dict[str, Any]:
-        """The laser, and where the exact answers come from."""
         lrf = LaserRangeFinder()
         return {
             "beams": lrf.beams,
@@ -99,7 +98,6 @@ class ScanResult(Result):
         return found
 
     def tables(self) -> Iterable[str]:
-        """Casters, and what only a fresh process shows."""
         yield self._casters()
         lrf = LaserRangeFinder()
         yield (
@@ -148,7 +146,6 @@ class ScanResult(Result):
         return table(head, rows)
 
     def panels(self) -> tuple[Rows, tuple[str, str]]:
-        """Time against error, of plain scans and at corners, and rates of batches by walls."""
         lrf = LaserRangeFinder()
         methods = self.methods()
         row: list[TradeOff | Curves] = [

@@ -78,7 +78,6 @@ class Entry:
         return None if batch is None else BATCH * LaserRangeFinder().beams / batch.median
 
     def as_dict(self) -> dict[str, Any]:
-        """The entry in JSON's types."""
         batches = {"batch": self.batch, "batch_one_core": self.alone}
         return {
             "caster": self.baseline.key,

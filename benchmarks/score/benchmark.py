@@ -68,7 +68,6 @@ class LogEntry:
     mapped: MappedLog
 
     def as_dict(self) -> dict[str, object]:
-        """The entry in JSON's types."""
         return self.mapped.summary()
 
 
@@ -90,7 +89,6 @@ class ScoreResult(Result):
     lines: list[VertexEntry] = field(default_factory=list)
 
     def tables(self) -> Iterable[str]:
-        """The scores with what each column means."""
         if self.maps:
             head = ("mode", "beams", "seeds", *COLUMNS, "walls", "segments", "update")
             groups = dict.fromkeys((entry.mode, entry.beams) for entry in self.maps)

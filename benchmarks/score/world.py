@@ -48,7 +48,6 @@ class WorldEntry:
     update_s: float
 
     def as_dict(self) -> dict[str, Any]:
-        """The entry in JSON's types."""
         own = {"mode": self.mode, "beams": self.beams, "seed": self.seed}
         return {**own, **self.score.as_dict(), "update_s": self.update_s}
 

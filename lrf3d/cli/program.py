@@ -35,7 +35,7 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
         program: The commands, a Typer; those of lrf3d where not given.
         name: What the program is called.
     """
-    stops = Stops()
+    stops = Stops(name)
     error: BaseException | None = None
     try:
         _run(stops, program, name)
@@ -46,10 +46,10 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
         error = caught
     stops.end()
     if stops.number:
-        sys.exit(_stopped(stops.number, error))
+        sys.exit(_stopped(name, stops.number, error))
     if isinstance(error, SystemExit):
         sys.exit(error.code)
-    sys.exit(0 if error is None else _failed(error))
+    sys.exit(0 if error is None else _failed(name, error))
 
 
 def _run(stops: "Stops", program: "Any", name: str) -> None:
@@ -98,7 +98,8 @@ class Stops:
     for the interrupt, and where none is on its way out of the program, it is raised again.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, name: str) -> None:
+        self._name = name
         self.number = 0
         """The signal that asked first; 0 while none did."""
         self.over = False
@@ -124,7 +125,7 @@ class Stops:
             return
         if self.number:
             if monotonic() > self._asked + PATIENCE:
-                os._exit(_stopped(self.number, None))
+                os._exit(_stopped(self._name, self.number, None))
         else:
             self.number, self._asked = number, monotonic()
             _be_quiet()
@@ -162,18 +163,18 @@ def _be_quiet() -> None:
         sys.modules["logging"].disable()
 
 
-def _stopped(number: int, error: BaseException | None) -> int:
+def _stopped(name: str, number: int, error: BaseException | None) -> int:
     """Say that the program was stopped and what is kept; gives its status, as shells have it."""
     from lrf3d.errors import OutputError
 
     said = ["stopped", *notes(error)]
     if isinstance(error, OutputError):
         said.insert(1, str(error))
-    _say("; ".join(said))
+    _say(name, "; ".join(said))
     return 128 + number
 
 
-def _failed(error: BaseException) -> int:
+def _failed(name: str, error: BaseException) -> int:
     """Say what went wrong, in one line where it is no mistake of the program; gives the status."""
     from lrf3d.errors import Lrf3dError
 
@@ -182,12 +183,12 @@ def _failed(error: BaseException) -> int:
         _give_up(sys.stdout, sys.stderr)
         return 0
     if isinstance(error, Lrf3dError):
-        _say(str(error))
+        _say(name, str(error))
     elif isinstance(error, OSError):
-        _say(_system_error(error, "standard output" if _give_up(sys.stdout) else ""))
+        _say(name, _system_error(error, "standard output" if _give_up(sys.stdout) else ""))
     elif isinstance(error, MemoryError):
         why = f" ({error})" if str(error) else ""
-        _say(f"out of memory{why}; ask for less at once, or use a machine with more memory")
+        _say(name, f"out of memory{why}; ask for less at once, or use a machine with more memory")
     else:
         raise error
     return 1
@@ -217,9 +218,9 @@ def _give_up(*streams: "Any") -> bool:
     return found
 
 
-def _say(message: str) -> None:
+def _say(name: str, message: str) -> None:
     """Print a line on stderr, if anybody can still read it."""
     try:
-        print(f"lrf3d: {' '.join(message.splitlines())}", file=sys.stderr, flush=True)
+        print(f"{name}: {' '.join(message.splitlines())}", file=sys.stderr, flush=True)
     except OSError:
         _give_up(sys.stderr)

@@ -10,7 +10,6 @@ import tempfile
 from pathlib import Path
 
 import pytest
-
 from mutated_inputs import Inputs, end
 
 COUNT = int(os.environ.get("LRF3D_MUTATED", "100"))
