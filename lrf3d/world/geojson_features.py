@@ -1,6 +1,5 @@
 """The features of a GeoJSON file, checked: outlines as arrays, and the properties that count."""
 
-import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -10,7 +9,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from lrf3d.errors import WorldError, shown
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, is_finite
 from lrf3d.world.colours import parse_colour
 from lrf3d.world.model import MOST_OBJECTS
 from lrf3d.world.schema import FARTHEST
@@ -186,7 +185,7 @@ class _Reader:
     def height(self, properties: dict[str, Any]) -> float | tuple[float, ...] | None:
         """The height [m] by the properties height or building:levels; 0 says nothing."""
         given = properties.get("height")
-        if isinstance(given, list):
+        if isinstance(given, list) and given:
             return tuple(self.number(value, "height") for value in given)
         if given is not None and (height := self.number(given, "height")):
             return height
@@ -199,7 +198,7 @@ class _Reader:
         metres = metres_of(value) if isinstance(value, str) else value
         if type(metres) in (int, float):
             assert isinstance(metres, int | float)
-            if math.isfinite(metres) and 0.0 <= metres <= FARTHEST:
+            if is_finite(metres) and 0.0 <= metres <= FARTHEST:
                 return float(metres)
         self.refuse(f'{key} is {shown(value)}, expected metres such as 12.5 or "12.5 m"')
 

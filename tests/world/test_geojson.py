@@ -222,7 +222,7 @@ def test_a_broken_file_gets_one_line(text: str, message: str, tmp_path: Path) ->
     assert "t.geojson" in str(caught.value)
 
 
-@pytest.mark.parametrize("height", ["tall", -3, [1, "x"], True])
+@pytest.mark.parametrize("height", ["tall", -3, [1, "x"], True, [], 10**400])
 def test_a_height_that_is_none_is_refused_with_its_feature(height: object, tmp_path: Path) -> None:
     good = polygon(rectangle(0, 0, 5, 5))
     with pytest.raises(WorldError, match=r"feature 1: height is .*expected metres"):
