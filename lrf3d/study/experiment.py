@@ -16,7 +16,8 @@ from lrf3d.robot import Trajectory, check_drive, follow_route
 from lrf3d.robot.following import CONTROL_STEP
 from lrf3d.robot.laps import chain_laps, drive_laps
 from lrf3d.robot.patrol import patrol
-from lrf3d.robot.planner import plan_route
+from lrf3d.robot.free_space import Side
+from lrf3d.robot.planner import find_route
 from lrf3d.scenario import Scenario, start_of
 from lrf3d.simulation import Run, collect
 from lrf3d.steps import Mapper, Simulation
@@ -156,8 +157,12 @@ def _start(scenario: Scenario) -> Any:
     return scenario.poses[0] if scenario.poses is not None else (0.0, 0.0, 0.0)
 
 
-def with_route(scenario: Scenario) -> Scenario:
+def with_route(scenario: Scenario, *, where: Side | None = None) -> Scenario:
     """The scenario, with a route that sees most of its walls where its file names none.
+
+    Args:
+        scenario: The scenario; a start that it names is where the route begins.
+        where: The side of the walls to stay on; by the world and the start where not given.
 
     Raises:
         InputError: There is no free space to drive in.
@@ -165,13 +170,18 @@ def with_route(scenario: Scenario) -> Scenario:
     if scenario.poses is not None or scenario.route is not None:
         return scenario
     lookahead = min(scenario.lookahead, PLANNED_LOOKAHEAD)
-    route = plan_route(
+    found = find_route(
         scenario.world,
         radius=scenario.radius,
         range_max=scenario.lrf.range_max,
         lookahead=lookahead,
+        where=where,
+        start=scenario.start,
     )
-    return replace(scenario, route=route, start=start_of(route), lookahead=lookahead)
+    start = start_of(found.waypoints) if scenario.start is None else scenario.start
+    return replace(
+        scenario, route=found.waypoints, start=start, lookahead=lookahead, planned=found.side
+    )
 
 
 def trajectory_of(

@@ -1,7 +1,7 @@
 """World: the walls of a scene as line segments, grouped into objects."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int, lengths, normal_lines
 from lrf3d.world.cameras import FixedCamera
+from lrf3d.world.free_cells import FreeCells
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] where none is given: a room's storey."""
@@ -31,6 +32,8 @@ class World:
         cameras: Cameras that stand still in the world, each with a name of its own.
         colours: (objects, 3) red, green, blue in 0…1 for each object; NaN where none is given.
         place: Longitude and latitude [°] of the point (0, 0), where the source was in degrees.
+        free: What is known to be free, where the source is a map that says so: routes are planned
+            through it. Beams pay no heed to it, and only ROS maps keep it.
 
     Raises:
         WorldError: A segment is not finite or has no length, or the shapes do not fit.
@@ -44,6 +47,7 @@ class World:
     colours: Float = field(default=None, kw_only=True)  # type: ignore[arg-type]
     cameras: tuple[FixedCamera, ...] = field(default=(), kw_only=True)
     place: tuple[float, float] | None = field(default=None, kw_only=True)
+    free: FreeCells | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         segments = _rows(self.segments, 4, "segments")
@@ -97,11 +101,26 @@ class World:
         """How many objects there are."""
         return int(self.objects.max(initial=-1)) + 1
 
+    def scaled(self, factor: float) -> "World":
+        """The world with its plan enlarged by a factor about (0, 0); heights stay.
+
+        Raises:
+            WorldError: A wall has no length any more, or is no longer finite.
+        """
+        return replace(
+            self,
+            segments=self.segments * factor,
+            cameras=tuple(camera.scaled(factor) for camera in self.cameras),
+            place=None,
+            free=None if self.free is None else self.free.scaled(factor),
+        )
+
     def save(self, path: str | Path) -> None:
         """Write the world to a file in the format that its ending names.
 
-        TOML and GeoJSON keep the world to the last bit; GLB keeps it in float32 about
-        ``origin``, and a ROS map (``.yaml`` and, beside it, ``.pgm``) to half a cell.
+        TOML and GeoJSON keep the walls to the last bit; GLB keeps them in float32 about
+        ``origin``, and a ROS map (``.yaml`` and, beside it, ``.pgm``) to half a cell, with what
+        is known to be free.
 
         Raises:
             OutputError: The file cannot be written, or its ending names no known format.

@@ -4,7 +4,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
-from lrf3d.robot.free_space import inside_buildings
+from lrf3d.robot.sides import inside_buildings
 from lrf3d.world import World
 
 CLEARANCE = 1.0
