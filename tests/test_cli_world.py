@@ -46,7 +46,7 @@ def test_scale_and_resolution_are_what_is_written(tmp_path):
     [
         (["convert", "city", "city.xyz"], "unknown ending"),
         (["convert", "city", "city.toml", "--resolution", 1], "for a ROS map"),
-        (["convert", "city", "city.toml", "--scale", 0], "--scale"),
+        (["convert", "city", "city.toml", "--scale", 0], "scale 0: expected"),
         (["generate", "maze", "--size", 2, "--out", "m.toml"], "size 2 m"),
         (["generate", "maze", "--out", "/proc/none/m.toml"], "cannot be written"),
     ],

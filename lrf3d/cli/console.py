@@ -43,6 +43,11 @@ def progress_bar(title: str) -> Iterator[Progress]:
         yield report
 
 
+def say(message: str) -> None:
+    """Say on stderr what was chosen for the user."""
+    print(f"lrf3d: {message}", file=sys.stderr)
+
+
 def warn(message: str) -> None:
     """Say on stderr what the user should know though the work goes on."""
     print(f"lrf3d: warning: {message}", file=sys.stderr)

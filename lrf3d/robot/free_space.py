@@ -91,7 +91,7 @@ class FreeSpace:
     def bars(self, points: Float) -> Bool:
         """Which of the points (k, 2) of the local frame lie in a barred cell."""
         column, row = np.floor((points - self.low) / self.size).astype(np.int64).T
-        return self.barred[column, row]
+        return np.asarray(self.barred[column, row])
 
 
 def find_free_space(
@@ -138,17 +138,18 @@ def find_free_space(
     # The samples stop short of the ends of the walls, which stand out the most.
     tree = cKDTree(np.vstack([points, segments.reshape(-1, 2)]))
     shape = np.ceil((high - low) / size).astype(int)
-    x, y = (low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1))
-    middles = np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
-    lattice = np.asarray(tree.query(middles.reshape(-1, 2))[0]).reshape(shape)
-    graph, index = _graph(middles, lattice, tree, (least, comfortable, clearance))
-    cells, gaps = middles.reshape(-1, 2)[index], lattice.reshape(-1)[index]
+    axes = [low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1)]
+    middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=2)
+    distances = np.asarray(tree.query(middles.reshape(-1, 2))[0]).reshape(shape)
+    graph, index = _graph(middles, distances, tree, (least, comfortable, clearance))
+    cells, gaps = middles.reshape(-1, 2)[index], distances.reshape(-1)[index]
     if not len(cells):
         raise InputError(
             f"{name}: no place that is {least:g} m away from all walls; give a route or a smaller"
             " radius"
         )
-    sides = find_sides(world, (segments, world.objects[which]), cells, (lattice, index, size), graph)
+    lattice = (middles, distances, index, size)
+    sides = find_sides(world, (segments, world.objects[which]), cells, lattice, graph)
     known = np.ones(len(cells), dtype=np.bool_)
     if world.free is not None:
         known = world.free.contain(cells + world.origin)
@@ -157,7 +158,7 @@ def find_free_space(
     if start is not None:
         begin = _cell_of(start, cells, known, tree, least, size)
         if begin is None:
-            x, y = start + world.origin
+            x, y = (start + world.origin).tolist()
             raise InputError(
                 f"{name}: no room around the start ({x:g}, {y:g}) for a robot that stays"
                 f" {least:g} m away from walls"
@@ -170,10 +171,9 @@ def find_free_space(
             " smaller radius"
         )
     if begin is not None and not allowed[begin]:
-        x, y = start + world.origin
-        raise InputError(f"{name}: the start ({x:g}, {y:g}) does not lie {where} of the walls")
+        raise InputError(f"{name}: the start does not lie {where} of the walls")
     chosen, worth = _best_part(np.flatnonzero(allowed), graph, sides, where, begin, worths)
-    barred = np.zeros(lattice.size, dtype=np.bool_)
+    barred = np.zeros(distances.size, dtype=np.bool_)
     barred[index] = ~allowed
     if world.free is not None:
         barred |= ~world.free.contain(middles.reshape(-1, 2) + world.origin)
@@ -258,19 +258,19 @@ class _Worths:
 def _allowed(
     sides: Sides, known: Bool, where: Side | None, begin: int | None, worths: _Worths
 ) -> Bool:
-    """Which cells (n,) may be driven through, those that are not known to be free among them."""
+    """Which cells (n,) may be driven through, as far as they are known to be free."""
     if where is not None:
         return sides.outside if where == "outside" else ~sides.outside
+    everywhere = np.ones(len(known), dtype=np.bool_)
     if sides.is_town:
-        return np.ones(len(known), dtype=np.bool_)
-    if begin is not None:
-        return sides.outside == sides.outside[begin]
+        return everywhere
+    before = known & sides.outside
     rooms = known & ~sides.outside & ~sides.in_building
-    if worths.of(rooms) >= SUBSTANTIAL * worths.of(known & sides.outside) > 0.0 or not (
-        known & sides.outside
-    ).any():
-        return ~sides.outside
-    return np.ones(len(known), dtype=np.bool_)
+    if before.any() and worths.of(rooms) < SUBSTANTIAL * worths.of(before):
+        # A few walls in the open, which enclose nothing to speak of.
+        return everywhere
+    inside = begin is None or not sides.outside[begin]
+    return ~sides.outside if inside else sides.outside
 
 
 def _cell_of(

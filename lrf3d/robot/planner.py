@@ -158,7 +158,7 @@ def _checked_start(world: World, start: Sequence[float] | Float, radius: float) 
 def _spaces(
     world: World, radius: float, clearance: float, where: Side | None, start: Float | None
 ) -> Iterator[FreeSpace]:
-    """Free spaces to find a route in, the most wanted first, all on one side of the walls.
+    """Free spaces to find a route in, the most wanted first.
 
     Raises:
         InputError: There is none.

@@ -23,11 +23,15 @@ DIRECTIONS = [
 """Directions that are looked in from each cell, in cells; a step is at most 2.3 cells long."""
 
 SURROUNDED = 12
-"""In how many of them there is a wall where a place is surrounded: three quarters. Before a straight
-façade it is 8 or 9, and one metre behind a garage door of 2 m it is 12."""
+"""In how many of them there is a wall where a place is surrounded: three quarters. Before a
+straight façade it is 8 or 9, and one metre behind a garage door of 2 m it is 12."""
 
 BLOCKING = 1.2
 """A cell nearer than this to a wall [cells] blocks the view: no step leaps over so thick a wall."""
+
+SPECK = 1.0
+"""Length [m] of all walls of an object below which it surrounds nothing: a post or a bush, and in
+measured maps the specks that lie about outside of a building."""
 
 OPEN_LAND = 5.0
 """Distance to walls [m] at the border of the lattice from where on land is open."""
@@ -58,7 +62,7 @@ def find_sides(
     world: World,
     walls: tuple[Float, Int],
     cells: Float,
-    lattice: tuple[Float, Int, float],
+    lattice: tuple[Float, Float, Int, float],
     graph: Any,
 ) -> Sides:
     """Find on which side of the walls free cells lie.
@@ -67,13 +71,14 @@ def find_sides(
         world: The world.
         walls: The walls (m, 4) of it that count [m], and the object (m,) of each.
         cells: (n, 2) the middles of the free cells [m], in the local frame of the world.
-        lattice: Distance (columns, rows) [m] of all cells of the lattice to the nearest wall,
-            which (n,) of them the free cells are, and the side of a cell [m].
+        lattice: The middles (columns, rows, 2) [m] of all cells of the lattice, their distance
+            (columns, rows) [m] to the nearest wall, which (n,) of them the free cells are, and
+            the side of a cell [m].
         graph: (n, n) the steps between free cells.
     """
     from scipy.sparse.csgraph import connected_components
 
-    gaps, index, size = lattice
+    middles, gaps, index, size = lattice
     border = np.ones(gaps.shape, dtype=np.bool_)
     border[1:-1, 1:-1] = False
     seeds = (border & (gaps >= OPEN_LAND)).reshape(-1)[index]
@@ -88,13 +93,27 @@ def find_sides(
     in_building = (building >= 0)[label]
     if is_town:
         return Sides(np.isin(label, label[seeds]), in_building, is_town)
-    around = _walls_around(gaps < BLOCKING * size).reshape(-1)[index]
+    near = gaps < BLOCKING * size
+    near[near] = _beside_walls(middles[near], segments, objects, BLOCKING * size)
+    around = _walls_around(near).reshape(-1)[index]
     # From open land on the ground is outside as far as it is not surrounded by walls.
     open_ = np.flatnonzero((around < SURROUNDED) | seeds)
     _, label = connected_components(graph[open_][:, open_], directed=False)
     outside = np.zeros(len(cells), dtype=np.bool_)
     outside[open_] = np.isin(label, label[seeds[open_]])
     return Sides(outside, in_building, is_town)
+
+
+def _beside_walls(places: Float, segments: Float, objects: Int, distance: float) -> Bool:
+    """Which of the places (k, 2) are nearer than a distance [m] to a wall that is no speck."""
+    import shapely
+
+    walls = segments[np.bincount(objects, lengths(segments))[objects] >= SPECK]
+    beside = np.zeros(len(places), dtype=np.bool_)
+    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
+    found = tree.query(shapely.points(places), predicate="dwithin", distance=distance)
+    beside[found[0]] = True
+    return beside
 
 
 def _walls_around(blocking: Bool) -> Int:

@@ -40,8 +40,7 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
     """
     from scipy.ndimage import uniform_filter
 
-    low, high = _detailed(segments)
-    near = segments if low is None else walls_within(segments, low, high)[0]
+    near = _detailed(segments)
     points, weights = sample_walls(near, spacing_for(near))
     low, high = points.min(axis=0) - SURROUNDINGS, points.max(axis=0) + SURROUNDINGS
     if around is not None:
@@ -59,12 +58,12 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
     return np.maximum(low, around - WIDEST / 2), np.minimum(high, around + WIDEST / 2)
 
 
-def _detailed(segments: Float) -> tuple[Float | None, Float | None]:
-    """Corners of the box with the most ends of walls, where walls are very far apart; else None."""
+def _detailed(segments: Float) -> Float:
+    """The walls, and where they are very far apart those in the box with the most ends of them."""
     ends = segments.reshape(-1, 2)
     low, high = ends.min(axis=0), ends.max(axis=0)
     if (high - low).max() <= FARTHEST_APART:
-        return None, None
+        return segments
     while (high - low).max() > FARTHEST_APART:
         inside = ends[((ends >= low) & (ends <= high)).all(axis=1)]
         edges = [np.linspace(low[axis], high[axis], BINS + 1) for axis in (0, 1)]
@@ -78,7 +77,8 @@ def _detailed(segments: Float) -> tuple[Float | None, Float | None]:
         column, row = np.unravel_index(int(np.argmax(fours)), fours.shape)
         low = np.array([edges[0][column], edges[1][row]])
         high = np.array([edges[0][column + 2], edges[1][row + 2]])
-    return low, high
+    # An end on the border of the box has some of its wall inside.
+    return walls_within(segments, low - 1.0, high + 1.0)[0]
 
 
 def walls_within(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:

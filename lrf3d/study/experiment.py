@@ -14,9 +14,9 @@ from lrf3d.mapping import LineMapper
 from lrf3d.mapping.line_mapper import FLOOR
 from lrf3d.robot import Trajectory, check_drive, follow_route
 from lrf3d.robot.following import CONTROL_STEP
+from lrf3d.robot.free_space import Side
 from lrf3d.robot.laps import chain_laps, drive_laps
 from lrf3d.robot.patrol import patrol
-from lrf3d.robot.free_space import Side
 from lrf3d.robot.planner import find_route
 from lrf3d.scenario import Scenario, start_of
 from lrf3d.simulation import Run, collect
@@ -33,6 +33,9 @@ POSE_INTERVAL = 4.0
 
 CONTROLLED_SCANS = 1000
 """Scans after which a controller's drive ends where nothing is said."""
+
+MOST_SCANS = 100_000_000
+"""Scans of a drive: their poses alone take 3 GB, and at 4 Hz they take nine months."""
 
 PLANNED_LOOKAHEAD = 0.4
 """How far ahead the robot steers at [m] on a route that was planned: it gets through the doors of
@@ -201,8 +204,10 @@ def trajectory_of(
 
     Raises:
         CollisionError: The drive would run into a wall.
-        InputError: The scenario has neither poses nor a route.
+        InputError: The scenario has neither poses nor a route, or the drive is too long.
     """
+    if scans is not None and scans > MOST_SCANS:
+        raise InputError(f"{scans:,} scans: more than {MOST_SCANS:,}; ask for fewer")
     if scenario.poses is not None:
         stops = np.arange(len(scenario.poses) if scans is None else scans)
         return Trajectory(POSE_INTERVAL * stops, scenario.poses[stops % len(scenario.poses)])
@@ -210,7 +215,7 @@ def trajectory_of(
         raise InputError(f"{scenario.name}: neither poses nor a route to drive")
     # The robot is steered, and must keep clear of walls, between its scans as well.
     commands = max(1, round(scenario.scan_interval / CONTROL_STEP))
-    how = {
+    how: dict[str, Any] = {
         "speed": scenario.speed,
         "lookahead": scenario.lookahead,
         "dt": scenario.scan_interval / commands,
@@ -218,7 +223,8 @@ def trajectory_of(
     if scans is None:
         laps: tuple[Trajectory, ...] = (follow_route(scenario.route, start=scenario.start, **how),)
     else:
-        laps = drive_laps(scenario.route, start=scenario.start, **how)
+        most = (scans - 1) * commands + 1
+        laps = drive_laps(scenario.route, start=scenario.start, most=most, **how)
     try:
         for lap in laps:
             check_drive(lap, scenario.world, scenario.radius)
@@ -227,4 +233,4 @@ def trajectory_of(
             raise
         ignore_collisions(str(error))
     laps = tuple(lap.every(commands) for lap in laps)
-    return laps[0] if scans is None else chain_laps(laps[0], laps[1], scans)
+    return laps[0] if scans is None else chain_laps(laps, scans)

@@ -105,8 +105,12 @@ class World:
         """The world with its plan enlarged by a factor about (0, 0); heights stay.
 
         Raises:
-            WorldError: A wall has no length any more, or is no longer finite.
+            WorldError: The factor is not from 0.000001 to 1000000, or a wall has no length left.
         """
+        if not 1e-6 <= factor <= 1e6:
+            raise WorldError(f"scale {factor:g}: expected 0.000001 to 1000000")
+        if factor == 1.0:
+            return self
         return replace(
             self,
             segments=self.segments * factor,

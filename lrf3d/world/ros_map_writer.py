@@ -48,10 +48,10 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     cells = np.full((rows, columns), FREE, dtype=np.uint8)
     if world.free is not None:
         x = resolution * (first[0] + 0.5 + np.arange(columns))
-        for row in range(rows):
-            y = resolution * (first[1] + 0.5 + row)
+        for line in range(rows):
+            y = resolution * (first[1] + 0.5 + line)
             known = world.free.contain(np.column_stack([x, np.full(columns, y)]))
-            cells[row, ~known] = UNKNOWN
+            cells[line, ~known] = UNKNOWN
     row, column = _cells(world.segments / resolution - np.tile(first, 2))
     cells[row, column] = OCCUPIED
     picture = path.with_suffix(".pgm")

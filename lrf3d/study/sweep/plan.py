@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 from lrf3d.errors import InputError
 from lrf3d.robot import Trajectory
+from lrf3d.robot.free_space import Side
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.study.experiment import Experiment, trajectory_of, with_route
 from lrf3d.study.sweep.content import digest, seed_of
 from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, Value, setting
 from lrf3d.study.sweep.task import Order, Place
 from lrf3d.world import World
+from lrf3d.world.sizes import size_warning
 
 COLUMNS = {MODE: "mode", SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep tells; others keep their names."""
@@ -87,12 +89,20 @@ def column_of(name: str) -> str:
     return COLUMNS.get(name, name)
 
 
-def make_plan(grid: Grid, *, collision: Callable[[str], None] | None = None) -> Plan:
+def make_plan(
+    grid: Grid,
+    *,
+    collision: Callable[[str], None] | None = None,
+    where: Side | None = None,
+    say: Callable[[str], None] = lambda message: None,
+) -> Plan:
     """Plan all runs of a grid: worlds are read, routes found and drives driven once each.
 
     Args:
         grid: What is varied.
         collision: Called with what is wrong with a drive into a wall, which then goes on.
+        where: The side of the walls on which routes are planned; by the world where not given.
+        say: Called with what is odd about the size of a world, and with where its route is planned.
 
     Raises:
         InputError: A world, a setting or a drive is none.
@@ -106,7 +116,10 @@ def make_plan(grid: Grid, *, collision: Callable[[str], None] | None = None) -> 
         known = next((cell for cell in cells if cell.world == file.path.stem), None)
         if known is not None:
             raise InputError(f"{name}: another world of the sweep is called {known.world}, too")
-        drives = _Drives(file.world, grid.every, collision)
+        warning = size_warning(file.world)
+        if warning is not None:
+            say(f"{name}: {warning}")
+        drives = _Drives(file.world, grid.every, collision, where)
         for values in grid.combinations:
             scenario = scenario_of(file, [setting(*each) for each in values.items()])
             seen, place = drives.place(scenario)
@@ -121,6 +134,8 @@ def make_plan(grid: Grid, *, collision: Callable[[str], None] | None = None) -> 
             places.setdefault(seen, place)
             cells.append(Cell(scenario.name, seen, {**usual, **varied}))
             runs += [_run(scenario, seen, len(cells) - 1, seed) for seed in range(grid.seeds)]
+        for side in sorted(drives.planned):
+            say(f"{name}: the route is planned {side} of the walls")
     return Plan(grid, places, tuple(cells), tuple(runs))
 
 
@@ -134,9 +149,16 @@ def _run(scenario: Scenario, seen: str, cell: int, seed: int) -> PlannedRun:
 class _Drives:
     """The drives through one world, each driven once."""
 
-    def __init__(self, world: World, every: int, collision: Callable[[str], None] | None) -> None:
+    def __init__(
+        self,
+        world: World,
+        every: int,
+        collision: Callable[[str], None] | None,
+        where: Side | None,
+    ) -> None:
         self._walls = digest((world.segments, world.objects, world.heights))
-        self._every, self._collision = every, collision
+        self._every, self._collision, self._where = every, collision, where
+        self.planned: set[str] = set()
         self._driven: dict[str, Trajectory] = {}
 
     def place(self, scenario: Scenario) -> tuple[str, Place]:
@@ -148,7 +170,10 @@ class _Drives:
         # A route that is found goes where the walls are seen from.
         asked = digest((robot, scenario.lrf.range_max if scenario.route is None else None))
         if asked not in self._driven:
-            drive = trajectory_of(with_route(scenario), ignore_collisions=self._collision)
+            routed = with_route(scenario, where=self._where)
+            if routed.planned is not None:
+                self.planned.add(routed.planned)
+            drive = trajectory_of(routed, ignore_collisions=self._collision)
             used = slice(None, None, self._every)
             self._driven[asked] = Trajectory(drive.times[used], drive.poses[used])
         trajectory = self._driven[asked]
