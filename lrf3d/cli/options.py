@@ -136,7 +136,7 @@ def read_drive(
         raise InputError(f"--{where}: {name} names its own route or poses, so none is planned")
     if scenario.planned is not None:
         other = {"inside": "outside", "outside": "inside"}[scenario.planned]
-        say(f"the route is planned {scenario.planned} of the walls; --{other} plans it {other}")
+        say(f"the route is planned {scenario.planned} the walls; --{other} plans it {other}")
     return scenario
 
 

@@ -165,13 +165,13 @@ def find_free_space(
             )
     allowed = known & _allowed(sides, known, where, begin, worths)
     if not allowed.any():
-        place = "free cell" if where is None else f"place {where} of the walls"
+        place = "free cell" if where is None else f"place {where} the walls"
         raise InputError(
             f"{name}: no {place} that is {least:g} m away from all walls; give a route or a"
             " smaller radius"
         )
     if begin is not None and not allowed[begin]:
-        raise InputError(f"{name}: the start does not lie {where} of the walls")
+        raise InputError(f"{name}: the start does not lie {where} the walls")
     chosen, worth = _best_part(np.flatnonzero(allowed), graph, sides, where, begin, worths)
     barred = np.zeros(distances.size, dtype=np.bool_)
     barred[index] = ~allowed

@@ -45,9 +45,9 @@ def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
     Raises:
         InputError: The lap takes no time.
     """
-    first, lap = laps[0], laps[-1]
-    if len(first) >= scans:
-        return Trajectory(first.times[:scans], first.poses[:scans])
+    if len(laps[0]) >= scans:
+        return Trajectory(laps[0].times[:scans], laps[0].poses[:scans])
+    first, lap = _waited_for(laps[0]), _waited_for(laps[-1])
     if len(lap) < 2:
         raise InputError("laps: a lap takes no time; give a route of some length")
     more = scans - len(first)
@@ -60,3 +60,17 @@ def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
         np.concatenate([first.times, times]),
         np.concatenate([first.poses, poses]),
     )
+
+
+def _waited_for(lap: Trajectory) -> Trajectory:
+    """The lap with its last pose a whole interval after the one before.
+
+    The robot arrives between two scans, and waits for the next: they come evenly for ever.
+    """
+    if len(lap) < 3:
+        return lap
+    interval = lap.times[1] - lap.times[0]
+    even = lap.times[-2] + interval
+    if lap.times[-1] > even - 1e-6 * interval:
+        return lap
+    return Trajectory(np.append(lap.times[:-1], even), lap.poses)

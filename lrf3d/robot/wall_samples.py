@@ -41,13 +41,17 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
     from scipy.ndimage import uniform_filter
 
     near = _detailed(segments)
-    points, weights = sample_walls(near, spacing_for(near))
+    spacing = spacing_for(near)
+    points, weights = sample_walls(near, spacing)
     low, high = points.min(axis=0) - SURROUNDINGS, points.max(axis=0) + SURROUNDINGS
     if around is not None:
         low, high = np.minimum(low, around - SURROUNDINGS), np.maximum(high, around + SURROUNDINGS)
     if (high - low).max() <= WIDEST:
         return low, high
     if around is None:
+        # However long a wall is, it is but one, and no town.
+        long = np.maximum(lengths(near) / WIDEST, 1.0)
+        weights /= np.repeat(long, np.ceil(lengths(near) / spacing).astype(int))
         tile = WIDEST / 10.0
         counts = np.minimum(np.ceil((high - low) / tile).astype(int), 4000)
         edges = [np.linspace(low[axis], high[axis], counts[axis] + 1) for axis in (0, 1)]

@@ -18,13 +18,17 @@ def size_warning(world: World) -> str | None:
     if not len(world.segments):
         return None
     width, height = (float(side) for side in np.ptp(world.bounds, axis=0))
-    size = f"the world is {width:.4g} m by {height:.4g} m"
+    size = f"the world is {_shown(width)} by {_shown(height)}"
     if max(width, height) < SMALLEST:
         return f"{size}, a drawing on paper? --scale 100 makes one of 1:100 as large as the house"
     median = float(np.median(lengths(world.segments)))
     if max(width, height) > LARGEST and median > LONGEST:
         return (
-            f"{size}, with walls of {median:.4g} m, a drawing in other units? --scale 0.001 takes"
+            f"{size}, with walls of {_shown(median)}, a drawing in other units? --scale 0.001 takes"
             " them for millimetres"
         )
     return None
+
+
+def _shown(size: float) -> str:
+    return f"{size:,.0f} m" if size >= 100.0 else f"{size:.3g} m"

@@ -135,7 +135,7 @@ def make_plan(
             cells.append(Cell(scenario.name, seen, {**usual, **varied}))
             runs += [_run(scenario, seen, len(cells) - 1, seed) for seed in range(grid.seeds)]
         for side in sorted(drives.planned):
-            say(f"{name}: the route is planned {side} of the walls")
+            say(f"{name}: the route is planned {side} the walls")
     return Plan(grid, places, tuple(cells), tuple(runs))
 
 
