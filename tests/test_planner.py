@@ -206,7 +206,7 @@ def test_only_cells_that_a_map_knows_to_be_free_are_driven_through() -> None:
 
 
 @pytest.mark.parametrize("far", [2e6, 1e9])
-def test_walls_that_reach_far_away_change_no_plan_and_cost_nothing(far: float) -> None:
+def test_walls_that_reach_far_away_cost_nothing_and_the_town_is_driven_to(far: float) -> None:
     corner = [[150.0, 0.0, far, 3.0], [far, 3.0, 150.0, 8.0], [150.0, 8.0, 150.0, 0.0]]
     objects = np.append(STREETS.objects, [STREETS.object_count] * 3)
     world = World(np.vstack([STREETS.segments, corner]), objects, np.full(len(objects), 8.0))
@@ -215,7 +215,8 @@ def test_walls_that_reach_far_away_change_no_plan_and_cost_nothing(far: float) -
     near, _ = walls_within(segments, low, high)
     assert len(sample_walls(near, spacing_for(near))[0]) < 20_000
     route = plan_route(world)
-    assert (np.abs(route - [80.0, 20.0]) < 300.0).all()
+    assert (np.abs(route) < 600.0).all()
+    assert (np.abs(route - [37.0, 18.0]) < 60.0).all(axis=1).any()
 
 
 @given(st.integers(0, 2**32 - 1))
