@@ -41,6 +41,8 @@ class Scenario(Value):
         start: Pose x, y [m], theta [rad] where the drive begins; None where nothing is said.
         route: (m, 2) way-points [m], the first at the start; None where the file names none.
         poses: (k, 3) poses x, y [m], theta [rad] to stand and scan at instead of a drive.
+        planned: The side of the walls, inside or outside, on which the route was planned; None
+            where it was not.
         speed: Speed of the drive [m/s].
         scan_interval: Time between two scans [s].
         lookahead: How far ahead on the route the robot steers at [m]: the default is about three
@@ -67,6 +69,7 @@ class Scenario(Value):
     start: Pose | None = None
     route: Float | None = None
     poses: Float | None = None
+    planned: str | None = None
     speed: float = 3.0
     scan_interval: float = 0.25
     lookahead: float = 1.0

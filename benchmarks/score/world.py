@@ -17,7 +17,7 @@ from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
 from lrf3d.robot import Trajectory
-from lrf3d.robot.free_space import inside_buildings
+from lrf3d.robot.sides import inside_buildings
 from lrf3d.scoring import MapScore, score_run
 from lrf3d.simulation import simulate
 from lrf3d.world import World

@@ -58,6 +58,11 @@ def quiet_libraries() -> None:
     logging.lastResort = logging.NullHandler()
 
 
+def say(message: str) -> None:
+    """Say on stderr what was chosen for the user."""
+    print(f"lrf3d: {one_line(message)}", file=sys.stderr)
+
+
 def warn(message: str) -> None:
     """Say on stderr what the user should know though the work goes on."""
     print(f"lrf3d: warning: {one_line(message)}", file=sys.stderr)

@@ -19,6 +19,8 @@ def crosscheck(
     figure: Annotated[
         Path | None, typer.Option(help="A picture .png of the beams that differ.")
     ] = None,
+    scale: options.Scale = 1.0,
+    inside: options.Inside = None,
     ignore_collisions: options.IgnoreCollisions = False,
     json: options.Json = False,
 ) -> None:
@@ -28,10 +30,9 @@ def crosscheck(
     """
     from lrf3d.casting import crosscheck as compare
     from lrf3d.cli.console import print_json, print_table, progress_bar, warn
-    from lrf3d.scenario import load_scenario
-    from lrf3d.study.experiment import trajectory_of, with_route
+    from lrf3d.study.experiment import trajectory_of
 
-    scenario = with_route(load_scenario(world))
+    scenario = options.read_drive(world, scale=scale, inside=inside)
     trajectory = trajectory_of(scenario, ignore_collisions=warn if ignore_collisions else None)
     with progress_bar("crosscheck") as progress:
         result = compare(scenario.world, scenario.lrf, trajectory.poses, progress, raw=raw)

@@ -40,6 +40,8 @@ def localise(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; one a core if not given.")
     ] = None,
+    scale: options.Scale = 1.0,
+    inside: options.Inside = None,
     ignore_collisions: options.IgnoreCollisions = False,
     json: options.Json = False,
 ) -> None:
@@ -50,11 +52,10 @@ def localise(
     from math import radians
 
     from lrf3d.localization import OdometryNoise
-    from lrf3d.scenario import load_scenario
-    from lrf3d.study.experiment import Experiment, trajectory_of, with_route
+    from lrf3d.study.experiment import Experiment, trajectory_of
     from lrf3d.study.localisation import LocalisationTask, score_localisation
 
-    scenario = with_route(load_scenario(world))
+    scenario = options.read_drive(world, scale=scale, inside=inside)
     experiment = Experiment(scenario, mode="robust", sigma=sigma)
     odometry = OdometryNoise(position, radians(heading))
     trajectory = trajectory_of(scenario, ignore_collisions=warn if ignore_collisions else None)

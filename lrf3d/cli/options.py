@@ -8,6 +8,8 @@ import typer
 
 if TYPE_CHECKING:
     from lrf3d.cli.film import FilmOptions
+    from lrf3d.robot.free_space import Side
+    from lrf3d.scenario import Scenario
 
 
 class Mode(StrEnum):
@@ -44,6 +46,21 @@ Settings = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="TABLE.KEY=VALUE", help="Instead of what the world file says; repeatable."
+    ),
+]
+Scale = Annotated[
+    float,
+    typer.Option(
+        metavar="FACTOR",
+        help="Enlarge the plan so many times, its route too: 100 for a drawing of 1:100, 0.001"
+        " for millimetres taken as metres. Heights stay.",
+    ),
+]
+Inside = Annotated[
+    bool | None,
+    typer.Option(
+        "--inside/--outside",
+        help="Where a route is planned if the world names none; by the world if not given.",
     ),
 ]
 ModeOption = Annotated[Mode | None, typer.Option(help="Mode of the mapper.")]
@@ -90,6 +107,55 @@ Scheduler = Annotated[
     str | None,
     typer.Option(metavar="tcp://HOST:PORT", help="A Dask scheduler instead of this machine."),
 ]
+
+
+def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1.0) -> "Scenario":
+    """Read a world to drive through, and warn where its size is that of no world.
+
+    Raises:
+        InputError: There is no such world, or a setting or the scale is invalid.
+    """
+    from lrf3d.cli.console import warn
+    from lrf3d.scenario import read_scenario_file, scenario_of
+    from lrf3d.world.sizes import size_warning
+
+    scenario = scenario_of(read_scenario_file(name).scaled(scale), settings or ())
+    warning = size_warning(scenario.world)
+    if warning is not None:
+        warn(f"{name}: {warning}")
+    return scenario
+
+
+def read_drive(
+    name: str,
+    settings: list[str] | None = None,
+    *,
+    scale: float = 1.0,
+    inside: bool | None = None,
+) -> "Scenario":
+    """Read a world to drive through, and plan a route where it names none.
+
+    Raises:
+        InputError: There is no such world, a setting or the scale is invalid, or there is no room
+            to drive on the side of the walls that is asked for.
+    """
+    from lrf3d.cli.console import say
+    from lrf3d.errors import InputError
+    from lrf3d.study.experiment import with_route
+
+    where = side_of(inside)
+    scenario = with_route(read_world(name, settings, scale=scale), where=where)
+    if scenario.planned is None and where is not None:
+        raise InputError(f"--{where}: {name} names its own route or poses, so none is planned")
+    if scenario.planned is not None:
+        other = {"inside": "outside", "outside": "inside"}[scenario.planned]
+        say(f"the route is planned {scenario.planned} the walls; --{other} plans it {other}")
+    return scenario
+
+
+def side_of(inside: bool | None) -> "Side | None":
+    """The side of the walls that --inside or --outside asks for."""
+    return None if inside is None else "inside" if inside else "outside"
 
 
 def film_options(

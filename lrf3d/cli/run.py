@@ -18,6 +18,8 @@ def run(
         typer.Option(help="Noise [m] at range_max; given again, maps stand side by side."),
     ] = None,
     settings: options.Settings = None,
+    scale: options.Scale = 1.0,
+    inside: options.Inside = None,
     seed: options.Seed = 0,
     caster: Annotated[
         options.CasterName, typer.Option(help="What casts the beams.")
@@ -62,10 +64,10 @@ def run(
     """
     from lrf3d.cli.film import make_film
     from lrf3d.cli.folder import results_folder
+    from lrf3d.errors import InputError
     from lrf3d.interrupts import noting
     from lrf3d.output import write_text
-    from lrf3d.scenario import load_scenario
-    from lrf3d.study.experiment import Experiment, with_route
+    from lrf3d.study.experiment import Experiment
     from lrf3d.study.outputs import KEPT, Results, draw_results
     from lrf3d.study.plugins import load_plugin
     from lrf3d.world.cameras import check_view
@@ -81,9 +83,12 @@ def run(
     )
     own = {"mapper": mapper, "noise": noise, "controller": controller}
     plugins = {kind: load_plugin(kind, name) for kind, name in own.items() if name is not None}
-    scenario = load_scenario(world, settings or ())
     if controller is None:
-        scenario = with_route(scenario)
+        scenario = options.read_drive(world, settings, scale=scale, inside=inside)
+    else:
+        if inside is not None:
+            raise InputError("--inside, --outside: a controller drives, so no route is planned")
+        scenario = options.read_world(world, settings, scale=scale)
     check_view(scenario.view if view is None else view, scenario.world.cameras)
     place = results_folder(context, [world], scenario.name, out)
     folder = place.path

@@ -41,6 +41,7 @@ def sweep(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the runs that are in the folder.")
     ] = False,
+    inside: options.Inside = None,
     ignore_collisions: options.IgnoreCollisions = False,
     out: options.Out = None,
     json: options.Json = False,
@@ -50,7 +51,7 @@ def sweep(
     Results are kept as they come; a sweep that was stopped goes on with --resume, and ends as if
     it had not been. Writes sweep.parquet, summary.json and a figure for each world and setting.
     """
-    from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
+    from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, say, warn
     from lrf3d.cli.folder import results_folder
     from lrf3d.cluster.connection import check_address
     from lrf3d.errors import InputError
@@ -76,7 +77,13 @@ def sweep(
         chosen = Grid.usual(*worlds, axes=axes, **counts)
     else:
         raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
-    plan = make_plan(chosen, collision=warn if ignore_collisions else None, warn=warn)
+    plan = make_plan(
+        chosen,
+        collision=warn if ignore_collisions else None,
+        where=options.side_of(inside),
+        say=say,
+        warn=warn,
+    )
     name = plan.worlds[0] if grid is None else own_name(grid)
     sources = chosen.worlds if grid is None else [grid]
     place = results_folder(context, sources, f"{name}_sweep", out)

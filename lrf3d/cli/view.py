@@ -30,6 +30,8 @@ def view(
     browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
     playback: options.Playback = None,
     seed: options.Seed = 0,
+    scale: options.Scale = 1.0,
+    inside: options.Inside = None,
 ) -> None:
     """Play a run in the browser, or drive through a world by hand.
 
@@ -51,4 +53,5 @@ def view(
         playback=playback,
         seed=seed,
         started=say,
+        read=lambda name: options.read_drive(name, scale=scale, inside=inside),
     )

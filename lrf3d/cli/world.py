@@ -40,17 +40,17 @@ def show(
         typer.Argument(metavar="[WORLD]", help="A world; without one, the built-in are listed."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="A picture .png to draw it to.")] = None,
+    scale: options.Scale = 1.0,
     json: options.Json = False,
 ) -> None:
     """Say what a world holds, and draw it."""
     from lrf3d.cli.console import print_json
-    from lrf3d.scenario import load_scenario
     from lrf3d.world import world_names
 
     if world is None:
         print_json(world_names()) if json else print("\n".join(world_names()))
         return
-    scenario = load_scenario(world)
+    scenario = options.read_world(world, scale=scale)
     report = {"name": scenario.name} | _report(scenario.world)
     report["route_points"] = None if scenario.route is None else len(scenario.route)
     report["scan_poses"] = None if scenario.poses is None else len(scenario.poses)
@@ -69,25 +69,16 @@ def convert(
         Path,
         typer.Argument(metavar="TO", help="The file to write: .toml, .geojson, .glb or .yaml."),
     ],
-    scale: Annotated[
-        float, typer.Option(help="Factor by which the plan is enlarged; heights stay.")
-    ] = 1.0,
+    scale: options.Scale = 1.0,
     resolution: Annotated[
         float | None, typer.Option(help="Side of a cell of a ROS map [m]; 0.05 if not given.")
     ] = None,
     json: options.Json = False,
 ) -> None:
     """Read a world from one format and write it in another."""
-    from dataclasses import replace
-
-    from lrf3d.errors import InputError
     from lrf3d.world import load_world, save_world
 
-    if not 1e-6 <= scale <= 1e6:
-        raise InputError(f"--scale {scale:g}: expected 0.000001 to 1000000")
-    read = load_world(source)
-    if scale != 1.0:
-        read = replace(read, segments=read.segments * scale, place=None)
+    read = load_world(source).scaled(scale)
     save_world(read, target, resolution=resolution)
     _say({"from": source} | _report(read) | {"written": str(target)}, json)
 

@@ -47,6 +47,9 @@ class Obstacles:
         import shapely
 
         steps = shapely.linestrings(np.stack([starts, ends], axis=1) - self.world.origin)
+        # A line without length is near nothing, but a robot that stands may stand in a wall.
+        stands = (starts == ends).all(axis=1)
+        steps[stands] = shapely.points(starts[stands] - self.world.origin)
         ways, walls = self._tree.query(steps, predicate="dwithin", distance=radius)
         return ways, walls
 

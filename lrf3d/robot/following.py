@@ -24,6 +24,9 @@ SHARPEST_TURN = np.radians(100.0)
 """Where the route turns by more than this [rad] the robot drives to the way-point itself and
 turns there: a point to steer at beyond it would lie at the robot's back, or just where it is."""
 
+MOST_COMMANDS = 2_000_000
+"""How many commands a drive may need: more than a day at 20 Hz, and minutes of computing."""
+
 ARRIVED = 1e-3
 """How near to a way-point to stop at the robot has arrived [m]."""
 
@@ -35,6 +38,7 @@ def follow_route(
     speed: float = 1.0,
     lookahead: float = 1.5,
     dt: float = 0.1,
+    most: int | None = None,
 ) -> Trajectory:
     """Drive along way-points by pure pursuit, each command held as an exact arc.
 
@@ -44,9 +48,11 @@ def follow_route(
         speed: Speed on straight parts [m/s]; turns are driven slower where they must be.
         lookahead: Distance along the route to the point that is steered at [m].
         dt: Time between the poses of the trajectory [s].
+        most: After how many poses to end on the way; at the end of the route where not given.
 
     Raises:
-        InputError: The route has fewer than two different points, or a number makes no sense.
+        InputError: The route has fewer than two different points, a number makes no sense, or
+            the drive needs more than two million commands.
 
     Examples:
         >>> import lrf3d
@@ -57,6 +63,8 @@ def follow_route(
         True
     """
     path = _Path(route)
+    if most is not None and most < 1:
+        raise InputError(f"most {most}: expected at least 1")
     if not (is_finite(speed, lookahead, dt) and min(speed, lookahead, dt) > 0.0):
         raise InputError(
             f"speed {speed}, lookahead {lookahead}, dt {dt}: expected positive numbers"
@@ -70,7 +78,16 @@ def follow_route(
     # Ten times the time that the route takes at full speed, and a minute to turn: then no
     # follower arrives any more.
     limit = int((10.0 * path.length / speed + 60.0) / step)
+    straight = path.length / speed / step
+    needed = straight if most is None else min(straight, float(most - 1) * per_sample)
     for count in range(1, limit + 1):
+        if len(poses) == most:
+            return Trajectory(np.array(times), np.array(poses))
+        if max(needed, count) > MOST_COMMANDS:
+            raise InputError(
+                f"drive of {path.length:.4g} m at {speed:g} m/s: more than {MOST_COMMANDS:,} steps"
+                f" of {step:g} s; drive faster, scan less often, or ask for fewer scans"
+            )
         reach = path.progress(pose, reach, min(reach + lookahead, stops[0]))
         goal = path.at(min(reach + lookahead, stops[0]))
         v, omega = _command(pose, goal, speed, step)

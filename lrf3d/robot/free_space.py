@@ -5,21 +5,25 @@ the steps between them and what each step costs.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int, lengths
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.robot.sides import Sides, find_sides
+from lrf3d.robot.wall_samples import (
+    SURROUNDINGS,
+    planning_window,
+    sample_walls,
+    spacing_for,
+    thinned,
+    walls_within,
+)
 from lrf3d.world import World
-from lrf3d.world.model import DEFAULT_HEIGHT
-from lrf3d.world.pieces import pieces_of
 
-SURROUNDINGS = 6.0
-"""How far [m] around the walls a robot may drive."""
-
-WIDEST = 500.0
-"""Largest side [m] of the part of a world that is planned in: as much as a drive can show."""
+Side = Literal["inside", "outside"]
+"""Side of the walls: inside, among them, or outside of them."""
 
 CELLS = 100_000
 """About how many cells the lattice has, as far as their size allows."""
@@ -36,13 +40,15 @@ TIGHT_PENALTY = 10.0
 LARGEST_PARTS = 8
 """How many parts of the free space, the largest, are compared."""
 
-SPACING = 0.2
-"""Distance [m] between the points of the walls that distances are measured to."""
+SUBSTANTIAL = 0.7
+"""Length of the walls that stand along the inside, as a share of those along the outside, from
+which on a world is driven through inside. Of a house it is more than 1, and less only where its
+walls are thicker than any wall."""
 
-
-SAMPLES, MANY_SAMPLES = 20_000_000, 1_000_000
-"""Most samples of all walls together, and from how many on those that lie together count as one:
-4,000 km and 200 km of walls, of which a window of 500 m shows a part."""
+BUILDING, OPEN = 0.3, 0.95
+"""What a metre of wall counts for, seen from within a building and from open land: both sides of
+one wall look alike, so that a room goes before the land around it, and what is inside a building
+stays out unless little else is there."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,11 @@ class FreeSpace:
         roomy: (k,) whether each is no tight place.
         worth: Length [m] of the walls along it, weighed by how much they are to be driven to.
         walls: The nearest-neighbour tree over points of the walls.
+        side: The side of the walls that it lies on.
+        low: (2,) the corner of the lattice [m].
+        barred: (columns, rows) which cells of the lattice have room and are yet not to be driven
+            through: they lie on the other side, or are not known to be free.
+        start: The cell where the drive is to start, or None where it may start anywhere.
     """
 
     cells: Float
@@ -68,110 +79,119 @@ class FreeSpace:
     roomy: Bool
     worth: float
     walls: Any
+    side: Side
+    low: Float
+    barred: Bool
+    start: int | None = None
 
     def clearance(self, points: Float) -> Float:
         """Distance (k,) [m] of points (k, 2) of the local frame to the nearest wall."""
         return np.asarray(self.walls.query(points)[0], dtype=np.float64)
 
+    def bars(self, points: Float) -> Bool:
+        """Which of the points (k, 2) of the local frame lie in a barred cell."""
+        column, row = np.floor((points - self.low) / self.size).astype(np.int64).T
+        return np.asarray(self.barred[column, row])
+
 
 def find_free_space(
-    world: World, *, least: float, clearance: float, comfortable: float = 0.0
+    world: World,
+    *,
+    least: float,
+    clearance: float,
+    comfortable: float = 0.0,
+    where: Side | None = None,
+    start: Float | None = None,
 ) -> FreeSpace:
     """The free space of a world, or of its densest part where it is very large.
 
-    Where walls part the free space, the part along most of the walls is chosen; the inside of a
-    building only where nothing else is left.
+    A plan of rooms is driven through inside, a town outside of its buildings. Where walls part the
+    free space, the part along most of the walls is chosen. Of a map that says what is free, only
+    free cells are taken.
 
     Args:
         world: The walls.
         least: Distance to walls [m] that is always kept.
         clearance: Distance to walls [m] that is kept where there is room.
         comfortable: Distance to walls [m] below which a place is tight: a door.
+        where: The side of the walls to stay on; by the world where not given.
+        start: Place x, y [m] that the space must hold; anywhere where not given.
 
     Raises:
         InputError: There are no walls, or there is no room for the robot between them.
     """
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
+    name = world.name or "world"
     if not len(world.segments):
-        raise InputError(f"{world.name or 'world'}: no walls, so no route can be found")
+        raise InputError(f"{name}: no walls, so no route can be found")
     segments = world.segments - np.tile(world.origin, 2)
-    points, weights = sample_walls(segments, _spacing(segments))
-    low, high = _window(points, weights)
-    # Walls out of reach of the window change nothing in it, however many there are.
+    start = None if start is None else start - world.origin
+    low, high = planning_window(segments, start)
+    # Walls out of reach of the window change nothing in it, however many and however long.
     reach = clearance + least + SURROUNDINGS
-    segments = segments[_meets(segments, low - reach, high + reach)]
-    points, weights = _thinned(*sample_walls(segments, _spacing(segments)))
+    segments, which = walls_within(segments, low - reach, high + reach)
+    if not len(segments):
+        raise InputError(f"{name}: no walls near the start, so no route can be found")
+    points, weights = thinned(*sample_walls(segments, spacing_for(segments)))
     size = float(np.clip(np.sqrt(np.prod(high - low) / CELLS), *CELL_SIZES))
     # The samples stop short of the ends of the walls, which stand out the most.
     tree = cKDTree(np.vstack([points, segments.reshape(-1, 2)]))
     shape = np.ceil((high - low) / size).astype(int)
-    x, y = (low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1))
-    middles = np.stack(np.meshgrid(x, y, indexing="ij"), axis=2)
-    gaps = np.asarray(tree.query(middles.reshape(-1, 2))[0]).reshape(shape)
-    graph, index = _graph(middles, gaps, tree, (least, comfortable, clearance))
-    cells, gaps = middles.reshape(-1, 2)[index], gaps.reshape(-1)[index]
+    axes = [low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1)]
+    middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=2)
+    distances = np.asarray(tree.query(middles.reshape(-1, 2))[0]).reshape(shape)
+    graph, index = _graph(middles, distances, tree, (least, comfortable, clearance))
+    cells, gaps = middles.reshape(-1, 2)[index], distances.reshape(-1)[index]
     if not len(cells):
         raise InputError(
-            f"{world.name or 'world'}: no place that is {least:g} m away from all walls; give a"
-            " route or a smaller radius"
+            f"{name}: no place that is {least:g} m away from all walls; give a route or a smaller"
+            " radius"
         )
-    _, label = connected_components(graph, directed=False)
-    part, worth = _best_part(world, cells, np.asarray(label), points, weights, least + size)
-    chosen = np.flatnonzero(label == part)
+    lattice = (middles, distances, index, size)
+    sides = find_sides(world, (segments, world.objects[which]), cells, lattice, graph)
+    known = np.ones(len(cells), dtype=np.bool_)
+    if world.free is not None:
+        known = world.free.contain(cells + world.origin)
+    worths = _Worths(cells, points, weights, 2.0 * (least + size))
+    begin = None
+    if start is not None:
+        begin = _cell_of(start, cells, known, tree, least, size)
+        if begin is None:
+            x, y = (start + world.origin).tolist()
+            raise InputError(
+                f"{name}: no room around the start ({x:g}, {y:g}) for a robot that stays"
+                f" {least:g} m away from walls"
+            )
+    allowed = known & _allowed(sides, known, where, begin, worths)
+    if not allowed.any():
+        place = "free cell" if where is None else f"place {where} the walls"
+        raise InputError(
+            f"{name}: no {place} that is {least:g} m away from all walls; give a route or a"
+            " smaller radius"
+        )
+    if begin is not None and not allowed[begin]:
+        raise InputError(f"{name}: the start does not lie {where} the walls")
+    chosen, worth = _best_part(np.flatnonzero(allowed), graph, sides, where, begin, worths)
+    barred = np.zeros(distances.size, dtype=np.bool_)
+    barred[index] = ~allowed
+    if world.free is not None:
+        barred |= ~world.free.contain(middles.reshape(-1, 2) + world.origin)
     gaps = gaps[chosen]
-    roomy = gaps >= comfortable
-    return FreeSpace(cells[chosen], gaps, graph[chosen][:, chosen], size, least, roomy, worth, tree)
-
-
-def sample_walls(segments: Float, spacing: float) -> tuple[Float, Float]:
-    """Points (k, 2) along segments (n, 4) at most a spacing apart, and the length (k,) each has."""
-    counts = np.ceil(lengths(segments) / spacing).astype(int)
-    wall = np.repeat(np.arange(len(segments)), counts)
-    step = np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
-    place = ((step + 0.5) / counts[wall])[:, None]
-    points = segments[wall, :2] * (1.0 - place) + segments[wall, 2:] * place
-    return points, lengths(segments)[wall] / counts[wall]
-
-
-def _spacing(segments: Float) -> float:
-    """Distance [m] between samples: no less than lets memory hold those of walls laid on walls."""
-    return max(SPACING, float(lengths(segments).sum()) / SAMPLES)
-
-
-def _thinned(points: Float, weights: Float) -> tuple[Float, Float]:
-    """Samples (k, 2) with their weights; where there are very many, one for each small cell."""
-    if len(points) <= MANY_SAMPLES:
-        return points, weights
-    cells = np.floor((points - points.min(axis=0)) / (0.5 * SPACING)).astype(np.int64)
-    rows = cells[:, 0] * (int(cells[:, 1].max()) + 1) + cells[:, 1]
-    _, first, cell = np.unique(rows, return_index=True, return_inverse=True)
-    total = np.bincount(cell.reshape(-1), weights).astype(np.float64)
-    return points[first], total
-
-
-def _meets(segments: Float, low: Float, high: Float) -> Any:
-    """Which segments' boxes meet the box from `low` to `high`."""
-    ends = segments.reshape(-1, 2, 2)
-    return ((ends.max(axis=1) > low) & (ends.min(axis=1) < high)).all(axis=1)
-
-
-def _window(points: Float, weights: Float) -> tuple[Float, Float]:
-    """The box to plan in: around all walls, or where the most walls stand if that is too wide."""
-    from scipy.ndimage import uniform_filter
-
-    low, high = points.min(axis=0) - SURROUNDINGS, points.max(axis=0) + SURROUNDINGS
-    if (high - low).max() <= WIDEST:
-        return low, high
-    tile = WIDEST / 10.0
-    counts = np.minimum(np.ceil((high - low) / tile).astype(int), 4000)
-    edges = [np.linspace(low[axis], high[axis], counts[axis] + 1) for axis in (0, 1)]
-    amount, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=edges, weights=weights)
-    amount = uniform_filter(amount, size=9, mode="constant")
-    place = np.array(np.unravel_index(int(np.argmax(amount)), amount.shape))
-    middle = low + (place + 0.5) * (high - low) / counts
-    return np.maximum(low, middle - WIDEST / 2), np.minimum(high, middle + WIDEST / 2)
+    return FreeSpace(
+        cells[chosen],
+        gaps,
+        graph[chosen][:, chosen],
+        size,
+        least,
+        gaps >= comfortable,
+        worth,
+        tree,
+        "outside" if sides.outside[chosen].any() else "inside",
+        low,
+        barred.reshape(shape),
+        None if begin is None else int(np.searchsorted(chosen, begin)),
+    )
 
 
 def _graph(
@@ -209,58 +229,94 @@ def _graph(
     return graph + graph.T, np.flatnonzero(free.reshape(-1))
 
 
-def _best_part(
-    world: World, cells: Float, label: Any, points: Float, weights: Float, reach: float
-) -> tuple[int, float]:
-    """The part of the free space along which the most walls stand, and their weighed length."""
+@dataclass(frozen=True)
+class _Worths:
+    """How long the walls along some of the cells are.
+
+    Args:
+        cells: (n, 2) the cells [m].
+        points: (k, 2) points of the walls [m].
+        weights: (k,) the length of wall that each stands for [m].
+        reach: How far from a cell [m] a wall stands along it.
+    """
+
+    cells: Float
+    points: Float
+    weights: Float
+    reach: float
+
+    def of(self, cells: Int | Bool) -> float:
+        """The length [m] of the walls along some cells."""
+        from scipy.spatial import cKDTree
+
+        if not len(self.cells[cells]):
+            return 0.0
+        gap, _ = cKDTree(self.cells[cells]).query(self.points, distance_upper_bound=self.reach)
+        return float(self.weights[np.isfinite(gap)].sum())
+
+
+def _allowed(
+    sides: Sides, known: Bool, where: Side | None, begin: int | None, worths: _Worths
+) -> Bool:
+    """Which cells (n,) may be driven through, as far as they are known to be free."""
+    if where is not None:
+        return sides.outside if where == "outside" else ~sides.outside
+    everywhere = np.ones(len(known), dtype=np.bool_)
+    if sides.is_town:
+        return everywhere
+    before = known & sides.outside
+    rooms = known & ~sides.outside & ~sides.in_building
+    if before.any() and worths.of(rooms) < SUBSTANTIAL * worths.of(before):
+        # A few walls in the open, which enclose nothing to speak of.
+        return everywhere
+    inside = begin is None or not sides.outside[begin]
+    return ~sides.outside if inside else sides.outside
+
+
+def _cell_of(
+    start: Float, cells: Float, known: Bool, tree: Any, least: float, size: float
+) -> int | None:
+    """The nearest known cell that a straight way from the start leads to, or None."""
     from scipy.spatial import cKDTree
 
-    largest = np.argsort(-np.bincount(label), kind="stable")[:LARGEST_PARTS]
-    walls = []
-    for part in largest:
-        gap, _ = cKDTree(cells[label == part]).query(points, distance_upper_bound=2.0 * reach)
-        walls.append(weights[np.isfinite(gap)].sum())
-    # Both sides of one wall look alike, so a room goes before the land around it; what is inside
-    # a building stays out unless little else is there.
-    inside = inside_buildings(world, cells[[int(np.argmax(label == part)) for part in largest]])
-    outside = largest == label[int(np.argmin(cells.sum(axis=1)))]
-    worth = np.array(walls) * np.where(inside, 0.3, np.where(outside, 0.95, 1.0))
-    return int(largest[np.argmax(worth)]), float(worth.max())
+    candidates = np.flatnonzero(known)
+    if not len(candidates):
+        return None
+    room = min(float(tree.query(start)[0]), least) - 0.25 * size
+    away, near = cKDTree(cells[candidates]).query(start, k=min(16, len(candidates)))
+    for distance, place in zip(np.atleast_1d(away), np.atleast_1d(near), strict=True):
+        if distance > least + 2.0 * size:
+            break
+        cell = int(candidates[place])
+        way = np.linspace(0.0, 1.0, int(4.0 * distance / size) + 2)[:, None]
+        if (tree.query(start * (1.0 - way) + cells[cell] * way)[0] >= room).all():
+            return cell
+    return None
 
 
-def inside_buildings(world: World, points: Float) -> Any:
-    """Which of the points (k, 2) lie in a closed object that holds no other object."""
-    import shapely
+def _best_part(
+    allowed: Int,
+    graph: Any,
+    sides: Sides,
+    where: Side | None,
+    begin: int | None,
+    worths: _Worths,
+) -> tuple[Int, float]:
+    """The part of the allowed cells along which the most walls stand, and their weighed length."""
+    from scipy.sparse.csgraph import connected_components
 
-    inside = np.zeros(len(points), dtype=bool)
-    if world.object_count == 1 and world.heights.max() <= DEFAULT_HEIGHT:
-        # One ring no higher than a storey and nothing around it: a room.
-        return inside
-    local = world.segments - np.tile(world.origin, 2)
-    places = shapely.points(points)
-    middles = shapely.points(0.5 * (local[:, :2] + local[:, 2:]))
-    for number in _around(world, local, points):
-        own = world.objects == number
-        rings = pieces_of(local[own])
-        if all(ring.closed for ring in rings):
-            # Symmetric differences count crossings, so a courtyard is not inside.
-            area = shapely.Polygon()
-            for ring in rings:
-                area = shapely.symmetric_difference(
-                    area, shapely.make_valid(shapely.Polygon(ring.points))
-                )
-            shapely.prepare(area)
-            if not shapely.contains_properly(area, middles[~own]).any():
-                inside |= shapely.contains_properly(area, places)
-    return inside
-
-
-def _around(world: World, local: Float, points: Float) -> Int:
-    """Objects whose boxes hold any of the points (k, 2): a building around a point is one."""
-    ends = local.reshape(-1, 2, 2)
-    low = np.full((world.object_count, 2), np.inf)
-    high = np.full((world.object_count, 2), -np.inf)
-    np.minimum.at(low, world.objects, ends.min(axis=1))
-    np.maximum.at(high, world.objects, ends.max(axis=1))
-    held = [((point >= low) & (point <= high)).all(axis=1) for point in points]
-    return np.flatnonzero(np.any(held, axis=0))
+    _, label = connected_components(graph[allowed][:, allowed], directed=False)
+    parts = np.argsort(-np.bincount(label), kind="stable")[:LARGEST_PARTS]
+    if begin is not None:
+        parts = label[allowed == begin]
+    best, most = allowed, -1.0
+    for part in parts:
+        cells = allowed[label == part]
+        worth = worths.of(cells)
+        if where is None and sides.in_building[cells[0]]:
+            worth *= BUILDING
+        elif where is None and sides.outside[cells].any():
+            worth *= OPEN
+        if worth > most:
+            best, most = cells, worth
+    return best, most

@@ -4,7 +4,8 @@ A world enters, way-points leave. Places to look from are chosen in the free spa
 a tour by paths that keep off the walls, and the paths are straightened.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,8 +14,9 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, is_finite
 from lrf3d.robot.collision import find_collision
 from lrf3d.robot.following import CONTROL_STEP, follow_route
-from lrf3d.robot.free_space import FreeSpace, find_free_space
+from lrf3d.robot.free_space import FreeSpace, Side, find_free_space
 from lrf3d.robot.tour import Network, best_tour
+from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.viewpoints import look_around
 from lrf3d.world import World
 
@@ -41,6 +43,19 @@ LONGEST_LEG = 30.0
 NO_ROOM = "no room to drive between the walls; give a route or poses to stand at"
 
 
+@dataclass(frozen=True, slots=True)
+class PlannedRoute:
+    """A route, and where it leads.
+
+    Args:
+        waypoints: (m, 2) way-points [m], two or more.
+        side: The side of the walls that it starts on; from the outside it may lead on inside.
+    """
+
+    waypoints: Float
+    side: Side
+
+
 def plan_route(
     world: World,
     *,
@@ -48,11 +63,14 @@ def plan_route(
     clearance: float = 2.0,
     range_max: float = 80.0,
     lookahead: float = FOLLOWER,
+    where: Side | None = None,
+    start: Sequence[float] | Float | None = None,
 ) -> Float:
     """Find way-points (m, 2) [m], two or more, along which most of the walls are seen.
 
     The same world gives the same route. In a world wider than 500 m only the part with the most
-    walls is driven through.
+    walls is driven through. A plan of rooms is driven through inside, whatever doors lead out of
+    it, a town between its buildings; of a map that says what is free only free cells are taken.
 
     Args:
         world: The walls.
@@ -62,9 +80,14 @@ def plan_route(
         range_max: Farthest that the laser measures [m].
         lookahead: Look-ahead [m] with which `follow_route` is to follow it; the shorter it is,
             the narrower are the doors that it gets through.
+        where: ``"inside"`` or ``"outside"``, the side of the walls to stay on; by the world and
+            the start where not given.
+        start: Pose x, y [m], theta [rad] where the drive begins, or its place; the route begins
+            there and stays in the space around it. Anywhere where not given.
 
     Raises:
-        InputError: There are no walls, there is no room to drive, or a number makes no sense.
+        InputError: There are no walls, there is no room to drive, the start is in a wall or on
+            the other side of it, or a number makes no sense.
 
     Examples:
         >>> import lrf3d
@@ -73,42 +96,103 @@ def plan_route(
         >>> route.shape[1], bool((route > 0).all())
         (2, True)
     """
+    return find_route(
+        world,
+        radius=radius,
+        clearance=clearance,
+        range_max=range_max,
+        lookahead=lookahead,
+        where=where,
+        start=start,
+    ).waypoints
+
+
+def find_route(
+    world: World,
+    *,
+    radius: float = 0.35,
+    clearance: float = 2.0,
+    range_max: float = 80.0,
+    lookahead: float = FOLLOWER,
+    where: Side | None = None,
+    start: Sequence[float] | Float | None = None,
+) -> PlannedRoute:
+    """Find the route that `plan_route` returns, and the side of the walls that it lies on.
+
+    Raises:
+        InputError: As of `plan_route`.
+    """
     numbers = (radius, clearance, range_max, lookahead)
     if not (is_finite(*numbers) and min(numbers) > 0.0):
         raise InputError(
             f"radius {radius}, clearance {clearance}, range_max {range_max}, lookahead"
             f" {lookahead}: expected positive numbers of metres"
         )
+    if where not in (None, "inside", "outside"):
+        raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
+    place = None if start is None else _checked_start(world, start, radius)
     first, refused = None, InputError(NO_ROOM)
-    for space in _spaces(world, radius, clearance):
+    for space in _spaces(world, radius, clearance, where, place):
         try:
-            route = _route(space, world, clearance, range_max)
+            route = _route(space, world, clearance, range_max, place)
         except InputError as error:
             refused = error
             continue
-        if _can_be_followed(route, world, radius, lookahead):
-            return route
-        first = route if first is None else first
+        if _can_be_followed(route, world, radius, lookahead, start):
+            return PlannedRoute(route, space.side)
+        first = PlannedRoute(route, space.side) if first is None else first
     if first is None:
         raise refused
     return first
 
 
-def _spaces(world: World, radius: float, clearance: float) -> Iterator[FreeSpace]:
+def _checked_start(world: World, start: Sequence[float] | Float, radius: float) -> Float:
+    """The place (2,) of a start [m].
+
+    Raises:
+        InputError: It is none, or a wall stands there.
+    """
+    place = np.asarray(start, dtype=np.float64)
+    if place.shape not in ((2,), (3,)) or not np.isfinite(place).all():
+        raise InputError(f"start {start!r}: expected finite numbers x, y or x, y, theta")
+    place = place[:2]
+    stand = Trajectory([0.0], [[*place, 0.0]])
+    if find_collision(stand, world, radius) is not None:
+        raise InputError(
+            f"start ({place[0]:g}, {place[1]:g}): nearer to a wall than the robot's radius of"
+            f" {radius:g} m; move it"
+        )
+    return place
+
+
+def _spaces(
+    world: World, radius: float, clearance: float, where: Side | None, start: Float | None
+) -> Iterator[FreeSpace]:
     """Free spaces to find a route in, the most wanted first.
 
     Raises:
         InputError: There is none.
     """
+
+    def space(least: float, comfortable: float = 0.0) -> FreeSpace:
+        return find_free_space(
+            world,
+            least=least,
+            clearance=max(clearance, least, comfortable),
+            comfortable=comfortable,
+            where=where,
+            start=start,
+        )
+
     wide = None
     comfortable = radius + MARGINS[0]
     try:
-        wide = _space(world, comfortable, clearance)
+        wide = space(comfortable)
     except InputError as error:
         refused = error
     for margin in TIGHT_MARGINS:
         try:
-            tight = _space(world, radius + margin, clearance, comfortable)
+            tight = space(radius + margin, comfortable)
         except InputError:
             break
         if wide is not None and not (
@@ -121,28 +205,41 @@ def _spaces(world: World, radius: float, clearance: float) -> Iterator[FreeSpace
     yield wide
     for margin in MARGINS[1:]:
         try:
-            yield _space(world, radius + margin, clearance)
+            yield space(radius + margin)
         except InputError:
             return
 
 
-def _space(world: World, least: float, clearance: float, comfortable: float = 0.0) -> FreeSpace:
-    clearance = max(clearance, least, comfortable)
-    return find_free_space(world, least=least, clearance=clearance, comfortable=comfortable)
-
-
-def _route(space: FreeSpace, world: World, clearance: float, range_max: float) -> Float:
-    """Way-points (m, 2) through a free space."""
+def _route(
+    space: FreeSpace, world: World, clearance: float, range_max: float, start: Float | None
+) -> Float:
+    """Way-points (m, 2) through a free space, the first at the start where there is one."""
     views = look_around(space, world, range_max=range_max)
-    network = Network.between(space, views, views.places[views.best_places()])
-    order = best_tour(network, longest=LONGEST_ROUTE)
-    legs = [network.path(*leg) for leg in pairwise(order)] or [_across(space)]
-    return _straightened(space, legs, clearance) + world.origin
+    places = views.places[views.best_places()]
+    if space.start is not None:
+        places = np.append(space.start, places[places != space.start])
+    legs: list[Int] = []
+    # A laser may see nothing from anywhere: then the way across is as good as any.
+    if len(places):
+        network = Network.between(space, views, places)
+        order = best_tour(network, longest=LONGEST_ROUTE, from_first=space.start is not None)
+        legs = [network.path(*leg) for leg in pairwise(order)]
+    route = _straightened(space, legs or [_across(space)], clearance) + world.origin
+    if start is None or (route[0] == start).all():
+        return route
+    return np.vstack([start, route])
 
 
-def _can_be_followed(route: Float, world: World, radius: float, lookahead: float) -> bool:
+def _can_be_followed(
+    route: Float,
+    world: World,
+    radius: float,
+    lookahead: float,
+    start: Sequence[float] | Float | None,
+) -> bool:
     """Whether a robot that follows the route by pure pursuit keeps clear of all walls."""
-    drive = follow_route(route, speed=3.0, lookahead=lookahead, dt=CONTROL_STEP)
+    pose = start if start is not None and len(start) == 3 else None
+    drive = follow_route(route, start=pose, speed=3.0, lookahead=lookahead, dt=CONTROL_STEP)
     return find_collision(drive, world, radius) is None
 
 
@@ -150,7 +247,7 @@ def _across(space: FreeSpace) -> Int:
     """The path through the free space from one end to the other, where one look shows all."""
     from scipy.sparse.csgraph import dijkstra
 
-    start = int(np.argmin(space.cells.sum(axis=1)))
+    start = int(np.argmin(space.cells.sum(axis=1))) if space.start is None else space.start
     costs, before = dijkstra(space.graph, indices=[start], return_predecessors=True)
     cells = [int(np.argmax(costs[0]))]
     while cells[-1] != start:
@@ -184,4 +281,6 @@ def _is_clear(space: FreeSpace, cells: Float, room: Float, here: int, there: int
     straight = cells[here] * (1.0 - place) + cells[there] * place
     stations = np.linspace(0.0, 1.0, there + 1 - here)
     kept = np.interp(place[:, 0], stations, room[here : there + 1]) - 0.25 * space.size
+    if space.bars(straight).any():
+        return False
     return bool((space.clearance(straight) >= np.maximum(kept, space.least)).all())

@@ -79,10 +79,15 @@ class Network:
         return sum(self.length(*leg) for leg in pairwise(order))
 
 
-def best_tour(network: Network, *, longest: float) -> list[int]:
+def best_tour(network: Network, *, longest: float, from_first: bool = False) -> list[int]:
     """An order of places whose way shows much and is not longer than allowed.
 
     Tours are grown from each of the places that show the most, and the best is kept.
+
+    Args:
+        network: The places, one or more.
+        longest: Longest way [m].
+        from_first: Whether the tour begins at the first of the places.
 
     Raises:
         InputError: No place shows a wall.
@@ -92,30 +97,33 @@ def best_tour(network: Network, *, longest: float) -> list[int]:
             "no wall can be seen from where the robot has room to drive; give a larger"
             " laser.range_max, or a route"
         )
+    if from_first:
+        return _grown(network, 0, longest, kept=1)
     count = min(STARTS, len(network.places))
     tours = [_grown(network, start, longest) for start in range(count)]
     both_ways = [way for tour in tours for way in (tour, tour[::-1])]
     return max(both_ways, key=lambda way: _worth(network, way))
 
 
-def _grown(network: Network, start: int, longest: float) -> list[int]:
+def _grown(network: Network, start: int, longest: float, kept: int = 0) -> list[int]:
     """A tour that takes in one place after the other, from a first one on.
 
-    It is always the one that shows the most more walls for each metre more.
+    It is always the one that shows the most more walls for each metre more. As many places as are
+    kept stay at the beginning.
     """
     order = [start]
     while len(order) < len(network.places):
-        found = max(_insertions(network, order, longest), default=None)
+        found = max(_insertions(network, order, longest, kept), default=None)
         if found is None:
             break
         _, place, position = found
         order.insert(-position, place)
-        order = _turned(network, order)
+        order = _turned(network, order, kept)
     return order
 
 
 def _insertions(
-    network: Network, order: list[int], longest: float
+    network: Network, order: list[int], longest: float, kept: int
 ) -> Iterator[tuple[float, int, int]]:
     """Worth for each metre, place and negated position of what may be put into the tour."""
     views = network.views
@@ -126,19 +134,20 @@ def _insertions(
         if place in order:
             continue
         detours = [
-            _detour(network.costs, order, position, place) for position in range(len(order) + 1)
+            _detour(network.costs, order, position, place)
+            for position in range(kept, len(order) + 1)
         ]
-        for position in np.argsort(detours, kind="stable")[:POSITIONS].tolist():
+        for position in (kept + np.argsort(detours, kind="stable")[:POSITIONS]).tolist():
             neighbours = order[max(position - 1, 0) : position + 1]
-            kept, more = times_seen, length
+            others, more = times_seen, length
             if 0 < position < len(order):
-                kept = times_seen - legs[position - 1]
+                others = times_seen - legs[position - 1]
                 more -= network.length(*neighbours)
             new = [
                 (n, place) if i == 0 and position > 0 else (place, n)
                 for i, n in enumerate(neighbours)
             ]
-            seen = (kept > 0) | np.any([network.seen(*leg) for leg in new], axis=0)
+            seen = (others > 0) | np.any([network.seen(*leg) for leg in new], axis=0)
             more += sum(network.length(*leg) for leg in new)
             gain = views.worth(np.asarray(seen)) - worth
             if more <= longest and gain > LEAST_WORTH * (more - length):
@@ -161,13 +170,13 @@ def _worth(network: Network, order: list[int]) -> float:
     return network.views.worth(np.any(legs, axis=0)) if legs else 0.0
 
 
-def _turned(network: Network, order: list[int]) -> list[int]:
-    """2-opt: turn round pieces of an open tour as long as that makes it cheaper."""
+def _turned(network: Network, order: list[int], kept: int) -> list[int]:
+    """2-opt: turn round pieces of an open tour after those kept, as long as that is cheaper."""
     costs, tour, count = network.costs, list(order), len(order)
     better = True
     while better:
         better = False
-        for first in range(count - 1):
+        for first in range(kept, count - 1):
             for last in range(first + 1, count):
                 gain = 0.0
                 if first > 0:

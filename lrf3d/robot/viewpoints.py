@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
-from lrf3d.robot.free_space import FreeSpace, sample_walls
+from lrf3d.robot.free_space import FreeSpace
+from lrf3d.robot.wall_samples import sample_walls, walls_within
 from lrf3d.world import World
 
 PATCHES = 300
@@ -96,9 +97,7 @@ def look_around(space: FreeSpace, world: World, *, range_max: float) -> Views:
     patch_of, places = _patches(space)
     reach = min(range_max, FARTHEST_VIEW)
     low, high = space.cells.min(axis=0) - reach, space.cells.max(axis=0) + reach
-    ends = (world.segments - np.tile(world.origin, 2)).reshape(-1, 2, 2)
-    near = ((ends.max(axis=1) > low) & (ends.min(axis=1) < high)).all(axis=1)
-    segments = ends[near].reshape(-1, 4)
+    segments, near = walls_within(world.segments - np.tile(world.origin, 2), low, high)
     size = max(0.25, float(lengths(segments).sum()) / PIECES)
     _, weights = sample_walls(segments, size)
     pieces = np.ceil(lengths(segments) / size).astype(int)
@@ -112,7 +111,7 @@ def _rarity(segments: Float, objects: Int) -> Float:
     if not len(segments):
         return np.empty(0)
     sizes = np.bincount(objects, lengths(segments))
-    typical = float(sizes[sizes > 0.0].mean())
+    typical = float(sizes.sum()) / max(int((sizes > 0.0).sum()), 1)
     return np.clip(0.5 + 0.5 * typical / sizes[objects], None, MOST_RARITY)
 
 

@@ -15,9 +15,10 @@ from lrf3d.mapping import LineMapper
 from lrf3d.mapping.line_mapper import FLOOR
 from lrf3d.robot import Trajectory, check_drive, follow_route
 from lrf3d.robot.following import CONTROL_STEP
+from lrf3d.robot.free_space import Side
 from lrf3d.robot.laps import chain_laps, drive_laps
 from lrf3d.robot.patrol import patrol
-from lrf3d.robot.planner import plan_route
+from lrf3d.robot.planner import find_route
 from lrf3d.scenario import Scenario, start_of
 from lrf3d.simulation import Run, collect
 from lrf3d.steps import Mapper, Simulation
@@ -36,6 +37,9 @@ MOST_SCANS = 10_000_000
 
 CONTROLLED_SCANS = 1000
 """Scans after which a controller's drive ends where nothing is said."""
+
+MOST_SCANS = 100_000_000
+"""Scans of a drive: their poses alone take 3 GB, and at 4 Hz they take nine months."""
 
 PLANNED_LOOKAHEAD = 0.4
 """How far ahead the robot steers at [m] on a route that was planned: it gets through the doors of
@@ -168,8 +172,12 @@ def _start(scenario: Scenario) -> Any:
     return scenario.poses[0] if scenario.poses is not None else (0.0, 0.0, 0.0)
 
 
-def with_route(scenario: Scenario) -> Scenario:
+def with_route(scenario: Scenario, *, where: Side | None = None) -> Scenario:
     """The scenario, with a route that sees most of its walls where its file names none.
+
+    Args:
+        scenario: The scenario; a start that it names is where the route begins.
+        where: The side of the walls to stay on; by the world and the start where not given.
 
     Raises:
         InputError: There is no free space to drive in.
@@ -177,13 +185,18 @@ def with_route(scenario: Scenario) -> Scenario:
     if scenario.poses is not None or scenario.route is not None:
         return scenario
     lookahead = min(scenario.lookahead, PLANNED_LOOKAHEAD)
-    route = plan_route(
+    found = find_route(
         scenario.world,
         radius=scenario.radius,
         range_max=scenario.lrf.range_max,
         lookahead=lookahead,
+        where=where,
+        start=scenario.start,
     )
-    return replace(scenario, route=route, start=start_of(route), lookahead=lookahead)
+    start = start_of(found.waypoints) if scenario.start is None else scenario.start
+    return replace(
+        scenario, route=found.waypoints, start=start, lookahead=lookahead, planned=found.side
+    )
 
 
 def trajectory_of(
@@ -203,8 +216,10 @@ def trajectory_of(
 
     Raises:
         CollisionError: The drive would run into a wall.
-        InputError: The scenario has neither poses nor a route.
+        InputError: The scenario has neither poses nor a route, or the drive is too long.
     """
+    if scans is not None and scans > MOST_SCANS:
+        raise InputError(f"{scans:,} scans: more than {MOST_SCANS:,}; ask for fewer")
     if scenario.poses is not None:
         stops = np.arange(len(scenario.poses) if scans is None else scans)
         return Trajectory(POSE_INTERVAL * stops, scenario.poses[stops % len(scenario.poses)])
@@ -212,7 +227,7 @@ def trajectory_of(
         raise InputError(f"{scenario.name}: neither poses nor a route to drive")
     # The robot is steered, and must keep clear of walls, between its scans as well.
     commands = max(1, round(scenario.scan_interval / CONTROL_STEP))
-    how = {
+    how: dict[str, Any] = {
         "speed": scenario.speed,
         "lookahead": scenario.lookahead,
         "dt": scenario.scan_interval / commands,
@@ -220,7 +235,8 @@ def trajectory_of(
     if scans is None:
         laps: tuple[Trajectory, ...] = (follow_route(scenario.route, start=scenario.start, **how),)
     else:
-        laps = drive_laps(scenario.route, start=scenario.start, **how)
+        most = (scans - 1) * commands + 1
+        laps = drive_laps(scenario.route, start=scenario.start, most=most, **how)
     try:
         for lap in laps:
             check_drive(lap, scenario.world, scenario.radius)
@@ -229,4 +245,4 @@ def trajectory_of(
             raise
         ignore_collisions(str(error))
     laps = tuple(lap.every(commands) for lap in laps)
-    return laps[0] if scans is None else chain_laps(laps[0], laps[1], scans)
+    return laps[0] if scans is None else chain_laps(laps, scans)

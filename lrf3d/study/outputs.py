@@ -87,6 +87,7 @@ class Results:
             "mode": None if experiment.own_mapper else experiment.line_mapper().mode,
             **{kind: plugin.name for kind, plugin in own.items() if plugin is not None},
             "sigma_m": sigmas[0],
+            "planned": experiment.scenario.planned,
             **summarise(runs[0], getattr(mapper, "local_map", None)),
             "milliseconds_a_scan": 1e3 * seconds / taken if taken else None,
             "milliseconds_an_update": timed.milliseconds,

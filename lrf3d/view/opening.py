@@ -24,14 +24,17 @@ def open_view(
     playback: float | None,
     seed: int,
     started: Callable[[str], None],
+    read: Callable[[str], Scenario] | None = None,
 ) -> None:
     """Show a run or a world in the browser until the program is interrupted.
+
+    A world is read by `read` where given, with a route or poses to start at.
 
     Raises:
         Lrf3dError: The run or the world cannot be used, or the page cannot be served.
     """
     port = free_port(host, port)
-    scene, show = run_view(what, playback) if is_run else world_view(what, seed)
+    scene, show = run_view(what, playback) if is_run else world_view(what, seed, read)
     serve(scene, show, host=host, port=port, browser=browser, started=started)
 
 
@@ -49,9 +52,11 @@ def run_view(path: str, playback: float | None) -> tuple[Scene, Replayed]:
     return scene, Replayed(block, told, run.film.playback if playback is None else playback)
 
 
-def world_view(name: str, seed: int) -> tuple[Scene, Callable[[], HandDrive]]:
+def world_view(
+    name: str, seed: int, read: Callable[[str], Scenario] | None = None
+) -> tuple[Scene, Callable[[], HandDrive]]:
     """The scene of a world, and what makes a drive in it."""
-    scenario = with_route(load_scenario(name))
+    scenario = with_route(load_scenario(name)) if read is None else read(name)
     start = start_pose(scenario)
     title = scenario.world.name or scenario.name
     experiment = Experiment(scenario, seed=seed)

@@ -1,7 +1,7 @@
 """Fixed cameras: places in a world that a film can be seen from, by name."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 from lrf3d.errors import InputError, WorldError
@@ -48,6 +48,13 @@ class FixedCamera:
                 f"camera {self.name!r}: field_deg {self.field_deg:g}, expected more than 0 and"
                 f" less than {WIDEST:g}"
             )
+
+    def scaled(self, factor: float) -> "FixedCamera":
+        """The camera above a plan that is enlarged by a factor; its height stays."""
+        (x, y, z), (x2, y2, z2) = self.position, self.target
+        return replace(
+            self, position=(factor * x, factor * y, z), target=(factor * x2, factor * y2, z2)
+        )
 
 
 @dataclass(frozen=True, slots=True)

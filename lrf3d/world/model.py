@@ -1,7 +1,7 @@
 """World: the walls of a scene as line segments, grouped into objects."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from lrf3d.errors import InputError, WorldError
 from lrf3d.geometry import Float, Int, Value, normal_lines, read_only, sealed
 from lrf3d.world.cameras import FixedCamera
+from lrf3d.world.free_cells import FreeCells
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] where none is given: a room's storey."""
@@ -33,6 +34,8 @@ class World(Value):
         cameras: Cameras that stand still in the world, each with a name of its own.
         colours: (objects, 3) red, green, blue in 0…1 for each object; NaN where none is given.
         place: Longitude and latitude [°] of the point (0, 0), where the source was in degrees.
+        free: What is known to be free, where the source is a map that says so: routes are planned
+            through it. Beams pay no heed to it, and only ROS maps keep it.
 
     Raises:
         WorldError: A segment is not finite or has no length, or the shapes do not fit.
@@ -54,6 +57,7 @@ class World(Value):
     colours: Float = field(default=None, kw_only=True)  # type: ignore[arg-type]
     cameras: tuple[FixedCamera, ...] = field(default=(), kw_only=True)
     place: tuple[float, float] | None = field(default=None, kw_only=True)
+    free: FreeCells | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         segments = _rows(self.segments, 4, "segments")
@@ -118,6 +122,24 @@ class World(Value):
     def object_count(self) -> int:
         """How many objects there are."""
         return int(self.objects.max(initial=-1)) + 1
+
+    def scaled(self, factor: float) -> "World":
+        """The world with its plan enlarged by a factor about (0, 0); heights stay.
+
+        Raises:
+            WorldError: The factor is not from 0.000001 to 1000000, or a wall has no length left.
+        """
+        if not 1e-6 <= factor <= 1e6:
+            raise WorldError(f"scale {factor:g}: expected 0.000001 to 1000000")
+        if factor == 1.0:
+            return self
+        return replace(
+            self,
+            segments=self.segments * factor,
+            cameras=tuple(camera.scaled(factor) for camera in self.cameras),
+            place=None,
+            free=None if self.free is None else self.free.scaled(factor),
+        )
 
 
 def _array(values: ArrayLike, name: str) -> Float:

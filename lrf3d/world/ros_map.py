@@ -3,7 +3,8 @@
 A path enters; a :class:`World` leaves, in the frame of the map. Where the picture is darker than
 ``occupied_thresh`` tells, a cell is occupied; walls are the outlines of such cells, and where a
 wall is one cell thick, its middle. Each point of an outline lies within half a cell of its wall.
-Walls that touch are one object. What is free and what is unknown makes no difference to a beam.
+Walls that touch are one object. What is free and what is unknown makes no difference to a beam,
+but is kept for those who plan a way through the map.
 """
 
 import math
@@ -16,6 +17,7 @@ from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import Bool, Float
 from lrf3d.input import own_name
 from lrf3d.world.drawing import connected
+from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.outlines import BAND
 from lrf3d.world.schema import FARTHEST
@@ -42,6 +44,9 @@ MOST_EDGES = 200_000
 FEW_EDGES, DENSEST = 20_000, 0.25
 """How many edges any map may have, and how many for each cell: offices have 0.05, noise has 1."""
 
+UNKNOWN = 205
+"""Value of the pixels of unknown cells as map_saver writes them."""
+
 DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
 """What map_server takes where the file says nothing."""
 
@@ -55,7 +60,7 @@ def read_ros_map(path: Path) -> World:
     from lrf3d.world.grid_walls import walls_of_grid
 
     description = _Description(path)
-    occupied = _occupied(description)
+    occupied, free = _cells(description)
     edges = int((occupied[1:] != occupied[:-1]).sum() + (occupied[:, 1:] != occupied[:, :-1]).sum())
     if edges > MOST_EDGES or (edges > FEW_EDGES and edges > DENSEST * occupied.size):
         description.refuse(
@@ -71,7 +76,8 @@ def read_ros_map(path: Path) -> World:
     segments = points.reshape(-1, 4)
     # Ends are sealed to rounding; half a cell is as near as the map can tell.
     objects = connected(segments, 0.5 * description.resolution)
-    return World(segments, objects, name=own_name(path))
+    known = FreeCells(free, description.resolution, description.origin)
+    return World(segments, objects, name=own_name(path), free=known)
 
 
 class _Description:
@@ -104,7 +110,8 @@ class _Description:
         self.data: dict[Any, Any] = DEFAULTS | data
         self.resolution = self._number("resolution", above=0.0)
         self.occupied = self._number("occupied_thresh", most=1.0)
-        if self._number("free_thresh", most=1.0) > self.occupied:
+        self.free = self._number("free_thresh", most=1.0)
+        if self.free > self.occupied:
             self.refuse("free_thresh is above occupied_thresh")
         negate = self.data["negate"]
         if negate not in (0, 1) or not isinstance(negate, int):
@@ -150,8 +157,8 @@ def _is_place(value: object) -> bool:
     )
 
 
-def _occupied(description: _Description) -> Bool:
-    """Which cells (rows, columns) are occupied, the first row at the bottom."""
+def _cells(description: _Description) -> tuple[Bool, Bool]:
+    """Which cells (rows, columns) are occupied and which free, the first row at the bottom."""
     from PIL import Image, UnidentifiedImageError
 
     picture = description.picture
@@ -164,11 +171,12 @@ def _occupied(description: _Description) -> Bool:
                     raise WorldError(
                         f"{picture}: {width} by {height} cells, more than {MOST_CELLS:,}; cut it"
                     )
-                occupied = np.empty((height, width), dtype=np.bool_)
+                occupied, free = np.empty((2, height, width), dtype=np.bool_)
                 step = max(1, BAND // max(1, width))
                 for top in range(0, height, step):
                     rows = image.crop((0, top, width, min(top + step, height)))
-                    occupied[top : top + step] = _occupied_rows(description, rows)
+                    band = slice(top, top + step)
+                    occupied[band], free[band] = _rows_of_cells(description, rows)
         except WorldError:
             raise
         except UnidentifiedImageError:
@@ -178,23 +186,30 @@ def _occupied(description: _Description) -> Bool:
             raise WorldError(f"{picture}: damaged picture ({reason})") from None
         except Image.DecompressionBombError:
             raise WorldError(f"{picture}: a picture that is far too large") from None
-    return occupied[::-1]
+    return occupied[::-1], free[::-1]
 
 
-def _occupied_rows(description: _Description, image: "Image") -> Bool:
-    """Which cells (rows, columns) of some rows of the picture are occupied."""
+def _rows_of_cells(description: _Description, image: "Image") -> tuple[Bool, Bool]:
+    """Which cells (rows, columns) of some rows of the picture are occupied, and which free."""
     mode = description.data["mode"]
     share, opaque = _darkness(image, with_alpha=mode == "trinary")
     if description.negate:
         share = 1.0 - share
+    value = np.round(255.0 * (1.0 - share))
+    known = np.ones(share.shape, dtype=np.bool_)
+    if mode == "trinary":
+        # Savers of maps write this grey for unknown, also where free_thresh lies just above it.
+        known = value != UNKNOWN
     if mode == "scale":
         # What shows through is unknown.
-        share = np.where(opaque, share, 0.0)
+        known &= opaque
     if mode == "raw":
         # The value of a pixel is the occupancy in per cent, and more than that is unknown.
-        value = np.round(255.0 * (1.0 - share))
-        share = np.where(value <= 100.0, value / 100.0, 0.0)
-    return np.asarray(share > description.occupied)
+        known, share = value <= 100.0, value / 100.0
+    occupied = share > description.occupied
+    if mode != "trinary":
+        occupied &= known
+    return np.asarray(occupied), np.asarray(known & ~occupied & (share <= description.free))
 
 
 def _darkness(image: "Image", *, with_alpha: bool) -> tuple[Float, Bool | bool]:

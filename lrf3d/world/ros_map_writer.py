@@ -19,7 +19,7 @@ MARGIN = 1.0
 MOST_CELLS = 1 << 25
 """Cells of a map, 33 million: a picture of more is more than robots carry."""
 
-OCCUPIED, FREE = 0, 254
+OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 """Values of pixels as map_saver writes them."""
 
 
@@ -27,7 +27,7 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     """Write a world as a ``.yaml`` file and, beside it, a ``.pgm`` picture.
 
     Args:
-        world: The walls; their heights and objects are not kept.
+        world: The walls; their heights and objects are not kept, but what is known to be free.
         path: The ``.yaml`` file.
         resolution: Side of a cell [m]; 0.05, or what makes the map small enough, if not given.
 
@@ -46,6 +46,12 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
             f"{path}: {columns} by {rows} cells, more than {MOST_CELLS:,}; choose larger ones"
         )
     cells = np.full((rows, columns), FREE, dtype=np.uint8)
+    if world.free is not None:
+        x = resolution * (first[0] + 0.5 + np.arange(columns))
+        for line in range(rows):
+            y = resolution * (first[1] + 0.5 + line)
+            known = world.free.contain(np.column_stack([x, np.full(columns, y)]))
+            cells[line, ~known] = UNKNOWN
     row, column = _cells(world.segments / resolution - np.tile(first, 2))
     cells[row, column] = OCCUPIED
     picture = path.with_suffix(".pgm")

@@ -7,7 +7,7 @@ the noise, the mapper and the film that :mod:`lrf3d.scenario` turns into a scena
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path as FilePath
 from typing import Any, NoReturn
@@ -47,6 +47,22 @@ class WorldFile:
     movers: tuple[Mapping[str, Any], ...] = ()
     path: FilePath = FilePath()
     text: str = ""
+
+    def scaled(self, factor: float) -> "WorldFile":
+        """The file with its plan, and the way through it, enlarged by a factor; heights stay.
+
+        Raises:
+            WorldError: The factor is invalid.
+        """
+        if factor == 1.0:
+            return self
+        robot = dict(self.tables.get("robot", {}))
+        for key in {"start", "route", "poses"} & set(robot):
+            # Places are enlarged, headings stay.
+            robot[key] = robot[key] * ([factor, factor, 1.0][: robot[key].shape[-1]])
+        tables = {**self.tables, "robot": robot}
+        movers = tuple({**mover, "route": mover["route"] * factor} for mover in self.movers)
+        return replace(self, world=self.world.scaled(factor), tables=tables, movers=movers)
 
     def refuse(self, path: Path, message: str) -> NoReturn:
         """Raise the error that something at a path of the file is wrong."""

@@ -70,6 +70,15 @@ def test_a_scan_that_takes_longer_than_the_time_to_the_next_is_refused():
         LaserRangeFinder(scan_duration=-1.0)
 
 
+def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_gap() -> None:
+    times = np.append(0.2 * np.arange(1000), 199.85)
+    assert np.diff(times)[:-1].min() < 0.2
+    path = Trajectory(times, np.tile([50.0, 31.0, 0.1], (len(times), 1)))
+    assert isinstance(timed(PlanarCaster(CITY), TURNING, path), Sweep)
+    with pytest.raises(InputError, match="longer than"):
+        timed(PlanarCaster(CITY), LaserRangeFinder(scan_duration=0.2001), path)
+
+
 @CASTERS
 def test_movers_are_cast_as_exactly_as_walls(make):
     movers = (Mover(SQUARE, DRIVE), Mover(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])))

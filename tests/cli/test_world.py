@@ -2,7 +2,10 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+
+from lrf3d.scenario import read_scenario_file, scenario_of
 
 
 def lrf3d(*arguments):
@@ -46,7 +49,7 @@ def test_scale_and_resolution_are_what_is_written(tmp_path):
     [
         (["convert", "city", "city.xyz"], "unknown ending"),
         (["convert", "city", "city.toml", "--resolution", 1], "for a ROS map"),
-        (["convert", "city", "city.toml", "--scale", 0], "--scale"),
+        (["convert", "city", "city.toml", "--scale", 0], "scale 0: expected"),
         (["generate", "maze", "--size", 2, "--out", "m.toml"], "size 2 m"),
         (["generate", "maze", "--out", "/proc/none/m.toml"], "cannot be written"),
     ],
@@ -54,3 +57,48 @@ def test_scale_and_resolution_are_what_is_written(tmp_path):
 def test_what_cannot_be_done_is_said_in_one_line(arguments, said):
     done = lrf3d("world", *arguments)
     assert done.returncode == 1 and done.stderr.count("\n") == 1 and said in done.stderr
+
+
+DRAWING = """\
+<svg xmlns="http://www.w3.org/2000/svg" width="120mm" height="90mm" viewBox="0 0 120 90">
+<path d="M 10 10 H 60 M 70 10 H 110 V 80 H 10 V 10" fill="none" stroke="black"/></svg>"""
+
+
+def test_a_drawing_on_paper_is_warned_of_and_enlarged(tmp_path):
+    plan = tmp_path / "plan.svg"
+    plan.write_text(DRAWING)
+    small = lrf3d("world", "show", plan)
+    assert small.returncode == 0 and small.stderr.count("\n") == 1
+    assert "0.1 m by 0.07 m" in small.stderr and "--scale 100" in small.stderr
+    large = lrf3d("world", "show", plan, "--scale", 100)
+    assert large.stderr == "" and "bounds   x 1.00 to 11.00 m, y 1.00 to 8.00 m" in large.stdout
+    huge = lrf3d("world", "show", plan, "--scale", 100_000)
+    assert "10,000 m by 7,000 m" in huge.stderr and "--scale 0.001" in huge.stderr
+
+
+def test_the_side_of_the_walls_that_was_chosen_is_said(tmp_path):
+    plan = tmp_path / "plan.svg"
+    plan.write_text(DRAWING)
+    arguments = ["run", plan, "--scale", 100, "--no-video", "--scans", 2, "--out", tmp_path / "out"]
+    done = lrf3d(*arguments, "--json")
+    said = "lrf3d: the route is planned inside the walls; --outside plans it outside\n"
+    assert done.stderr == said
+    assert json.loads(done.stdout)["planned"] == "inside"
+    start = lrf3d(*arguments, "--set", "robot.start=[10.9, 2, 0]")
+    assert start.returncode == 1 and "nearer to a wall" in start.stderr
+    named = lrf3d("run", "city", "--inside")
+    assert named.returncode == 1 and "names its own route" in named.stderr
+
+
+def test_scale_enlarges_the_way_through_a_world_too(tmp_path):
+    path = tmp_path / "room.toml"
+    path.write_text(
+        "[[object]]\npoints = [[0, 0], [4, 0], [4, 4]]\n[robot]\nstart = [1, 3, 90]\n"
+        "route = [[1, 3], [2, 3]]\n[[mover]]\nroute = [[0, 3], [1, 3]]\n"
+    )
+    file = read_scenario_file(path).scaled(2.0)
+    scenario = scenario_of(file)
+    assert tuple(scenario.start) == (2.0, 6.0, np.pi / 2)
+    assert scenario.route.tolist() == [[2.0, 6.0], [4.0, 6.0]]
+    assert scenario.movers[0]["route"].tolist() == [[0.0, 6.0], [2.0, 6.0]]
+    assert scenario.world.bounds.tolist() == [[0.0, 0.0], [8.0, 8.0]]

@@ -8,8 +8,10 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.robot import find_collision, follow_route
-from lrf3d.robot.planner import plan_route
+from lrf3d.robot.planner import find_route, plan_route
+from lrf3d.robot.wall_samples import planning_window, sample_walls, spacing_for, walls_within
 from lrf3d.world import World, load_world
+from lrf3d.world.free_cells import FreeCells
 
 
 def box(x: float, y: float, width: float, depth: float) -> np.ndarray:
@@ -32,7 +34,8 @@ def room(width: float, depth: float) -> World:
     return World(np.concatenate([box(0, 0, width, depth), box(2, 2, 1, 1)]), [0] * 4 + [1] * 4)
 
 
-STREETS = town([box(16.0 * i, 14.0 * j, 10.0, 8.0) for i in range(5) for j in range(3)])
+STREET_BOXES = [box(16.0 * i, 14.0 * j, 10.0, 8.0) for i in range(5) for j in range(3)]
+STREETS = town(STREET_BOXES)
 
 
 @settings(max_examples=4, deadline=None)
@@ -146,3 +149,91 @@ def test_no_walls_and_no_room_are_clear_errors() -> None:
         plan_route(STREETS, radius=float("nan"))
     with pytest.raises(InputError, match="away from all walls"):
         plan_route(room(9.0, 7.0), radius=60.0)
+
+
+HOUSE = house(1.0, 2.0)
+
+
+def inside_the_house(route: np.ndarray) -> np.ndarray:
+    return ((route > [0.0, 0.0]) & (route < [12.0, 9.0])).all(axis=1)
+
+
+@pytest.mark.parametrize("entrance", [0.9, 1.2, 2.0])
+def test_a_house_is_driven_through_inside_whatever_doors_lead_out(entrance: float) -> None:
+    found = find_route(house(1.0, entrance), lookahead=0.4)
+    assert found.side == "inside"
+    assert inside_the_house(found.waypoints).all()
+
+
+def test_the_side_of_the_walls_is_chosen_or_asked_for() -> None:
+    assert not inside_the_house(plan_route(HOUSE, lookahead=0.4, where="outside")).any()
+    assert inside_the_house(plan_route(HOUSE, lookahead=0.4, where="inside")).all()
+    assert find_route(STREETS).side == "outside"
+    within = find_route(STREETS, where="inside")
+    assert within.side == "inside"
+    houses = shapely.MultiPolygon([shapely.Polygon(row[:, :2]) for row in STREET_BOXES])
+    assert shapely.contains_xy(houses, *within.waypoints.T).all()
+    with pytest.raises(InputError, match="where 'within': expected"):
+        plan_route(HOUSE, where="within")  # type: ignore[arg-type]
+
+
+def test_the_route_begins_at_the_start_and_stays_on_its_side() -> None:
+    route = plan_route(HOUSE, lookahead=0.4, start=(9.0, 7.0, 1.0))
+    assert tuple(route[0]) == (9.0, 7.0)
+    assert inside_the_house(route).all()
+    route = plan_route(HOUSE, lookahead=0.4, start=(-3.0, 2.0))
+    assert tuple(route[0]) == (-3.0, 2.0)
+    assert not inside_the_house(route).any()
+    route = plan_route(STREETS, start=(13.0, 11.0, 0.0))
+    assert tuple(route[0]) == (13.0, 11.0)
+
+
+def test_a_start_where_no_robot_can_be_is_a_clear_error() -> None:
+    with pytest.raises(InputError, match=r"start \(0\.1, 2\): nearer to a wall"):
+        plan_route(HOUSE, start=(0.1, 2.0, 0.0))
+    with pytest.raises(InputError, match="the start does not lie outside the walls"):
+        plan_route(HOUSE, start=(9.0, 7.0), where="outside")
+    with pytest.raises(InputError, match="expected finite numbers"):
+        plan_route(HOUSE, start=(np.nan, 2.0))
+
+
+def test_only_cells_that_a_map_knows_to_be_free_are_driven_through() -> None:
+    cells = np.zeros((90, 120), dtype=bool)
+    cells[:, :60] = True
+    world = World(house(1.0, 0.9).segments, free=FreeCells(cells, 0.1))
+    route = plan_route(world, lookahead=0.4)
+    assert inside_the_house(route).all() and (route[:, 0] < 6.0).all()
+
+
+@pytest.mark.parametrize("far", [2e6, 1e9])
+def test_walls_that_reach_far_away_cost_nothing_and_the_town_is_driven_to(far: float) -> None:
+    corner = [[150.0, 0.0, far, 3.0], [far, 3.0, 150.0, 8.0], [150.0, 8.0, 150.0, 0.0]]
+    objects = np.append(STREETS.objects, [STREETS.object_count] * 3)
+    world = World(np.vstack([STREETS.segments, corner]), objects, np.full(len(objects), 8.0))
+    segments = world.segments - np.tile(world.origin, 2)
+    low, high = planning_window(segments)
+    near, _ = walls_within(segments, low, high)
+    assert len(sample_walls(near, spacing_for(near))[0]) < 20_000
+    route = plan_route(world)
+    assert (np.abs(route) < 600.0).all()
+    assert (np.abs(route - [37.0, 18.0]) < 60.0).all(axis=1).any()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_walls_are_cut_at_a_box_and_kept_bit_for_bit_inside(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    segments = np.round(rng.uniform(-3.0, 3.0, (20, 4)), 1)
+    segments = segments[(segments[:, :2] != segments[:, 2:]).any(axis=1)]
+    low, high = np.array([-1.0, -2.0]), np.array([2.0, 1.5])
+    parts, which = walls_within(segments, low, high)
+    box_ = shapely.box(*low, *high)
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    expected = shapely.length(shapely.intersection(lines, box_))
+    found = np.bincount(which, np.hypot(*(parts[:, 2:] - parts[:, :2]).T), len(segments))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    whole = shapely.covers(box_, lines[which])
+    assert (parts[whole] == segments[which][whole]).all()
+
+
+def test_a_laser_that_sees_no_wall_from_anywhere_still_has_a_route() -> None:
+    assert len(plan_route(room(9.0, 7.0), range_max=0.5)) >= 2

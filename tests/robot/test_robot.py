@@ -5,6 +5,8 @@ from hypothesis import strategies as st
 
 from lrf3d import CollisionError, InputError, Trajectory, Unicycle, World, drive, follow_route
 from lrf3d.robot import check_drive, find_collision
+from lrf3d.scenario import Scenario, load_scenario
+from lrf3d.study.experiment import trajectory_of
 
 speeds = st.floats(-3.0, 3.0)
 turns = st.floats(-2.0, 2.0)
@@ -117,3 +119,34 @@ def test_a_drive_into_a_wall_names_time_place_and_wall():
 def test_a_wall_between_two_poses_is_not_leapt_over():
     trajectory = Trajectory([0.0, 1.0], [[9, 4, 0], [11, 4, 0]])
     assert find_collision(trajectory, ROOM, 0.0).wall == 1
+
+
+@pytest.mark.parametrize("settings", [["robot.scan_interval=1e-8"], ["robot.speed=1e-6"]])
+def test_a_drive_costs_what_is_asked_of_it(settings):
+    scenario = load_scenario("city", settings)
+    assert len(trajectory_of(scenario, scans=3)) == 3
+    with pytest.raises(InputError, match="more than 2,000,000 steps"):
+        trajectory_of(scenario)
+    with pytest.raises(InputError, match="more than 100,000,000; ask for fewer"):
+        trajectory_of(scenario, scans=10**12)
+
+
+def test_few_scans_are_the_first_of_many():
+    scenario = load_scenario("city")
+    many = trajectory_of(scenario, scans=900)
+    few = trajectory_of(scenario, scans=40)
+    assert (few.poses == many.poses[:40]).all() and (few.times == many.times[:40]).all()
+
+
+@pytest.mark.parametrize("length", [3.07, 4.31])
+def test_scans_of_a_long_drive_come_evenly_also_where_it_turns(length):
+    world = World([[-5.0, -5.0, 15.0, -5.0]])
+    route = np.array([[0.0, 0.0], [length, 0.0]])
+    scenario = Scenario(world, route=route, speed=1.0, scan_interval=0.25)
+    np.testing.assert_allclose(np.diff(trajectory_of(scenario, scans=100).times), 0.25, rtol=1e-9)
+
+
+def test_a_robot_that_stands_in_a_wall_collides():
+    world = World([[0.0, 0.0, 1.0, 0.0]])
+    assert find_collision(Trajectory([0.0], [(0.5, 0.1, 0.0)]), world, 0.3) is not None
+    assert find_collision(Trajectory([0.0], [(0.5, 0.4, 0.0)]), world, 0.3) is None

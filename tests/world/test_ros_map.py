@@ -1,3 +1,4 @@
+import pickle
 from itertools import pairwise, product
 from pathlib import Path
 
@@ -205,3 +206,28 @@ def test_a_world_of_a_country_becomes_a_coarse_map_and_not_a_huge_one(tmp_path: 
     assert (tmp_path / "map.pgm").stat().st_size < 40e6
     with pytest.raises(OSError, match="choose larger"):
         write_ros_map(World([[0.0, 0.0, 50_000.0, 30_000.0]]), path, resolution=0.05)
+
+
+@pytest.mark.parametrize("free_thresh", [0.196, 0.25])
+def test_what_a_map_knows_to_be_free_is_kept(free_thresh: float, tmp_path: Path) -> None:
+    pixels = np.where(room() == 0, 0, 205)
+    pixels[12:20, 12:20] = 254
+    world = load_world(save_map(tmp_path, pixels, free_thresh=free_thresh, origin=[5.0, 1.0, 0.5]))
+    assert world.free is not None and world.free.cells.sum() == 64
+    turn = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]])
+    places = np.array([[1.5, 3.5], [1.1, 3.5], [3.0, 2.0], [-1.0, 1.0]]) @ turn + [5.0, 1.0]
+    assert world.free.contain(places).tolist() == [True, False, False, False]
+    again = pickle.loads(pickle.dumps(world)).scaled(2.0)
+    assert again.free is not None and again.free.contain(2.0 * places).tolist()[:2] == [True, False]
+
+
+def test_a_map_that_is_written_keeps_what_is_free(tmp_path: Path) -> None:
+    pixels = room()
+    pixels[:, 50:] = 205
+    world = load_world(save_map(tmp_path, pixels))
+    write_ros_map(world, tmp_path / "again.yaml", resolution=0.1)
+    again = load_world(tmp_path / "again.yaml")
+    assert world.free is not None and again.free is not None
+    places = np.random.default_rng(0).uniform([1.2, 1.2], [5.6, 3.8], (200, 2))
+    places = places[np.abs(places[:, 0] - 4.95) > 0.2]
+    assert (again.free.contain(places) == world.free.contain(places)).all()

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 from lrf3d.errors import InputError
 from lrf3d.robot import Trajectory
+from lrf3d.robot.free_space import Side
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.study.experiment import Experiment, trajectory_of, with_route
 from lrf3d.study.sweep.content import digest, seed_of
 from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, Value, setting
 from lrf3d.study.sweep.task import Order, Place
 from lrf3d.world import World
+from lrf3d.world.sizes import size_warning
 
 COLUMNS = {MODE: "mode", SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep tells; others keep their names."""
@@ -96,6 +98,8 @@ def make_plan(
     grid: Grid,
     *,
     collision: Callable[[str], None] | None = None,
+    where: Side | None = None,
+    say: Callable[[str], None] = lambda message: None,
     warn: Callable[[str], None] = lambda message: None,
 ) -> Plan:
     """Plan all runs of a grid: worlds are read, routes found and drives driven once each.
@@ -103,7 +107,9 @@ def make_plan(
     Args:
         grid: What is varied.
         collision: Called with what is wrong with a drive into a wall, which then goes on.
-        warn: Called with what the figures will not show.
+        where: The side of the walls on which routes are planned; by the world where not given.
+        say: Called with where the routes are planned.
+        warn: Called with what is odd about the size of a world, and what figures will not show.
 
     Raises:
         InputError: A world, a setting or a drive is none.
@@ -117,7 +123,10 @@ def make_plan(
         known = next((cell for cell in cells if cell.world == file.world.name), None)
         if known is not None:
             raise InputError(f"{name}: another world of the sweep is called {known.world}, too")
-        drives = _Drives(file.world, grid.every, collision, warn)
+        warning = size_warning(file.world)
+        if warning is not None:
+            warn(f"{name}: {warning}")
+        drives = _Drives(file.world, grid.every, collision, where, warn)
         for values in grid.combinations:
             scenario = scenario_of(file, [setting(*each) for each in values.items()])
             seen, place = drives.place(scenario)
@@ -132,6 +141,8 @@ def make_plan(
             places.setdefault(seen, place)
             cells.append(Cell(scenario.name, seen, {**usual, **varied}))
             runs += [_run(scenario, seen, len(cells) - 1, seed) for seed in range(grid.seeds)]
+        for side in sorted(drives.planned):
+            say(f"{name}: the route is planned {side} the walls")
     return Plan(grid, places, tuple(cells), tuple(runs))
 
 
@@ -150,10 +161,13 @@ class _Drives:
         world: World,
         every: int,
         collision: Callable[[str], None] | None,
+        where: Side | None,
         warn: Callable[[str], None],
     ) -> None:
         self._walls = digest((world.segments, world.objects, world.heights))
-        self._every, self._collision, self._warn = every, collision, warn
+        self._every, self._collision, self._where = every, collision, where
+        self._warn = warn
+        self.planned: set[str] = set()
         self._driven: dict[str, Trajectory] = {}
 
     def place(self, scenario: Scenario) -> tuple[str, Place]:
@@ -165,7 +179,10 @@ class _Drives:
         # A route that is found goes where the walls are seen from.
         asked = digest((robot, scenario.lrf.range_max if scenario.route is None else None))
         if asked not in self._driven:
-            drive = trajectory_of(with_route(scenario), ignore_collisions=self._collision)
+            routed = with_route(scenario, where=self._where)
+            if routed.planned is not None:
+                self.planned.add(routed.planned)
+            drive = trajectory_of(routed, ignore_collisions=self._collision)
             used = slice(None, None, self._every)
             if len(drive) > 1 and len(drive.times[used]) == 1:
                 self._warn(

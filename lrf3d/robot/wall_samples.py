@@ -1,0 +1,135 @@
+"""Samples of walls: points along them, and the part of a world that a route is planned in.
+
+Segments enter, of any length and any distance from each other; points with the length of wall
+that each stands for leave. What the samples cost follows what is near, not how far walls reach.
+"""
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int, lengths
+
+SURROUNDINGS = 6.0
+"""How far [m] around the walls a robot may drive."""
+
+WIDEST = 500.0
+"""Largest side [m] of the part of a world that is planned in: as much as a drive can show."""
+
+FARTHEST_APART = 100_000.0
+"""Side [m] of a world from which on it is first narrowed to the part with the most corners: walls
+as long as a country tell nothing of where the town is, and are too long to be sampled."""
+
+BINS = 256
+"""Into how many bins along each axis such a world is cut to count corners."""
+
+SPACING = 0.2
+"""Distance [m] between the points of the walls that distances are measured to."""
+
+SAMPLES, MANY_SAMPLES = 4_000_000, 1_000_000
+"""Most samples of all walls together, and from how many on those that lie together count as one:
+800 km and 200 km of walls, of which a window of 500 m shows a part."""
+
+
+def planning_window(segments: Float, around: Float | None = None) -> tuple[Float, Float]:
+    """Corners (2,) and (2,) of the box to plan in.
+
+    It lies around all walls, or where the most walls stand if that is too wide.
+
+    Args:
+        segments: (n, 4) the walls [m].
+        around: A place (2,) [m] that the box must hold.
+    """
+    from scipy.ndimage import uniform_filter
+
+    near = _detailed(segments)
+    spacing = spacing_for(near)
+    points, weights = sample_walls(near, spacing)
+    low, high = points.min(axis=0) - SURROUNDINGS, points.max(axis=0) + SURROUNDINGS
+    if around is not None:
+        low, high = np.minimum(low, around - SURROUNDINGS), np.maximum(high, around + SURROUNDINGS)
+    if (high - low).max() <= WIDEST:
+        return low, high
+    if around is None:
+        # However long a wall is, it is but one, and no town.
+        long = np.maximum(lengths(near) / WIDEST, 1.0)
+        weights /= np.repeat(long, np.ceil(lengths(near) / spacing).astype(int))
+        tile = WIDEST / 10.0
+        counts = np.minimum(np.ceil((high - low) / tile).astype(int), 4000)
+        edges = [np.linspace(low[axis], high[axis], counts[axis] + 1) for axis in (0, 1)]
+        amount, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=edges, weights=weights)
+        amount = uniform_filter(amount, size=9, mode="constant")
+        place = np.array(np.unravel_index(int(np.argmax(amount)), amount.shape))
+        around = low + (place + 0.5) * (high - low) / counts
+    return np.maximum(low, around - WIDEST / 2), np.minimum(high, around + WIDEST / 2)
+
+
+def _detailed(segments: Float) -> Float:
+    """The walls, and where they are very far apart those in the box with the most ends of them."""
+    ends = segments.reshape(-1, 2)
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    if (high - low).max() <= FARTHEST_APART:
+        return segments
+    while (high - low).max() > FARTHEST_APART:
+        inside = ends[((ends >= low) & (ends <= high)).all(axis=1)]
+        edges = [np.linspace(low[axis], high[axis], BINS + 1) for axis in (0, 1)]
+        if not all((np.diff(edge) > 0.0).all() for edge in edges):
+            # A world of one straight line has no width to cut.
+            low, high = low - 1.0, high + 1.0
+            continue
+        count, _, _ = np.histogram2d(inside[:, 0], inside[:, 1], bins=edges)
+        # Two bins by two overlap, so that no town is lost for standing on the border of bins.
+        fours = count[:-1, :-1] + count[1:, :-1] + count[:-1, 1:] + count[1:, 1:]
+        column, row = np.unravel_index(int(np.argmax(fours)), fours.shape)
+        low = np.array([edges[0][column], edges[1][row]])
+        high = np.array([edges[0][column + 2], edges[1][row + 2]])
+    # An end on the border of the box has some of its wall inside.
+    return walls_within(segments, low - 1.0, high + 1.0)[0]
+
+
+def walls_within(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:
+    """The parts (k, 4) of segments (n, 4) inside a box, and the segment (k,) that each is of.
+
+    What lies inside as a whole stays as it is, to the last bit.
+    """
+    start, span = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, other = (low - start) / span, (high - start) / span
+    # Along an axis that it does not go along a wall is inside everywhere or nowhere.
+    within = np.where((start >= low) & (start <= high), np.inf, -np.inf)
+    enter = np.where(span == 0.0, -within, np.minimum(one, other)).max(axis=1)
+    leave = np.where(span == 0.0, within, np.maximum(one, other)).min(axis=1)
+    enter, leave = np.maximum(enter, 0.0), np.minimum(leave, 1.0)
+    kept = np.flatnonzero(enter < leave)
+    parts = segments[kept]
+    cut = (enter[kept] > 0.0) | (leave[kept] < 1.0)
+    row = kept[cut]
+    parts[cut, :2] = start[row] + enter[row, None] * span[row]
+    parts[cut, 2:] = start[row] + leave[row, None] * span[row]
+    # A part shorter than the resolution of its place has no length left.
+    long = lengths(parts) > 0.0
+    return parts[long], kept[long]
+
+
+def sample_walls(segments: Float, spacing: float) -> tuple[Float, Float]:
+    """Points (k, 2) along segments (n, 4) at most a spacing apart, and the length (k,) each has."""
+    counts = np.ceil(lengths(segments) / spacing).astype(int)
+    wall = np.repeat(np.arange(len(segments)), counts)
+    step = np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
+    place = ((step + 0.5) / counts[wall])[:, None]
+    points = segments[wall, :2] * (1.0 - place) + segments[wall, 2:] * place
+    return points, lengths(segments)[wall] / counts[wall]
+
+
+def spacing_for(segments: Float) -> float:
+    """Distance [m] between samples: no less than lets memory hold those of walls laid on walls."""
+    return max(SPACING, float(lengths(segments).sum()) / SAMPLES)
+
+
+def thinned(points: Float, weights: Float) -> tuple[Float, Float]:
+    """Samples (k, 2) with their weights; where there are very many, one for each small cell."""
+    if len(points) <= MANY_SAMPLES:
+        return points, weights
+    cells = np.floor((points - points.min(axis=0)) / (0.5 * SPACING)).astype(np.int64)
+    rows = cells[:, 0] * (int(cells[:, 1].max()) + 1) + cells[:, 1]
+    _, first, cell = np.unique(rows, return_index=True, return_inverse=True)
+    total = np.bincount(cell.reshape(-1), weights).astype(np.float64)
+    return points[first], total
