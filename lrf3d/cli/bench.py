@@ -98,11 +98,11 @@ def scan(
     sizes = sorted(set(_numbers("--walls", walls, least=4)))
     with progress_bar("bench scan") as progress:
         result = bench_scan(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
+    _tell(result, scan_text(result), json)
     if figure is not None:
         from lrf3d.study.bench.figure import draw_scan_benchmark
 
         draw_scan_benchmark(result, figure)
-    _tell(result, scan_text(result), json, figure)
 
 
 @bench.command(name="map", epilog="Example: lrf3d bench map --seeds 1 --figure map.png")
@@ -124,11 +124,11 @@ def map_(
 
     with progress_bar("bench map") as progress:
         result = bench_map(seeds=seeds, seconds=seconds, progress=progress)
+    _tell(result, map_text(result), json)
     if figure is not None:
         from lrf3d.study.bench.map_figure import draw_map_benchmark
 
         draw_map_benchmark(result, figure)
-    _tell(result, map_text(result), json, figure)
 
 
 @bench.command(epilog="Example: lrf3d bench score footprints.geojson --beams 181 --seeds 2")
@@ -205,11 +205,11 @@ def render(
     sizes = sorted(set(_numbers("--buildings", buildings, least=4)))
     with progress_bar("bench render") as progress:
         result = bench_render(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
+    _tell(result, render_text(result), json)
     if figure is not None:
         from lrf3d.study.bench.render_figure import draw_render_benchmark
 
         draw_render_benchmark(result, figure)
-    _tell(result, render_text(result), json, figure)
 
 
 @bench.command(epilog="Example: lrf3d bench robots --robots 1024")
@@ -250,21 +250,21 @@ def drive(
 
     with progress_bar("bench drive") as progress:
         result = bench_drive(seconds=seconds, progress=progress)
+    _tell(result, drive_text(result), json)
     if figure is not None:
         from lrf3d.study.bench.drive_figure import draw_drive_benchmark
 
         draw_drive_benchmark(result, figure)
-    _tell(result, drive_text(result), json, figure)
 
 
-def _tell(result: Any, text: str, json: bool, figure: Path | None = None) -> None:
-    """Print a result as one JSON object, or as a text that ends with where its picture lies."""
+def _tell(result: Any, text: str, json: bool) -> None:
+    """Print a result as one JSON object or as a text, before a picture of it is drawn."""
     from lrf3d.cli.console import print_json
 
     if json:
         print_json(result.as_dict())
     else:
-        print(text if figure is None else f"{text}\npicture {figure}")
+        print(text, flush=True)
 
 
 def _numbers(option: str, text: str, *, least: int) -> list[int]:

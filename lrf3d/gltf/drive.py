@@ -55,8 +55,8 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     if every < 1:
         raise InputError(f"every {every}: expected a whole number from 1")
     timeline = Timeline(run)
-    document = new_document(run.world)
     structures = Structures.from_run(run)
+    document = new_document(run.world.name, structures)
     add_stage(document, structures)
     _add_robot(document, timeline, structures)
     drive_movers(document, timeline)
@@ -94,7 +94,7 @@ class _Showing:
 def _add_robot(document: Document, timeline: Timeline, structures: Structures) -> None:
     """The robot, which drives, and a camera that looks over its shoulder."""
     times = key_times(timeline)
-    poses = timeline.poses(times) - [*timeline.run.world.origin, 0.0]
+    poses = timeline.poses(times) - [*timeline.origin, 0.0]
     headings = 0.5 * np.unwrap(poses[:, 2])
     places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
     turns = np.zeros((len(poses), 4), np.float32)
@@ -113,7 +113,7 @@ def _add_scans(document: Document, timeline: Timeline, every: int) -> None:
     """The beams of each scan, seen while it is the nearest in time."""
     run = timeline.run
     begins, ends = scan_times(timeline, every)
-    meshes = ScanMeshes(document, run)
+    meshes = ScanMeshes(document, timeline)
     showing = _Showing(document, timeline.start, timeline.end)
     group = document.node("beams", document.root)
     scans = range(0, len(run), every)
@@ -133,7 +133,7 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
     for stage, (begin, end) in zip(run.maps, pairwise([*begins, timeline.end]), strict=True):
         if not len(stage):
             continue
-        positions, colours = _bands(stage, run.world.origin)
+        positions, colours = _bands(stage, timeline.origin)
         attributes = {
             "POSITION": document.array(positions, VERTICES, bounded=True),
             "COLOR_0": document.array(colours, VERTICES, normalised=True),
@@ -169,7 +169,7 @@ def _bands(stage: LineMap, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
 def _add_trail(document: Document, timeline: Timeline) -> None:
     """The way that was driven, as straight pieces that grow with the robot."""
     times = key_times(timeline)
-    places = timeline.poses(times)[:, :2] - timeline.run.world.origin
+    places = timeline.poses(times)[:, :2] - timeline.origin
     material = document.glowing("trail", colour=linear(_TRAIL).astype(np.float64))
     half = 0.5 * _TRAIL_WIDTH
     strip = np.array([[0, -half, 0], [1, -half, 0], [1, half, 0], [0, half, 0]], np.float32)

@@ -218,7 +218,7 @@ class First:
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
         x, y, theta = self._timeline.poses(np.array([time]))[0]
-        origin = self._timeline.run.world.origin
+        origin = self._timeline.origin
         eye = np.array([x - origin[0], y - origin[1], self._height])
         ahead = np.array([np.cos(theta), np.sin(theta), -0.10])
         return Look(eye, eye + ahead, float(self.FIELD), fan=0.45)
@@ -242,4 +242,4 @@ def make_camera(view: str, timeline: Timeline, structures: Structures) -> Camera
     check_view(view, world.cameras)
     if view in CAMERAS:
         return CAMERAS[view](timeline, structures)
-    return Fixed(next(c for c in world.cameras if c.name == view), world.origin)
+    return Fixed(next(c for c in world.cameras if c.name == view), timeline.origin)

@@ -46,7 +46,7 @@ class Scenery:
     def __init__(self, timeline: Timeline) -> None:
         run = self.run = timeline.run
         self.structures = Structures.from_run(run)
-        self.origin = run.world.origin
+        self.origin = self.structures.origin
         self.reach = min(run.lrf.range_max, _FAN_REACH)
         self.scene = pyrender.Scene()
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)

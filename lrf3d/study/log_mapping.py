@@ -131,27 +131,21 @@ def map_log(
     return MappedLog(log, mode, sigma, line_map, score, tuple(milliseconds), even)
 
 
-def draw_mapped_log(mapped: MappedLog, folder: Path) -> dict[str, Path]:
-    """Write the map and its picture to a folder.
-
-    Returns:
-        The files by what they hold.
+def draw_mapped_log(mapped: MappedLog, path: Path) -> None:
+    """Draw the map of a log over the points that it was built from, to a file.
 
     Raises:
-        OutputError: A file cannot be written.
+        OutputError: The file cannot be written.
     """
     from lrf3d.render.figures import draw_map
 
-    files = {"map": folder / "map.geojson", "map picture": folder / "map.png"}
-    mapped.map.save(files["map"])
     draw_map(
         mapped.map,
-        files["map picture"],
+        path,
         points=np.vstack([scan.points() for scan in mapped.mapped]),
         poses=np.array([scan.pose for scan in mapped.mapped]),
         title=mapped.log.name,
     )
-    return files
 
 
 def _metres(value: float) -> str:

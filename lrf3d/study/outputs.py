@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 from lrf3d.errors import InputError
 from lrf3d.logs import record
 from lrf3d.simulation import Run
+from lrf3d.study.drawings import Drawing
 from lrf3d.study.experiment import Experiment, Progress, trajectory_of
 from lrf3d.study.summary import drawn_part, summarise
 from lrf3d.study.timed_mapper import Timed
@@ -153,8 +155,8 @@ def _share(value: float | None) -> str:
     return "–" if value is None else f"{value:.3f}"
 
 
-def draw_results(results: Results, folder: Path) -> dict[str, Path]:
-    """Write the map of the run and its pictures to a folder; the film is made apart.
+def write_results(results: Results, folder: Path) -> dict[str, Path]:
+    """Write the map of the run to a folder, which holds the run itself already.
 
     Returns:
         The files by what they hold.
@@ -162,24 +164,27 @@ def draw_results(results: Results, folder: Path) -> dict[str, Path]:
     Raises:
         OutputError: A file cannot be written.
     """
+    files = {"run": folder / "run.npz"}
+    # A mapper of the user's may make no map of lines.
+    if results.run.maps:
+        files["map"] = folder / "map.geojson"
+        results.run.map.save(files["map"])
+    return files
+
+
+def pictures_of(results: Results, folder: Path) -> dict[str, Drawing]:
+    """The pictures of an experiment, by what they show."""
     from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 
     run, scenario = drawn_part(results.run), results.experiment.scenario
-    files = {"run": folder / "run.npz"}
-    # A mapper of the user's may make no map of lines.
+    pictures: dict[str, Drawing] = {}
     if run.maps:
-        files["map"], files["map picture"] = folder / "map.geojson", folder / "map.png"
-        run.map.save(files["map"])
-        draw_map(run, files["map picture"])
-    files["world picture"] = folder / "world.png"
-    draw_world(
-        run.world,
-        files["world picture"],
-        scan=run.scan(0),
-        route=scenario.route,
-        poses=scenario.poses,
+        pictures["map picture"] = folder / "map.png", partial(draw_map, run)
+    world = partial(
+        draw_world, run.world, scan=run.scan(0), route=scenario.route, poses=scenario.poses
     )
+    pictures["world picture"] = folder / "world.png", world
     if len(results.runs) > 1:
-        files["noise picture"] = folder / "noise.png"
-        draw_noise_levels(results.runs, results.sigmas, files["noise picture"])
-    return files
+        levels = partial(draw_noise_levels, results.runs, results.sigmas)
+        pictures["noise picture"] = folder / "noise.png", levels
+    return pictures

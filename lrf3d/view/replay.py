@@ -22,7 +22,7 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         length of each, the legs of the way that are jumps, and the time that the run starts at.
     """
     timeline = Timeline(run)
-    origin = run.world.origin
+    origin = timeline.origin
     shift = np.array([*origin, 0.0])
     times = key_times(timeline)
     poses = timeline.poses(times) - shift

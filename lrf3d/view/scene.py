@@ -46,13 +46,13 @@ def make_scene(
 ) -> Scene:
     """The scene of a world, with where the robot goes (k, 2) [m], and what moves beside it."""
     structures = Structures.from_world(world, path)
-    places = np.concatenate([world.segments.reshape(-1, 2), path]) - world.origin
+    places = np.concatenate([structures.segments.reshape(-1, 2), path - structures.origin])
     low, high = places.min(axis=0), places.max(axis=0)
     walls = np.column_stack([structures.segments, structures.heights])
     setup = {
         "title": title,
         "indoor": structures.indoor,
-        "origin": world.origin.tolist(),
+        "origin": structures.origin.tolist(),
         "low": low.tolist(),
         "high": high.tolist(),
         "middle": (0.5 * (low + high)).tolist(),
@@ -74,7 +74,7 @@ def make_scene(
             "reach": min(lrf.range_max, REACH),
         },
     }
-    return Scene(setup, still_glb(world, structures, lrf.height, movers))
+    return Scene(setup, still_glb(world.name, structures, lrf.height, movers))
 
 
 def joined_beams(ranges: Float, walls: Int) -> Bool:
