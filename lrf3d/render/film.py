@@ -10,8 +10,9 @@ from lrf3d.render.bindings import pyrender
 from lrf3d.render.camera import make_camera
 from lrf3d.render.drawing import Drawing
 from lrf3d.render.gl import import_libraries
-from lrf3d.render.hud import Hud, scale_of
+from lrf3d.render.hud import Hud, widest_lines
 from lrf3d.render.inset import Inset
+from lrf3d.render.layout import lay_out, scale_of
 from lrf3d.render.look import Look
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Primitive
@@ -51,12 +52,16 @@ class Film:
         self.timeline = Timeline(run, playback=playback)
         self.renderer = _renderer(renderer, size, samples)
         self.scenery = Scenery(self.timeline)
-        self.camera = make_camera(view, self.timeline, self.scenery.structures)
+        layout = lay_out(size, widest_lines(run))
+        self.camera = make_camera(view, self.timeline, self.scenery.structures, layout.covered)
         self._size = size
         self._layers = frozenset(layers)
-        self._scale = scale_of(size[1])
-        self._inset = Inset(self.scenery, size) if "inset" in self._layers else None
-        self._hud = Hud(self.scenery, size) if "hud" in self._layers else None
+        self._scale = scale_of(size)
+        self._inset = self._hud = None
+        if "inset" in self._layers and layout.inset is not None:
+            self._inset = Inset(self.scenery, size, layout.inset)
+        if "hud" in self._layers and layout.scale is not None:
+            self._hud = Hud(self.scenery, size, layout.scale)
         lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=FARTHEST)
         self._eye = self.scenery.scene.add(lens)
         self._shown: tuple[Any, ...] | None = None
