@@ -19,7 +19,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.render.marks import INSIDE, MOST_POINTS, draw_points
 from lrf3d.render.page import Frame, Page
-from lrf3d.render.palette import union_colours
+from lrf3d.render.palette import object_tints
 from lrf3d.simulation import Run
 from lrf3d.world import World
 
@@ -61,7 +61,7 @@ def texts(figure: Figure) -> list[str]:
 
 def test_each_union_is_drawn_in_its_colour(run):
     figure = draw_map(run)
-    for colour in union_colours(np.unique(run.map.objects)):
+    for colour in object_tints(np.unique(run.map.objects)):
         assert shows(figure, colour, at_least=500)
 
 
@@ -82,7 +82,7 @@ def test_the_headline_counts_what_is_drawn(run):
 
 
 def test_a_map_alone_and_no_map_at_all_are_drawn(run):
-    assert shows(draw_map(run.map), union_colours(np.array([0]))[0], at_least=500)
+    assert shows(draw_map(run.map), object_tints(np.array([0]))[0], at_least=500)
     assert "0 segments in 0 unions" in texts(draw_map(LineMap.empty()))
     assert draw_map(LineMap.empty(), points=np.ones((5, 2)), title="log").axes
 
@@ -220,8 +220,8 @@ def test_drawing_leaves_pyplot_alone():
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
-def test_union_colours_are_apart_and_belong_to_their_numbers():
-    colours = union_colours(np.arange(24))
+def test_object_tints_are_apart_and_belong_to_their_numbers():
+    colours = object_tints(np.arange(24))
     assert colours.shape == (24, 3)
     assert (colours >= 0.0).all()
     assert (colours <= 1.0).all()
@@ -229,5 +229,5 @@ def test_union_colours_are_apart_and_belong_to_their_numbers():
     assert gaps.min() > 0.05
     assert gaps[:6, :6].min() > 0.2
     assert np.linalg.norm(1.0 - colours, axis=1).min() > 0.5
-    np.testing.assert_array_equal(union_colours(np.array([7, 2])), colours[[7, 2]])
-    assert union_colours(np.empty(0, np.int64)).shape == (0, 3)
+    np.testing.assert_array_equal(object_tints(np.array([7, 2])), colours[[7, 2]])
+    assert object_tints(np.empty(0, np.int64)).shape == (0, 3)

@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 from lrf3d.cli.app import app
 from lrf3d.errors import InputError
 from lrf3d.scenario import load_scenario
+from lrf3d.study.drawings import draw_all
 from lrf3d.study.experiment import Experiment, trajectory_of
 from lrf3d.study.sweep import sweeping
 from lrf3d.study.sweep.batches import MOST, Batches
 from lrf3d.study.sweep.content import digest, seed_of
-from lrf3d.study.drawings import draw_all
 from lrf3d.study.sweep.drawing import curves_of, figures_of, table_text
 from lrf3d.study.sweep.grid import Grid, parse_axis, parse_values, read_grid
 from lrf3d.study.sweep.plan import make_plan

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Int
 from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
 from lrf3d.gltf.keys import jumps, key_times, scan_times
 from lrf3d.gltf.movers import drive_movers
@@ -21,7 +21,7 @@ from lrf3d.gltf.scan_mesh import ScanMeshes
 from lrf3d.gltf.stage import add_stage, new_document
 from lrf3d.mapping import LineMap
 from lrf3d.render.arrays import Single, quad_indices
-from lrf3d.render.palette import union_colours
+from lrf3d.render.palette import object_tints
 from lrf3d.render.structures import Structures
 from lrf3d.render.timeline import Timeline
 from lrf3d.simulation import Run
@@ -124,16 +124,17 @@ def _add_scans(document: Document, timeline: Timeline, every: int) -> None:
 
 
 def _add_maps(document: Document, timeline: Timeline) -> None:
-    """Each stage of the map as bands along the walls, each union in its colour."""
+    """Each stage of the map as bands along the walls, each object in its colour."""
     run = timeline.run
     material = document.glowing("map")
     showing = _Showing(document, timeline.start, timeline.end)
     group = document.node("map", document.root)
     begins = run.trajectory.times[list(run.stages)].tolist()
-    for stage, (begin, end) in zip(run.maps, pairwise([*begins, timeline.end]), strict=True):
+    times = pairwise([*begins, timeline.end])
+    for stage, objects, (begin, end) in zip(run.maps, run.lasting_objects, times, strict=True):
         if not len(stage):
             continue
-        positions, colours = _bands(stage, timeline.origin)
+        positions, colours = _bands(stage, objects, timeline.origin)
         attributes = {
             "POSITION": document.array(positions, VERTICES, bounded=True),
             "COLOR_0": document.array(colours, VERTICES, normalised=True),
@@ -144,7 +145,7 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
         showing.between(node, begin, end)
 
 
-def _bands(stage: LineMap, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
+def _bands(stage: LineMap, objects: Int, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
     """Corners (12 · m, 3) of both sides and the top of each segment, and colours (12 · m, 4)."""
     ends = (stage.segments - np.tile(origin, 2)).reshape(-1, 2, 2)
     along = ends[:, 1] - ends[:, 0]
@@ -162,7 +163,7 @@ def _bands(stage: LineMap, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
         for corner, (place, height) in enumerate(corners):
             positions[:, face, corner, :2], positions[:, face, corner, 2] = place, height
     colours = np.full((len(ends), 4), 255, np.uint8)
-    colours[:, :3] = np.round(255.0 * linear(union_colours(stage.objects)))
+    colours[:, :3] = np.round(255.0 * linear(object_tints(objects)))
     return positions.reshape(-1, 3), np.repeat(colours, 12, axis=0)
 
 

@@ -15,11 +15,11 @@ from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.render.marks import (
+    draw_objects,
     draw_points,
     draw_poses,
     draw_route,
     draw_scan,
-    draw_unions,
     draw_walls,
 )
 from lrf3d.render.page import FAINT, INK, Frame, Page
@@ -80,7 +80,7 @@ def draw_map(
     world: World | None = None,
     title: str = "",
 ) -> Figure:
-    """Draw a map, each union in its colour, over reflection points and true walls (Fig. 7).
+    """Draw a map, each object in its colour, over reflection points and true walls (Fig. 7).
 
     Args:
         source: A run, which brings all that follows along, or just a map.
@@ -96,8 +96,9 @@ def draw_map(
     if isinstance(source, Run):
         world, poses = source.world, source.trajectory.poses
         points, line_map = _reflections(source), source.map
+        objects = source.lasting_objects[-1] if source.maps else line_map.objects
     else:
-        line_map = source
+        line_map, objects = source, np.unique(source.objects, return_inverse=True)[1]
     points = np.empty((0, 2)) if points is None else points
     poses = np.empty((0, 3)) if poses is None else poses
     walls = np.empty((0, 4)) if world is None else world.segments
@@ -112,7 +113,7 @@ def draw_map(
         signs.append(draw_walls(axes, frame, world, poses, UNDER_MAP, width=1.0))
     if len(points):
         signs.append(draw_points(axes, frame, points))
-    signs.append(draw_unions(axes, frame, line_map))
+    signs.append(draw_objects(axes, frame, line_map, objects))
     signs += draw_poses(axes, frame, poses)
     page.legend(signs)
     return page.save(path)
@@ -146,7 +147,7 @@ def draw_noise_levels(
         below = [
             draw_walls(axes, frame, world, poses, UNDER_MAP, width=1.0),
             draw_points(axes, frame, cloud),
-            draw_unions(axes, frame, run.map),
+            draw_objects(axes, frame, run.map, run.lasting_objects[-1]),
         ]
         draw_poses(axes, frame, poses)
         _head(axes, letter, f"σ = {sigma:g} m", _map_counts(run.map))
@@ -165,8 +166,8 @@ def _count(number: int, noun: str) -> str:
 
 
 def _map_counts(line_map: LineMap) -> str:
-    unions = _count(line_map.object_count, "union")
-    return f"{_count(len(line_map), 'segment')} in {unions}"
+    objects = _count(line_map.object_count, "object")
+    return f"{_count(len(line_map), 'segment')} in {objects}"
 
 
 def _ends(segments: Float) -> Float:

@@ -10,12 +10,12 @@ from matplotlib.patches import Polygon
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.render.page import Frame
-from lrf3d.render.palette import union_colours
+from lrf3d.render.palette import object_tints
 from lrf3d.world import World
 
 INSIDE, POINT, BEAM, HIT, PATH, ROBOT = (
@@ -34,8 +34,8 @@ DASHES = (0.0, (4.0, 2.0))
 MOST_POINTS = 200_000
 """Reflection points drawn at most: more would only make the picture slower."""
 
-FEW_POSES, FEW_UNIONS = 6, 9
-"""Up to so many poses and unions are each drawn by name, as in Fig. 5."""
+FEW_POSES, FEW_OBJECTS = 6, 9
+"""Up to so many poses and objects are each drawn by name, as in Fig. 5."""
 
 JUMP = 0.15
 """Poses that lie mostly farther apart than this part of the frame are no drive, but places."""
@@ -86,20 +86,20 @@ def draw_points(axes: Axes, frame: Frame, points: Float) -> Line2D:
     return Line2D([], [], color=POINT, marker=".", linestyle="none", label="reflection points")
 
 
-def draw_unions(axes: Axes, frame: Frame, line_map: LineMap) -> Line2D:
-    """Draw the segments of a map, each union in its colour; few unions by name."""
-    colours = union_colours(line_map.objects)
+def draw_objects(axes: Axes, frame: Frame, line_map: LineMap, objects: Int) -> Line2D:
+    """Draw the segments of a map, each object (m,) in its colour; few objects by name."""
+    colours = object_tints(objects)
     width = float(np.interp(len(line_map), [60, 600, 5000], [2.6, 1.8, 0.9]))
     axes.add_collection(_lines(frame, line_map.segments, colours, width, zorder=4.0))
-    unions = np.unique(line_map.objects)
-    for number, union in enumerate(unions if len(unions) <= FEW_UNIONS else [], start=1):
-        members = np.flatnonzero(line_map.objects == union)
+    numbers = np.unique(objects)
+    for number in numbers if len(numbers) <= FEW_OBJECTS else []:
+        members = np.flatnonzero(objects == number)
         longest = members[lengths(line_map.segments[members]).argmax()]
         middle = frame.local(line_map.segments[longest].reshape(2, 2)).mean(axis=0)
         axes.text(
             middle[0],
             middle[1],
-            f"G{number}",
+            f"G{number + 1}",
             color=colours[longest],
             fontsize=9,
             weight="bold",
@@ -109,7 +109,7 @@ def draw_unions(axes: Axes, frame: Frame, line_map: LineMap) -> Line2D:
             bbox={"boxstyle": "round,pad=0.22", "facecolor": "white", "edgecolor": "none"},
         )
     colour = colours[0] if len(colours) else PATH
-    return Line2D([], [], color=colour, linewidth=2.6, label="map, a colour for each union")
+    return Line2D([], [], color=colour, linewidth=2.6, label="map, a colour for each object")
 
 
 def draw_scan(

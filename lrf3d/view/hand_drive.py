@@ -10,6 +10,7 @@ import numpy as np
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.timed import timed
 from lrf3d.laser import LaserScan
+from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.pose import Pose
 from lrf3d.render.sight import Sight
 from lrf3d.robot import Trajectory, Unicycle
@@ -88,6 +89,7 @@ class HandDrive:
         self._fresh = True
         self._rng = np.random.default_rng(self._experiment.seed)
         self._mapper = self._experiment.line_mapper()
+        self._tracker = ObjectTracker()
         self._mapped: Pose | None = None
         self._stale = False
         self._map_due = 0.0
@@ -134,7 +136,7 @@ class HandDrive:
     def _map(self) -> dict[str, Any]:
         begin = self._clock()
         line_map = self._mapper.map
-        segments, colours = map_arrays(line_map, self._origin)
+        segments, colours = map_arrays(line_map, self._tracker.follow(line_map), self._origin)
         taken = self._clock() - begin
         self._map_due = self._clock() + max(_MAP_PAUSE, taken / _MAP_SHARE)
         self._stale = False

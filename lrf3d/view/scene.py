@@ -12,7 +12,7 @@ from lrf3d.gltf.scan_mesh import REACH
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.render.movers import mover_colours
-from lrf3d.render.palette import union_colours
+from lrf3d.render.palette import object_tints
 from lrf3d.render.structures import Structures
 from lrf3d.world import World
 
@@ -84,13 +84,13 @@ def joined_beams(ranges: Float, walls: Int) -> Bool:
     return np.asarray(hits[..., 1:] & hits[..., :-1] & same)
 
 
-def map_arrays(line_map: LineMap, origin: Float) -> tuple[Float, Int]:
-    """Segments (m, 4) of a map in the local frame [m], and their colours (m, 3) in 0…255."""
+def map_arrays(line_map: LineMap, objects: Int, origin: Float) -> tuple[Float, Int]:
+    """Segments (m, 4) of a map in the local frame [m], and their colours (m, 3) in 0…255.
+
+    Those are the colours of their objects (m,), by numbers that last while the map grows.
+    """
     segments = line_map.segments - np.tile(origin, 2)
-    if not len(segments):
-        return segments, np.empty((0, 3), np.int64)
-    colours = np.round(255.0 * union_colours(line_map.objects)).astype(np.int64)
-    return segments, colours
+    return segments, np.round(255.0 * object_tints(objects)).astype(np.int64)
 
 
 def _outlines(structures: Structures) -> list[list[float]]:
