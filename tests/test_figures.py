@@ -191,7 +191,7 @@ def test_no_text_leaves_the_sheet_or_overlaps_another(picture, run, room_run):
 
 def test_very_many_points_are_thinned():
     frame = Frame.around([np.array([[0.0, 0.0], [1.0, 1.0]])])
-    page = Page(frame)
+    page = Page([frame])
     points = np.random.default_rng(0).uniform(0, 1, (3 * MOST_POINTS + 1, 2))
     draw_points(page.axes[0], frame, points)
     shown = page.axes[0].collections[0].get_offsets()

@@ -12,6 +12,7 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, normal_lines
 from lrf3d.output import write_text
+from lrf3d.words import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,11 @@ class LineMap:
     def object_count(self) -> int:
         """How many unions there are."""
         return len(np.unique(self.objects))
+
+    @property
+    def counts(self) -> str:
+        """How many segments and objects there are, in words."""
+        return f"{counted(len(self), 'segment')} in {counted(self.object_count, 'object')}"
 
     def save(self, path: str | Path) -> None:
         """Write the map as GeoJSON: a FeatureCollection of one LineString a segment.

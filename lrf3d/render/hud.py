@@ -16,6 +16,7 @@ from lrf3d.render.scenery import Scenery
 from lrf3d.render.textures import Texture
 from lrf3d.render.timeline import Moment
 from lrf3d.simulation import Run
+from lrf3d.words import rounded
 
 SMALLEST_SCALE = 0.62
 """Where there is room, text is not smaller than this times its size at 720 lines."""
@@ -190,11 +191,6 @@ class Hud:
         renderer.overlay(None)
         self._label.show(lines)
         self._label.draw(renderer)
-
-
-def rounded(value: float, digits: int) -> str:
-    """A number with so many decimals, and never −0."""
-    return f"{round(float(value), digits) + 0.0:.{digits}f}"
 
 
 def hud_lines(run: Run, moment: Moment, scan: LaserScan) -> tuple[Line, ...]:

@@ -15,6 +15,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.logs import LaserLog
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.scoring import LogScore, score_log
+from lrf3d.words import counted
 
 Progress = Callable[[int, int], None]
 
@@ -70,16 +71,16 @@ class MappedLog:
     def rows(self) -> list[tuple[str, str]]:
         """The figures in a few lines for people."""
         score = self.score
-        log = f"{len(self.log)} scans of {len(self.log.scans[0].ranges)} beams"
+        beams = counted(len(self.log.scans[0].ranges), "beam")
         what = self.log.bad_lines[0].kind if self.log.bad_lines else "line"
-        rows = [("log", f"{log}, {self.log.bad_count} bad {what}s")]
+        bad = counted(self.log.bad_count, f"bad {what}")
+        rows = [("log", f"{counted(len(self.log), 'scan')} of {beams}, {bad}")]
         rows += [("", str(bad)) for bad in self.log.bad_lines]
         rows.append(("poses", self.log.source))
         rows += [
             (
                 "map",
-                f"{len(self.map)} segments in {self.map.object_count} unions,"
-                f" {score.length:.0f} m long",
+                f"{self.map.counts}, {score.length:.0f} m long",
             ),
         ]
         if score.returns:

@@ -16,6 +16,7 @@ from lrf3d.study.drawings import Drawing
 from lrf3d.study.experiment import Experiment, Progress, trajectory_of
 from lrf3d.study.summary import drawn_part, summarise
 from lrf3d.study.timed_mapper import Timed
+from lrf3d.words import counted
 from lrf3d.world.cameras import FilmPlan
 
 Bar = Callable[[str], AbstractContextManager[Progress]]
@@ -87,6 +88,9 @@ class Results:
             "milliseconds_a_scan": 1e3 * seconds / taken if taken else None,
             "milliseconds_an_update": timed.milliseconds,
         }
+        if _is_set_down(experiment):
+            # What lies between its poses it has not driven.
+            summary["drive"]["length_m"] = 0.0
         if callable(getattr(mapper, "report", None)):
             if not timed.updates:
                 # The run was finished before, so that this mapper has seen nothing of it.
@@ -109,31 +113,37 @@ class Results:
         """The summary in a few lines for people."""
         drive, score = self.summary["drive"], self.summary["score"]
         buildings, stored = self.summary["buildings"], self.summary["storage"]
-        rows = [
-            (
-                "drive",
-                f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {drive['scans']} scans"
-                f" of {self.run.lrf.beams} beams",
-            )
-        ]
+        scans = f"{counted(drive['scans'], 'scan')} of {counted(self.run.lrf.beams, 'beam')}"
+        rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
+        if self._stands:
+            rows = [("scans", f"{scans}, from single poses")]
         if score is not None:
-            text = f"{len(self.run.map)} segments in {self.run.map.object_count} unions, length F1"
+            text = f"{self.run.map.counts}, length F1"
             text += f" {_share(score['length_f1'])}, segment F1 {_share(score['segment_f1'])}"
             rows.append(("map", text))
             text = f"{buildings['seen_on_all_sides']} of {buildings['buildings']} seen on all sides"
             rows.append(("objects", f"{text}, {buildings['whole']} of them whole in the map"))
         if stored is not None:
-            text = f"{stored['union_numbers']} numbers as unions of segments"
-            text += f", {stored['polyline_numbers']} as polylines"
-            rows.append(("storage", f"{text}, {stored['grid_cells']} as a grid of 0.1 m"))
+            text = f"{counted(stored['union_numbers'], 'number')} as objects of segments"
+            text += f", {stored['polyline_numbers']:,} as polylines"
+            rows.append(("storage", f"{text}, {stored['grid_cells']:,} as a grid of 0.1 m"))
         update = self.summary["milliseconds_an_update"]
         if "mapper" in self.summary and update is not None:
             rows.append(("mapper", f"{self.summary['mapper']}, {update:.2f} ms an update"))
         rows += [(str(name), str(value)) for name, value in self.summary.get("report", {}).items()]
-        for level in self.summary.get("noise_levels", []):
-            text = f"{level['segments']} segments in {level['unions']} unions"
-            rows.append((f"σ {level['sigma_m']:g} m", text))
+        if len(self.runs) > 1:
+            levels = zip(self.sigmas, self.runs, strict=True)
+            rows += [(f"σ {sigma:g} m", run.map.counts) for sigma, run in levels]
         return rows
+
+    @property
+    def _stands(self) -> bool:
+        """Whether the robot is set down at poses and drives nowhere."""
+        return _is_set_down(self.experiment)
+
+
+def _is_set_down(experiment: Experiment) -> bool:
+    return experiment.controller is None and experiment.scenario.poses is not None
 
 
 def _checked(mapper: Any, report: Any) -> dict[str, Any]:

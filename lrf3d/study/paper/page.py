@@ -53,7 +53,10 @@ a { color: inherit; text-decoration-color: #b9c0c9; text-underline-offset: 3px; 
 footer { color: var(--faint); font-size: 13px; margin-top: 48px; }
 code { font: 0.92em ui-monospace, "SF Mono", Menlo, "DejaVu Sans Mono", monospace; }
 @media (max-width: 760px) { dl { grid-template-columns: 1fr; } main { padding: 32px 16px; }
-  section { padding: 24px 18px; } .head { flex-direction: column; gap: 10px; } }
+  section { padding: 24px 18px; } .head { flex-direction: column; gap: 10px; }
+  main { overflow-wrap: anywhere; } h1 { font-size: 32px; } .verdict { white-space: normal; }
+  .glance td:last-child, .glance th:last-child { white-space: normal; }
+  .glance td { font-size: 13.5px; } th, td { padding: 6px; } }
 @media print { section { break-inside: avoid; border: 0; padding: 0; } body { background: #fff; } }
 """
 """The look: a reading column, figures as wide as it, numbers in tabular figures."""
@@ -82,7 +85,7 @@ def page_text(report: PaperReport) -> str:
         f"<footer>Measured in {report.took:.0f} s on {report.machine['cores']} cores,"
         f" {escape(str(report.machine['system']))}. Length F1 and segment F1 are"
         " harmonic means of precision and recall, along the walls and over matched segments; object"
-        " purity is the adjusted Rand index of unions against true objects. ± is half of"
+        " purity is the adjusted Rand index of the map's objects against true objects. ± is half of"
         " the 95 % interval of a mean over seeds. Redo it with <code>lrf3d paper</code>; its"
         " figures stand in <code>paper.json</code> too.</footer>\n</main>\n</body>\n</html>\n",
     ]
@@ -96,7 +99,8 @@ def _glance(claims: tuple[Claim, ...]) -> str:
         for number, claim in enumerate(claims, 1)
     )
     head = "<tr><th></th><th>The paper says or shows</th><th>where</th><th>measured</th></tr>"
-    return f'<table class="glance"><thead>{head}</thead><tbody>{rows}</tbody></table>'
+    table = f'<table class="glance"><thead>{head}</thead><tbody>{rows}</tbody></table>'
+    return f'<div class="scroll">{table}</div>'
 
 
 def _section(number: int, claim: Claim) -> str:

@@ -134,7 +134,7 @@ def table_text(plan: Plan, rows: Sequence[Row]) -> str:
         text += f"\n… and {len(lines) - MOST_LINES} more in summary.json"
     return (
         f"{text}\nMean of {plan.grid.seeds} seeds ± half of its {100.0 * CONFIDENCE:g} % interval."
-        " segments: by visible walls; objects: unions by visible\nobjects; 1 is right."
+        " segments: by visible walls; objects: of the map by those\nvisible; 1 is right."
     )
 
 
