@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +61,7 @@ def texts(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
 
 
-def test_each_union_is_drawn_in_its_colour(run):
+def test_each_object_is_drawn_in_its_colour(run):
     figure = draw_map(run)
     for colour in object_tints(np.unique(run.map.objects)):
         assert shows(figure, colour, at_least=500)
@@ -75,15 +77,56 @@ def test_segments_stand_at_their_places(run):
         assert any(each.shape == expected.shape and np.allclose(each, expected) for each in drawn)
 
 
+def test_an_object_has_one_label_and_one_colour_at_all_noises(room_run):
+    numbered_anew = replace(
+        room_run,
+        maps=(LineMap(room_run.map.segments, 1 - room_run.map.objects, room_run.map.points),),
+    )
+    figure = draw_noise_levels([room_run, numbered_anew], [0.07, 0.42])
+    first, second = (
+        {
+            text.get_text(): (to_hex(text.get_color()), text.get_position())
+            for text in axes.findobj(Text)
+            if text.get_text() in ("G1", "G2")
+        }
+        for axes in figure.axes[1:]
+    )
+    assert first == second and len(first) == 2
+
+
+def test_legends_name_only_what_is_there(run):
+    nothing = replace(run, ranges=np.full_like(run.ranges, np.inf), maps=(LineMap.empty(),))
+    assert not {"reflection points", "map, a colour for each object"} & set(
+        texts(draw_map(nothing))
+    )
+    seen = texts(draw_world(run.world, scan=nothing.scan(0)))
+    assert not {"beams", "returns"} & set(seen)
+    assert "beams" in texts(draw_world(run.world, scan=nothing.scan(0), lrf=run.lrf))
+    assert "true walls" not in texts(draw_world(World(np.empty((0, 4))), poses=np.zeros((1, 3))))
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_long_narrow_maps_are_cut_into_strips_that_show_all_of_them(turned):
+    walls = ring([(0, 0), (300, 0), (300, 6), (0, 6)])
+    figure = draw_map(
+        LineMap(walls[:, [1, 0, 3, 2]] if turned else walls, np.zeros(4, int), np.ones(4))
+    )
+    spans = sorted((axes.get_ylim() if turned else axes.get_xlim()) for axes in figure.axes)
+    assert len(spans) > 2 and spans[0][0] < 0.0 and spans[-1][1] > 300.0
+    assert all(after[0] < before[1] for before, after in pairwise(spans))
+    width, height = figure.bbox.size
+    assert 0.4 < width / height < 2.5
+
+
 def test_the_headline_counts_what_is_drawn(run):
     points = sum(len(scan.points()) for scan in run.scans)
-    assert f"8 segments in 2 unions  ·  12 scans  ·  {points:,} points" in texts(draw_map(run))
+    assert f"8 segments in 2 objects  ·  12 scans  ·  {points:,} points" in texts(draw_map(run))
     assert "street" in texts(draw_map(run))
 
 
 def test_a_map_alone_and_no_map_at_all_are_drawn(run):
     assert shows(draw_map(run.map), object_tints(np.array([0]))[0], at_least=500)
-    assert "0 segments in 0 unions" in texts(draw_map(LineMap.empty()))
+    assert "0 segments in 0 objects" in texts(draw_map(LineMap.empty()))
     assert draw_map(LineMap.empty(), points=np.ones((5, 2)), title="log").axes
 
 
