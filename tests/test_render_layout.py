@@ -5,7 +5,7 @@ import pytest
 from test_render import city_run, room_run
 
 from lrf3d.render.camera import Top
-from lrf3d.render.hud import GAP, hud_lines, panel_size, rounded, widest_lines
+from lrf3d.render.hud import hud_lines, panel_size, rounded, widest_lines
 from lrf3d.render.layout import LEAST_SCALE, lay_out
 from lrf3d.render.structures import Structures
 from lrf3d.render.timeline import Timeline
@@ -25,7 +25,7 @@ def boxes(size, lines):
     layout = lay_out(size, lines)
     found = []
     if layout.scale is not None:
-        gap, (wide, high) = round(GAP * layout.scale), panel_size(lines, layout.scale)
+        gap, (wide, high) = layout.gap, panel_size(lines, layout.scale)
         found.append((gap, gap, gap + wide, gap + high))
     if layout.inset is not None:
         left, top, side = layout.inset

@@ -53,15 +53,16 @@ class Film:
         self.renderer = _renderer(renderer, size, samples)
         self.scenery = Scenery(self.timeline)
         layout = lay_out(size, widest_lines(run))
-        self.camera = make_camera(view, self.timeline, self.scenery.structures, layout.covered)
         self._size = size
         self._layers = frozenset(layers)
+        covered = layout.covered if "hud" in self._layers else (0.0, 0.0)
+        self.camera = make_camera(view, self.timeline, self.scenery.structures, covered)
         self._scale = scale_of(size)
         self._inset = self._hud = None
         if "inset" in self._layers and layout.inset is not None:
             self._inset = Inset(self.scenery, size, layout.inset)
         if "hud" in self._layers and layout.scale is not None:
-            self._hud = Hud(self.scenery, size, layout.scale)
+            self._hud = Hud(self.scenery, size, layout.scale, layout.gap)
         lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=FARTHEST)
         self._eye = self.scenery.scene.add(lens)
         self._shown: tuple[Any, ...] | None = None

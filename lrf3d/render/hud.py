@@ -174,12 +174,18 @@ class Label:
 
 
 class Hud:
-    """The panel in the upper left corner that says what happens."""
+    """The panel in the upper left corner that says what happens.
 
-    def __init__(self, scenery: Scenery, size: tuple[int, int], scale: float) -> None:
+    Args:
+        scenery: The scenery of the film.
+        size: Width and height of the film's pictures [pixels].
+        scale: Size of the letters against their size at 720 lines.
+        gap: Free border to the corner [pixels].
+    """
+
+    def __init__(self, scenery: Scenery, size: tuple[int, int], scale: float, gap: int) -> None:
         self._run = scenery.run
         self._label = Label(scenery, widest_lines(self._run), scale)
-        gap = round(GAP * scale)
         self._label.place(size, gap, gap)
 
     def lines(self, moment: Moment) -> tuple[Line, ...]:

@@ -27,11 +27,13 @@ class Layout:
     Args:
         scale: Size of the panel's letters against that at 720 lines; None for no panel.
         inset: Left, top and side of the inset [pixels]; None for no inset.
+        gap: Free border round both [pixels].
         covered: Width and height of the corner that the panel takes, in heights of the picture.
     """
 
     scale: float | None
     inset: tuple[int, int, int] | None
+    gap: int
     covered: tuple[float, float]
 
 
@@ -48,26 +50,27 @@ def lay_out(size: tuple[int, int], lines: tuple[Line, ...]) -> Layout:
     """
     width, height = size
     usual, side = scale_of(size), round(SIDE * min(size))
+    gap = round(GAP * usual)
     scales = [float(scale) for scale in np.linspace(usual, LEAST_SCALE, 12)]
 
     def beside(scale: float) -> Layout | None:
-        gap, (wide, high) = round(GAP * scale), panel_size(lines, scale)
+        wide, high = panel_size(lines, scale)
         if 3 * gap + wide + side > width or 2 * gap + max(high, side) > height:
             return None
-        return Layout(scale, (width - gap - side, gap, side), _covered(size, scale, wide, high))
+        return Layout(scale, (width - gap - side, gap, side), gap, _covered(size, gap, wide, high))
 
     def under(scale: float) -> Layout | None:
-        gap, (wide, high) = round(GAP * scale), panel_size(lines, scale)
+        wide, high = panel_size(lines, scale)
         if 2 * gap + wide > width or 3 * gap + high + side > MOST_COVERED * height:
             return None
         place = width - gap - side, high + 2 * gap, side
-        return Layout(scale, place, _covered(size, scale, wide, high))
+        return Layout(scale, place, gap, _covered(size, gap, wide, high))
 
     def alone(scale: float) -> Layout | None:
-        gap, (wide, high) = round(GAP * scale), panel_size(lines, scale)
+        wide, high = panel_size(lines, scale)
         if 2 * gap + wide > width or 2 * gap + high > MOST_COVERED * height:
             return None
-        return Layout(scale, None, _covered(size, scale, wide, high))
+        return Layout(scale, None, gap, _covered(size, gap, wide, high))
 
     # Tall pictures have more room under the panel than beside it.
     first, second = (under, beside) if height > width else (beside, under)
@@ -76,10 +79,8 @@ def lay_out(size: tuple[int, int], lines: tuple[Line, ...]) -> Layout:
             found = tried(scale)
             if found is not None:
                 return found
-    gap = round(GAP * usual)
-    return Layout(None, (width - gap - side, gap, side), (0.0, 0.0))
+    return Layout(None, (width - gap - side, gap, side), gap, (0.0, 0.0))
 
 
-def _covered(size: tuple[int, int], scale: float, wide: int, high: int) -> tuple[float, float]:
-    gap = 2 * round(GAP * scale)
-    return (wide + gap) / size[1], (high + gap) / size[1]
+def _covered(size: tuple[int, int], gap: int, wide: int, high: int) -> tuple[float, float]:
+    return (wide + 2 * gap) / size[1], (high + 2 * gap) / size[1]

@@ -14,7 +14,7 @@ from lrf3d.simulation import Run
 from lrf3d.world import World
 
 FARTHEST = 4000.0
-"""Distance [m] up to which things are drawn: haze hides what is farther than a tenth of it."""
+"""Distance [m] up to which things are drawn: haze hides what is far beyond a tenth of it."""
 
 
 @dataclass(frozen=True, eq=False)
