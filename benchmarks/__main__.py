@@ -231,15 +231,17 @@ def drive(
 
 
 def _print(result: "Result", json: bool, figure: Path | None = None) -> None:
-    """Draw a result, and print it as one JSON object, or as tables."""
+    """Print a result as one JSON object, or as tables, and then draw it."""
     from lrf3d.cli.console import print_json
 
-    if figure is not None:
-        result.draw(figure)
     if json:
         print_json(result.as_dict())
     else:
-        print(result.text() if figure is None else f"{result.text()}\npicture {figure}")
+        print(result.text(), flush=True)
+    if figure is not None:
+        result.draw(figure)
+        if not json:
+            print(f"picture {figure}")
 
 
 def _numbers(option: str, text: str, *, least: int) -> list[int]:

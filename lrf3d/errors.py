@@ -7,6 +7,7 @@ The tree::
     │   └── WorldError               a world file or a world that cannot be used
     ├── CollisionError               a drive that would run into a wall
     ├── OutputError (OSError)        a file or a folder that cannot be written
+    ├── DrawingError                 a picture or a film that failed; the data are written
     └── MissingLibraryError          a library that this task needs and this machine lacks
 """
 
@@ -113,6 +114,10 @@ class OutputError(Lrf3dError, OSError):
         ...     print(error)
         world.txt: unknown ending; a world is written as .toml, .geojson, .yaml, .glb
     """
+
+
+class DrawingError(Lrf3dError):
+    """A picture or a film that could not be drawn after the data were written."""
 
 
 class MissingLibraryError(Lrf3dError):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapped import some_rows
 from lrf3d.mapping import LineMap
+from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.steering import Controller
@@ -86,14 +88,36 @@ class Run(Value):
         """The map after the last scan; an empty one where the mapper makes no LineMap."""
         return self.maps[-1] if self.maps else LineMap.empty()
 
+    def stage_after(self, scan: int) -> int:
+        """The newest stage whose map holds no scan after the given one; −1 for none."""
+        return int(np.searchsorted(self.stages, scan, side="right")) - 1
+
     def map_after(self, scan: int) -> LineMap:
         """The newest kept map that holds no scan after the given one."""
-        stage = int(np.searchsorted(self.stages, scan, side="right")) - 1
+        stage = self.stage_after(scan)
         return self.maps[stage] if stage >= 0 else LineMap.empty()
+
+    @cached_property
+    def lasting_objects(self) -> tuple[Int, ...]:
+        """For each kept map the object (m,) of each segment, by numbers that last.
+
+        An object has one number in all maps of the run, and where the last map shows a true
+        object, it is the number of that: pictures and films give each its colour and name by it.
+        """
+        tracker = ObjectTracker()
+        stages = [tracker.follow(line_map) for line_map in self.maps]
+        if not stages:
+            return ()
+        world = self.world
+        known = numbers_by_truth(stages[-1], self.map, world.segments, world.objects)
+        lasting = np.array([known.get(n, -1) for n in range(tracker.count)], np.int64)
+        unknown = np.flatnonzero(lasting < 0)
+        lasting[unknown] = world.object_count + np.arange(len(unknown))
+        return tuple(lasting[stage] for stage in stages)
 
     def part(self, scans: Int) -> "Run":
         """The run of some of its scans, rising, and of the last of its maps."""
-        return replace(
+        part = replace(
             self,
             trajectory=Trajectory(self.trajectory.times[scans], self.trajectory.poses[scans]),
             ranges=some_rows(self.ranges, scans),
@@ -102,6 +126,9 @@ class Run(Value):
             stages=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
         )
+        # Its map is that of the whole, and so are the numbers of the objects in it.
+        part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
+        return part
 
     def scan(self, index: int) -> LaserScan:
         """The measured scan of an index from 0."""

@@ -29,8 +29,8 @@ def paper(
     with progress_bar("paper") as progress:
         report = redo_paper(Extent(seeds=seeds), progress=progress)
     files = {"page": folder / "paper.html", "figures": folder / "paper.json"}
-    write_text(files["page"], page_text(report))
     write_text(files["figures"], json_text(report.as_dict()))
+    write_text(files["page"], page_text(report))
     if json:
         print_json(report.as_dict())
         return

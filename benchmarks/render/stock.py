@@ -73,7 +73,7 @@ class StockFilm:
         """The picture (h, w, 3) uint8 at a time of the run [s]."""
         moment = self.timeline.moment(time)
         look = self._camera.look(time, self._size[0] / self._size[1])
-        place = moment.pose - np.array([*self.timeline.run.world.origin, 0.0])
+        place = moment.pose - np.array([*self.timeline.origin, 0.0])
         self._eye.camera.yfov, self._eye.camera.znear = look.field, look.near
         self._scene.set_pose(self._eye, look.pose)
         self._scene.set_pose(self._robot, world_from_robot(place))

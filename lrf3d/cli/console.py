@@ -78,8 +78,9 @@ def json_text(value: Any) -> str:
     return json.dumps(value, indent=2, allow_nan=False) + "\n"
 
 
-def print_table(rows: list[tuple[str, str]]) -> None:
-    """Print names and values in two columns."""
-    width = max(len(name) for name, _ in rows)
+def print_table(rows: list[tuple[str, str]], width: int = 0) -> None:
+    """Print names and values in two columns, the first at least of a width [letters], at once."""
+    width = max([width, *(len(name) for name, _ in rows)])
     for name, value in rows:
         print(f"{name:<{width}}  {one_line(value)}")
+    sys.stdout.flush()

@@ -37,17 +37,15 @@ def crosscheck(
     with progress_bar("crosscheck") as progress:
         result = compare(scenario.world, scenario.lrf, trajectory.poses, progress, raw=raw)
     report = {"world": scenario.name, "scans": len(trajectory), **result.as_dict()}
+    if json:
+        print_json(report if figure is None else {**report, "picture": str(figure)})
+    else:
+        rows = [("beams", f"{result.beams} in {len(trajectory)} scans, {result.hits} returned")]
+        print_table([*rows, *_findings(result)])
     if figure is not None:
         from lrf3d.render.crosscheck_figure import draw_crosscheck
 
         draw_crosscheck(scenario.world, scenario.lrf, trajectory.poses, result, figure)
-        report["picture"] = str(figure)
-    if json:
-        print_json(report)
-    else:
-        rows = [("beams", f"{result.beams} in {len(trajectory)} scans, {result.hits} returned")]
-        rows += _findings(result)
-        print_table(rows if figure is None else [*rows, ("picture", str(figure))])
     if result.unexplained:
         raise typer.Exit(1)
 

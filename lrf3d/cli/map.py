@@ -54,9 +54,14 @@ def map_(
 
     Writes map.geojson, map.png and summary.json.
     """
+    from functools import partial
+
     from lrf3d.cli.folder import results_folder
+    from lrf3d.errors import DrawingError
     from lrf3d.logs import load_log
+    from lrf3d.mapping import save_map
     from lrf3d.output import write_text
+    from lrf3d.study.drawings import draw_all
     from lrf3d.study.log_mapping import SIGMA, draw_mapped_log, map_log
 
     drive = load_log(log, largest_range=largest_range, poses=poses.value, scan_topic=scan_topic)
@@ -70,12 +75,25 @@ def map_(
             all_scans=all_scans,
             progress=progress,
         )
-    files = draw_mapped_log(mapped, folder)
-    files["summary"] = folder / "summary.json"
-    summary = {**mapped.summary(), "made_by": place.made_by}
-    summary["files"] = {name: path.name for name, path in files.items()}
-    write_text(files["summary"], json_text(summary))
+    # All data are written, and results printed, before anything is drawn.
+    files = {"map": folder / "map.geojson", "summary": folder / "summary.json"}
+    drawings = {"map picture": (folder / "map.png", partial(draw_mapped_log, mapped))}
+    width = len("map picture")
+
+    def summary() -> dict[str, object]:
+        names = {name: path.name for name, path in files.items()}
+        return {**mapped.summary(), "made_by": place.made_by, "files": names}
+
+    save_map(mapped.map, files["map"])
+    write_text(files["summary"], json_text(summary()))
+    if not json:
+        print_table(mapped.rows(), width)
+    drawn, failed = draw_all(drawings, f"{files['map']} holds the map")
+    files = {**files, **drawn}
+    write_text(files["summary"], json_text(summary()))
     if json:
-        print_json(summary)
-        return
-    print_table([*mapped.rows(), *((name, str(path)) for name, path in files.items())])
+        print_json(summary())
+    else:
+        print_table([(name, str(path)) for name, path in files.items()], width)
+    if failed:
+        raise DrawingError(failed)

@@ -62,13 +62,16 @@ def run(
     Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4. What is named
     MODULE:OBJECT is imported from the current folder or the installed modules.
     """
+    import shlex
+
     from lrf3d.cli.film import make_film
     from lrf3d.cli.folder import results_folder
-    from lrf3d.errors import InputError
+    from lrf3d.errors import DrawingError, InputError
     from lrf3d.interrupts import noting
     from lrf3d.output import write_text
+    from lrf3d.study.drawings import draw_all
     from lrf3d.study.experiment import Experiment
-    from lrf3d.study.outputs import KEPT, Results, draw_results
+    from lrf3d.study.outputs import KEPT, Results, pictures_of, write_results
     from lrf3d.study.plugins import load_plugin
     from lrf3d.world.cameras import check_view
 
@@ -113,18 +116,32 @@ def run(
         resume=resume,
         collision=warn if ignore_collisions else None,
     )
+    # All data are written, and results printed, before anything is drawn.
+    files = {**write_results(results, folder), "summary": folder / "summary.json"}
+    drawings = pictures_of(results, folder)
+    kept = f"{files['run']} holds the run, "
+    if video:
+        drawings["video"] = folder / "run.mp4", lambda path: make_film(results.run, path, asked)
+        kept += f"`lrf3d render {shlex.quote(str(folder))}` draws its film"
+    else:
+        kept += "the same command with --resume draws it"
+    rows = results.rows()
+    width = max(len(name) for name in (*dict(rows), *files, *drawings))
+
+    def summary() -> dict[str, object]:
+        names = {name: path.name for name, path in files.items()}
+        return {**results.summary, "made_by": place.made_by, "files": names}
+
+    write_text(files["summary"], json_text(summary()))
+    if not json:
+        print_table(rows, width)
     with noting(lambda: KEPT):
-        files = draw_results(results, folder)
-        files["summary"] = folder / "summary.json"
-        summary = {**results.summary, "made_by": place.made_by}
-        summary["files"] = {name: path.name for name, path in files.items()}
-        if video:
-            film = folder / "run.mp4"
-            make_film(results.run, film, asked)
-            files = {"video": film, **files}
-            summary["files"] = {name: path.name for name, path in files.items()}
-        write_text(files["summary"], json_text(summary))
+        drawn, failed = draw_all(drawings, kept)
+    files = {**drawn, **files}
+    write_text(files["summary"], json_text(summary()))
     if json:
-        print_json(summary)
-        return
-    print_table([*results.rows(), *((name, str(path)) for name, path in files.items())])
+        print_json(summary())
+    else:
+        print_table([(name, str(path)) for name, path in files.items()], width)
+    if failed:
+        raise DrawingError(failed)

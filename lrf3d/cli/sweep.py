@@ -54,11 +54,12 @@ def sweep(
     from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, say, warn
     from lrf3d.cli.folder import results_folder
     from lrf3d.cluster.connection import check_address
-    from lrf3d.errors import InputError
+    from lrf3d.errors import DrawingError, InputError
     from lrf3d.input import own_name
     from lrf3d.interrupts import noting
     from lrf3d.output import write_text
-    from lrf3d.study.sweep.drawing import draw_figures, table_text
+    from lrf3d.study.drawings import draw_all
+    from lrf3d.study.sweep.drawing import figures_of, table_text
     from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, parse_axis, parse_values, read_grid
     from lrf3d.study.sweep.plan import make_plan
     from lrf3d.study.sweep.sweeping import sweep as run
@@ -92,17 +93,27 @@ def sweep(
         result = run(
             plan, folder, scheduler=scheduler, workers=workers, resume=resume, progress=progress
         )
+    # All data are written, and results printed, before anything is drawn.
+    files = {"table": result.table, "summary": folder / "summary.json"}
+
+    def summary() -> dict[str, object]:
+        names = {key: path.name for key, path in files.items()}
+        return {**result.summary, "made_by": place.made_by, "files": names}
+
+    write_text(files["summary"], json_text(summary()))
+    if not json:
+        print(table_text(plan, result.rows), end="\n\n", flush=True)
+    figures = figures_of(plan, result.rows, folder)
+    kept = f"{result.table} holds the runs, the same command with --resume draws them"
     with noting(lambda: "all runs kept; go on with --resume"):
-        figures = draw_figures(plan, result.rows, folder)
-    files = {"table": result.table, **figures}
-    files["summary"] = folder / "summary.json"
-    summary = {**result.summary, "made_by": place.made_by}
-    summary["files"] = {key: path.name for key, path in files.items()}
-    write_text(files["summary"], json_text(summary))
+        drawn, failed = draw_all(figures, kept)
+    files = {**files, **drawn}
+    write_text(files["summary"], json_text(summary()))
     if json:
-        print_json(summary)
-        return
-    made = len(result.rows) - result.resumed
-    print(table_text(plan, result.rows), end="\n\n")
-    rows = [("runs", f"{len(result.rows)}, of them {made} made now in {result.took:.1f} s")]
-    print_table([*rows, *((key, str(path)) for key, path in files.items())])
+        print_json(summary())
+    else:
+        made = len(result.rows) - result.resumed
+        rows = [("runs", f"{len(result.rows)}, of them {made} made now in {result.took:.1f} s")]
+        print_table([*rows, *((key, str(path)) for key, path in files.items())])
+    if failed:
+        raise DrawingError(failed)

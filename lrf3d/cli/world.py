@@ -124,15 +124,17 @@ def _report(world: "World") -> dict[str, Any]:
 def _say(report: dict[str, Any], json: bool) -> None:
     """Print a report as JSON or as a table."""
     from lrf3d.cli.console import print_json, print_table
+    from lrf3d.words import counted
 
     if json:
         print_json(report)
         return
     (x1, y1), (x2, y2) = report["bounds_m"]
     low, high = report["heights_m"]
+    heights = f"{low:g} m" if low == high else f"{low:g} to {high:g} m"
     told: dict[str, str] = {
-        "objects": f"{report['objects']} of {report['walls']} walls",
-        "walls": f"{report['wall_length_m']:.1f} m long, {low:g} to {high:g} m high",
+        "objects": f"{report['objects']:,}",
+        "walls": f"{report['walls']:,}, {report['wall_length_m']:.1f} m long, {heights} high",
         "bounds": f"x {x1:.2f} to {x2:.2f} m, y {y1:.2f} to {y2:.2f} m",
     }
     rows: list[tuple[str, str]]
@@ -142,7 +144,7 @@ def _say(report: dict[str, Any], json: bool) -> None:
         longitude, latitude = report["place"]
         rows.append(("place", f"(0, 0) is at longitude {longitude:.7f}°, latitude {latitude:.7f}°"))
     if report.get("route_points") is not None:
-        rows.append(("route", f"{report['route_points']} way-points"))
+        rows.append(("route", counted(report["route_points"], "way-point")))
     if report.get("scan_poses") is not None:
         rows.append(("poses", f"{report['scan_poses']}"))
     rows += [(key, report[key]) for key in ("picture", "written") if key in report]

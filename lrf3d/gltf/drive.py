@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Int
 from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
 from lrf3d.gltf.keys import jumps, key_times, scan_times
 from lrf3d.gltf.movers import drive_movers
@@ -21,7 +21,7 @@ from lrf3d.gltf.scan_mesh import ScanMeshes
 from lrf3d.gltf.stage import add_stage, new_document
 from lrf3d.mapping import LineMap
 from lrf3d.render.arrays import Single, quad_indices
-from lrf3d.render.palette import union_colours
+from lrf3d.render.palette import object_tints
 from lrf3d.render.structures import Structures
 from lrf3d.render.timeline import Timeline
 from lrf3d.simulation import Run
@@ -55,8 +55,8 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     if every < 1:
         raise InputError(f"every {every}: expected a whole number from 1")
     timeline = Timeline(run)
-    document = new_document(run.world)
     structures = Structures.from_run(run)
+    document = new_document(run.world.name, structures)
     add_stage(document, structures)
     _add_robot(document, timeline, structures)
     drive_movers(document, timeline)
@@ -94,7 +94,7 @@ class _Showing:
 def _add_robot(document: Document, timeline: Timeline, structures: Structures) -> None:
     """The robot, which drives, and a camera that looks over its shoulder."""
     times = key_times(timeline)
-    poses = timeline.poses(times) - [*timeline.run.world.origin, 0.0]
+    poses = timeline.poses(times) - [*timeline.origin, 0.0]
     headings = 0.5 * np.unwrap(poses[:, 2])
     places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
     turns = np.zeros((len(poses), 4), np.float32)
@@ -113,7 +113,7 @@ def _add_scans(document: Document, timeline: Timeline, every: int) -> None:
     """The beams of each scan, seen while it is the nearest in time."""
     run = timeline.run
     begins, ends = scan_times(timeline, every)
-    meshes = ScanMeshes(document, run)
+    meshes = ScanMeshes(document, timeline)
     showing = _Showing(document, timeline.start, timeline.end)
     group = document.node("beams", document.root)
     scans = range(0, len(run), every)
@@ -124,16 +124,17 @@ def _add_scans(document: Document, timeline: Timeline, every: int) -> None:
 
 
 def _add_maps(document: Document, timeline: Timeline) -> None:
-    """Each stage of the map as bands along the walls, each union in its colour."""
+    """Each stage of the map as bands along the walls, each object in its colour."""
     run = timeline.run
     material = document.glowing("map")
     showing = _Showing(document, timeline.start, timeline.end)
     group = document.node("map", document.root)
     begins = run.trajectory.times[list(run.stages)].tolist()
-    for stage, (begin, end) in zip(run.maps, pairwise([*begins, timeline.end]), strict=True):
+    times = pairwise([*begins, timeline.end])
+    for stage, objects, (begin, end) in zip(run.maps, run.lasting_objects, times, strict=True):
         if not len(stage):
             continue
-        positions, colours = _bands(stage, run.world.origin)
+        positions, colours = _bands(stage, objects, timeline.origin)
         attributes = {
             "POSITION": document.array(positions, VERTICES, bounded=True),
             "COLOR_0": document.array(colours, VERTICES, normalised=True),
@@ -144,7 +145,7 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
         showing.between(node, begin, end)
 
 
-def _bands(stage: LineMap, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
+def _bands(stage: LineMap, objects: Int, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
     """Corners (12 · m, 3) of both sides and the top of each segment, and colours (12 · m, 4)."""
     ends = (stage.segments - np.tile(origin, 2)).reshape(-1, 2, 2)
     along = ends[:, 1] - ends[:, 0]
@@ -162,14 +163,14 @@ def _bands(stage: LineMap, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
         for corner, (place, height) in enumerate(corners):
             positions[:, face, corner, :2], positions[:, face, corner, 2] = place, height
     colours = np.full((len(ends), 4), 255, np.uint8)
-    colours[:, :3] = np.round(255.0 * linear(union_colours(stage.objects)))
+    colours[:, :3] = np.round(255.0 * linear(object_tints(objects)))
     return positions.reshape(-1, 3), np.repeat(colours, 12, axis=0)
 
 
 def _add_trail(document: Document, timeline: Timeline) -> None:
     """The way that was driven, as straight pieces that grow with the robot."""
     times = key_times(timeline)
-    places = timeline.poses(times)[:, :2] - timeline.run.world.origin
+    places = timeline.poses(times)[:, :2] - timeline.origin
     material = document.glowing("trail", colour=linear(_TRAIL).astype(np.float64))
     half = 0.5 * _TRAIL_WIDTH
     strip = np.array([[0, -half, 0], [1, -half, 0], [1, half, 0], [0, half, 0]], np.float32)

@@ -42,7 +42,7 @@ def drive_movers(document: Document, timeline: Timeline) -> None:
     run = timeline.run
     for number, mover in zip(add_movers(document, run.movers), run.movers, strict=True):
         times, poses = mover_keys(mover, timeline)
-        poses -= [*run.world.origin, 0.0]
+        poses -= [*timeline.origin, 0.0]
         places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
         turns = np.zeros((len(poses), 4), np.float32)
         turns[:, 2], turns[:, 3] = np.sin(0.5 * poses[:, 2]), np.cos(0.5 * poses[:, 2])

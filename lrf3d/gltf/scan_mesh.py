@@ -8,7 +8,7 @@ import pygltflib
 from lrf3d.geometry import Float
 from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
 from lrf3d.render.beams import BEAM_COLOUR, TRACE_COLOUR, Beams
-from lrf3d.simulation import Run
+from lrf3d.render.timeline import Timeline
 
 FAN_COLOUR, FAN_STRENGTH = (0.98, 0.25, 0.18), 0.42
 """Colour of the fan, and its opacity at the robot, as in the film."""
@@ -32,10 +32,11 @@ _CLEAR = 0.02
 class ScanMeshes:
     """Makes the meshes of a run's scans, which share what they have in common."""
 
-    def __init__(self, document: Document, run: Run) -> None:
-        self._document, self._run = document, run
+    def __init__(self, document: Document, timeline: Timeline) -> None:
+        run = timeline.run
+        self._document, self._run, self._origin = document, run, timeline.origin
         self._reach = min(run.lrf.range_max, REACH)
-        self._walls = run.world.segments - np.tile(run.world.origin, 2)
+        self._walls = run.world.segments - np.tile(self._origin, 2)
         self._material = document.glowing("beams", translucent=True)
         step = max(1, round(run.lrf.beams / _SINGLE_BEAMS))
         self._chosen = np.arange((run.lrf.beams - 1) % step // 2, run.lrf.beams, step)
@@ -48,7 +49,7 @@ class ScanMeshes:
         """Add the mesh of a scan; gives its number and where it stands."""
         run, height = self._run, self._run.lrf.height
         scan = run.scan(index)
-        place = np.array(scan.pose) - [*run.world.origin, 0.0]
+        place = np.array(scan.pose) - [*self._origin, 0.0]
         local = replace(scan, pose=place)
         beams = Beams.from_scan(local, self._walls, run.world.objects, place[:2])
         fan = beams.fan(height).reshape(-1, 3, 4)[:, 1:].reshape(-1, 4).astype(np.float64)

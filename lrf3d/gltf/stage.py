@@ -1,6 +1,6 @@
 """What stands still: ground, houses, walls and the sun, as glTF.
 
-All stands in the local frame of the world, whose origin the root node keeps as ``origin``: glTF
+All stands in a local frame, whose origin the root node keeps as ``origin``: glTF
 counts in float32, which knows no centimetres far away.
 """
 
@@ -17,7 +17,6 @@ from lrf3d.render.arrays import Single, quad_indices
 from lrf3d.render.ground import SUN, paint_ground
 from lrf3d.render.structures import Structures
 from lrf3d.render.walls import CAP, FACADE, PLAIN, wall_faces
-from lrf3d.world import World
 
 _HORIZON = 800.0
 """How far the ground goes past its picture [m]."""
@@ -34,9 +33,9 @@ _SUNLIGHT = 3.0
 _DULL = {"metallicFactor": 0.0, "roughnessFactor": 0.95}
 
 
-def new_document(world: World) -> Document:
-    """An empty document for a world: its root keeps the world's origin and name."""
-    return Document(world.name or "world", {"origin": world.origin.tolist(), "world": world.name})
+def new_document(name: str, structures: Structures) -> Document:
+    """An empty document for a world: its root keeps the frame's origin and the world's name."""
+    return Document(name or "world", {"origin": structures.origin.tolist(), "world": name})
 
 
 def add_stage(document: Document, structures: Structures) -> None:

@@ -13,6 +13,7 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, normal_lines, read_only, sealed
 from lrf3d.input import read_text
 from lrf3d.output import write_text
+from lrf3d.words import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +83,7 @@ class LineMap:
         return cls(np.empty((0, 4)), np.empty(0, np.int64), np.empty(0, np.int64))
 
     def __repr__(self) -> str:
-        return f"LineMap({len(self)} segments, {self.object_count} objects)"
+        return f"LineMap({self.counts})"
 
     def __len__(self) -> int:
         return len(self.segments)
@@ -96,6 +97,11 @@ class LineMap:
     def object_count(self) -> int:
         """How many unions there are."""
         return len(np.unique(self.objects))
+
+    @property
+    def counts(self) -> str:
+        """How many segments and objects there are, in words."""
+        return f"{counted(len(self), 'segment')} in {counted(self.object_count, 'object')}"
 
 
 def save_map(line_map: LineMap, path: str | Path) -> None:

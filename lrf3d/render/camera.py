@@ -109,14 +109,18 @@ class Top:
     WHOLE = 220.0
     """Largest world [m] that is seen whole."""
     WINDOW = 70.0
-    """Height [m] of what is seen of a larger one."""
-    PANEL = (0.53, 0.22)
-    """Width and height of the panel with the text, in heights of the picture."""
+    """Shorter side [m] of what is seen of a larger one."""
     MARGIN = 1.06
     """What is seen around the world, as a factor."""
 
-    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+    def __init__(
+        self,
+        timeline: Timeline,
+        structures: Structures,
+        covered: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         self._timeline = timeline
+        self._covered = covered
         ends = structures.segments.reshape(-1, 2)
         if not len(ends):
             ends = np.array([[-1.0, -1.0], [1.0, 1.0]])
@@ -131,14 +135,14 @@ class Top:
         if float(size.max()) <= self.WHOLE:
             # The panel stands in a corner: the world goes right of it or below, whichever
             # leaves it larger.
-            wide, high = self.PANEL
-            right = max(size[1], size[0] / (aspect - wide))
+            wide, high = self._covered
+            right = max(size[1], size[0] / (aspect - wide)) if wide < aspect else np.inf
             below = max(size[1] / (1.0 - high), size[0] / aspect)
             window = self.MARGIN * min(right, below)
             shift = (-wide, 0.0) if right < below else (0.0, high)
             middle = 0.5 * (self._low + self._high) + 0.5 * window * np.array(shift)
         else:
-            middle, window = self._path.place(time), self.WINDOW
+            middle, window = self._path.place(time), self.WINDOW / min(1.0, aspect)
         away = 0.5 * window / np.tan(0.5 * self.FIELD) + self._tallest
         eye = np.array([*middle, away])
         return Look(
@@ -218,7 +222,7 @@ class First:
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
         x, y, theta = self._timeline.poses(np.array([time]))[0]
-        origin = self._timeline.run.world.origin
+        origin = self._timeline.origin
         eye = np.array([x - origin[0], y - origin[1], self._height])
         ahead = np.array([np.cos(theta), np.sin(theta), -0.10])
         return Look(eye, eye + ahead, float(self.FIELD), fan=0.45)
@@ -232,14 +236,28 @@ CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
 }
 
 
-def make_camera(view: str, timeline: Timeline, structures: Structures) -> Camera:
+def make_camera(
+    view: str,
+    timeline: Timeline,
+    structures: Structures,
+    covered: tuple[float, float] = (0.0, 0.0),
+) -> Camera:
     """Make the camera of a name.
+
+    Args:
+        view: The name.
+        timeline: The run.
+        structures: What stands in its world.
+        covered: Width and height of the upper left corner that a panel covers, in heights of the
+            picture: from above, the world is shown beside it.
 
     Raises:
         InputError: There is no camera of that name.
     """
     world = timeline.run.world
     check_view(view, world.cameras)
+    if view == "top":
+        return Top(timeline, structures, covered)
     if view in CAMERAS:
         return CAMERAS[view](timeline, structures)
-    return Fixed(next(c for c in world.cameras if c.name == view), world.origin)
+    return Fixed(next(c for c in world.cameras if c.name == view), timeline.origin)

@@ -121,7 +121,7 @@ def _overview(
         axes.set(**{f"{name}label": label})
     axes.xaxis.label.set(color=FAINT, fontsize=9)
     axes.yaxis.label.set(color=FAINT, fontsize=9)
-    signs = [draw_walls(axes, frame, world, poses, INK, width=1.2)]
+    signs = draw_walls(axes, frame, world, poses, INK, width=1.2)
     signs += draw_poses(axes, frame, poses)
     if not differences:
         return signs

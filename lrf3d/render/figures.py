@@ -8,6 +8,7 @@ from pathlib import Path
 from string import ascii_lowercase
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -15,15 +16,17 @@ from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.render.marks import (
+    draw_objects,
     draw_points,
     draw_poses,
     draw_route,
     draw_scan,
-    draw_unions,
     draw_walls,
 )
 from lrf3d.render.page import FAINT, INK, Frame, Page
+from lrf3d.render.sight import Sight
 from lrf3d.simulation import Run
+from lrf3d.words import counted
 from lrf3d.world import World
 
 UNDER_MAP = "#c3c8d0"
@@ -55,18 +58,20 @@ def draw_world(
     way = np.empty((0, 2)) if route is None else np.asarray(route, dtype=np.float64)[:, :2]
     stops = np.empty((0, 3)) if poses is None else np.asarray(poses, dtype=np.float64)
     where = np.array([scan.pose]) if scan is not None else np.empty((0, 3))
-    frame = Frame.around([_ends(world.segments), way, stops[:, :2], where[:, :2]])
-    counts = f"{len(world.segments):,} walls of {_count(world.object_count, 'object')}"
+    counts = f"{counted(len(world.segments), 'wall')} of {counted(world.object_count, 'object')}"
+    world = Sight.of(world, np.vstack([way, stops[:, :2], where[:, :2]])).world
+    frames = Frame.strips([_ends(world.segments), way, stops[:, :2], where[:, :2]])
     if scan is not None:
         counts += f"  ·  scan of {len(scan.ranges)} beams, {int(scan.hits.sum())} returns"
-    page = Page(frame, title=(world.name or "world", counts))
-    axes = page.axes[0]
-    signs = [draw_walls(axes, frame, world, np.vstack([where, stops]), INK, width=1.6)]
-    if len(way):
-        signs.append(draw_route(axes, frame, way))
-    if scan is not None:
-        signs += draw_scan(axes, frame, scan, lrf)
-    signs += draw_poses(axes, frame, stops if len(stops) else where)
+    page = Page(frames, title=(world.name or "world", counts))
+    signs: list[Artist] = []
+    for axes, frame in zip(page.axes, frames, strict=True):
+        signs += draw_walls(axes, frame, world, np.vstack([where, stops]), INK, width=1.6)
+        if len(way):
+            signs.append(draw_route(axes, frame, way))
+        if scan is not None:
+            signs += draw_scan(axes, frame, scan, lrf)
+        signs += draw_poses(axes, frame, stops if len(stops) else where)
     page.legend(signs)
     return page.save(path)
 
@@ -80,7 +85,7 @@ def draw_map(
     world: World | None = None,
     title: str = "",
 ) -> Figure:
-    """Draw a map, each union in its colour, over reflection points and true walls (Fig. 7).
+    """Draw a map, each object in its colour, over reflection points and true walls (Fig. 7).
 
     Args:
         source: A run, which brings all that follows along, or just a map.
@@ -94,26 +99,27 @@ def draw_map(
         OutputError: The picture cannot be written.
     """
     if isinstance(source, Run):
-        world, poses = source.world, source.trajectory.poses
+        world, poses = Sight.of_run(source).world, source.trajectory.poses
         points, line_map = _reflections(source), source.map
+        objects = source.lasting_objects[-1] if source.maps else line_map.objects
     else:
-        line_map = source
+        line_map, objects = source, np.unique(source.objects, return_inverse=True)[1]
     points = np.empty((0, 2)) if points is None else points
     poses = np.empty((0, 3)) if poses is None else poses
     walls = np.empty((0, 4)) if world is None else world.segments
-    frame = Frame.around([_ends(line_map.segments), _ends(walls), poses[:, :2], _bulk(points)])
-    counts = [_map_counts(line_map)]
-    counts += [_count(len(poses), "scan")] if len(poses) else []
-    counts += [_count(len(points), "point")] if len(points) else []
+    frames = Frame.strips([_ends(line_map.segments), _ends(walls), poses[:, :2], _bulk(points)])
+    counts = [line_map.counts]
+    counts += [counted(len(poses), "scan")] if len(poses) else []
+    counts += [counted(len(points), "point")] if len(points) else []
     name = title or (world.name if world is not None else "") or "map"
-    page = Page(frame, title=(name, "  ·  ".join(counts)))
-    axes, signs = page.axes[0], []
-    if world is not None:
-        signs.append(draw_walls(axes, frame, world, poses, UNDER_MAP, width=1.0))
-    if len(points):
-        signs.append(draw_points(axes, frame, points))
-    signs.append(draw_unions(axes, frame, line_map))
-    signs += draw_poses(axes, frame, poses)
+    page = Page(frames, title=(name, "  ·  ".join(counts)))
+    signs: list[Artist] = []
+    for axes, frame in zip(page.axes, frames, strict=True):
+        if world is not None:
+            signs += draw_walls(axes, frame, world, poses, UNDER_MAP, width=1.0)
+        signs += draw_points(axes, frame, points)
+        signs += draw_objects(axes, frame, line_map, objects)
+        signs += draw_poses(axes, frame, poses)
     page.legend(signs)
     return page.save(path)
 
@@ -126,13 +132,13 @@ def draw_noise_levels(
     Raises:
         OutputError: The picture cannot be written.
     """
-    world, poses = runs[0].world, runs[0].trajectory.poses
+    world, poses = Sight.of_run(runs[0]).world, runs[0].trajectory.poses
     clouds = [_reflections(run) for run in runs]
     maps = [_ends(run.map.segments) for run in runs]
     frame = Frame.around([_ends(world.segments), poses[:, :2], *maps, *map(_bulk, clouds)])
-    page = Page(frame, panels=len(runs) + 1)
+    page = Page([frame] * (len(runs) + 1))
     first = runs[0].true_scan(0)
-    signs = [draw_walls(page.axes[0], frame, world, poses, INK, width=1.6)]
+    signs: list[Artist] = [*draw_walls(page.axes[0], frame, world, poses, INK, width=1.6)]
     signs += draw_scan(page.axes[0], frame, first, None)
     signs += draw_poses(page.axes[0], frame, poses)
     _head(
@@ -143,30 +149,19 @@ def draw_noise_levels(
     )
     panels = zip(page.axes[1:], runs, clouds, sigmas, strict=True)
     for letter, (axes, run, cloud, sigma) in zip(ascii_lowercase[1:], panels, strict=False):
-        below = [
-            draw_walls(axes, frame, world, poses, UNDER_MAP, width=1.0),
-            draw_points(axes, frame, cloud),
-            draw_unions(axes, frame, run.map),
-        ]
+        signs += draw_walls(axes, frame, world, poses, UNDER_MAP, width=1.0)
+        signs += draw_points(axes, frame, cloud)
+        if run.maps:
+            signs += draw_objects(axes, frame, run.map, run.lasting_objects[-1])
         draw_poses(axes, frame, poses)
-        _head(axes, letter, f"σ = {sigma:g} m", _map_counts(run.map))
-    known = {sign.get_label() for sign in signs}
-    page.legend(signs + [sign for sign in below if sign.get_label() not in known])
+        _head(axes, letter, f"σ = {sigma:g} m", run.map.counts)
+    page.legend(signs)
     return page.save(path)
 
 
 def _head(axes: Axes, letter: str, title: str, counts: str) -> None:
     axes.set_title(f"({letter})  {title}", loc="left", color=INK, fontsize=11, weight="bold")
     axes.set_title(counts, loc="right", color=FAINT, fontsize=9)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}" + ("" if number == 1 else "s")
-
-
-def _map_counts(line_map: LineMap) -> str:
-    unions = _count(line_map.object_count, "union")
-    return f"{_count(len(line_map), 'segment')} in {unions}"
 
 
 def _ends(segments: Float) -> Float:

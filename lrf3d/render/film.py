@@ -10,20 +10,19 @@ from lrf3d.render.bindings import pyrender
 from lrf3d.render.camera import make_camera
 from lrf3d.render.drawing import Drawing
 from lrf3d.render.gl import import_libraries
-from lrf3d.render.hud import Hud, scale_of
+from lrf3d.render.hud import Hud, widest_lines
 from lrf3d.render.inset import Inset
+from lrf3d.render.layout import lay_out, scale_of
 from lrf3d.render.look import Look
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Primitive
 from lrf3d.render.scenery import TRAIL_WIDTH, Scenery
+from lrf3d.render.sight import FARTHEST
 from lrf3d.render.timeline import Timeline
 from lrf3d.simulation import Run
 
 LAYERS = ("shadow", "trail", "fan", "beams", "trace", "points", "inset", "hud")
 """What can be left out of a film; what is left out costs nothing."""
-
-_FARTHEST = 4000.0
-"""Distance [m] up to which things are drawn."""
 
 
 class Film:
@@ -53,13 +52,18 @@ class Film:
         self.timeline = Timeline(run, playback=playback)
         self.renderer = _renderer(renderer, size, samples)
         self.scenery = Scenery(self.timeline)
-        self.camera = make_camera(view, self.timeline, self.scenery.structures)
+        layout = lay_out(size, widest_lines(run))
         self._size = size
         self._layers = frozenset(layers)
-        self._scale = scale_of(size[1])
-        self._inset = Inset(self.scenery, size) if "inset" in self._layers else None
-        self._hud = Hud(self.scenery, size) if "hud" in self._layers else None
-        lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=_FARTHEST)
+        covered = layout.covered if "hud" in self._layers else (0.0, 0.0)
+        self.camera = make_camera(view, self.timeline, self.scenery.structures, covered)
+        self._scale = scale_of(size)
+        self._inset = self._hud = None
+        if "inset" in self._layers and layout.inset is not None:
+            self._inset = Inset(self.scenery, size, layout.inset)
+        if "hud" in self._layers and layout.scale is not None:
+            self._hud = Hud(self.scenery, size, layout.scale, layout.gap)
+        lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=FARTHEST)
         self._eye = self.scenery.scene.add(lens)
         self._shown: tuple[Any, ...] | None = None
         self._picture: Picture = np.zeros((0, 0, 4), np.uint8)
@@ -77,7 +81,7 @@ class Film:
             return self._picture
         self._shown = shown
         self._eye.camera.yfov, self._eye.camera.znear = look.field, look.near
-        self._eye.camera.zfar = max(_FARTHEST, 3.0 * float(look.eye[2]))
+        self._eye.camera.zfar = max(FARTHEST, 3.0 * float(look.eye[2]))
         self.scenery.scene.set_pose(self._eye, look.pose)
         matrix, eye = self.renderer.camera_matrices(self.scenery.scene)
         # What comes into sight is put into the scene before the scene is uploaded.

@@ -57,6 +57,9 @@ _BEYOND, _BEYOND_INDOOR = (0.46, 0.475, 0.435), (0.765, 0.78, 0.79)
 _SHADE, _CONTACT_SHADE, _FLOOR_SHADE = (156, 163, 178), (164, 166, 171), (188, 186, 184)
 """What light is left: in the sun's shadow, where the sky still shines, and at the foot of walls."""
 
+_CLOSEST = 4.0
+"""Lines of the grid lie at least this many pixels apart."""
+
 _GRID_STRENGTH = 22
 """Opacity 0…255 of the grid: one sees how far things are, and forgets it."""
 
@@ -135,7 +138,9 @@ class _Brush:
     def polygons(self, picture: Image.Image, polygons: Any, fill: int = 255) -> None:
         """Fill polygons, holes left out by being painted over."""
         draw = ImageDraw.Draw(picture)
-        for polygon in shapely.get_parts(polygons):
+        parts = shapely.get_parts(polygons)
+        # Where nothing is near, a union is one polygon of no points.
+        for polygon in parts[~shapely.is_empty(parts)]:
             for ring, value in [(polygon.exterior, fill), *((r, 0) for r in polygon.interiors)]:
                 draw.polygon(self._points(np.asarray(ring.coords)), fill=value)
 
@@ -158,7 +163,12 @@ class _Brush:
             draw.line(self._points(segment), fill=255, width=1)
 
     def grid(self, picture: Image.Image, metres: float, width: float, fill: int) -> None:
-        """Draw lines every so many metres, at multiples of it in the film's frame."""
+        """Draw lines every so many metres, at multiples of it in the film's frame.
+
+        Nothing where they would lie so close together that they are one grey.
+        """
+        if metres < _CLOSEST * self.pixel:
+            return
         draw = ImageDraw.Draw(picture)
         pixels = max(1, round(width / self.pixel))
         for axis, (across, along) in enumerate([self.size, self.size[::-1]]):

@@ -16,23 +16,22 @@ from lrf3d.render.scenery import Scenery
 from lrf3d.render.textures import Texture
 from lrf3d.render.timeline import Moment
 from lrf3d.simulation import Run
-
-REFERENCE_HEIGHT = 720
-"""Height of a picture [pixels] at which sizes of text are as given."""
+from lrf3d.words import rounded
 
 SMALLEST_SCALE = 0.62
-"""Text never gets smaller than this times its size at 720 lines: below it cannot be read."""
+"""Where there is room, text is not smaller than this times its size at 720 lines."""
+
+GAP = 16
+"""Free border round panels [pixels]."""
+
+_LONGEST_NAME = 24
+"""Letters of a world's name that the panel shows at most."""
 
 _TITLE, _TEXT = 26, 19
 """Sizes of the letters [pixels]."""
 
 _BACK = (13, 17, 25, 168)
 _INK, _PALE, _WARM = (255, 255, 255, 255), (196, 216, 242, 255), (255, 168, 140, 255)
-
-
-def scale_of(height: int) -> float:
-    """How many times its size at 720 lines text is drawn in a picture of a height [pixels]."""
-    return max(SMALLEST_SCALE, height / REFERENCE_HEIGHT)
 
 
 @cache
@@ -53,6 +52,22 @@ class Line:
     bold: bool = False
 
 
+def _sizes(lines: tuple[Line, ...], scale: float) -> list[int]:
+    """Sizes of the letters of lines [pixels]."""
+    return [round((_TITLE if line.bold else _TEXT) * scale) for line in lines]
+
+
+def panel_size(lines: tuple[Line, ...], scale: float) -> tuple[int, int]:
+    """Width and height [pixels] of a panel with these lines."""
+    sizes, pad = _sizes(lines, scale), round(12 * scale)
+    width = max(
+        start * size + font(size, bold=line.bold).getlength(words)
+        for line, size in zip(lines, sizes, strict=True)
+        for start, words in line.words
+    )
+    return int(width) + 2 * pad, 2 * pad + sum(round(1.36 * size) for size in sizes)
+
+
 class Panel:
     """A box with text, as tall and wide as its first lines need."""
 
@@ -60,15 +75,10 @@ class Panel:
         self, lines: tuple[Line, ...], scale: float, back: tuple[int, int, int, int] = _BACK
     ) -> None:
         self._back = back
-        self._sizes = [round((_TITLE if line.bold else _TEXT) * scale) for line in lines]
+        self._sizes = _sizes(lines, scale)
         self._pad = round(12 * scale)
         self._tops = np.cumsum([self._pad, *(round(1.36 * size) for size in self._sizes)]).tolist()
-        width = max(
-            start * size + font(size, bold=line.bold).getlength(words)
-            for line, size in zip(lines, self._sizes, strict=True)
-            for start, words in line.words
-        )
-        self.size = (int(width) + 2 * self._pad, self._tops[-1] + self._pad)
+        self.size = panel_size(lines, scale)
         self._lines: tuple[Line, ...] = ()
         self._picture: Picture = np.empty((self.size[1], self.size[0], 4), np.uint8)
         self._picture[:] = back
@@ -164,13 +174,18 @@ class Label:
 
 
 class Hud:
-    """The panel in the upper left corner that says what happens."""
+    """The panel in the upper left corner that says what happens.
 
-    def __init__(self, scenery: Scenery, size: tuple[int, int]) -> None:
+    Args:
+        scenery: The scenery of the film.
+        size: Width and height of the film's pictures [pixels].
+        scale: Size of the letters against their size at 720 lines.
+        gap: Free border to the corner [pixels].
+    """
+
+    def __init__(self, scenery: Scenery, size: tuple[int, int], scale: float, gap: int) -> None:
         self._run = scenery.run
-        scale = scale_of(size[1])
         self._label = Label(scenery, widest_lines(self._run), scale)
-        gap = round(16 * scale)
         self._label.place(size, gap, gap)
 
     def lines(self, moment: Moment) -> tuple[Line, ...]:
@@ -186,9 +201,19 @@ class Hud:
 
 def hud_lines(run: Run, moment: Moment, scan: LaserScan) -> tuple[Line, ...]:
     """What the panel says: the world, time and speed, pose, beams that hit and the nearest."""
-    x, y, theta = moment.pose
+    x, y, turn = (
+        rounded(value, digits)
+        for value, digits in (
+            (moment.pose[0], 2),
+            (moment.pose[1], 2),
+            (np.degrees(moment.pose[2]), 1),
+        )
+    )
+    name = run.world.name
+    if len(name) > _LONGEST_NAME:
+        name = f"{name[: _LONGEST_NAME - 1]}…"
     # Numbers keep their places: text that trembles cannot be read in a film.
-    wide = 7.5 if max(abs(x), abs(y)) >= 1000.0 else 5.9
+    wide = 7.5 if np.abs(moment.pose[:2]).max() >= 1000.0 else 5.9
     beams: tuple[tuple[float, str], ...]
     if moment.scanning:
         nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"
@@ -196,13 +221,13 @@ def hud_lines(run: Run, moment: Moment, scan: LaserScan) -> tuple[Line, ...]:
     else:
         beams = ((0.0, "driving on, beams off"),)
     return (
-        Line(((0.0, f"lrf3d  {run.world.name}".rstrip()),), _INK, bold=True),
+        Line(((0.0, f"lrf3d  {name}".rstrip()),), _INK, bold=True),
         Line(((0.0, f"t  {moment.time:.1f} s"), (6.2, f"v  {moment.speed:.2f} m/s")), _PALE),
         Line(
             (
-                (0.0, f"x  {x:.2f}"),
-                (wide, f"y  {y:.2f}"),
-                (2 * wide, f"θ  {np.degrees(theta):.1f}°"),
+                (0.0, f"x  {x}"),
+                (wide, f"y  {y}"),
+                (2 * wide, f"θ  {turn}°"),
             ),
             _PALE,
         ),

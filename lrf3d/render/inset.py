@@ -9,13 +9,11 @@ from lrf3d.geometry import Float
 from lrf3d.render.arrays import Single
 from lrf3d.render.beams import LINE_SIZES, line_quads
 from lrf3d.render.drawing import Drawing
-from lrf3d.render.hud import Label, Line, scale_of
+from lrf3d.render.hud import Label, Line
+from lrf3d.render.layout import scale_of
 from lrf3d.render.primitives import Mesh, Primitive
 from lrf3d.render.scenery import Scenery
 from lrf3d.render.timeline import Moment
-
-SIDE = 0.36
-"""Its side, as a share of the picture's height."""
 
 WHOLE = 140.0
 """Largest scene [m] that is shown whole; in a larger one the inset follows the robot."""
@@ -43,16 +41,17 @@ class Inset:
     Args:
         scenery: The scenery of the film.
         size: Width and height of the film's pictures [pixels].
+        place: Left, top and side [pixels] of the inset in them.
     """
 
-    def __init__(self, scenery: Scenery, size: tuple[int, int]) -> None:
+    def __init__(
+        self, scenery: Scenery, size: tuple[int, int], place: tuple[int, int, int]
+    ) -> None:
         self._scenery = scenery
         structures = scenery.structures
-        self._scale = scale_of(size[1])
-        side = round(SIDE * size[1])
-        gap = round(16 * self._scale)
+        self._scale = scale_of(size)
+        left, top, side = place
         rim = max(2, round(2 * self._scale))
-        left, top = size[0] - gap - side, gap
         self._outer = (left - rim, top - rim, side + 2 * rim, side + 2 * rim)
         self._box = (left, top, side, side)
         self._paper = _square(_PAPER)
@@ -69,6 +68,7 @@ class Inset:
         words = (Line(((0.0, f"{self.window:.0f} m"),), _CAPTION),)
         self._caption = Label(scenery, words, 0.72 * self._scale, back=_CAPTION_BACK)
         self._caption.place(size, left, top + side - self._caption.size[1])
+        self._captioned = 2 * self._caption.size[0] <= side
 
     def draw(self, renderer: Drawing, moment: Moment, shared: dict[str, Any]) -> None:
         """Draw it over the picture, with the uniforms of the scene."""
@@ -103,7 +103,8 @@ class Inset:
         renderer.draw(scenery.map, {**uniforms, "width": 2.3 * self._scale})
         renderer.draw(self._robot, {**uniforms, "place": self._robot_matrix(moment)})
         renderer.overlay(None)
-        self._caption.draw(renderer)
+        if self._captioned:
+            self._caption.draw(renderer)
 
     def _place(self) -> tuple[Float | None, float]:
         """The middle of what is shown and its size [m]; no middle where it follows the robot."""

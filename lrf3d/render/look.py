@@ -82,7 +82,7 @@ class SmoothPath:
         count = int(np.ceil((timeline.end - timeline.start) / step)) + 2
         self.times: Float = timeline.start + step * np.arange(count, dtype=np.float64)
         poses = timeline.poses(self.times)
-        self.places = poses[:, :2] - timeline.run.world.origin
+        self.places = poses[:, :2] - timeline.origin
         self.width = self.SMOOTH / self.STEP
         self.headings = gaussian_filter1d(np.unwrap(poses[:, 2]), self.width, mode="nearest")
         self._smooth = gaussian_filter1d(self.places, self.width, axis=0, mode="nearest")

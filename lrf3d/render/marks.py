@@ -10,12 +10,12 @@ from matplotlib.patches import Polygon
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.render.page import Frame
-from lrf3d.render.palette import union_colours
+from lrf3d.render.palette import object_tints
 from lrf3d.world import World
 
 INSIDE, POINT, BEAM, HIT, PATH, ROBOT = (
@@ -34,8 +34,8 @@ DASHES = (0.0, (4.0, 2.0))
 MOST_POINTS = 200_000
 """Reflection points drawn at most: more would only make the picture slower."""
 
-FEW_POSES, FEW_UNIONS = 6, 9
-"""Up to so many poses and unions are each drawn by name, as in Fig. 5."""
+FEW_POSES, FEW_OBJECTS = 6, 9
+"""Up to so many poses and objects are each drawn by name, as in Fig. 5."""
 
 JUMP = 0.15
 """Poses that lie mostly farther apart than this part of the frame are no drive, but places."""
@@ -49,12 +49,14 @@ DART_SIZE = 0.016
 
 def draw_walls(
     axes: Axes, frame: Frame, world: World, poses: Float, colour: str, *, width: float
-) -> Line2D:
+) -> list[Line2D]:
     """Draw walls, and fill what they enclose unless a robot stands in it: rooms stay white."""
+    if not len(world.segments):
+        return []
     solid = [_outline(area) for area in _enclosed(frame, world, poses)]
     axes.add_collection(PathCollection(solid, facecolor=INSIDE, edgecolor="none", zorder=0.4))
     axes.add_collection(_lines(frame, world.segments, colour, width, zorder=2.0))
-    return Line2D([], [], color=colour, linewidth=1.5 * width, label="true walls")
+    return [Line2D([], [], color=colour, linewidth=1.5 * width, label="true walls")]
 
 
 def _enclosed(frame: Frame, world: World, poses: Float) -> Any:
@@ -78,38 +80,43 @@ def _outline(area: Any) -> Path:
     return Path.make_compound_path(*paths)
 
 
-def draw_points(axes: Axes, frame: Frame, points: Float) -> Line2D:
+def draw_points(axes: Axes, frame: Frame, points: Float) -> list[Line2D]:
     """Draw reflection points as dots, evenly thinned where there are very many."""
+    if not len(points):
+        return []
     shown = frame.local(points[:: max(1, -(-len(points) // MOST_POINTS))])
     size = float(np.interp(len(shown), [500, 5000, 50_000], [7.0, 2.0, 0.5]))
     axes.scatter(shown[:, 0], shown[:, 1], s=size, color=POINT, alpha=0.8, linewidths=0, zorder=1.5)
-    return Line2D([], [], color=POINT, marker=".", linestyle="none", label="reflection points")
+    return [Line2D([], [], color=POINT, marker=".", linestyle="none", label="reflection points")]
 
 
-def draw_unions(axes: Axes, frame: Frame, line_map: LineMap) -> Line2D:
-    """Draw the segments of a map, each union in its colour; few unions by name."""
-    colours = union_colours(line_map.objects)
+def draw_objects(axes: Axes, frame: Frame, line_map: LineMap, objects: Int) -> list[Line2D]:
+    """Draw the segments of a map, each object (m,) in its colour; few objects by name."""
+    if not len(line_map):
+        return []
+    colours = object_tints(objects)
     width = float(np.interp(len(line_map), [60, 600, 5000], [2.6, 1.8, 0.9]))
     axes.add_collection(_lines(frame, line_map.segments, colours, width, zorder=4.0))
-    unions = np.unique(line_map.objects)
-    for number, union in enumerate(unions if len(unions) <= FEW_UNIONS else [], start=1):
-        members = np.flatnonzero(line_map.objects == union)
+    numbers = np.unique(objects)
+    for number in numbers if len(numbers) <= FEW_OBJECTS else []:
+        members = np.flatnonzero(objects == number)
         longest = members[lengths(line_map.segments[members]).argmax()]
         middle = frame.local(line_map.segments[longest].reshape(2, 2)).mean(axis=0)
         axes.text(
             middle[0],
             middle[1],
-            f"G{number}",
+            f"G{number + 1}",
             color=colours[longest],
             fontsize=9,
             weight="bold",
             ha="center",
             va="center",
             zorder=6,
+            clip_on=True,
             bbox={"boxstyle": "round,pad=0.22", "facecolor": "white", "edgecolor": "none"},
         )
-    colour = colours[0] if len(colours) else PATH
-    return Line2D([], [], color=colour, linewidth=2.6, label="map, a colour for each union")
+    words = "map, a colour for each object"
+    return [Line2D([], [], color=colours[0], linewidth=2.6, label=words)]
 
 
 def draw_scan(
@@ -119,16 +126,18 @@ def draw_scan(
     points = frame.local(scan.points())
     here = frame.local(np.array([scan.pose[:2]]))
     axes.add_collection(_fan(here, points, alpha=0.5))
-    if lrf is not None:
-        missed = np.isposinf(scan.ranges)
+    missed = np.isposinf(scan.ranges)
+    if lrf is not None and missed.any():
         far = np.full(missed.sum(), lrf.range_max)
         ends = frame.local(reflection_points(scan.pose, scan.angles[missed], far))
         axes.add_collection(_fan(here, ends, alpha=0.15))
     axes.scatter(points[:, 0], points[:, 1], s=9.0, color=HIT, linewidths=0, zorder=5)
-    return [
-        Line2D([], [], color=BEAM, linewidth=1.2, label="beams"),
-        Line2D([], [], color=HIT, marker=".", linestyle="none", label="returns"),
-    ]
+    signs = []
+    if len(points) or (lrf is not None and missed.any()):
+        signs.append(Line2D([], [], color=BEAM, linewidth=1.2, label="beams"))
+    if len(points):
+        signs.append(Line2D([], [], color=HIT, marker=".", linestyle="none", label="returns"))
+    return signs
 
 
 def draw_route(axes: Axes, frame: Frame, way: Float) -> Line2D:
@@ -156,7 +165,13 @@ def draw_poses(axes: Axes, frame: Frame, poses: Float) -> list[Line2D]:
             # The name stands behind the robot, where it has no beams.
             behind = pose.apply(np.array([[-2.4 * size, 0.0]]))[0]
             name = axes.text(
-                behind[0], behind[1], f"p{index + 1}", ha="center", va="center", zorder=7
+                behind[0],
+                behind[1],
+                f"p{index + 1}",
+                ha="center",
+                va="center",
+                zorder=7,
+                clip_on=True,
             )
             name.set(color=ROBOT, fontsize=10, weight="bold")
             name.set_path_effects([withStroke(linewidth=3, foreground="white")])

@@ -33,6 +33,15 @@ HEAD, FOOT = 0.5, 0.42
 FAR = 5000.0
 """Coordinates beyond this [m] are drawn in a local frame: their tick labels would be too long."""
 
+LONG = 6.0
+"""What is longer than this many times its width is cut into strips that stand over each other."""
+
+STRIP = 2.0
+"""About how many times as long as wide all strips together are."""
+
+LONGEST = 60.0
+"""Nothing is cut as if it were longer than this many times its width: a wall has no width."""
+
 MARGIN = 0.04
 """Free border inside a panel, as a part of its size."""
 
@@ -65,6 +74,28 @@ class Frame:
         middle = 0.5 * (low + high) - origin
         return cls(origin, middle - 0.5 * size, middle + 0.5 * size)
 
+    @classmethod
+    def strips(cls, places: Iterable[Float]) -> "list[Frame]":
+        """The frame around points; of what is long and narrow, equal parts of its length."""
+        known = [place for place in places if len(place)] or [np.zeros((1, 2))]
+        low = np.min([place.min(axis=0) for place in known], axis=0)
+        high = np.max([place.max(axis=0) for place in known], axis=0)
+        size = np.maximum(high - low, 1.0)
+        axis = int(size.argmax())
+        longer = min(float(size.max() / size.min()), LONGEST)
+        whole = cls.around(known)
+        if longer <= LONG:
+            return [whole]
+        count = max(2, round(np.sqrt(longer / STRIP)))
+        part = size[axis] / count
+        # Strips overlap by their margins, so that nothing is lost between them.
+        size[1 - axis] = max(size[1 - axis], part * count / LONGEST)
+        size[axis] = part
+        size *= 1.0 + 2.0 * MARGIN
+        middle = np.tile(0.5 * (low + high) - whole.origin, (count, 1))
+        middle[:, axis] += part * (np.arange(count) - 0.5 * (count - 1))
+        return [cls(whole.origin, each - 0.5 * size, each + 0.5 * size) for each in middle]
+
     @property
     def size(self) -> Float:
         """Width and height (2,) of the box [m]."""
@@ -79,13 +110,12 @@ class Page:
     """A figure of equal panels in rows, each with metre axes.
 
     Args:
-        frame: What each panel shows.
-        panels: How many there are.
+        frames: What each panel shows; all are of one size.
         title: Stands above all, with the second line smaller.
     """
 
-    def __init__(self, frame: Frame, panels: int = 1, title: tuple[str, str] = ("", "")) -> None:
-        self.frame = frame
+    def __init__(self, frames: Sequence[Frame], title: tuple[str, str] = ("", "")) -> None:
+        frame, panels = frames[0], len(frames)
         width, height = frame.size * np.sqrt(AREA / panels / frame.size.prod())
         columns = _columns(panels, width, height)
         rows = -(-panels // columns)
@@ -102,12 +132,11 @@ class Page:
             left = column * cell_width + LEFT
             bottom = FOOT + (rows - 1 - row) * cell_height + BELOW
             place = np.array([left, bottom, width, height]) / np.tile(self.size, 2)
-            self.axes.append(self._panel(place))
+            self.axes.append(self._panel(place, frames[panel]))
         self._title(*title)
 
-    def _panel(self, place: Float) -> Axes:
+    def _panel(self, place: Float, frame: Frame) -> Axes:
         axes = self.figure.add_axes(tuple(place))
-        frame = self.frame
         axes.set(xlim=(frame.low[0], frame.high[0]), ylim=(frame.low[1], frame.high[1]))
         axes.set_aspect("equal")
         # Both axes share one step, so that the grid is made of squares.
@@ -133,8 +162,9 @@ class Page:
         )
         self.figure.text(x, 1.0 - 0.56 / top, plain(counts), color=FAINT, fontsize=9.5, va="top")
 
-    def legend(self, handles: Sequence[Artist]) -> None:
-        """Say what the signs mean, below all panels."""
+    def legend(self, signs: Sequence[Artist]) -> None:
+        """Say what the signs mean, each once, below all panels."""
+        handles = list({str(sign.get_label()): sign for sign in reversed(signs)}.values())[::-1]
         self.figure.legend(
             handles=handles,
             loc="lower center",

@@ -40,7 +40,7 @@ _HUE_STEP = 0.6180339887
 
 
 _TONES, _CHROMA = np.array([0.48, 0.65, 0.56]), 0.17
-"""Lightness and colourfulness in Oklch of the unions: legible on white, none shouts."""
+"""Lightness and colourfulness in Oklch of the objects of maps: legible on white, none shouts."""
 
 _LMS_FROM_LAB = np.array(
     [
@@ -71,9 +71,9 @@ def object_colours(world: World, *, indoor: bool) -> Float:
     return np.clip(np.where(np.isnan(given), chosen, given), 0.0, 1.0)
 
 
-def union_colours(unions: Int) -> Float:
-    """Colours (n, 3) of the unions of a map, strong on white, the same for the same number."""
-    number = np.asarray(unions, dtype=np.float64)
+def object_tints(objects: Int) -> Float:
+    """Colours (n, 3) of the objects of a map, strong on white, the same for the same number."""
+    number = np.asarray(objects, dtype=np.float64)
     # Hues a golden step apart never come round; three tones part those that come near.
     hue = 2.0 * np.pi * (0.73 - number * _HUE_STEP)
     lightness = _TONES[number.astype(np.int64) % len(_TONES)]

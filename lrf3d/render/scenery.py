@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Bool, Float
-from lrf3d.mapping import LineMap
 from lrf3d.render.arrays import Single
 from lrf3d.render.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.ground import SUN
 from lrf3d.render.ground_layer import GroundLayer
 from lrf3d.render.movers import MovingBodies
-from lrf3d.render.palette import union_colours
+from lrf3d.render.palette import object_tints
 from lrf3d.render.primitives import Mesh, Primitive
 from lrf3d.render.robot_model import robot_primitive, world_from_robot
 from lrf3d.render.structures import Structures
@@ -46,7 +45,7 @@ class Scenery:
     def __init__(self, timeline: Timeline) -> None:
         run = self.run = timeline.run
         self.structures = Structures.from_run(run)
-        self.origin = run.world.origin
+        self.origin = self.structures.origin
         self.reach = min(run.lrf.range_max, _FAN_REACH)
         self.scene = pyrender.Scene()
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
@@ -63,7 +62,7 @@ class Scenery:
         self.dots = _dynamic("points", POINT_SIZES, mode=GL.GL_POINTS)
         self.map = _dynamic("lines", LINE_SIZES)
         self._scan_shown: tuple[Any, ...] = ()
-        self._map_shown: LineMap | None = None
+        self._map_shown = -1
         self.beams: Beams | None = None
         for primitive in self.all:
             self.scene.add(Mesh([primitive]))
@@ -116,10 +115,10 @@ class Scenery:
 
     def show_seen(self, moment: Moment) -> None:
         """Bring what is laid over the scene, beams and map, up to a moment that is shown."""
-        stage = self.run.map_after(moment.scan)
-        if stage is not self._map_shown:
+        stage = self.run.stage_after(moment.scan)
+        if stage != self._map_shown:
             self._map_shown = stage
-            self.map.update(_map_lines(stage, self.origin, self.run.lrf.height))
+            self.map.update(_map_lines(self.run, stage, self.origin))
         self._show_beams(moment, moment.pose - np.array([*self.origin, 0.0]))
 
     def look_from(self, matrix: Float, eye: Float, reach: float) -> None:
@@ -215,9 +214,11 @@ def _sides(places: Float, jumps: Bool) -> Float:
     return sides
 
 
-def _map_lines(stage: LineMap, origin: Float, height: float) -> Single:
-    """The segments of a map as line quads, each union in its colour."""
-    segments = stage.segments - np.tile(origin, 2)
+def _map_lines(run: Run, stage: int, origin: Float) -> Single:
+    """The segments of the map of a stage, or of none, as line quads, each object in its colour."""
+    if stage < 0:
+        return np.zeros((0, sum(LINE_SIZES)), np.float32)
+    segments = run.maps[stage].segments - np.tile(origin, 2)
     opaque = np.ones((len(segments), 2))
-    colours = union_colours(stage.objects) if len(segments) else np.zeros((0, 3))
-    return line_quads(segments[:, :2], segments[:, 2:], colours, opaque, height)
+    colours = object_tints(run.lasting_objects[stage])
+    return line_quads(segments[:, :2], segments[:, 2:], colours, opaque, run.lrf.height)

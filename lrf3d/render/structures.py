@@ -1,7 +1,7 @@
 """What the walls of a world make up: buildings with a roof, and walls that stand free.
 
-Enters: a world and where the robot drove. Leaves: arrays in the film's own frame, whose origin is
-the world's: far from the origin float32, which graphics use, knows no centimetres.
+Enters: a world and where the robot drove. Leaves: arrays of what is in sight, in the film's own
+frame.
 """
 
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Bool, Float, Int, directions
 from lrf3d.render.palette import object_colours
+from lrf3d.render.sight import Sight
 from lrf3d.simulation import Run
 from lrf3d.world import World
 
@@ -39,6 +40,7 @@ class Structures:
         solid_heights: (k,) heights of their roofs [m].
         solid_colours: (k, 3) colours of their walls.
         indoor: Whether this is the inside of a house.
+        origin: (2,) where the origin of the film's frame lies in the world [m].
     """
 
     segments: Float
@@ -52,6 +54,7 @@ class Structures:
     solid_heights: Float
     solid_colours: Float
     indoor: bool
+    origin: Float
 
     @classmethod
     def from_run(cls, run: Run) -> "Structures":
@@ -60,9 +63,14 @@ class Structures:
 
     @classmethod
     def from_world(cls, world: World, path: Float | None = None) -> "Structures":
-        """Find the solids of a world; what a robot drives inside of on its path (k, 2) is none."""
-        segments = world.segments - np.tile(world.origin, 2)
-        path = np.zeros((0, 2)) if path is None else path - world.origin
+        """Find the solids of a world; what a robot drives inside of on its path (k, 2) is none.
+
+        What cannot be seen from the path is left out; all is there where no path is given.
+        """
+        sight = Sight.of(world, path)
+        world, origin = sight.world, sight.origin
+        segments = world.segments - np.tile(origin, 2)
+        path = np.zeros((0, 2)) if path is None else path - origin
         indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT)
         areas = _areas(segments, world.objects, world.object_count)
         areas[_entered(areas, path) | _holds_others(areas, segments, world.objects)] = None
@@ -92,6 +100,7 @@ class Structures:
             solid_heights=tops[found],
             solid_colours=colours[found].reshape(-1, 3),
             indoor=indoor,
+            origin=origin,
         )
 
     def within(self, low: Float, high: Float) -> "Structures":
@@ -113,6 +122,7 @@ class Structures:
             solid_heights=self.solid_heights[solids],
             solid_colours=self.solid_colours[solids],
             indoor=self.indoor,
+            origin=self.origin,
         )
 
 

@@ -143,9 +143,10 @@ def _swept(segments: Float, heights: Float) -> Float:
 def _cast(structures: Structures, quads: Single) -> Cast:
     """What all walls hide from the faces that look at the sun."""
     base = quads[:, :2, :2].astype(np.float64)
-    # Upright faces whose normal looks to the sun.
+    # Upright faces whose normal looks to the sun; float32 leaves some walls no length.
     bright = quads[:, 0, 3:5].astype(np.float64) @ _TOWARD
-    faces = np.flatnonzero((bright > _GRAZED) & (quads[:, 0, 5] < 0.5))
+    wide = (base[:, 0] != base[:, 1]).any(axis=1)
+    faces = np.flatnonzero((bright > _GRAZED) & (quads[:, 0, 5] < 0.5) & wide)
     reach = structures.heights.max(initial=0.0) / _SLOPE
     sides = np.concatenate([base[faces, 0], base[faces, 1]], axis=1)
     walls = structures.segments

@@ -24,7 +24,7 @@ PANELS = (
     ("object_purity", "object purity", 1.0),
     ("perpendicular_rms", "RMS distance from walls [mm]", 1e3),
     ("segment_ratio", "segments by visible walls", 1.0),
-    ("object_ratio", "unions by visible objects", 1.0),
+    ("object_ratio", "map objects by visible objects", 1.0),
 )
 """What the panels show: a measure, its name, and what its values are multiplied by."""
 

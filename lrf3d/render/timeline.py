@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry import Bool, Float
+from lrf3d.render.sight import Sight
 from lrf3d.simulation import Run
 
 DWELL_GAP = 1.0
@@ -47,11 +48,15 @@ class Timeline:
     Args:
         run: The run.
         playback: Seconds of the run in a second of the film.
+
+    Attributes:
+        origin: (2,) where the origin of the film's frame lies in the world [m].
     """
 
     def __init__(self, run: Run, *, playback: float = 1.0) -> None:
         self.run = run
         self.playback = playback
+        self.origin = Sight.of_run(run).origin
         times = run.trajectory.times
         gaps = np.diff(times)
         self.dwells = len(gaps) == 0 or float(np.median(gaps)) > DWELL_GAP

@@ -225,6 +225,8 @@ def _job(
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}: expected at least 1")
     times = Timeline(run, playback=playback).frame_times(fps)
+    # Worked out here once, it goes with the run to all that draw.
+    _ = run.lasting_objects
     drawn = choose_renderer(renderer, here=scheduler is None)
     return Job(run, times, size, fps, playback, view, samples, drawn, ending)
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from lrf3d.laser import LaserScan
 from lrf3d.logs import LaserLog
-from lrf3d.mapping import LineMap, LineMapper, save_map
+from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.scoring import LogScore, score_log
+from lrf3d.words import counted
 
 Progress = Callable[[int, int], None]
 
@@ -70,16 +71,16 @@ class MappedLog:
     def rows(self) -> list[tuple[str, str]]:
         """The figures in a few lines for people."""
         score = self.score
-        log = f"{len(self.log)} scans of {len(self.log.scans[0].ranges)} beams"
+        beams = counted(len(self.log.scans[0].ranges), "beam")
         what = self.log.bad_lines[0].kind if self.log.bad_lines else "line"
-        rows = [("log", f"{log}, {self.log.bad_count} bad {what}s")]
+        bad = counted(self.log.bad_count, f"bad {what}")
+        rows = [("log", f"{counted(len(self.log), 'scan')} of {beams}, {bad}")]
         rows += [("", str(bad)) for bad in self.log.bad_lines]
         rows.append(("poses", self.log.source))
         rows += [
             (
                 "map",
-                f"{len(self.map)} segments in {self.map.object_count} unions,"
-                f" {score.length:.0f} m long",
+                f"{self.map.counts}, {score.length:.0f} m long",
             ),
         ]
         if score.returns:
@@ -131,27 +132,21 @@ def map_log(
     return MappedLog(log, mode, sigma, line_map, score, tuple(milliseconds), even)
 
 
-def draw_mapped_log(mapped: MappedLog, folder: Path) -> dict[str, Path]:
-    """Write the map and its picture to a folder.
-
-    Returns:
-        The files by what they hold.
+def draw_mapped_log(mapped: MappedLog, path: Path) -> None:
+    """Draw the map of a log over the points that it was built from, to a file.
 
     Raises:
-        OutputError: A file cannot be written.
+        OutputError: The file cannot be written.
     """
     from lrf3d.render.figures import draw_map
 
-    files = {"map": folder / "map.geojson", "map picture": folder / "map.png"}
-    save_map(mapped.map, files["map"])
     draw_map(
         mapped.map,
-        files["map picture"],
+        path,
         points=np.vstack([scan.points() for scan in mapped.mapped]),
         poses=np.array([scan.pose for scan in mapped.mapped]),
         title=mapped.log.name,
     )
-    return files
 
 
 def _metres(value: float) -> str:

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,9 +14,11 @@ from lrf3d.interrupts import noting
 from lrf3d.logs import record
 from lrf3d.mapping import save_map
 from lrf3d.simulation import Run
+from lrf3d.study.drawings import Drawing
 from lrf3d.study.experiment import Experiment, Progress, trajectory_of
 from lrf3d.study.summary import drawn_part, summarise
 from lrf3d.study.timed_mapper import Timed
+from lrf3d.words import counted
 from lrf3d.world.cameras import FilmPlan
 
 Bar = Callable[[str], AbstractContextManager[Progress]]
@@ -92,6 +95,9 @@ class Results:
             "milliseconds_a_scan": 1e3 * seconds / taken if taken else None,
             "milliseconds_an_update": timed.milliseconds,
         }
+        if _is_set_down(experiment):
+            # What lies between its poses it has not driven.
+            summary["drive"]["length_m"] = 0.0
         if callable(getattr(mapper, "report", None)):
             if not timed.updates:
                 # The run was finished before, so that this mapper has seen nothing of it.
@@ -114,31 +120,37 @@ class Results:
         """The summary in a few lines for people."""
         drive, score = self.summary["drive"], self.summary["score"]
         buildings, stored = self.summary["buildings"], self.summary["storage"]
-        rows = [
-            (
-                "drive",
-                f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {drive['scans']} scans"
-                f" of {self.run.lrf.beams} beams",
-            )
-        ]
+        scans = f"{counted(drive['scans'], 'scan')} of {counted(self.run.lrf.beams, 'beam')}"
+        rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
+        if self._stands:
+            rows = [("scans", f"{scans}, from single poses")]
         if score is not None:
-            text = f"{len(self.run.map)} segments in {self.run.map.object_count} unions, length F1"
+            text = f"{self.run.map.counts}, length F1"
             text += f" {_share(score['length_f1'])}, segment F1 {_share(score['segment_f1'])}"
             rows.append(("map", text))
             text = f"{buildings['seen_on_all_sides']} of {buildings['buildings']} seen on all sides"
             rows.append(("objects", f"{text}, {buildings['whole']} of them whole in the map"))
         if stored is not None:
-            text = f"{stored['union_numbers']} numbers as unions of segments"
-            text += f", {stored['polyline_numbers']} as polylines"
-            rows.append(("storage", f"{text}, {stored['grid_cells']} as a grid of 0.1 m"))
+            text = f"{counted(stored['union_numbers'], 'number')} as objects of segments"
+            text += f", {stored['polyline_numbers']:,} as polylines"
+            rows.append(("storage", f"{text}, {stored['grid_cells']:,} as a grid of 0.1 m"))
         update = self.summary["milliseconds_an_update"]
         if "mapper" in self.summary and update is not None:
             rows.append(("mapper", f"{self.summary['mapper']}, {update:.2f} ms an update"))
         rows += [(str(name), str(value)) for name, value in self.summary.get("report", {}).items()]
-        for level in self.summary.get("noise_levels", []):
-            text = f"{level['segments']} segments in {level['unions']} unions"
-            rows.append((f"σ {level['sigma_m']:g} m", text))
+        if len(self.runs) > 1:
+            levels = zip(self.sigmas, self.runs, strict=True)
+            rows += [(f"σ {sigma:g} m", run.map.counts) for sigma, run in levels]
         return rows
+
+    @property
+    def _stands(self) -> bool:
+        """Whether the robot is set down at poses and drives nowhere."""
+        return _is_set_down(self.experiment)
+
+
+def _is_set_down(experiment: Experiment) -> bool:
+    return experiment.controller is None and experiment.scenario.poses is not None
 
 
 def _checked(mapper: Any, report: Any) -> dict[str, Any]:
@@ -160,8 +172,8 @@ def _share(value: float | None) -> str:
     return "–" if value is None else f"{value:.3f}"
 
 
-def draw_results(results: Results, folder: Path) -> dict[str, Path]:
-    """Write the map of the run and its pictures to a folder; the film is made apart.
+def write_results(results: Results, folder: Path) -> dict[str, Path]:
+    """Write the map of the run to a folder, which holds the run itself already.
 
     Returns:
         The files by what they hold.
@@ -169,24 +181,27 @@ def draw_results(results: Results, folder: Path) -> dict[str, Path]:
     Raises:
         OutputError: A file cannot be written.
     """
+    files = {"run": folder / "run.npz"}
+    # A mapper of the user's may make no map of lines.
+    if results.run.maps:
+        files["map"] = folder / "map.geojson"
+        save_map(results.run.map, files["map"])
+    return files
+
+
+def pictures_of(results: Results, folder: Path) -> dict[str, Drawing]:
+    """The pictures of an experiment, by what they show."""
     from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 
     run, scenario = drawn_part(results.run), results.experiment.scenario
-    files = {"run": folder / "run.npz"}
-    # A mapper of the user's may make no map of lines.
+    pictures: dict[str, Drawing] = {}
     if run.maps:
-        files["map"], files["map picture"] = folder / "map.geojson", folder / "map.png"
-        save_map(run.map, files["map"])
-        draw_map(run, files["map picture"])
-    files["world picture"] = folder / "world.png"
-    draw_world(
-        run.world,
-        files["world picture"],
-        scan=run.scan(0),
-        route=scenario.route,
-        poses=scenario.poses,
+        pictures["map picture"] = folder / "map.png", partial(draw_map, run)
+    world = partial(
+        draw_world, run.world, scan=run.scan(0), route=scenario.route, poses=scenario.poses
     )
+    pictures["world picture"] = folder / "world.png", world
     if len(results.runs) > 1:
-        files["noise picture"] = folder / "noise.png"
-        draw_noise_levels(results.runs, results.sigmas, files["noise picture"])
-    return files
+        levels = partial(draw_noise_levels, results.runs, results.sigmas)
+        pictures["noise picture"] = folder / "noise.png", levels
+    return pictures

@@ -10,7 +10,9 @@ import numpy as np
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.timed import timed
 from lrf3d.laser import LaserScan
+from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.pose import Pose
+from lrf3d.render.sight import Sight
 from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import Obstacles
 from lrf3d.study.experiment import Experiment
@@ -67,6 +69,7 @@ class HandDrive:
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         scenario = experiment.scenario
+        self._origin = Sight.of(scenario.world, np.array([start[:2]])).origin
         self._experiment, self._scenario, self._start = experiment, scenario, start
         self._obstacles = Obstacles(scenario.world)
         self._robot = Unicycle(scenario.radius)
@@ -86,6 +89,7 @@ class HandDrive:
         self._fresh = True
         self._rng = np.random.default_rng(self._experiment.seed)
         self._mapper = self._experiment.line_mapper()
+        self._tracker = ObjectTracker()
         self._mapped: Pose | None = None
         self._stale = False
         self._map_due = 0.0
@@ -132,7 +136,7 @@ class HandDrive:
     def _map(self) -> dict[str, Any]:
         begin = self._clock()
         line_map = self._mapper.map
-        segments, colours = map_arrays(line_map, self._scenario.world.origin)
+        segments, colours = map_arrays(line_map, self._tracker.follow(line_map), self._origin)
         taken = self._clock() - begin
         self._map_due = self._clock() + max(_MAP_PAUSE, taken / _MAP_SHARE)
         self._stale = False
@@ -144,7 +148,7 @@ class HandDrive:
 
     def _moved(self) -> list[float]:
         """Where movers are: x, y [m] in the local frame, theta [rad] of each in turn."""
-        shift = np.array([*self._scenario.world.origin, 0.0])
+        shift = np.array([*self._origin, 0.0])
         return [
             value
             for mover in self.movers
@@ -152,7 +156,7 @@ class HandDrive:
         ]
 
     def _news(self, scan: LaserScan) -> dict[str, Any]:
-        x, y = (self.pose[:2] - self._scenario.world.origin).tolist()
+        x, y = (self.pose[:2] - self._origin).tolist()
         pose = {"x": x, "y": y, "theta": self.pose.theta}
         ranges = np.where(scan.hits, np.round(scan.ranges, 3), -1.0 * (scan.ranges < 0.0))
         fresh, self._fresh = self._fresh, False

@@ -22,14 +22,20 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         length of each, the legs of the way that are jumps, and the time that the run starts at.
     """
     timeline = Timeline(run)
-    origin = run.world.origin
+    origin = timeline.origin
     shift = np.array([*origin, 0.0])
     times = key_times(timeline)
     poses = timeline.poses(times) - shift
     poses[:, 2] = np.unwrap(poses[:, 2])
     begins, ends = scan_times(timeline)
     # The first of them is empty, so that there is one also where a run has no map.
-    maps = [map_arrays(stage, origin) for stage in (LineMap.empty(), *run.maps)]
+    none = LineMap.empty()
+    maps = [
+        map_arrays(stage, objects, origin)
+        for stage, objects in zip(
+            (none, *run.maps), (none.objects, *run.lasting_objects), strict=True
+        )
+    ]
     stage_times = run.trajectory.times[list(run.stages)]
     ways = [mover_keys(mover, timeline) for mover in run.movers]
     arrays = {

@@ -12,7 +12,7 @@ from lrf3d.gltf.scan_mesh import REACH
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.render.movers import mover_colours
-from lrf3d.render.palette import union_colours
+from lrf3d.render.palette import object_tints
 from lrf3d.render.structures import Structures
 from lrf3d.world import World
 
@@ -46,13 +46,13 @@ def make_scene(
 ) -> Scene:
     """The scene of a world, with where the robot goes (k, 2) [m], and what moves beside it."""
     structures = Structures.from_world(world, path)
-    places = np.concatenate([world.segments.reshape(-1, 2), path]) - world.origin
+    places = np.concatenate([structures.segments.reshape(-1, 2), path - structures.origin])
     low, high = places.min(axis=0), places.max(axis=0)
     walls = np.column_stack([structures.segments, structures.heights])
     setup = {
         "title": title,
         "indoor": structures.indoor,
-        "origin": world.origin.tolist(),
+        "origin": structures.origin.tolist(),
         "low": low.tolist(),
         "high": high.tolist(),
         "middle": (0.5 * (low + high)).tolist(),
@@ -74,7 +74,7 @@ def make_scene(
             "reach": min(lrf.range_max, REACH),
         },
     }
-    return Scene(setup, still_glb(world, structures, lrf.height, movers))
+    return Scene(setup, still_glb(world.name, structures, lrf.height, movers))
 
 
 def joined_beams(ranges: Float, walls: Int) -> Bool:
@@ -84,13 +84,13 @@ def joined_beams(ranges: Float, walls: Int) -> Bool:
     return np.asarray(hits[..., 1:] & hits[..., :-1] & same)
 
 
-def map_arrays(line_map: LineMap, origin: Float) -> tuple[Float, Int]:
-    """Segments (m, 4) of a map in the local frame [m], and their colours (m, 3) in 0…255."""
+def map_arrays(line_map: LineMap, objects: Int, origin: Float) -> tuple[Float, Int]:
+    """Segments (m, 4) of a map in the local frame [m], and their colours (m, 3) in 0…255.
+
+    Those are the colours of their objects (m,), by numbers that last while the map grows.
+    """
     segments = line_map.segments - np.tile(origin, 2)
-    if not len(segments):
-        return segments, np.empty((0, 3), np.int64)
-    colours = np.round(255.0 * union_colours(line_map.objects)).astype(np.int64)
-    return segments, colours
+    return segments, np.round(255.0 * object_tints(objects)).astype(np.int64)
 
 
 def _outlines(structures: Structures) -> list[list[float]]:

@@ -63,6 +63,51 @@ def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):
     assert summary["map"]["segments"] == 4 and summary["buildings"]["whole"] == 1
 
 
+def test_a_film_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_path):
+    out = tmp_path / "an out"
+    # A folder stands where the film should go.
+    (out / "run.mp4" / "full").mkdir(parents=True)
+    small = ["--size", "64x64", "--fps", 2, "--samples", 0, "--scans", 3]
+    done = lrf3d("run", room, "--out", out, *small)
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1 and done.stderr.startswith("lrf3d: run.mp4: not drawn: ")
+    assert f"{out / 'run.npz'} holds the run" in done.stderr
+    assert f"`lrf3d render '{out}'`" in done.stderr
+    assert "segments in 1 object, length F1" in done.stdout and "map.png" in done.stdout
+    summary = json.loads((out / "summary.json").read_text())
+    assert "video" not in summary["files"] and (out / summary["files"]["map picture"]).exists()
+    again = lrf3d("run", room, "--out", out, *small, "--resume", "--json")
+    assert again.returncode == 1 and json.loads(again.stdout)["files"] == summary["files"]
+
+
+def test_what_drawing_fails_of_is_one_line_whatever_it_is(tmp_path):
+    from lrf3d.study.drawings import draw_all
+
+    def fail(path):
+        raise RuntimeError("drawing failed with status 1:\nTraceback\nTypeError: no points")
+
+    drawings = {
+        "a": (tmp_path / "a.png", lambda path: path.touch()),
+        "b": (tmp_path / "b.png", fail),
+        "c": (tmp_path / "c.png", lambda path: [][1]),
+        "d": (tmp_path / "d.png", lambda path: path.touch()),
+    }
+    drawn, failed = draw_all(drawings, "x holds all")
+    assert drawn == {"a": tmp_path / "a.png", "d": tmp_path / "d.png"}
+    assert failed == "b.png, c.png: not drawn: TypeError: no points; x holds all"
+    assert draw_all({}, "x holds all") == ({}, "")
+
+
+def test_a_robot_that_only_stands_drives_nowhere(tmp_path):
+    room = tmp_path / "stops.toml"
+    text = ROOM.replace("route = [[2, 2], [8, 2], [8, 6]]", "poses = [[2, 2, 0], [8, 6, 3]]")
+    room.write_text(text.replace("speed = 2.0\nscan_interval = 0.5\n", ""))
+    done = lrf3d("run", room, "--no-video", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("scans          2 scans of 61 beams, from single poses\n")
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["drive"]["length_m"] == 0.0
+
+
 def test_a_run_is_rendered_as_its_world_file_says(room, tmp_path):
     from lrf3d.logs import load_run
     from lrf3d.world.cameras import FilmPlan

@@ -76,7 +76,7 @@ def test_the_khronos_validator_finds_no_fault_in_worlds(tmp_path):
         world = load_scenario(name).world
         for kind, data in (
             ("plain", glb_bytes(world)),
-            ("drawn", still_glb(world, Structures.from_world(world), 0.5)),
+            ("drawn", still_glb(world.name, Structures.from_world(world), 0.5)),
         ):
             paths.append(tmp_path / f"{name}-{kind}.glb")
             paths[-1].write_bytes(data)

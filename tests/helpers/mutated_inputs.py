@@ -148,7 +148,7 @@ class Inputs:
         (folder / "box.toml").write_bytes(ROOM)
         run = lrf3d.simulate(lrf3d.load_world(folder / "box.toml"), poses, lrf, rng=0)
         lrf3d.save_run(run, folder / "run.npz")
-        run.map.save(folder / "map.geojson")
+        lrf3d.save_map(run.map, folder / "map.geojson")
         export_run(run, "carmen", folder / "a.log")
         export_run(run, "carmen", folder / "a.log.gz")
         names = ["run.npz", "a.log", "a.log.gz"]

@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.render.marks import INSIDE, MOST_POINTS, draw_points
 from lrf3d.render.page import Frame, Page
-from lrf3d.render.palette import union_colours
+from lrf3d.render.palette import object_tints
 from lrf3d.simulation import Run
 from lrf3d.world import World
 
@@ -59,9 +61,9 @@ def texts(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
 
 
-def test_each_union_is_drawn_in_its_colour(run):
+def test_each_object_is_drawn_in_its_colour(run):
     figure = draw_map(run)
-    for colour in union_colours(np.unique(run.map.objects)):
+    for colour in object_tints(np.unique(run.map.objects)):
         assert shows(figure, colour, at_least=500)
 
 
@@ -75,15 +77,56 @@ def test_segments_stand_at_their_places(run):
         assert any(each.shape == expected.shape and np.allclose(each, expected) for each in drawn)
 
 
+def test_an_object_has_one_label_and_one_colour_at_all_noises(room_run):
+    numbered_anew = replace(
+        room_run,
+        maps=(LineMap(room_run.map.segments, 1 - room_run.map.objects, room_run.map.points),),
+    )
+    figure = draw_noise_levels([room_run, numbered_anew], [0.07, 0.42])
+    first, second = (
+        {
+            text.get_text(): (to_hex(text.get_color()), text.get_position())
+            for text in axes.findobj(Text)
+            if text.get_text() in ("G1", "G2")
+        }
+        for axes in figure.axes[1:]
+    )
+    assert first == second and len(first) == 2
+
+
+def test_legends_name_only_what_is_there(run):
+    nothing = replace(run, ranges=np.full_like(run.ranges, np.inf), maps=(LineMap.empty(),))
+    assert not {"reflection points", "map, a colour for each object"} & set(
+        texts(draw_map(nothing))
+    )
+    seen = texts(draw_world(run.world, scan=nothing.scan(0)))
+    assert not {"beams", "returns"} & set(seen)
+    assert "beams" in texts(draw_world(run.world, scan=nothing.scan(0), lrf=run.lrf))
+    assert "true walls" not in texts(draw_world(World(np.empty((0, 4))), poses=np.zeros((1, 3))))
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_long_narrow_maps_are_cut_into_strips_that_show_all_of_them(turned):
+    walls = ring([(0, 0), (300, 0), (300, 6), (0, 6)])
+    figure = draw_map(
+        LineMap(walls[:, [1, 0, 3, 2]] if turned else walls, np.zeros(4, int), np.ones(4))
+    )
+    spans = sorted((axes.get_ylim() if turned else axes.get_xlim()) for axes in figure.axes)
+    assert len(spans) > 2 and spans[0][0] < 0.0 and spans[-1][1] > 300.0
+    assert all(after[0] < before[1] for before, after in pairwise(spans))
+    width, height = figure.bbox.size
+    assert 0.4 < width / height < 2.5
+
+
 def test_the_headline_counts_what_is_drawn(run):
     points = sum(len(scan.points()) for scan in run.scans)
-    assert f"8 segments in 2 unions  ·  12 scans  ·  {points:,} points" in texts(draw_map(run))
+    assert f"8 segments in 2 objects  ·  12 scans  ·  {points:,} points" in texts(draw_map(run))
     assert "street" in texts(draw_map(run))
 
 
 def test_a_map_alone_and_no_map_at_all_are_drawn(run):
-    assert shows(draw_map(run.map), union_colours(np.array([0]))[0], at_least=500)
-    assert "0 segments in 0 unions" in texts(draw_map(LineMap.empty()))
+    assert shows(draw_map(run.map), object_tints(np.array([0]))[0], at_least=500)
+    assert "0 segments in 0 objects" in texts(draw_map(LineMap.empty()))
     assert draw_map(LineMap.empty(), points=np.ones((5, 2)), title="log").axes
 
 
@@ -191,7 +234,7 @@ def test_no_text_leaves_the_sheet_or_overlaps_another(picture, run, room_run):
 
 def test_very_many_points_are_thinned():
     frame = Frame.around([np.array([[0.0, 0.0], [1.0, 1.0]])])
-    page = Page(frame)
+    page = Page([frame])
     points = np.random.default_rng(0).uniform(0, 1, (3 * MOST_POINTS + 1, 2))
     draw_points(page.axes[0], frame, points)
     shown = page.axes[0].collections[0].get_offsets()
@@ -220,8 +263,8 @@ def test_drawing_leaves_pyplot_alone():
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
-def test_union_colours_are_apart_and_belong_to_their_numbers():
-    colours = union_colours(np.arange(24))
+def test_object_tints_are_apart_and_belong_to_their_numbers():
+    colours = object_tints(np.arange(24))
     assert colours.shape == (24, 3)
     assert (colours >= 0.0).all()
     assert (colours <= 1.0).all()
@@ -229,5 +272,5 @@ def test_union_colours_are_apart_and_belong_to_their_numbers():
     assert gaps.min() > 0.05
     assert gaps[:6, :6].min() > 0.2
     assert np.linalg.norm(1.0 - colours, axis=1).min() > 0.5
-    np.testing.assert_array_equal(union_colours(np.array([7, 2])), colours[[7, 2]])
-    assert union_colours(np.empty(0, np.int64)).shape == (0, 3)
+    np.testing.assert_array_equal(object_tints(np.array([7, 2])), colours[[7, 2]])
+    assert object_tints(np.empty(0, np.int64)).shape == (0, 3)

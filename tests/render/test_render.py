@@ -30,7 +30,7 @@ def ranges_of(world, lrf, pose):
     way = lrf.directions(pose)[:, None, :]
     offset = world.segments[None, :, :2] - pose[:2]
     along = world.segments[None, :, 2:] - world.segments[None, :, :2]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         cross = way[..., 0] * along[..., 1] - way[..., 1] * along[..., 0]
         distance = (offset[..., 0] * along[..., 1] - offset[..., 1] * along[..., 0]) / cross
         place = (offset[..., 0] * way[..., 1] - offset[..., 1] * way[..., 0]) / cross

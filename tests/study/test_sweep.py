@@ -16,11 +16,12 @@ from typer.testing import CliRunner
 from lrf3d.cli.app import app
 from lrf3d.errors import InputError
 from lrf3d.scenario import load_scenario
+from lrf3d.study.drawings import draw_all
 from lrf3d.study.experiment import Experiment, trajectory_of
 from lrf3d.study.sweep import sweeping
 from lrf3d.study.sweep.batches import MOST, Batches
 from lrf3d.study.sweep.content import digest, seed_of
-from lrf3d.study.sweep.drawing import curves_of, draw_figures, table_text
+from lrf3d.study.sweep.drawing import curves_of, figures_of, table_text
 from lrf3d.study.sweep.grid import Grid, parse_axis, parse_values, read_grid
 from lrf3d.study.sweep.plan import make_plan
 from lrf3d.study.sweep.store import PARTS, TABLE, Store
@@ -333,9 +334,10 @@ def test_summary_figures_and_table_tell_every_combination(room, tmp_path):
     for mean in cell_means(plan, rows):
         mine = [r["length_f1"] for r in rows if mean.columns.items() <= r.items()]
         assert len(mine) == 3 and mean.measures["length_f1"].mean == pytest.approx(np.mean(mine))
-    files = draw_figures(plan, rows, tmp_path / "out")
+    files, failed = draw_all(figures_of(plan, rows, tmp_path / "out"), "")
     assert {path.name for path in files.values()} == {"box_sigma.png", "box_beams.png"}
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in files.values())
+    assert failed == ""
     assert len(table_text(plan, rows).splitlines()) == 1 + 8 + 2
     curves, averaged = curves_of(cell_means(plan, rows), "sigma_m", plan)
     assert not averaged and len(curves) == 4 and curves[0].x == (0.0, 0.3)

@@ -2,11 +2,13 @@
 
 import itertools
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from lrf3d.render.sweep_figure import Curve, draw_sweep
+from lrf3d.study.drawings import Drawing
 from lrf3d.study.sweep.plan import Plan
 from lrf3d.study.sweep.summary import CONFIDENCE, MEASURES, CellMean, Mean, cell_means
 from lrf3d.study.sweep.task import Row
@@ -32,16 +34,9 @@ TOLD = {
 """What the table for the eye tells, what its values are multiplied by, and their decimals."""
 
 
-def draw_figures(plan: Plan, rows: Sequence[Row], folder: Path) -> dict[str, Path]:
-    """Draw every world over everything that is varied in numbers.
-
-    Returns:
-        The files by what they show.
-
-    Raises:
-        OutputError: A file cannot be written.
-    """
-    files = {}
+def figures_of(plan: Plan, rows: Sequence[Row], folder: Path) -> dict[str, Drawing]:
+    """The figures of every world over everything that is varied in numbers, by what they show."""
+    figures: dict[str, Drawing] = {}
     means = cell_means(plan, rows)
     for world in dict.fromkeys(cell.world for cell in plan.cells):
         mine = [mean for mean in means if mean.world == world]
@@ -59,9 +54,10 @@ def draw_figures(plan: Plan, rows: Sequence[Row], folder: Path) -> dict[str, Pat
             name = column.removesuffix("_m").replace(".", "_")
             path = folder / f"{world}_{name}.png"
             axis = WORDS.get(column, column)
-            draw_sweep(curves, path, axis=axis, titles=(f"{world}: maps over {name}", words))
-            files[f"{world} over {name}"] = path
-    return files
+            titles = f"{world}: maps over {name}", words
+            draw = partial(draw_sweep, curves, axis=axis, titles=titles)
+            figures[f"{world} over {name}"] = path, draw
+    return figures
 
 
 def curves_of(means: Sequence[CellMean], column: str, plan: Plan) -> tuple[list[Curve], list[str]]:
@@ -138,7 +134,7 @@ def table_text(plan: Plan, rows: Sequence[Row]) -> str:
         text += f"\n… and {len(lines) - MOST_LINES} more in summary.json"
     return (
         f"{text}\nMean of {plan.grid.seeds} seeds ± half of its {100.0 * CONFIDENCE:g} % interval."
-        " segments: by visible walls; objects: unions by visible\nobjects; 1 is right."
+        " segments: by visible walls; objects: of the map by those\nvisible; 1 is right."
     )
 
 

@@ -1,0 +1,96 @@
+"""Tracking: which object of a map is which object of the map a while before.
+
+A mapper numbers the objects of each map anew. Who follows a growing map, by eye or by name, needs
+numbers that stay: an object keeps its number while it grows, of objects that become one the larger
+gives its number, and of the parts of one that falls apart the larger keeps it.
+"""
+
+import numpy as np
+import shapely
+
+from lrf3d.geometry import Float, Int, lengths
+from lrf3d.mapping.line_map import LineMap
+
+_NEAR = 0.5
+"""How far a segment may have moved from one map to the next [m]: walls that face each other are
+farther apart, and what noise moves a segment by is less."""
+
+_PLACES = np.array([1.0, 3.0, 5.0]) / 6.0
+"""Where along a segment it is compared, as shares: off its ends, where others begin."""
+
+
+class ObjectTracker:
+    """Numbers the objects of maps that follow each other.
+
+    Attributes:
+        count: How many numbers were given.
+    """
+
+    def __init__(self) -> None:
+        self._map = LineMap.empty()
+        self._numbers: Int = np.zeros(0, np.int64)
+        self.count = 0
+
+    def follow(self, line_map: LineMap) -> Int:
+        """The lasting number (m,) of the object of each segment of the next map."""
+        unions, union = np.unique(line_map.objects, return_inverse=True)
+        votes = shared_lengths(line_map.segments, self._map.segments, _NEAR)
+        number = _paired(union[votes[0]], self._numbers[votes[1]], votes[2], len(unions))
+        new = np.flatnonzero(number < 0)
+        number[new] = self.count + np.arange(len(new))
+        self.count += len(new)
+        self._map, self._numbers = line_map, number[union]
+        return self._numbers
+
+
+def numbers_by_truth(numbers: Int, line_map: LineMap, walls: Float, objects: Int) -> dict[int, int]:
+    """New numbers for the objects of a map: those of the true objects that they stand for.
+
+    Args:
+        numbers: (m,) number of the object of each segment.
+        line_map: The map.
+        walls: (n, 4) true walls [m].
+        objects: (n,) the true object of each.
+
+    Returns:
+        The true object's number for each number that has one; a true object has one object at most.
+    """
+    segment, wall, shared = shared_lengths(line_map.segments, walls, 2.0 * _NEAR)
+    known, index = np.unique(numbers, return_inverse=True)
+    truth = _paired(index[segment], objects[wall], shared, len(known))
+    return {int(n): int(t) for n, t in zip(known, truth, strict=True) if t >= 0}
+
+
+def shared_lengths(segments: Float, others: Float, near: float) -> tuple[Int, Int, Float]:
+    """Which segments lie by which others, and by how much of their length.
+
+    Returns:
+        Numbers (v,) of segments, numbers (v,) of others and lengths (v,) [m]; a pair may come
+        more than once.
+    """
+    if not len(segments) or not len(others):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    start, way = segments[:, None, :2], (segments[:, 2:] - segments[:, :2])[:, None]
+    places = shapely.points((start + _PLACES[:, None] * way).reshape(-1, 2))
+    tree = shapely.STRtree(shapely.linestrings(others.reshape(-1, 2, 2)))
+    place, other = tree.query_nearest(places, max_distance=near, all_matches=False)
+    segment = place // len(_PLACES)
+    return segment, other, lengths(segments)[segment] / len(_PLACES)
+
+
+def _paired(first: Int, second: Int, shared: Float, count: int) -> Int:
+    """For each of the first (count,) the second that it shares most with, or −1.
+
+    What shares most is paired first, and each is paired once.
+    """
+    result = np.full(count, -1, np.int64)
+    if not len(first):
+        return result
+    pairs, pair = np.unique(np.column_stack([first, second]), axis=0, return_inverse=True)
+    total = np.bincount(pair.reshape(-1), weights=shared)
+    taken: set[int] = set()
+    for one, other in pairs[np.argsort(-total, kind="stable")].tolist():
+        if result[one] < 0 and other not in taken:
+            result[one] = other
+            taken.add(other)
+    return result
