@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lrf3d.localization.track import Track
-from lrf3d.mapping.known_lines import KnownLines
 
 import lrf3d
-from lrf3d import LaserRangeFinder, LaserScan, LineMap, Trajectory, World
+from lrf3d import KnownLines, LaserRangeFinder, LaserScan, LineMap, Trajectory, World
 from lrf3d.casting.mover import Mover
 from lrf3d.geometry import numbers, read_only
 from lrf3d.localization.estimate import PoseEstimate

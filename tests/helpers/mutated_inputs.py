@@ -186,7 +186,7 @@ class Inputs:
 
     def _map(self, rng: random.Random) -> Input:
         def load() -> None:
-            lrf3d.LineMap.load("map.geojson").save("again.geojson")
+            lrf3d.save_map(lrf3d.load_map("map.geojson"), "again.geojson")
 
         return Input("map", {"map.geojson": mutate(self.map, rng)}, call=load)
 
