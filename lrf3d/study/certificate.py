@@ -113,13 +113,13 @@ def _bounds_hold(segments: Float, lrf: LaserRangeFinder, poses: Float) -> Bool:
     """For which poses (k, 1) no product of the bounds under- or overflows."""
     shared = np.concatenate([segments.ravel(), lrf.fan.ravel(), [lrf.range_min]])
     own = np.column_stack([poses[:, :2], np.sin(poses[:, 2])])
-    return (_ordinary(shared).all() & _ordinary(own).all(axis=1))[:, None]
+    return np.asarray(_ordinary(shared).all() & _ordinary(own).all(axis=1))[:, None]
 
 
 def _ordinary(values: Float) -> Bool:
     """Which numbers are 0, or neither tiny nor enormous."""
     size = np.abs(values)
-    return (size == 0.0) | ((size > LEAST) & (size < MOST))
+    return np.asarray((size == 0.0) | ((size > LEAST) & (size < MOST)))
 
 
 def directions(lrf: LaserRangeFinder, poses: Float) -> Float:
