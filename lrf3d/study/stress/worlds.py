@@ -137,8 +137,9 @@ def stretched(rng: np.random.Generator, begin: Float, size: float, least: float 
     steps *= rng.choice([-1.0, 1.0], begin.shape)
     level = rng.random(len(begin)) < 1.0 / 3.0
     steps[level, rng.integers(2, size=np.count_nonzero(level))] = 0.0
-    walls: Float = np.column_stack([begin, begin + steps * ulp])
-    return walls[(walls[:, :2] != walls[:, 2:]).any(axis=1)]
+    walls = np.column_stack([begin, begin + steps * ulp])
+    long = (walls[:, :2] != walls[:, 2:]).any(axis=1)
+    return np.asarray(walls[long])
 
 
 def any_world(rng: np.random.Generator, count: int) -> Float:
