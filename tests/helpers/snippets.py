@@ -83,6 +83,10 @@ FOOTPRINTS = """{"type": "FeatureCollection", "features": [
 "coordinates": [[[14, 0], [22, 0], [22, 6], [14, 6], [14, 0]]]}}]}"""
 
 
+PLAN = """<svg xmlns="http://www.w3.org/2000/svg" width="80mm" height="60mm" viewBox="0 0 80 60">
+<rect width="80" height="60" fill="none" stroke="black"/></svg>"""
+
+
 @dataclass(frozen=True)
 class Snippet:
     """A fenced block of a page: its language, its code, and the line where the code begins."""
@@ -117,6 +121,7 @@ class Workshop:
         self.call("lrf3d export out/city --to rosbag2 --out rosbag2_2026_01_31")
         Path("examples").symlink_to(ROOT / "examples")
         Path("footprints.geojson").write_text(FOOTPRINTS)
+        Path("plan.svg").write_text(PLAN)
         _write_plan(Path("plan.dxf"))
         _write_scans(Path("scans.npz"))
 
