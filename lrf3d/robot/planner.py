@@ -20,6 +20,10 @@ from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.viewpoints import look_around
 from lrf3d.world import World
 
+SHORTEST_ROUTE = 20.0
+"""Shortest route [m], some seconds of driving: where a few steps show all walls, as in a room, the
+robot drives to the ends of the free space and back besides."""
+
 LONGEST_ROUTE = 800.0
 """Longest route [m]: about five minutes at 3 m/s."""
 
@@ -134,12 +138,16 @@ def find_route(
     first, refused = None, InputError(NO_ROOM)
     for space in _spaces(world, radius, clearance, where, place):
         try:
-            route = _route(space, world, clearance, range_max, place)
+            tour = _tour(space, world, range_max)
+            # A tour that shows all walls in a few steps is made longer, where that can be followed.
+            longer = _lengthened(space, tour)
+            for legs in [longer, tour] if 0 < len(tour) < len(longer) else [longer]:
+                route = _waypoints(space, world, legs, clearance, place)
+                if _can_be_followed(route, world, radius, lookahead, start):
+                    return PlannedRoute(route, space.side)
         except InputError as error:
             refused = error
             continue
-        if _can_be_followed(route, world, radius, lookahead, start):
-            return PlannedRoute(route, space.side)
         first = PlannedRoute(route, space.side) if first is None else first
     if first is None:
         raise refused
@@ -210,21 +218,25 @@ def _spaces(
             return
 
 
-def _route(
-    space: FreeSpace, world: World, clearance: float, range_max: float, start: Float | None
-) -> Float:
-    """Way-points (m, 2) through a free space, the first at the start where there is one."""
+def _tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
+    """Paths over the cells of a free space, one after the other, that show most of the walls."""
     views = look_around(space, world, range_max=range_max)
     places = views.places[views.best_places()]
     if space.start is not None:
         places = np.append(space.start, places[places != space.start])
-    legs: list[Int] = []
-    # A laser may see nothing from anywhere: then the way across is as good as any.
-    if len(places):
-        network = Network.between(space, views, places)
-        order = best_tour(network, longest=LONGEST_ROUTE, from_first=space.start is not None)
-        legs = [network.path(*leg) for leg in pairwise(order)]
-    route = _straightened(space, legs or [_across(space)], clearance) + world.origin
+    # A laser may see nothing from anywhere.
+    if not len(places):
+        return []
+    network = Network.between(space, views, places)
+    order = best_tour(network, longest=LONGEST_ROUTE, from_first=space.start is not None)
+    return [network.path(*leg) for leg in pairwise(order)]
+
+
+def _waypoints(
+    space: FreeSpace, world: World, legs: list[Int], clearance: float, start: Float | None
+) -> Float:
+    """Way-points (m, 2) along the legs, the first at the start where there is one."""
+    route = _straightened(space, legs, clearance) + world.origin
     if start is None or (route[0] == start).all():
         return route
     return np.vstack([start, route])
@@ -243,13 +255,38 @@ def _can_be_followed(
     return find_collision(drive, world, radius) is None
 
 
-def _across(space: FreeSpace) -> Int:
-    """The path through the free space from one end to the other, where one look shows all."""
+def _lengthened(space: FreeSpace, legs: list[Int]) -> list[Int]:
+    """The legs of a tour and, where they are short, ways across the free space after them."""
+    legs = list(legs)
+    if legs:
+        end = int(legs[-1][-1])
+    else:
+        end = int(np.argmin(space.cells.sum(axis=1))) if space.start is None else space.start
+    length = sum(_length(space, leg) for leg in legs)
+    while not legs or length < SHORTEST_ROUTE:
+        legs.append(_across(space, end))
+        end = int(legs[-1][-1])
+        length += _length(space, legs[-1])
+    return legs
+
+
+def _length(space: FreeSpace, leg: Int) -> float:
+    """Length [m] of a path over cells."""
+    steps = np.diff(space.cells[leg], axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def _across(space: FreeSpace, start: int) -> Int:
+    """The path from a cell to the one that is the farthest way from it.
+
+    Raises:
+        InputError: There is no other cell.
+    """
     from scipy.sparse.csgraph import dijkstra
 
-    start = int(np.argmin(space.cells.sum(axis=1))) if space.start is None else space.start
     costs, before = dijkstra(space.graph, indices=[start], return_predecessors=True)
-    cells = [int(np.argmax(costs[0]))]
+    # Cells that no path leads to are infinitely far.
+    cells = [int(np.argmax(np.where(np.isfinite(costs[0]), costs[0], -1.0)))]
     while cells[-1] != start:
         cells.append(int(before[0, cells[-1]]))
     if len(cells) < 2:

@@ -237,3 +237,10 @@ def test_walls_are_cut_at_a_box_and_kept_bit_for_bit_inside(seed: int) -> None:
 
 def test_a_laser_that_sees_no_wall_from_anywhere_still_has_a_route() -> None:
     assert len(plan_route(room(9.0, 7.0), range_max=0.5)) >= 2
+
+
+def test_a_room_that_is_seen_at_one_look_is_driven_through_for_some_seconds():
+    room = World([[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0]])
+    route = plan_route(room, range_max=10.0)
+    assert np.hypot(*np.diff(route, axis=0).T).sum() > 15.0
+    assert ((route > 0.35) & (route < [4.65, 3.65])).all()
