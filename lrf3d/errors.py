@@ -42,8 +42,8 @@ def shown(value: object, most: int = 40) -> str:
     try:
         return one_line(repr(value), most)
     except ValueError:
-        # Python writes no integer of more than 4,300 digits.
-        return f"a {type(value).__name__} of very many digits"
+        # Python writes no number of more than 4,300 digits.
+        return "a number of thousands of digits"
 
 
 class Lrf3dError(Exception):
