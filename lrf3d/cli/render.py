@@ -86,6 +86,6 @@ def _place(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:
         raise InputError(f"--out {out}: expected a name that ends in .png, as --at draws a picture")
     if not picture and given == ".png":
         raise InputError(
-            f"--out {out}: a .png is one picture; say of when with --at TIME, or all with --frames"
+            f"--out {out}: a .png is one picture; give its time with --at TIME, or use --frames"
         )
     return out

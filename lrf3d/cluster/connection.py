@@ -43,7 +43,7 @@ def check_address(address: str) -> None:
         InputError: It is none.
     """
     if not ADDRESS.fullmatch(address):
-        raise InputError(f"--scheduler {address}: expected an address as tcp://127.0.0.1:8786")
+        raise InputError(f"--scheduler {address}: expected an address such as tcp://127.0.0.1:8786")
 
 
 @contextmanager

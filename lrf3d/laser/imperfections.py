@@ -122,7 +122,7 @@ class DropOuts:
             InputError: Losses by range are asked for, and the scan has no finite range_max.
         """
         if self.far and not np.isfinite(scan.range_max):
-            raise InputError("scan without range_max: drop-outs by range grow up to it; give one")
+            raise InputError("scan without range_max: drop-outs grow with the range up to it; give one")
         kept = np.full(len(scan.ranges), 1.0 - self.share)
         if self.far:
             kept *= 1.0 - self.far * np.clip(scan.ranges / scan.range_max, 0.0, 1.0) ** 2

@@ -199,7 +199,7 @@ def _best(scores: Float, rows: Int) -> Int:
 class Innovation(NamedTuple):
     """Differences of pairs of lines, in the robot's frame; all arrays have the pairs' shape.
 
-    Args:
+    Attributes:
         angle: Measured less expected alpha [rad].
         offset: Measured less expected p [m].
         normal_x: x and y of the known line's normal in the world, pointing away from the robot.

@@ -110,7 +110,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
             raise _damaged(path, error) from None
         try:
             if reader.compression_mode == "message":
-                raise InputError(f"{path}: each message is packed; unpack it with ros2 bag convert")
+                raise InputError(f"{path}: each message is compressed; decompress it with ros2 bag convert")
             yield Bag(path, reader, typestore)
         finally:
             reader.close()

@@ -52,7 +52,7 @@ def _plain(rng: np.random.Generator) -> dict[str, Any]:
     except TypeError:
         kind = type(rng.bit_generator).__name__
         raise InputError(
-            f"rng with {kind}: its state cannot be kept; take numpy.random.default_rng"
+            f"rng with {kind}: its state cannot be saved; use numpy.random.default_rng"
         ) from None
     return state
 

@@ -57,7 +57,7 @@ def write_folder(run: Run, path: Path) -> None:
         MissingLibraryError: rosbags is not installed.
     """
     if path.exists() and not (path / "metadata.yaml").is_file():
-        raise OutputError(f"{path}: stands there and is no bag; choose another place")
+        raise OutputError(f"{path}: exists and is not a bag; choose another place")
     with _bag_of(run, path) as folder:
         old = Path(folder.parent, "old")
         if path.exists():
@@ -69,7 +69,7 @@ def write_folder(run: Run, path: Path) -> None:
 def _bag_of(run: Run, path: Path) -> Iterator[Path]:
     """The bag of a run, in a folder that is called like a path and is gone afterwards."""
     if run.trajectory.times[0] < 0.0:
-        raise InputError(f"{path}: a bag tells no time before 0, and the run begins earlier")
+        raise InputError(f"{path}: a bag cannot hold times before 0, but the run begins earlier")
     try:
         with unfinished_folder(path) as place:
             folder = place / path.stem

@@ -145,7 +145,7 @@ def render_frames(
     folder = Path(os.path.abspath(folder))
     job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES, scheduler)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder}: there is something already; name a new or an empty folder")
+        raise InputError(f"{folder}: not empty; name a new or an empty folder")
     make_folder(folder.parent)
     try:
         # Beside its place, so that it can be put there at once.

@@ -36,10 +36,10 @@ class Trajectory(Value):
         poses = as_poses(read_only(poses, "poses"))
         if instants.shape != (len(poses),) or len(poses) == 0:
             raise InputError(
-                f"trajectory of {len(poses)} poses and times {instants.shape}: expected one a pose"
+                f"trajectory of {len(poses)} poses and times {instants.shape}: expected one for each pose"
             )
         if not (np.diff(instants) > 0.0).all():
-            raise InputError("trajectory: expected times that rise from pose to pose")
+            raise InputError("trajectory: expected times that increase from pose to pose")
         object.__setattr__(self, "times", instants)
         object.__setattr__(self, "poses", poses)
 

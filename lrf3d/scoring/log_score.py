@@ -120,7 +120,7 @@ class _MapCaster:
         angles = scan.angles
         if not np.allclose(np.diff(angles, 2), 0.0, atol=1e-6):
             raise InputError(
-                "scan with beams at uneven angles: score_log expects them evenly spread"
+                "scan with beams at uneven angles: score_log needs them evenly spaced"
             )
         farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
         lrf = LaserRangeFinder(angles[0], angles[-1], len(angles), 0.0, farthest)

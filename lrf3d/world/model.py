@@ -72,7 +72,7 @@ class World(Value):
             wall = int(np.flatnonzero(invalid)[0])
             raise WorldError(
                 f"wall {wall}: object {objects[wall]:.17g}, expected whole numbers from 0 to"
-                f" {MOST_OBJECTS}; number the objects anew, 0, 1, 2, …"
+                f" {MOST_OBJECTS}; renumber the objects 0, 1, 2, …"
             )
         object.__setattr__(self, "segments", segments)
         object.__setattr__(self, "objects", sealed(objects.astype(np.int64)))

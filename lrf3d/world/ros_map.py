@@ -180,7 +180,7 @@ def _cells(description: _Description) -> tuple[Bool, Bool]:
         except WorldError:
             raise
         except UnidentifiedImageError:
-            raise WorldError(f"{picture}: no PGM, PNG or BMP picture") from None
+            raise WorldError(f"{picture}: not a PGM, PNG or BMP picture") from None
         except (OSError, ValueError, SyntaxError, MemoryError, EOFError, OverflowError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
             raise WorldError(f"{picture}: damaged picture ({reason})") from None
