@@ -49,7 +49,9 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
         if num_envs < 1 or max_steps < 1:
             raise InputError(f"num_envs {num_envs}, max_steps {max_steps}: expected at least 1")
         if render_mode is not None:
-            raise InputError(f"render_mode {render_mode!r}: not available for many robots; use DriveEnv")
+            raise InputError(
+                f"render_mode {render_mode!r}: not available for many robots; use DriveEnv"
+            )
         scenario = world if isinstance(world, Scenario) else load_scenario(world)
         self.num_envs, self.max_steps, self.render_mode = num_envs, max_steps, None
         self.task = DriveTask(scenario, num_envs, sigma=sigma)

@@ -106,7 +106,7 @@ def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan
     """A scan as ROS has it.
 
     Raises:
-        InputError: The beams are not evenly spread, which the message cannot tell.
+        InputError: The beams are not evenly spaced, which the message cannot express.
     """
     low, high, step = _even_spread(scan.angles)
     return RosScan(
@@ -128,10 +128,10 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
 
     A message is a RosScan, one of rclpy or of rosbags, or dicts within dicts.
 
-    A range that is NaN, which REP 117 calls erroneous, tells as little as one below range_min.
+    A range that is NaN, which REP 117 calls erroneous, is treated like one below range_min.
 
     Raises:
-        InputError: The message is none, or its angles and limits make no sense.
+        InputError: The message is invalid, or its angles and limits are.
     """
     try:
         low, step, increment, range_min, range_max = (

@@ -51,7 +51,7 @@ class SquaredDifferences:
     """The paper's: the squared differences of (alpha, p) in the world sum up to little.
 
     It adds radians to metres, and p is counted from the world's origin: a direction off by
-    0.01 rad moves the p of a line 100 m away by 1 m. Nothing tells collinear walls apart.
+    0.01 rad moves the p of a line 100 m away by 1 m. Collinear walls cannot be told apart.
 
     Args:
         threshold: Largest sum of the squares.

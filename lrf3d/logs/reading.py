@@ -1,4 +1,4 @@
-"""Reading logs: the name of a file or a folder tells which reader it is for."""
+"""Reading logs: the name of a file or a folder selects the reader."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def load_log(
     poses: str = "auto",
     scan_topic: str | None = None,
 ) -> LaserLog:
-    """Read the scans of a log; its name tells the format.
+    """Read the scans of a log; the ending of its name gives the format.
 
     Args:
         path: A CARMEN log, packed with gzip or not; a ROS 2 bag, as .mcap, .db3 or a folder; or

@@ -40,7 +40,7 @@ def write(run: Run, path: Path) -> None:
     """Write a run to an MCAP file, whole or not at all.
 
     Raises:
-        InputError: The run has times before 0, which a bag cannot tell.
+        InputError: The run has times before 0, which a bag cannot hold.
         OutputError: The file cannot be written.
         MissingLibraryError: rosbags is not installed.
     """
@@ -52,7 +52,7 @@ def write_folder(run: Run, path: Path) -> None:
     """Write a run to the folder of a bag; a bag that stands there is replaced.
 
     Raises:
-        InputError: The run has times before 0, which a bag cannot tell.
+        InputError: The run has times before 0, which a bag cannot hold.
         OutputError: The folder cannot be written, or holds something else.
         MissingLibraryError: rosbags is not installed.
     """
@@ -120,7 +120,7 @@ def _fill(run: Run, folder: Path) -> None:
         write(STATIC_FRAMES, start, messages.transform(start, BASE, LASER, mount, run.lrf.height))
         for scan, speed, step in zip(run.scans, run.trajectory.speeds, steps.tolist(), strict=True):
             stamp = Stamp.of(scan.time)
-            # What tells where the laser is comes before what it saw from there.
+            # The pose of the laser comes before what it measured from there.
             write("/tf", stamp, messages.transform(stamp, WORLD, BASE, scan.pose))
             odometry = messages.odometry(stamp, scan.pose, speed)
             write("/odom", stamp, odometry)

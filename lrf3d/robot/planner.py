@@ -150,7 +150,7 @@ def _checked_start(world: World, start: Sequence[float] | Float, radius: float) 
     """The place (2,) of a start [m].
 
     Raises:
-        InputError: It is none, or a wall stands there.
+        InputError: It is invalid, or a wall stands there.
     """
     place = np.asarray(start, dtype=np.float64)
     if place.shape not in ((2,), (3,)) or not np.isfinite(place).all():
@@ -171,7 +171,7 @@ def _spaces(
     """Free spaces to find a route in, the most wanted first.
 
     Raises:
-        InputError: There is none.
+        InputError: There is no such place.
     """
 
     def space(least: float, comfortable: float = 0.0) -> FreeSpace:

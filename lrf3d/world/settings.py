@@ -35,7 +35,8 @@ def value_of(text: str) -> Any:
         return found["value"]
     if not text or text[0] in "[{\"'":
         raise InputError(
-            f'{shown(text)} is not a TOML value; expected one such as 20, true, [1, 2], paper or "paper"'
+            f"{shown(text)} is not a TOML value; expected one such as"
+            ' 20, true, [1, 2], paper or "paper"'
         )
     return text
 
