@@ -226,7 +226,7 @@ def clear_unfinished(folder: Path) -> None:
             else:
                 os.unlink(entry.path)
     except OSError:
-        # It is none of ours, or somebody else removes it as well.
+        # It is not ours, or another process removes it as well.
         return
 
 

@@ -21,7 +21,7 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
     """Robots that drive each to its goal, as in DriveEnv, in one world and unseen by each other.
 
     A robot whose episode has ended is set down anew in the step after (autoreset ``NextStep``);
-    what it is told to do in that step is not done.
+    its action in that step is ignored.
 
     Args:
         num_envs: How many robots.

@@ -101,7 +101,7 @@ def render_video(
 
 
 def share_of(progress: Progress | None, first: float, last: float, total: int) -> Progress | None:
-    """Progress of one stage of a work in so many steps, from one share of the whole to another."""
+    """Progress of one stage of a work in steps, from one share of the whole to another."""
     if progress is None:
         return None
     whole = progress

@@ -37,7 +37,7 @@ class Guard:
 
     ``Host`` has to be a name of this server with its port: a loopback address, ``localhost``, and,
     where it listens to other machines, any IP address (an address, unlike a name, cannot be made to
-    point elsewhere), the name that it was told to listen at and the machine's own. ``Origin``,
+    point elsewhere), the name that it listens at and the machine's own. ``Origin``,
     where there is one, has to be that very host; a websocket has to have one.
 
     Args:

@@ -121,7 +121,7 @@ def _limit(memory: int, seconds: int) -> None:
     }
     for limit, most in limits.items():
         try:
-            # The hard limit of the time is a second later, so that the signal tells which it was.
+            # The hard limit of the time is a second later, so that the signal shows which it was.
             resource.setrlimit(limit, (most, most + (limit == resource.RLIMIT_CPU)))
         except (ValueError, OSError):
             continue
