@@ -74,7 +74,7 @@ class Trajectory(Value):
         return sealed(np.vstack([speeds, speeds[-1:]]))
 
     def every(self, count: int) -> "Trajectory":
-        """The trajectory of every n-th pose, from the first on, and of the last."""
+        """The trajectory of the first pose, every ``count``-th one after it, and the last."""
         kept = np.append(np.arange(0, len(self) - 1, count), len(self) - 1)
         return Trajectory(self.times[kept], self.poses[kept])
 
