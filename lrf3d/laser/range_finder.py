@@ -19,7 +19,7 @@ LARGEST_ANGLE = 63.0
 
 @dataclass(frozen=True)
 class LaserRangeFinder(Value):
-    """A planar laser range finder that stands in the robot's middle and looks ahead.
+    """A planar laser range finder at the centre of the robot, facing ahead.
 
     Args:
         angle_min: Angle of the first beam [rad], 0 ahead, counter-clockwise.

@@ -11,7 +11,7 @@ from lrf3d.pose import as_poses
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """Gaussian noise of each step, whatever its length.
+    """Gaussian noise of each odometry increment, independent of its length.
 
     Args:
         position: Standard deviation [m] ahead, and the same to the side.

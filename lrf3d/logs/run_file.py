@@ -155,10 +155,10 @@ def map_columns(stages: Iterable[int], maps: Sequence[LineMap]) -> list[Column]:
 def load_run(path: str | Path) -> Run:
     """Read a run from a file or from the folder that ``lrf3d run`` wrote it to.
 
-    Arrays over 64 MiB are mapped and not read, so that a run may be larger than the memory.
+    Arrays over 64 MiB are memory-mapped, so that a run may be larger than the memory.
 
     Raises:
-        InputError: The file is missing, damaged or none of lrf3d's.
+        InputError: The file is missing, damaged or not a run of lrf3d.
 
     Examples:
         >>> import lrf3d

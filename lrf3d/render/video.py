@@ -45,7 +45,7 @@ def render_video(
     scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Draw a run as a film: H.264 in .mp4, or an animation in .webp or .gif that plays on and on.
+    """Draw a run as a film: H.264 in .mp4, or a looping animation in .webp or .gif.
 
     Args:
         run: The run.

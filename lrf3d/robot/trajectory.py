@@ -13,7 +13,7 @@ from lrf3d.pose import as_poses
 
 @dataclass(frozen=True, eq=False, init=False)
 class Trajectory(Value):
-    """Poses of a drive at rising times.
+    """Poses of a drive at increasing times.
 
     Args:
         times: (k,) times [s], rising.

@@ -21,7 +21,7 @@ MOST_OBJECTS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class World(Value):
-    """Walls of a scene: line segments with a height, each a part of an object.
+    """Walls: line segments with a height, each a part of an object.
 
     Args:
         segments: (n, 4) rows x1 y1 x2 y2 [m], in the coordinates of the source, also far from
