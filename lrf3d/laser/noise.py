@@ -70,8 +70,8 @@ class ProportionalNoise:
     """Gaussian noise that grows with the distance (Eq. 7): d + d/d_max · N(0, σ).
 
     σ is the standard deviation [m] at range_max. A beam without return stays without; a noisy
-    range below 0 is reported as 0, as no range finder measures less. With σ = 0 the scan is returned
-    unchanged and no random numbers are drawn.
+    range below 0 is reported as 0, as no range finder measures less. With σ = 0 the scan is
+    returned unchanged and no random numbers are drawn.
 
     Examples:
         >>> import lrf3d

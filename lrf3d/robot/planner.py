@@ -68,9 +68,9 @@ def plan_route(
 ) -> Float:
     """Find way-points (m, 2) [m], two or more, along which most of the walls are seen.
 
-    The same world gives the same route. In a world wider than 500 m the route is planned only in the
-    part with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a town
-    it runs between the buildings; in a map with free cells it keeps to these.
+    The same world gives the same route. In a world wider than 500 m the route is planned only in
+    the part with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a
+    town it runs between the buildings; in a map with free cells it keeps to these.
 
     Args:
         world: The walls.
