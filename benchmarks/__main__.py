@@ -11,13 +11,13 @@ from lrf3d.cli import main, options
 if TYPE_CHECKING:
     from benchmarks.results import Result
 
-Figure = Annotated[Path | None, typer.Option(help="A picture .png of time and error.")]
+Figure = Annotated[Path | None, typer.Option(help="Draw time and error to this .png.")]
 Ablate = Annotated[
-    bool, typer.Option("--ablate", help="Also time each piece of skipped work on and off.")
+    bool, typer.Option("--ablate", help="Also measure with and without each optimisation.")
 ]
 
 app = typer.Typer(
-    help="Measure run time against error: the whole where no part is named.",
+    help="Measure run time against error; all parts if none is named.",
     epilog="Example: scripts/bench --out out/bench --compare old/report.json",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -30,7 +30,7 @@ def whole(
     out: Annotated[Path, typer.Option(help="Folder for report.html and report.json.")] = Path(
         "out/bench"
     ),
-    seconds: Annotated[float, typer.Option(min=10.0, help="Time for all parts.")] = 540.0,
+    seconds: Annotated[float, typer.Option(min=10.0, help="Time for all parts [s].")] = 540.0,
     part: Annotated[
         list[str] | None,
         typer.Option(help="Only this part: ranges, maps, poses or frames; repeatable."),
@@ -83,7 +83,7 @@ def scan(
         str, typer.Option(metavar="N,N,…", help="Sizes of the worlds [walls].")
     ] = "40,400,10000,100000,1000000",
     seconds: Annotated[
-        float, typer.Option(min=1.0, help="Time for all; sizes that need more are left out.")
+        float, typer.Option(min=1.0, help="Time for all [s]; sizes that need more are left out.")
     ] = 150.0,
     ablate: Ablate = False,
     figure: Figure = None,
@@ -106,7 +106,7 @@ def scan(
 def map_(
     seeds: Annotated[int, typer.Option(min=1, help="Seeds of the noise for each setting.")] = 2,
     seconds: Annotated[
-        float, typer.Option(min=1.0, help="Time for all; what needs more is left out.")
+        float, typer.Option(min=1.0, help="Time for all [s]; what needs more is left out.")
     ] = 125.0,
     figure: Figure = None,
     json: options.Json = False,
@@ -137,14 +137,14 @@ def score(
     seeds: Annotated[int, typer.Option(min=1, help="A world: seeds of poses and noise.")] = 6,
     poses: Annotated[int, typer.Option(min=1, help="A world: random poses in the open.")] = 200,
     beams: Annotated[
-        str, typer.Option(metavar="N,N,…", help="A world: beams of a scan.")
+        str, typer.Option(metavar="N,N,…", help="A world: numbers of beams.")
     ] = "721,181",
     simplify: Annotated[
         float | None,
         typer.Option(min=0.0, help="GeoJSON: corners up to this [m] off a façade are left out."),
     ] = None,
     vertices: Annotated[
-        str, typer.Option(metavar="N,N,…", help="Single scans: vertices of a scan's lines.")
+        str, typer.Option(metavar="N,N,…", help="Single scans: numbers of vertices.")
     ] = "10,20,30,50",
     json: options.Json = False,
 ) -> None:
@@ -177,7 +177,8 @@ def render(
         str, typer.Option(metavar="N,N,…", help="Sizes of the generated cities [buildings].")
     ] = "40,400,4000",
     seconds: Annotated[
-        float, typer.Option(min=1.0, help="Time for all; what has begun is finished.")
+        float,
+        typer.Option(min=1.0, help="Time for all [s]; a measurement that has begun is finished."),
     ] = 90.0,
     ablate: Ablate = False,
     figure: Figure = None,
@@ -199,8 +200,8 @@ def render(
 @app.command(epilog="Example: scripts/bench robots --robots 1024")
 def robots(
     world: Annotated[str, typer.Argument(metavar="WORLD", help="The world.")] = "city",
-    count: Annotated[int, typer.Option("--robots", min=1, help="How many robots.")] = 1024,
-    seconds: Annotated[float, typer.Option(min=0.1, help="For how long.")] = 10.0,
+    count: Annotated[int, typer.Option("--robots", min=1, help="Number of robots.")] = 1024,
+    seconds: Annotated[float, typer.Option(min=0.1, help="How long to measure [s].")] = 10.0,
     seed: options.Seed = 0,
     json: options.Json = False,
 ) -> None:
@@ -216,7 +217,7 @@ def robots(
 @app.command(epilog="Example: scripts/bench drive --figure drive.png")
 def drive(
     seconds: Annotated[
-        float, typer.Option(min=1.0, help="Time for all; what needs more is timed once.")
+        float, typer.Option(min=1.0, help="Time for all [s]; what needs more is timed once.")
     ] = 60.0,
     figure: Figure = None,
     json: options.Json = False,

@@ -38,7 +38,7 @@ def times_words(ratio: float) -> str:
 
 
 def error_words(error: float) -> str:
-    """An error with three digits, or that there is none."""
+    """An error with three digits, or the word for no error."""
     return "none" if error == 0.0 else f"{error:.3g}"
 
 

@@ -59,7 +59,7 @@ class Method:
     """One method to do a thing, with its time and its error.
 
     Args:
-        thing: What is done, such as a scan among so many walls.
+        thing: What is done, such as a scan among 400 walls.
         family: The method's kind.
         setting: What distinguishes it from others of its kind; may be empty.
         time: Its time [s].

@@ -20,7 +20,7 @@ CELL = 0.1
 """Side of a cell [m]."""
 
 BLOCK = 256
-"""The grid is kept in blocks of so many cells a side, made where the robot comes."""
+"""The grid is kept in square blocks with this number of cells a side, made as needed."""
 
 FREE, TAKEN = -0.4, 1.2
 """What a beam that passed a cell, or ended in it, adds to the logarithm of its odds."""
@@ -29,7 +29,7 @@ MOST = 6.0
 """How sure a cell gets at most, so that it can still change its mind."""
 
 FARTHEST = 30.0
-"""How far beams are believed [m]: beyond, a degree is wider than five cells."""
+"""How far beams are used [m]: beyond, a degree is wider than five cells."""
 
 
 class OccupancyGrid:

@@ -6,7 +6,7 @@ nothing and loads no more than a program needs.
 
 from importlib import import_module
 
-# That of typing takes as long to load as all that the program needs to listen for Ctrl-C.
+# Importing it from typing would take as long as all that is needed to handle Ctrl-C.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck

@@ -18,7 +18,7 @@ LONGEST = 600
 def one_line(text: str, most: int = LONGEST) -> str:
     r"""A text as one line of a terminal: control characters escaped, the middle left out if long.
 
-    What is written by strangers, such as the name of a file, moves no cursor and fakes no line.
+    Untrusted text, such as the name of a file, can neither move the cursor nor fake a line.
 
     >>> one_line("a\nb"), one_line("abcdefghij", most=7)
     ('a\\nb', 'abc…hij')
@@ -31,13 +31,13 @@ def one_line(text: str, most: int = LONGEST) -> str:
 
 
 def shown(value: object, most: int = 40) -> str:
-    """A value that is not the program's own, as a message shows it: in few words.
+    """A short form of a value that a user gave, for a message.
 
     >>> shown("word"), shown(list(range(100)), most=15)
     ("'word'", '[0, 1, …98, 99]')
     """
     if isinstance(value, str) and len(value) > 2 * most:
-        # What would be left out is not even escaped.
+        # Escape only what is shown.
         value = value[:most] + value[-most:]
     try:
         return one_line(repr(value), most)

@@ -151,7 +151,7 @@ def normal_lines(segments: Float) -> Float:
     p = np.einsum("ij,ij->i", normal, 0.5 * (segments[:, :2] + segments[:, 2:]))
     normal[p < 0.0] *= -1.0
     alpha = np.arctan2(normal[:, 1], normal[:, 0])
-    # A normal along −x, or below it by less than an angle can tell, gives −π.
+    # A normal along −x, or below it by less than an angle can resolve, gives −π.
     alpha[alpha <= -np.pi] = np.pi
     return np.column_stack([alpha, np.abs(p)])
 

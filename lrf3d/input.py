@@ -31,7 +31,7 @@ def check_ordinary(
     missing: str = "no such file",
     error: type[InputError] = InputError,
 ) -> None:
-    """Check that a path is an ordinary file of at most so many bytes.
+    """Check that a path is an ordinary file of limited size.
 
     Args:
         path: The path; links are followed.

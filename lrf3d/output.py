@@ -47,7 +47,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     if "\0" in str(path):
-        raise OutputError(f"{path}: no name of a file; leave out its NUL character")
+        raise OutputError(f"{path}: not a file name; remove its NUL character")
     unfinished = _unfinished(path)
     try:
         try:
@@ -120,7 +120,7 @@ def make_folder(path: str | Path) -> Path:
     """
     path = Path(path)
     if "\0" in str(path):
-        raise OutputError(f"{path}: no name of a folder; leave out its NUL character")
+        raise OutputError(f"{path}: not a folder name; remove its NUL character")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -180,7 +180,7 @@ def locked(path: Path, target: Path) -> Iterator[Lock]:
             ) from error
         try:
             if not stat.S_ISREG(os.fstat(file).st_mode):
-                raise OutputError(f"{path}: not an ordinary file; take it away")
+                raise OutputError(f"{path}: not an ordinary file; remove it")
             left = _note_of(file)
             if not _take(file, left):
                 who = f"process {left['process']}" if "process" in left else "another process"
@@ -226,7 +226,7 @@ def clear_unfinished(folder: Path) -> None:
             else:
                 os.unlink(entry.path)
     except OSError:
-        # It is none of ours, or somebody else removes it as well.
+        # It is not ours, or another process removes it as well.
         return
 
 

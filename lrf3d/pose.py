@@ -14,7 +14,7 @@ from lrf3d.geometry import Float, numbers, wrap_angle
 
 
 class Pose(NamedTuple):
-    """Place x, y [m] and heading theta [rad], counter-clockwise from the x axis.
+    """Position x, y [m] and heading theta [rad], counter-clockwise from the x axis.
 
     Examples:
         >>> import math

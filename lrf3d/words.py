@@ -7,5 +7,5 @@ def counted(number: int, noun: str) -> str:
 
 
 def rounded(value: float, digits: int) -> str:
-    """A number with so many decimals, and never −0."""
+    """A number with a fixed number of decimals, and never −0."""
     return f"{round(float(value), digits) + 0.0:.{digits}f}"

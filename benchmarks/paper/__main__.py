@@ -12,8 +12,8 @@ app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_com
 
 @app.command(epilog="Example: scripts/paper --out out/paper")
 def paper(
-    out: Annotated[Path, typer.Option(help="Folder for what comes out.")] = Path("out/paper"),
-    seeds: Annotated[int, typer.Option(min=2, help="Seeds of the noise in the room.")] = 20,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out/paper"),
+    seeds: Annotated[int, typer.Option(min=2, help="Number of noise seeds in the room.")] = 20,
     json: options.Json = False,
 ) -> None:
     """Redo every figure and claim of Teslić, Škrjanc and Klančar on one page.

@@ -28,7 +28,7 @@ PAPER = (
 """What is redone."""
 
 STEPS = 1 + 2 * len(MODES) + 10
-"""Steps that progress is told in: the sweep, the drives and the claims."""
+"""Steps of the progress: the sweep, the drives and the claims."""
 
 KINDS = {"holds": "good", "does not hold": "bad", "not measured": "none"}
 """Colours of verdicts; those that hold in one mode lie between."""

@@ -80,7 +80,7 @@ class RenderResult(Result):
     layers_s: dict[str, float] = field(default_factory=dict)
 
     def methods(self) -> list[Method]:
-        """The ways to draw the city whose error was measured."""
+        """The methods of drawing the city whose error was measured."""
         found = []
         for entry in self.entries:
             error = entry.error_rms
@@ -178,7 +178,7 @@ def bench_render(
     with_ablation: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> RenderResult:
-    """Draw the city and generated cities in all ways, and time them by turns.
+    """Draw the city and generated cities by all methods, and time them in turn.
 
     Args:
         sizes: Buildings of the generated cities.
@@ -212,7 +212,7 @@ def bench_render(
 
 
 def _city(result: RenderResult, run: Run, seconds: float) -> None:
-    """All ways to draw the city, with their errors."""
+    """All methods of drawing the city, with their errors."""
     times, size = moments(run), result.size
     films: dict[tuple[str, int], Film | StockFilm] = {
         ("lrf3d", 0): make_film(run, size),
@@ -288,7 +288,7 @@ def _errors(run: Run, size: tuple[int, int], time: float) -> dict[tuple[str, int
 
 
 def _averaged(film: Film | StockFilm, size: tuple[int, int], time: float, factor: int) -> Float:
-    """A picture (h, w, 3) that is drawn with so many pixels a side for each of its pixels."""
+    """A picture (h, w, 3) that is drawn with several pixels a side for each of its pixels."""
     picture = np.asarray(film.draw(time)[:, :, :3], dtype=np.float64)
     film.close()
     pixels = picture.reshape(size[1], factor, size[0], factor, 3)

@@ -44,7 +44,7 @@ def city_run(scans: int = SCANS) -> Run:
 
 
 def generated_run(buildings: int, scans: int = SCANS) -> Run:
-    """A drive round a corner in the middle of a generated city of so many buildings."""
+    """A drive round a corner in the middle of a generated city."""
     heights = np.random.default_rng(0).uniform(LOWEST, HIGHEST, buildings)
     world = replace(generate_city(4 * buildings), heights=np.repeat(heights, 4))
     middle = BLOCK * ((np.array(city_blocks(4 * buildings)) - 1) // 2 + 0.5)

@@ -1,1 +1,1 @@
-"""Scans: casters beside other ways to cast, by run time and error."""
+"""Scans: run time and error of the casters, compared with other methods."""

@@ -1,4 +1,4 @@
-"""Baselines: ways to cast a scan, each with one face, so that one benchmark measures all of them.
+"""Baselines: methods to cast a scan, with one interface, so that one benchmark measures all.
 
 Open3D and MuJoCo take part where they are installed (extra bench).
 """
@@ -311,7 +311,7 @@ def _limited(distances: Float, walls: Int, lrf: LaserRangeFinder) -> tuple[Float
 
 
 def _library(name: str) -> ModuleType:
-    """Import a library whose own warnings are none of ours."""
+    """Import a library without its warnings."""
     from importlib import import_module
 
     with warnings.catch_warnings():

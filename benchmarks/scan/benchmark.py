@@ -1,4 +1,4 @@
-"""``scripts/bench scan``: what does an exact scan cost, beside the ways that others cast it?
+"""``scripts/bench scan``: what does an exact scan cost, compared with other methods?
 
 Every caster is timed and judged in cities of one density, from a room's number of walls to a
 million; in a table and a picture each is a point of run time and largest error.
@@ -25,7 +25,7 @@ WALLS = (40, 400, 10_000, 100_000, 1_000_000)
 """Sizes of the worlds, where none are given."""
 
 HUGE = 1_000_000
-"""Walls of the huge city that promises speak of, beside the usual one."""
+"""Walls of the huge city, measured in addition to the usual one."""
 
 SECONDS = 150.0
 """Time for all [s], where none is given."""
@@ -183,7 +183,7 @@ def bench_scan(
     with_ablation: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> ScanResult:
-    """Measure all casters in cities of so many walls.
+    """Measure all casters in cities of given numbers of walls.
 
     Args:
         walls: Sizes of the cities; a size for which the time does not suffice is skipped.

@@ -1,6 +1,6 @@
 """``scripts/bench score``: how good are maps and lines on your own world, log, or single scans?
 
-A file, or the name of a world, enters; its ending tells what it is. What leaves is a table of
+A file, or the name of a world, enters; its ending gives the format. What leaves is a table of
 scores, both modes of the mapper side by side.
 """
 

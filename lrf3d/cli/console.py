@@ -1,4 +1,4 @@
-"""What the commands say: progress on a terminal, results as text or as JSON."""
+"""Output of the commands: progress on a terminal, results as text or as JSON."""
 
 import json
 import logging
@@ -15,7 +15,7 @@ Progress = Callable[[int, int], None]
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
-    """A bar on stderr for work in known steps; nothing where stderr is no terminal."""
+    """A progress bar on stderr; nothing if stderr is not a terminal."""
     if not sys.stderr.isatty():
         yield lambda done, total: None
         return
@@ -48,7 +48,7 @@ def progress_bar(title: str) -> Iterator[Progress]:
 
 
 def quiet_libraries() -> None:
-    """Let only lrf3d itself speak on stderr: what libraries warn of is not the user's to mend.
+    """Silence the warnings of libraries, which the user cannot mend.
 
     ``python -W default -m lrf3d`` shows it.
     """
@@ -59,12 +59,12 @@ def quiet_libraries() -> None:
 
 
 def say(message: str) -> None:
-    """Say on stderr what was chosen for the user."""
+    """Print on stderr what was chosen for the user."""
     print(f"lrf3d: {one_line(message)}", file=sys.stderr)
 
 
 def warn(message: str) -> None:
-    """Say on stderr what the user should know though the work goes on."""
+    """Print a warning on stderr; the work goes on."""
     print(f"lrf3d: warning: {one_line(message)}", file=sys.stderr)
 
 
@@ -74,7 +74,7 @@ def print_json(value: Any) -> None:
 
 
 def json_text(value: Any) -> str:
-    """A value as JSON that every reader takes: no NaN, no infinity."""
+    """A value as JSON that every reader accepts: without NaN and infinity."""
     return json.dumps(value, indent=2, allow_nan=False) + "\n"
 
 

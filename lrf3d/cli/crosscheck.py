@@ -1,4 +1,4 @@
-"""``lrf3d crosscheck``: the same beams through the plane and through the 3D mesh."""
+"""``lrf3d crosscheck``: the same beams, cast in the plane and in the 3D mesh."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,10 +14,11 @@ if TYPE_CHECKING:
 def crosscheck(
     world: options.WorldArgument,
     raw: Annotated[
-        bool, typer.Option("--raw", help="Compare with Embree's bare float32 hits, unproved.")
+        bool,
+        typer.Option("--raw", help="Also compare Embree's own float32 hits, without the proof."),
     ] = False,
     figure: Annotated[
-        Path | None, typer.Option(help="A picture .png of the beams that differ.")
+        Path | None, typer.Option(help="Draw the beams that differ to this .png.")
     ] = None,
     scale: options.Scale = 1.0,
     inside: options.Inside = None,
@@ -26,7 +27,7 @@ def crosscheck(
 ) -> None:
     """Cast the beams of a whole drive with both casters, and compare every range and wall.
 
-    Every difference is sorted into its cause. Ends with the status 1 where one has none.
+    Every difference is classified by its cause. The exit status is 1 if one is unexplained.
     """
     from lrf3d.casting import crosscheck as compare
     from lrf3d.cli.console import print_json, print_table, progress_bar, warn

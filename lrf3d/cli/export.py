@@ -13,15 +13,17 @@ def export(
     to: Annotated[
         str, typer.Option(metavar="FORMAT", help="The format: carmen, mcap, rosbag2 or glb.")
     ],
-    out: Annotated[Path | None, typer.Option(help="The file; beside the run if not given.")] = None,
-    every: Annotated[int, typer.Option(min=1, help="Keep each scan of this many.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="The file; in the run's folder if not given.")
+    ] = None,
+    every: Annotated[int, typer.Option(min=1, help="Keep every n-th scan.")] = 1,
     json: options.Json = False,
 ) -> None:
     """Write a run for another program.
 
-    carmen is a log of one message a line; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2
-    is its folder, for ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for
-    Blender and web viewers: the world, the robot, its beams and its map as it grows.
+    carmen is a text log; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2 is a ROS 2 bag as
+    a folder, for ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for Blender and
+    web viewers: the world, the robot, its beams and its map as it grows.
     """
     from lrf3d.cli.console import print_json, print_table
     from lrf3d.errors import InputError

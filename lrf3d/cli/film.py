@@ -1,4 +1,4 @@
-"""Films on the command line: what is not asked for has defaults."""
+"""Films on the command line, with defaults for what is not given."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,18 +12,18 @@ from lrf3d.simulation import Run
 Result = TypeVar("Result")
 
 _LARGE, _SMALL = (1280, 720), (640, 360)
-"""Sizes [pixels] of what a film player shows, and of what is drawn slowly or sent around."""
+"""Sizes [pixels] of films for players, and of films that are drawn slowly or shared."""
 
 _RATE, _GIF_RATE = 25.0, 10.0
 """Frames a second. A GIF of 15 s then has less than 10 MB."""
 
 _ANIMATIONS = (".gif", ".webp")
-"""Endings of films that are shown within a page."""
+"""Endings of films that are embedded in pages."""
 
 
 @dataclass(frozen=True, slots=True)
 class FilmOptions:
-    """What was asked for of a film; None is what the run, the kind of film or the machine say.
+    """Options of a film; None means the default of the run, the format or the machine.
 
     Args:
         size: Width and height [pixels].
@@ -67,7 +67,7 @@ class FilmOptions:
 
 
 def make_film(run: Run, path: Path, options: FilmOptions) -> str:
-    """Write the film of a run, of the kind that the path's ending names; says how long it took."""
+    """Write the film of a run, in the format of the path's ending, and print how long it took."""
     from lrf3d.render.video import render_video
 
     def draw(renderer: str) -> str:
@@ -92,7 +92,7 @@ def make_film(run: Run, path: Path, options: FilmOptions) -> str:
 
 
 def make_frames(run: Run, folder: Path, options: FilmOptions) -> int:
-    """Write the frames of the film of a run as pictures; gives their number."""
+    """Write the frames of the film of a run as pictures; returns their number."""
     from lrf3d.render.video import render_frames
 
     def draw(renderer: str) -> int:
@@ -117,7 +117,7 @@ def make_picture(run: Run, path: Path, time: float, options: FilmOptions) -> Non
 
 
 def drawn_by(wanted: str | None, draw: Callable[[str], Result]) -> Result:
-    """Draw with the renderer that is wanted; where none is, with OpenGL and else with Embree."""
+    """Draw with the given renderer; if None, with OpenGL, or else with Embree."""
     from lrf3d.errors import MissingLibraryError
 
     try:

@@ -88,7 +88,7 @@ def folder_name(name: str) -> str:
 
 
 def _free(folder: Path, made_by: dict[str, Any]) -> Path:
-    """The folder, or the first numbered one after it, that holds nothing of others."""
+    """The folder, or the first numbered one after it, that holds no results of something else."""
     numbered = (Path(f"{folder}_{number}") for number in count(2))
     place = next(place for place in chain([folder], numbered) if _maker(place) in (None, made_by))
     if place != folder:
@@ -99,7 +99,7 @@ def _free(folder: Path, made_by: dict[str, Any]) -> Path:
 
 @contextmanager
 def _held(folder: Path, made_by: dict[str, Any]) -> Iterator[None]:
-    """Hold a folder, which is not overwritten without a word where others made what it holds."""
+    """Lock a folder, and warn if it holds results of something else."""
     with locked(folder / LOCK, folder) as lock:
         before = _maker(folder, lock.left)
         if before not in (None, made_by):
@@ -130,7 +130,7 @@ def _maker(folder: Path, left: Mapping[str, Any] | None = None) -> object:
 
 
 def _member(path: Path) -> object:
-    """What made the results, as a file in JSON says; None where it says nothing."""
+    """What made the results, as a JSON file says; None if it does not say."""
     if not path.exists():
         return None
     try:

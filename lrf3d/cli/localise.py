@@ -1,4 +1,4 @@
-"""``lrf3d localise``: how well the robot finds itself on a known map."""
+"""``lrf3d localise``: how well the robot localises itself on a known map."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -10,7 +10,7 @@ from lrf3d.cli.console import print_json, print_table, progress_bar, warn
 
 
 class Known(StrEnum):
-    """What is known of the world."""
+    """Which map is known."""
 
     WALLS = "walls"
     MAP = "map"
@@ -26,26 +26,28 @@ class Strategy(StrEnum):
 def localise(
     world: options.WorldArgument,
     known: Annotated[
-        Known, typer.Option(help="The true walls, or the map that a first run built.")
+        Known, typer.Option(help="The known map: the true walls, or the map of a first run.")
     ] = Known.WALLS,
     strategy: Annotated[
         Strategy, typer.Option(help="Which known lines are compared with those of a scan.")
     ] = Strategy.UNIONS_FIRST,
-    seeds: Annotated[int, typer.Option(min=1, help="How many drives, each with its noise.")] = 10,
+    seeds: Annotated[
+        int, typer.Option(min=1, help="Number of drives, each with its own noise.")
+    ] = 10,
     sigma: Annotated[float | None, typer.Option(help="Noise [m] at range_max.")] = None,
     position: Annotated[
-        float, typer.Option(min=0.0, help="Odometry noise [m] a step, ahead and to the side.")
+        float, typer.Option(min=0.0, help="Odometry noise [m] per step, ahead and sideways.")
     ] = 0.1,
-    heading: Annotated[float, typer.Option(min=0.0, help="Odometry noise [deg] a step.")] = 2.0,
+    heading: Annotated[float, typer.Option(min=0.0, help="Odometry noise [deg] per step.")] = 2.0,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; one a core if not given.")
+        int | None, typer.Option(min=1, help="Processes; one for each core if not given.")
     ] = None,
     scale: options.Scale = 1.0,
     inside: options.Inside = None,
     ignore_collisions: options.IgnoreCollisions = False,
     json: options.Json = False,
 ) -> None:
-    """Follow the robot over a known map by odometry and scans, and compare with the truth.
+    """Localise the robot on a known map by odometry and scans, and compare with the truth.
 
     The NEES is the squared error in units of the filter's own covariance, 3 on average.
     """

@@ -31,26 +31,26 @@ def map_(
     out: options.Out = None,
     mode: options.ModeOption = None,
     sigma: Annotated[
-        float | None, typer.Option(help="Noise [m] of the ranges at the farthest that is measured.")
+        float | None, typer.Option(help="Noise [m] of the ranges at the largest range.")
     ] = None,
     largest_range: Annotated[
-        float | None, typer.Option(help="CARMEN: readings [m] from here on are no return.")
+        float | None, typer.Option(help="CARMEN: readings [m] of this or more are no return.")
     ] = None,
     poses: Annotated[
-        Poses, typer.Option(help="Where poses come from; auto is what the log trusts most.")
+        Poses, typer.Option(help="Source of the poses; auto takes the best that the log has.")
     ] = Poses.AUTO,
     scan_topic: Annotated[
         str | None, typer.Option(help="Bags: topic of the scans; /scan if not given.")
     ] = None,
     all_scans: Annotated[
-        bool, typer.Option("--all", help="Build the map from all scans, and test it on none.")
+        bool, typer.Option("--all", help="Build the map from all scans, without a test.")
     ] = False,
     json: options.Json = False,
 ) -> None:
     """Build a map from the even scans of a log, and test it on the odd ones.
 
-    Poses are those logged with the scans; in a bag the ground truth, the transforms up to the
-    root, or odometry, whichever is there first. The summary says which.
+    Poses are those logged with the scans; in a bag the ground truth, else the transforms up to the
+    root, else odometry. The summary says which.
 
     Writes map.geojson, map.png and summary.json.
     """

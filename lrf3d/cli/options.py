@@ -27,7 +27,7 @@ class CasterName(StrEnum):
 
 
 class Renderer(StrEnum):
-    """What draws a film."""
+    """Renderers of films."""
 
     GL = "gl"
     EMBREE = "embree"
@@ -37,80 +37,89 @@ WorldArgument = Annotated[
     str,
     typer.Argument(
         metavar="WORLD",
-        help="A built-in world, or a file of one; a file called like a built-in one is ./NAME.",
+        help="A built-in world, or a world file; ./NAME is a file named like a built-in world.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the noise: the same seed, the same run.")]
+Seed = Annotated[
+    int, typer.Option(min=0, help="Seed of the noise; the same seed gives the same run.")
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="TABLE.KEY=VALUE", help="Instead of what the world file says; repeatable."
+        "--set", metavar="TABLE.KEY=VALUE", help="Override a key of the world file; repeatable."
     ),
 ]
 Scale = Annotated[
     float,
     typer.Option(
         metavar="FACTOR",
-        help="Enlarge the plan so many times, its route too: 100 for a drawing of 1:100, 0.001"
-        " for millimetres taken as metres. Heights stay.",
+        help="Enlarge the plan and its route by this factor: 100 for a drawing of 1:100, 0.001 for"
+        " millimetres that were read as metres. Heights stay.",
     ),
 ]
 Inside = Annotated[
     bool | None,
     typer.Option(
         "--inside/--outside",
-        help="Where a route is planned if the world names none; by the world if not given.",
+        help="Where to plan a route if the world has none; depends on the world if not given.",
     ),
 ]
 ModeOption = Annotated[Mode | None, typer.Option(help="Mode of the mapper.")]
 IgnoreCollisions = Annotated[
-    bool, typer.Option("--ignore-collisions", help="Only warn of a drive into a wall.")
+    bool, typer.Option("--ignore-collisions", help="Only warn if the robot hits a wall.")
 ]
 Out = Annotated[
     Path | None,
     typer.Option(
-        help="Folder for the results. If not given, out/NAME: what is read names itself, else its"
-        " file does (a map.yaml with its folder's name before it); a map of a run goes to"
-        " out/NAME_map, a sweep to out/NAME_sweep. Where that holds results of something else, a"
-        " number follows; in a folder that is given they are replaced, with a warning."
+        help="Folder for the results; out/NAME if not given, out/NAME_map for the map of a run and"
+        " out/NAME_sweep for a sweep. NAME is the name in the file, or else of the file (for a"
+        " map.yaml after that of its folder). If out/NAME holds results of something else, a"
+        " number is appended; in a folder that is given they are replaced, with a warning."
     ),
 ]
 ViewOption = Annotated[
     str | None,
-    typer.Option(help="Where the film is seen from: chase, first, orbit, top, or a camera's name."),
+    typer.Option(help="Camera of the film: chase, first, orbit, top, or one of the world file."),
 ]
 Size = Annotated[
     str | None,
     typer.Option(
         metavar="WxH",
-        help="Size of the film [pixels]; 1280x720, but 640x360 for .webp, .gif and by Embree.",
+        help="Size of the film [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.",
     ),
 ]
 Fps = Annotated[
     float | None,
-    typer.Option(min=0.1, max=1000.0, help="Frames a second of the film; 25, but 10 for .gif."),
+    typer.Option(min=0.1, max=1000.0, help="Frames per second; 25, but 10 for .gif."),
 ]
 RendererOption = Annotated[
     Renderer | None,
-    typer.Option(help="What draws the film: OpenGL, or Embree, which needs no library."),
+    typer.Option(
+        help="Renderer of the film; embree needs no OpenGL. The best available if not given."
+    ),
 ]
 Playback = Annotated[
-    float | None, typer.Option(min=0.01, help="Simulated seconds in a second of film.")
+    float | None, typer.Option(min=0.01, help="Simulated seconds per second of film.")
 ]
-Samples = Annotated[int, typer.Option(help="Samples a pixel against jagged edges: 0 or 4.")]
+Samples = Annotated[int, typer.Option(help="Samples per pixel for smooth edges: 0 or 4.")]
 Workers = Annotated[
     int | None,
-    typer.Option(min=1, max=512, help="Processes that draw the film; one a core if not given."),
+    typer.Option(
+        min=1, max=512, help="Processes that draw the film; one for each core if not given."
+    ),
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="tcp://HOST:PORT", help="A Dask scheduler instead of this machine."),
+    typer.Option(
+        metavar="tcp://HOST:PORT",
+        help="Use the workers of this Dask scheduler instead of this machine.",
+    ),
 ]
 
 
 def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1.0) -> "Scenario":
-    """Read a world to drive through, and warn where its size is that of no world.
+    """Read a world to drive through, and warn if its size is implausible.
 
     Raises:
         InputError: There is no such world, or a setting or the scale is invalid.
@@ -146,7 +155,7 @@ def read_drive(
     where = side_of(inside)
     scenario = with_route(read_world(name, settings, scale=scale), where=where)
     if scenario.planned is None and where is not None:
-        raise InputError(f"--{where}: {name} names its own route or poses, so none is planned")
+        raise InputError(f"--{where}: {name} has its own route or poses, so none is planned")
     if scenario.planned is not None:
         other = {"inside": "outside", "outside": "inside"}[scenario.planned]
         say(f"the route is planned {scenario.planned} the walls; --{other} plans it {other}")
@@ -169,10 +178,10 @@ def film_options(
     renderer: Renderer | None,
     scheduler: str | None = None,
 ) -> "FilmOptions":
-    """What was asked for of a film, checked.
+    """The options of a film, checked.
 
     Raises:
-        InputError: A size is none.
+        InputError: A size is invalid.
     """
     from lrf3d.cli.film import FilmOptions
 
@@ -189,10 +198,10 @@ def film_options(
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Width and height of a size written as 1280x720; both even, as H.264 has them.
+    """Width and height of a size such as 1280x720; both even, as H.264 needs them.
 
     Raises:
-        InputError: The text is no such size.
+        InputError: The text is not such a size.
     """
     from lrf3d.errors import InputError
 

@@ -91,7 +91,7 @@ def _keeps_compiled() -> bool:
 
 
 class Stops:
-    """Being asked to stop: recorded once, and raised as KeyboardInterrupt until that is heard.
+    """Requests to stop: recorded once, and raised as KeyboardInterrupt until it takes effect.
 
     An interrupt may be lost: libraries catch it, compiled code turns it into another exception,
     and what a destructor or a callback raises is dropped. So any exception that follows is taken
@@ -101,15 +101,15 @@ class Stops:
     def __init__(self, name: str) -> None:
         self._name = name
         self.number = 0
-        """The signal that asked first; 0 while none did."""
+        """The first signal that arrived; 0 if none did."""
         self.over = False
-        """Whether it is too late: all is done, or on its way out."""
+        """Whether the program is ending anyway."""
         self._asked = 0.0
 
     def begin(self) -> None:
         """Listen from now on."""
         for number in ENDS:
-            # Who starts a program in the background, or by nohup, has these ignored.
+            # A program that is started in the background, or by nohup, ignores these.
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, self._ask)
 
@@ -154,7 +154,7 @@ def _loads(frame: "FrameType | None") -> bool:
 
 
 def _be_quiet() -> None:
-    """Let nobody but this module speak of what an interrupt broke."""
+    """Suppress the tracebacks of what an interrupt broke."""
     sys.excepthook = lambda *_: None
     sys.unraisablehook = lambda _: None
     if "threading" in sys.modules:
@@ -164,7 +164,7 @@ def _be_quiet() -> None:
 
 
 def _stopped(name: str, number: int, error: BaseException | None) -> int:
-    """Say that the program was stopped and what is kept; gives its status, as shells have it."""
+    """Print that the program was stopped and what is kept; returns the exit status."""
     from lrf3d.errors import OutputError
 
     said = ["stopped", *notes(error)]
@@ -175,7 +175,7 @@ def _stopped(name: str, number: int, error: BaseException | None) -> int:
 
 
 def _failed(name: str, error: BaseException) -> int:
-    """Say what went wrong, in one line where it is no mistake of the program; gives the status."""
+    """Print an error, in one line if it is not a bug of the program; returns the exit status."""
     from lrf3d.errors import Lrf3dError
 
     if isinstance(error, BrokenPipeError):

@@ -1,4 +1,4 @@
-"""``lrf3d render``: the film of a run that was kept, or pictures of it."""
+"""``lrf3d render``: the film of a saved run, or pictures of it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,14 +14,14 @@ def render(
         Path | None,
         typer.Option(
             help="The film: .mp4, .webp or .gif; with --at a .png, with --frames a folder. "
-            "Beside the run if not given."
+            "In the run's folder if not given."
         ),
     ] = None,
     at: Annotated[
-        float | None, typer.Option(help="Draw one picture of this time [s] instead of a film.")
+        float | None, typer.Option(help="Draw one picture at this time [s] instead of a film.")
     ] = None,
     frames: Annotated[
-        bool, typer.Option("--frames", help="Write each frame of the film as a .png of its own.")
+        bool, typer.Option("--frames", help="Write each frame of the film as a .png.")
     ] = False,
     view: options.ViewOption = None,
     size: options.Size = None,
@@ -70,7 +70,7 @@ def render(
 
 
 def _place(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:
-    """Where to write to; the ending has to be that of what is asked for."""
+    """Where to write to; the ending must fit what is asked for."""
     from lrf3d.errors import InputError
 
     if picture and frames:
@@ -86,6 +86,6 @@ def _place(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:
         raise InputError(f"--out {out}: expected a name that ends in .png, as --at draws a picture")
     if not picture and given == ".png":
         raise InputError(
-            f"--out {out}: a .png is one picture; say of when with --at TIME, or all with --frames"
+            f"--out {out}: a .png is one picture; give its time with --at TIME, or use --frames"
         )
     return out

@@ -15,14 +15,16 @@ def run(
     mode: options.ModeOption = None,
     sigma: Annotated[
         list[float] | None,
-        typer.Option(help="Noise [m] at range_max; given again, maps stand side by side."),
+        typer.Option(
+            help="Noise [m] at range_max; repeat it to compare several maps in one figure."
+        ),
     ] = None,
     settings: options.Settings = None,
     scale: options.Scale = 1.0,
     inside: options.Inside = None,
     seed: options.Seed = 0,
     caster: Annotated[
-        options.CasterName, typer.Option(help="What casts the beams.")
+        options.CasterName, typer.Option(help="Caster of the beams.")
     ] = options.CasterName.EMBREE,
     ignore_collisions: options.IgnoreCollisions = False,
     mapper: Annotated[
@@ -31,7 +33,7 @@ def run(
     controller: Annotated[
         str | None,
         typer.Option(
-            metavar="MODULE:OBJECT", help="Your driver: command(time, pose, scan) -> (v, w)."
+            metavar="MODULE:OBJECT", help="Your controller: command(time, pose, scan) -> (v, w)."
         ),
     ] = None,
     noise: Annotated[
@@ -41,11 +43,11 @@ def run(
         int | None,
         typer.Option(
             min=1,
-            help="How many scans; the route is driven there and back until then.",
+            help="Number of scans; the route is driven there and back until then.",
         ),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where this run was stopped.")
+        bool, typer.Option("--resume", help="Continue this run where it was stopped.")
     ] = False,
     video: Annotated[bool, typer.Option(help="Make the film.")] = True,
     view: options.ViewOption = None,
@@ -57,10 +59,10 @@ def run(
     renderer: options.RendererOption = None,
     json: options.Json = False,
 ) -> None:
-    """Drive through a world, scan it, map it, and draw what came out.
+    """Drive through a world, scan it, map it, and draw the results.
 
-    Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4. What is named
-    MODULE:OBJECT is imported from the current folder or the installed modules.
+    Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4. MODULE:OBJECT is
+    imported from a file, the current folder or the installed modules.
     """
     import shlex
 

@@ -1,4 +1,4 @@
-"""``lrf3d sweep``: many runs over worlds, settings and seeds, here or on a cluster."""
+"""``lrf3d sweep``: runs over worlds, settings and seeds, on this machine or a cluster."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,13 +12,13 @@ def sweep(
     context: typer.Context,
     worlds: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[WORLD]…", help="Built-in worlds, or files; not with --grid."),
+        typer.Argument(metavar="[WORLD]…", help="Built-in worlds or world files; not with --grid."),
     ] = None,
     grid: Annotated[
         Path | None, typer.Option(help="A TOML file: a world file's tables with lists of values.")
     ] = None,
     sigma: Annotated[
-        str | None, typer.Option(metavar="S,S,…", help="Noises [m] at range_max.")
+        str | None, typer.Option(metavar="S,S,…", help="Noise levels [m] at range_max.")
     ] = None,
     beams: Annotated[str | None, typer.Option(metavar="N,N,…", help="Numbers of beams.")] = None,
     mode: Annotated[
@@ -26,20 +26,25 @@ def sweep(
     ] = None,
     vary: Annotated[
         list[str] | None,
-        typer.Option(metavar="TABLE.KEY=V,V,…", help="Any key of world files; repeatable."),
+        typer.Option(
+            metavar="TABLE.KEY=V,V,…", help="Values for any key of world files; repeatable."
+        ),
     ] = None,
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Seeds of each setting; 20 if not given.")
+        int | None, typer.Option(min=1, help="Number of seeds for each setting; 20 if not given.")
     ] = None,
     every: Annotated[
-        int | None, typer.Option(min=1, help="Use one of so many scans of a drive.")
+        int | None, typer.Option(min=1, help="Use every n-th scan of a drive.")
     ] = None,
     scheduler: options.Scheduler = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, max=512, help="Processes here; one a core if not given.")
+        int | None,
+        typer.Option(
+            min=1, max=512, help="Processes on this machine; one for each core if not given."
+        ),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the runs that are in the folder.")
+        bool, typer.Option("--resume", help="Keep the runs in the folder and do the missing ones.")
     ] = False,
     inside: options.Inside = None,
     ignore_collisions: options.IgnoreCollisions = False,

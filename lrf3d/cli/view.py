@@ -12,15 +12,15 @@ def view(
         str,
         typer.Argument(
             metavar="RUN|WORLD",
-            help="A run.npz or its folder to play; or a world to drive in. A built-in world comes"
-            " before a folder of the same name, which is ./NAME.",
+            help="A run.npz or its folder to play, or a world to drive in. A built-in world comes"
+            " before a folder of the same name: write ./NAME for that.",
         ),
     ],
     host: Annotated[
         str,
         typer.Option(
-            help="Address or name to listen at; 0.0.0.0 lets other machines in. The page is opened"
-            " by this name, an IP address or the machine's host name; others are refused."
+            help="Address or name to listen at; 0.0.0.0 lets other machines in. The page opens only"
+            " by this name, an IP address or the machine's host name."
         ),
     ] = "127.0.0.1",
     port: Annotated[
@@ -35,8 +35,8 @@ def view(
 ) -> None:
     """Play a run in the browser, or drive through a world by hand.
 
-    A run is played, paused and scrubbed. In a world the arrow keys or the pads on the page drive
-    the robot, which scans and maps as it goes. Ctrl-C ends it.
+    A run can be played, paused and scrubbed. In a world the arrow keys or the pads on the page
+    drive the robot, which scans and maps as it goes. Ctrl-C ends the server.
     """
     from lrf3d.logs.reading import is_run
     from lrf3d.view.opening import open_view

@@ -37,13 +37,13 @@ def _group() -> None:
 def show(
     world: Annotated[
         str | None,
-        typer.Argument(metavar="[WORLD]", help="A world; without one, the built-in are listed."),
+        typer.Argument(metavar="[WORLD]", help="A world; lists the built-in ones if not given."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="A picture .png to draw it to.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Draw the world to this .png.")] = None,
     scale: options.Scale = 1.0,
     json: options.Json = False,
 ) -> None:
-    """Say what a world holds, and draw it."""
+    """Describe a world, and draw it."""
     from lrf3d.cli.console import print_json
     from lrf3d.world import world_names
 
@@ -85,11 +85,11 @@ def convert(
 
 @world.command(epilog="Example: lrf3d world generate maze --seed 7 --out maze.toml")
 def generate(
-    kind: Annotated[Kind, typer.Argument(help="What to generate.")],
+    kind: Annotated[Kind, typer.Argument(help="Kind of world.")],
     out: Annotated[Path, typer.Option(help="The file to write: .toml, .geojson, .glb or .yaml.")],
-    seed: Annotated[int, typer.Option(min=0, help="The same seed, the same world.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed; the same seed gives the same world.")] = 0,
     size: Annotated[
-        float | None, typer.Option(help="About how wide it is [m]; by its kind if not given.")
+        float | None, typer.Option(help="Approximate width [m]; depends on the kind if not given.")
     ] = None,
     json: options.Json = False,
 ) -> None:
@@ -108,7 +108,7 @@ def generate(
 
 
 def _report(world: "World") -> dict[str, Any]:
-    """What a world holds."""
+    """The properties of a world."""
     from lrf3d.geometry import lengths
 
     return {

@@ -40,10 +40,10 @@ def check_address(address: str) -> None:
     """See that an address is one of a scheduler, before anything else is done.
 
     Raises:
-        InputError: It is none.
+        InputError: It is invalid.
     """
     if not ADDRESS.fullmatch(address):
-        raise InputError(f"--scheduler {address}: expected an address as tcp://127.0.0.1:8786")
+        raise InputError(f"--scheduler {address}: expected an address such as tcp://127.0.0.1:8786")
 
 
 @contextmanager
@@ -117,7 +117,7 @@ def _remote(address: str) -> Iterator[Client]:
             f"--scheduler {address}: no scheduler answers there; start one with dask scheduler,"
             " and give the tcp:// address that it prints"
         ) from error
-    # Of a scheduler that is lost we speak ourselves, in one line.
+    # A lost scheduler is reported by lrf3d itself, in one line.
     with client, silence_logging_cmgr(logging.CRITICAL):
         try:
             client.wait_for_workers(1, timeout=PATIENCE)

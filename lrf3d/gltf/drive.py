@@ -1,4 +1,4 @@
-"""A run as glTF: the robot drives, its scans and the stages of the map follow each other.
+"""A run as glTF: the robot drives, and its scans and map snapshots follow each other.
 
 Every player of glTF can move, turn and scale nodes, and few can do more. So each scan and each
 stage of the map is a node of its own, which has its size while it is to be seen and none
@@ -124,7 +124,7 @@ def _add_scans(document: Document, timeline: Timeline, every: int) -> None:
 
 
 def _add_maps(document: Document, timeline: Timeline) -> None:
-    """Each stage of the map as bands along the walls, each object in its colour."""
+    """Each map snapshot as bands along the walls, each object in its colour."""
     run = timeline.run
     material = document.glowing("map")
     showing = _Showing(document, timeline.start, timeline.end)

@@ -25,7 +25,7 @@ BAYS, STOREYS = 8, 4
 """Tiles of the texture of upper floors; that of the ground floor has one row of them."""
 
 PALE = 0.86
-"""How bright the bare wall is in the texture: what is whiter, such as frames, can still be told."""
+"""How bright the bare wall is in the texture: what is whiter, such as frames, still stands out."""
 
 _TILE = (128, 128)
 _FINER = 4

@@ -33,7 +33,7 @@ def key_times(timeline: Timeline) -> Float:
 
 
 def mover_keys(mover: "Mover", timeline: Timeline) -> tuple[Float, Float]:
-    """Times (k,) [s] of a run between which a mover goes straight, and its poses (k, 3) there."""
+    """Times (k,) [s] of a run between which an obstacle goes straight, and its poses (k, 3)."""
     times = mover.path.times
     within = times[(times > timeline.start) & (times < timeline.end)]
     keys = np.unique([timeline.start, *within, timeline.end])
@@ -43,12 +43,12 @@ def mover_keys(mover: "Mover", timeline: Timeline) -> tuple[Float, Float]:
 
 
 def jumps(times: Float) -> Bool:
-    """Which legs (k − 1,) between key times (k,) are none: the robot was set down."""
+    """Which legs (k − 1,) between key times (k,) were not driven: the robot was set down."""
     return np.asarray(np.diff(times) <= 2.5 * _SET_DOWN)
 
 
 def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:
-    """When each scan of so many begins and ends to be seen [s].
+    """When each scan begins and ends to be visible [s].
 
     A scan is seen half before and half after its moment: then the robot is never far from where
     it scanned. At a stop it is seen until the robot leaves.

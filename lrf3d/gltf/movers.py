@@ -1,4 +1,4 @@
-"""What moves beside the robot, as glTF."""
+"""Dynamic obstacles as glTF."""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def add_movers(document: Document, movers: "tuple[Mover, ...]") -> list[int]:
-    """Add bodies that stand in the origin and look along x; gives the numbers of their nodes."""
+    """Add bodies at the origin that face along x; returns the numbers of their nodes."""
     nodes = []
     material = (
         document.material(
@@ -38,7 +38,7 @@ def add_movers(document: Document, movers: "tuple[Mover, ...]") -> list[int]:
 
 
 def drive_movers(document: Document, timeline: Timeline) -> None:
-    """Add the movers of a run, each on its way."""
+    """Add the dynamic obstacles of a run, each on its path."""
     run = timeline.run
     for number, mover in zip(add_movers(document, run.movers), run.movers, strict=True):
         times, poses = mover_keys(mover, timeline)

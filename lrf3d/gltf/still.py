@@ -1,4 +1,4 @@
-"""A world with the robot and what moves beside it as glTF, for pages that move them themselves."""
+"""A world with robot and dynamic obstacles as glTF, for pages that move them themselves."""
 
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ def still_glb(
     laser_height: float,
     movers: "tuple[Mover, ...]" = (),
 ) -> bytes:
-    """A world as a GLB file, with the robot and movers, which all stand in the frame's origin."""
+    """A world as a GLB file, with the robot and dynamic obstacles, all at the frame's origin."""
     document = new_document(name, structures)
     add_stage(document, structures)
     add_robot(document, laser_height)

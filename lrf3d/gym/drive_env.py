@@ -24,7 +24,7 @@ Observation = dict[str, NDArray[np.float32]]
 class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """A robot is to drive to a goal by what its range finder shows, and not into a wall.
 
-    What it sees: ``ranges`` (beams,) [m] in float32, where no return is told as range_max and one
+    What it sees: ``ranges`` (beams,) [m] in float32, where no return reads range_max and one
     that is too near as 0; ``goal`` (3,): distance [m], cosine and sine of the bearing. What it
     does: v and ω as shares from −1 to 1 of the scenario's speed and of 1.5 rad/s, held up to the
     next scan. It earns a point for each metre nearer to the goal, 10 at the goal, −10 at a wall,

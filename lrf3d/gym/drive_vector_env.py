@@ -21,7 +21,7 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
     """Robots that drive each to its goal, as in DriveEnv, in one world and unseen by each other.
 
     A robot whose episode has ended is set down anew in the step after (autoreset ``NextStep``);
-    what it is told to do in that step is not done.
+    its action in that step is ignored.
 
     Args:
         num_envs: How many robots.
@@ -49,7 +49,9 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
         if num_envs < 1 or max_steps < 1:
             raise InputError(f"num_envs {num_envs}, max_steps {max_steps}: expected at least 1")
         if render_mode is not None:
-            raise InputError(f"render_mode {render_mode!r}: many robots have none; see DriveEnv")
+            raise InputError(
+                f"render_mode {render_mode!r}: not available for many robots; use DriveEnv"
+            )
         scenario = world if isinstance(world, Scenario) else load_scenario(world)
         self.num_envs, self.max_steps, self.render_mode = num_envs, max_steps, None
         self.task = DriveTask(scenario, num_envs, sigma=sigma)

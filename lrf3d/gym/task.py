@@ -64,7 +64,7 @@ class DriveTask:
         sigma: Noise of the ranges [m] at range_max (Eq. 7).
 
     Raises:
-        InputError: The noise is none, or there is no free space to drive in.
+        InputError: The noise is invalid, or there is no free space to drive in.
     """
 
     def __init__(self, scenario: Scenario, count: int, *, sigma: float = 0.0) -> None:
@@ -130,7 +130,7 @@ class DriveTask:
     def observe(self, ranges: Float) -> dict[str, NDArray[np.float32]]:
         """What the robots see, in finite numbers of float32.
 
-        A beam without return is told as range_max, one that is too short as 0; both are at the
+        A beam without return reads range_max, one that is too near reads 0; both are at the
         limits of what can be measured, so that they say as much as the infinities of REP 117.
         """
         away = self.goals - self.poses[:, :2]

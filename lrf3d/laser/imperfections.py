@@ -33,7 +33,7 @@ class Imperfections:
         drop_outs: Share of beams that are lost anywhere; see DropOuts.
         drop_outs_far: Probability of being lost at range_max.
         drop_outs_grazing: Probability of being lost along a wall.
-        resolution: Steps in which ranges are told [m]; see Quantised.
+        resolution: Ranges are rounded to multiples of it [m]; see Quantised.
     """
 
     constant: float = 0.0
@@ -67,10 +67,10 @@ class Imperfections:
 
 @dataclass(frozen=True, slots=True)
 class AngleNoise:
-    """Gaussian noise of each beam's angle: the range is that at θ + N(0, σ), told as that at θ.
+    """Gaussian noise of each beam's angle: reports the range at θ + N(0, σ) as the range at θ.
 
-    σ is in radians. It belongs first into a chain, since it wants true ranges: on a wall the
-    range at the other angle is exact; where a wall ends between two beams, it ends midway.
+    σ is in radians. It comes first in a chain, because it needs true ranges: on a wall the range
+    at the other angle is exact; a wall that ends between two beams is taken to end midway.
     """
 
     sigma: float
@@ -79,7 +79,7 @@ class AngleNoise:
         check_sigma(self.sigma, "radians")
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """Return the scan that beams at the deviating angles measured."""
+        """Return the scan that beams at the deviating angles measure."""
         if self.sigma == 0.0 or len(scan.angles) < 2:
             return scan
         draws = rng.normal(0.0, self.sigma, len(scan.angles))
@@ -101,7 +101,7 @@ class DropOuts:
         grazing: Probability along a wall.
 
     Raises:
-        InputError: A probability is none.
+        InputError: A probability is invalid.
     """
 
     share: float = 0.0
@@ -122,7 +122,9 @@ class DropOuts:
             InputError: Losses by range are asked for, and the scan has no finite range_max.
         """
         if self.far and not np.isfinite(scan.range_max):
-            raise InputError("scan without range_max: drop-outs by range grow up to it; give one")
+            raise InputError(
+                "scan without range_max: drop-outs grow with the range up to it; give one"
+            )
         kept = np.full(len(scan.ranges), 1.0 - self.share)
         if self.far:
             kept *= 1.0 - self.far * np.clip(scan.ranges / scan.range_max, 0.0, 1.0) ** 2
@@ -143,12 +145,12 @@ class DropOuts:
 
 @dataclass(frozen=True, slots=True)
 class MixedPixels:
-    """Beams as wide as ``divergence`` [rad]: at an edge the two ranges are mixed.
+    """Beams with a width of ``divergence`` [rad]: at an edge the two ranges are mixed.
 
-    Where neighbouring beams met different things, more than ``jump`` [m] apart in range, the edge
-    lies somewhere between them, anywhere alike. A beam whose light falls on both sides of it
-    tells the mean of the two ranges, each weighed by its part of the light, and counts as having
-    met no wall. Beams that did not return mix with nothing.
+    If two neighbouring beams hit different walls, more than ``jump`` [m] apart in range, the edge
+    lies between them at a uniformly random place. A beam whose light falls on both sides of it
+    returns the mean of the two ranges, weighted by the share of the light on each, and its wall
+    is −1. Beams that did not return are not mixed.
 
     Args:
         divergence: How wide a beam is [rad].
@@ -202,7 +204,7 @@ def on_one_wall(scan: LaserScan) -> Bool:
 def incidences(scan: LaserScan) -> Float:
     """Angles (beams,) [rad] from each beam to the normal of what it met: 0 straight, π/2 grazing.
 
-    A beam that is alone on its wall tells nothing of how it met it, and counts as straight.
+    A beam that is alone on its wall does not show its incidence, and counts as straight.
     """
     joined = on_one_wall(scan)
     angles = np.zeros(len(scan.ranges))

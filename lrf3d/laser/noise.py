@@ -1,13 +1,13 @@
 """Noise of the laser range finder: what turns a true scan into a measured one.
 
-All of it is off by default. What a range finder has is chained in the order in which it comes
-about: the beam's angle, what it meets, what comes back, what is measured, what is told::
+All of it is off by default. The imperfections of a range finder are chained in the order in which
+they arise: the beam's angle, what it meets, what comes back, what is measured, what is reported::
 
     Chain([AngleNoise(0.002), MixedPixels(0.01), DropOuts(far=0.1), ConstantNoise(0.01),
            ProportionalNoise(0.04), Quantised(0.01), Limits()])
 
-Each draws as many numbers for a scan as it has beams or a multiple of them, so that a seed gives
-the same noise whatever is seen.
+Each draws one random number for each beam, or a multiple of that, so that a seed gives the same
+noise whatever the scan shows.
 """
 
 import inspect
@@ -69,9 +69,9 @@ def as_noise(noise: AnyNoise) -> Noise:
 class ProportionalNoise:
     """Gaussian noise that grows with the distance (Eq. 7): d + d/d_max · N(0, σ).
 
-    σ is the standard deviation [m] at range_max. A beam without return stays without; a range
-    that noise carries below 0 is reported as 0, as no range finder measures less. With σ = 0 the
-    scan is given back as it is and nothing is drawn.
+    σ is the standard deviation [m] at range_max. A beam without return stays without; a noisy
+    range below 0 is reported as 0, as no range finder measures less. With σ = 0 the scan is
+    returned unchanged and no random numbers are drawn.
 
     Examples:
         >>> import lrf3d
@@ -128,7 +128,7 @@ class ConstantNoise:
 
 @dataclass(frozen=True, slots=True)
 class Quantised:
-    """Ranges told in whole steps of a resolution [m], each the multiple that is nearest."""
+    """Rounds ranges to the nearest multiple of a resolution [m]."""
 
     step: float
 
@@ -143,19 +143,19 @@ class Quantised:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a measured range is told as after REP 117: +inf above range_max, −inf below range_min.
+    """Reports ranges after REP 117: +inf above range_max, −inf below range_min.
 
-    Noise may carry a range over the limits of the range finder; this comes last in a chain.
+    Noise may move a range past the limits of the range finder, so this comes last in a chain.
     """
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """Return the scan with the ranges beyond its limits told as such."""
+        """Return the scan with +inf or −inf for the ranges beyond its limits."""
         return replace(scan, ranges=within_limits(scan.ranges, scan.range_min, scan.range_max))
 
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Noises one after the other; with none the scan is given back as it is.
+    """Noise models applied in order; an empty chain returns the scan unchanged.
 
     Args:
         noises: The noises, the first to come about first.

@@ -19,7 +19,7 @@ LARGEST_ANGLE = 63.0
 
 @dataclass(frozen=True)
 class LaserRangeFinder(Value):
-    """A planar laser range finder that stands in the robot's middle and looks ahead.
+    """A planar laser range finder at the centre of the robot, facing ahead.
 
     Args:
         angle_min: Angle of the first beam [rad], 0 ahead, counter-clockwise.
@@ -157,7 +157,7 @@ def layer_directions(
 def turned(fan: Float, theta: float) -> Float:
     """A fan (2, beams) of beams, turned by the heading theta [rad], as rows (beams, 2).
 
-    Casters and scans do just these steps, so that all speak of the same beam to the last bit.
+    Casters and scans do just these steps, so that all use the same beam to the last bit.
     """
     cos, sin = math.cos(theta), math.sin(theta)
     return np.column_stack([cos * fan[0] - sin * fan[1], sin * fan[0] + cos * fan[1]])

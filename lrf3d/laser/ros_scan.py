@@ -106,7 +106,7 @@ def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan
     """A scan as ROS has it.
 
     Raises:
-        InputError: The beams are not evenly spread, which the message cannot tell.
+        InputError: The beams are not evenly spaced, which the message cannot express.
     """
     low, high, step = _even_spread(scan.angles)
     return RosScan(
@@ -128,10 +128,10 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
 
     A message is a RosScan, one of rclpy or of rosbags, or dicts within dicts.
 
-    A range that is NaN, which REP 117 calls erroneous, tells as little as one below range_min.
+    A range that is NaN, which REP 117 calls erroneous, is treated like one below range_min.
 
     Raises:
-        InputError: The message is none, or its angles and limits make no sense.
+        InputError: The message is invalid, or its angles and limits are.
     """
     try:
         low, step, increment, range_min, range_max = (
@@ -142,7 +142,7 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
         stamp = _field(_field(message, "header"), "stamp")
         time = Stamp(int(_field(stamp, "sec")), int(_field(stamp, "nanosec"))).seconds
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"message is no sensor_msgs/LaserScan ({error})") from None
+        raise InputError(f"message is not a sensor_msgs/LaserScan ({error})") from None
     count = len(ranges) if ranges.ndim == 1 else 0
     if count == 0:
         raise InputError("scan without ranges")
@@ -179,6 +179,6 @@ def _even_spread(angles: Float) -> tuple[np.float32, np.float32, np.float32]:
     step = (angles[-1] - angles[0]) / (len(angles) - 1)
     even = angles[0] + step * np.arange(len(angles))
     if step == 0.0 or not (np.abs(angles - even) <= UNEVEN * abs(step)).all():
-        raise InputError("scan with beams at uneven angles: ROS wants them evenly spread")
+        raise InputError("scan with beams at uneven angles: ROS needs them evenly spaced")
     step32 = np.float32(step)
     return low, low + np.float32(len(angles) - 1) * step32, step32

@@ -99,7 +99,7 @@ class LaserScan(Value):
         """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`.
 
         Raises:
-            InputError: The message is none, or its angles and limits make no sense.
+            InputError: The message is invalid, or its angles and limits are.
         """
         return cls(as_pose(pose), **read_ros_scan(message))
 
@@ -111,7 +111,7 @@ class LaserScan(Value):
             scan_time: Time between two scans [s]; 0 where it is not known.
 
         Raises:
-            InputError: The beams are not evenly spread, which the message cannot tell.
+            InputError: The beams are not evenly spaced, which the message cannot express.
         """
         return make_ros_scan(self, frame_id, scan_time)
 

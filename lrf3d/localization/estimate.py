@@ -21,7 +21,7 @@ many times what rounding makes of the share."""
 
 @dataclass(frozen=True, eq=False)
 class PoseEstimate(Value):
-    """Where the robot is thought to be, and how well that is known.
+    """An estimated pose with its covariance.
 
     Args:
         pose: The pose.

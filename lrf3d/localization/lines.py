@@ -167,7 +167,7 @@ class KnownLines(Value):
 
     Args:
         segments: (n, 4) x1 y1 x2 y2 [m] in the world.
-        objects: (n,) the object, or union, that each belongs to, from 0.
+        objects: (n,) the object that each belongs to, from 0.
         middles: (n, 2) the middle of each [m].
         units: (n, 2) direction of each, from its first end to its second.
         halves: (n,) half the length of each [m].

@@ -155,7 +155,7 @@ class Localiser:
 
 
 def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: Float) -> Track:
-    """Follow the robot along a drive.
+    """Localise the robot at every scan of a drive.
 
     Args:
         localiser: The filter at the first scan.

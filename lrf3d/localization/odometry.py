@@ -1,4 +1,4 @@
-"""Odometry: what the wheels tell of each step between two scans."""
+"""Odometry: the increments between scans, as the wheels measure them."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from lrf3d.pose import as_poses
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """Gaussian noise of each step, whatever its length.
+    """Gaussian noise of each odometry increment, independent of its length.
 
     Args:
         position: Standard deviation [m] ahead, and the same to the side.
@@ -41,13 +41,13 @@ class OdometryNoise:
         return np.diag([self.position**2, self.position**2, self.heading**2])
 
     def __call__(self, steps: Float, rng: np.random.Generator) -> Float:
-        """Return steps (k, 3) as the wheels would tell them."""
+        """Return increments (k, 3) as the wheels would measure them."""
         deviations = [self.position, self.position, self.heading]
         return steps + rng.normal(size=steps.shape) * deviations
 
 
 def odometry_increments(poses: Float) -> Float:
-    """The steps (k − 1, 3) from pose to pose (k, 3): ahead, to the left [m], turn [rad].
+    """The increments (k − 1, 3) from pose to pose (k, 3): ahead, to the left [m], turn [rad].
 
     Raises:
         InputError: The poses are not rows of three finite numbers.

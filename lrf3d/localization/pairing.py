@@ -51,7 +51,7 @@ class SquaredDifferences:
     """The paper's: the squared differences of (alpha, p) in the world sum up to little.
 
     It adds radians to metres, and p is counted from the world's origin: a direction off by
-    0.01 rad moves the p of a line 100 m away by 1 m. Nothing tells collinear walls apart.
+    0.01 rad moves the p of a line 100 m away by 1 m. Collinear walls cannot be told apart.
 
     Args:
         threshold: Largest sum of the squares.
@@ -199,7 +199,7 @@ def _best(scores: Float, rows: Int) -> Int:
 class Innovation(NamedTuple):
     """Differences of pairs of lines, in the robot's frame; all arrays have the pairs' shape.
 
-    Args:
+    Attributes:
         angle: Measured less expected alpha [rad].
         offset: Measured less expected p [m].
         normal_x: x and y of the known line's normal in the world, pointing away from the robot.

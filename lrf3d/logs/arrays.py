@@ -72,11 +72,11 @@ def _read(path: Path, file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[
         for length in shape:
             size *= length
         if dtype.hasobject or size > entry.file_size:
-            raise ValueError(f"{entry.filename} is no plain array, or shorter than it says")
+            raise ValueError(f"{entry.filename} is not a plain array, or incomplete")
     if size >= MAPPED and entry.compress_type == zipfile.ZIP_STORED and not by_columns:
         begin += _start_of(path, entry)
         if begin + size > path.stat().st_size:
-            raise ValueError(f"{entry.filename} is shorter than it says")
+            raise ValueError(f"{entry.filename} is incomplete")
         mapped = np.memmap(path, dtype, "r", begin, shape)
         return np.asarray(mapped)
     with file.open(entry) as stream:

@@ -80,7 +80,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
     """Open a bag for reading.
 
     Raises:
-        InputError: There is none, or it is damaged.
+        InputError: There is no such bag, or it is damaged.
         MissingLibraryError: rosbags is not installed.
     """
     try:
@@ -110,7 +110,9 @@ def open_bag(path: Path) -> Iterator[Bag]:
             raise _damaged(path, error) from None
         try:
             if reader.compression_mode == "message":
-                raise InputError(f"{path}: each message is packed; unpack it with ros2 bag convert")
+                raise InputError(
+                    f"{path}: each message is compressed; decompress it with ros2 bag convert"
+                )
             yield Bag(path, reader, typestore)
         finally:
             reader.close()

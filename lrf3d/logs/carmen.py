@@ -1,9 +1,8 @@
 """CARMEN logs: scans and poses of a drive, as the CARMEN toolkit and its log archives write them.
 
-A log enters, packed with gzip or not; its scans leave, with the poses as logged, or those that
-odometry or the truth gives for their times. Of a log from which a SLAM has taken the drift, the
-logged ones are the corrected ones. Lines that cannot be read are counted and named, and the
-others are read all the same; `carmen_messages` tells what is in a line.
+A log enters, gzipped or not; its scans leave, with the logged poses, or those of the odometry or
+the truth at their times. If a SLAM system has corrected the log, the logged poses are the corrected
+ones. Lines that cannot be read are skipped and reported; `carmen_messages` documents the lines.
 """
 
 from dataclasses import replace

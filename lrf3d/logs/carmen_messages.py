@@ -1,6 +1,6 @@
-"""The messages of CARMEN logs, one a line, as the CARMEN toolkit and its log archives write them.
+"""The messages of CARMEN logs, one on each line, as the toolkit and its log archives write them.
 
-Lines enter; the scans and poses that they tell leave. The messages read are::
+Lines enter; the scans and poses that they hold leave. The messages read are::
 
     FLASER n r1 … rn  x y theta  odom_x odom_y odom_theta  time host logger_time
     ROBOTLASER1 type start fov step max_range accuracy mode  n r1 … rn  m s1 … sm  x y theta
@@ -8,7 +8,7 @@ Lines enter; the scans and poses that they tell leave. The messages read are::
     ODOM x y theta  v w acceleration  time host logger_time
     TRUEPOS x y theta  odom_x odom_y odom_theta  time host logger_time
 
-Lines that cannot be read are counted and named, and the others are read all the same.
+Lines that cannot be read are skipped and reported.
 """
 
 from collections.abc import Iterable, Iterator
@@ -37,7 +37,7 @@ class _BadMessage(ValueError):
 
 
 class LoggedPose(NamedTuple):
-    """A pose of the robot that an ODOM or a TRUEPOS message tells.
+    """A pose of the robot from an ODOM or a TRUEPOS message.
 
     Args:
         track: ``odom`` or ``truth``.
@@ -55,13 +55,13 @@ def read_carmen(
 ) -> Iterator[LaserScan | LoggedPose | BadLine]:
     """Read scans and poses line by line, in constant memory.
 
-    A log that tells each scan twice, in the old message and in the new, is read in the one that
-    comes first.
+    If a log holds each scan twice, as an old and as a new message, only the kind that comes first
+    is read.
 
     Args:
         lines: The lines.
         largest_range: Readings from here on are no return [m].
-        source: What the lines are of, for a message.
+        source: Name of the log, for messages.
 
     Yields:
         A scan or a pose for each line that holds one, and a BadLine for each that cannot be read.
@@ -97,7 +97,7 @@ def read_carmen(
 
 
 def _check_name(name: bytes) -> None:
-    """Tell messages that need not be known from what is no message at all."""
+    """Distinguish messages that may be skipped from lines that are not messages."""
     known = name.replace(b"_", b"").isalnum() and name == name.upper() and name[:1].isalpha()
     if not (name.startswith(b"#") or (known and len(name) <= LONGEST_NAME)):
         raise _BadMessage("not a CARMEN message")
@@ -144,7 +144,7 @@ def front_angles(count: int) -> Float:
 def _robot_laser(
     words: list[bytes], largest_range: float | None, fans: dict[tuple[int, float, float], Float]
 ) -> LaserScan:
-    """The scan of a ROBOTLASER1 message, which tells its angles and its range."""
+    """The scan of a ROBOTLASER1 message, which holds its angles and its range."""
     count = _count(words, 8)
     remissions = _count(words, count + 9, least=0)
     tail = count + remissions + 10
@@ -190,7 +190,7 @@ def _scan(
             if not _number(word, f"reading {place}", finite=False) >= 0.0:
                 raise _BadMessage(f"reading {place} is {_shown(word)}, expected metres")
     ranges[ranges >= farthest] = inf
-    # A reading of 0 is how some drivers say that they could not tell.
+    # Some drivers write a reading of 0 for a beam without a valid range.
     ranges[ranges == 0.0] = -inf
     return LaserScan(
         _pose(pose),

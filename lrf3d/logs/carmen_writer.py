@@ -1,10 +1,9 @@
-"""CARMEN logs out: a run as one message a line, packed with gzip where the name says so.
+"""Writing CARMEN logs: a run with one message on each line, gzipped if the name ends in .gz.
 
-Each scan is told by four lines: where the robot truly was, what its wheels say (the same, for
-they do not drift), the scan with its own angles and range, and, where its fan is the one that
-FLASER messages have, the scan once more for tools that read no other. Numbers have all their
-digits: what is read back is what was written, bit for bit, but for what the format has no word
-for. A beam without return is told as range_max, one that met something too near as 0.
+Each scan takes four lines: the true pose, the odometry (the same, for it does not drift), the scan
+with its own angles and range, and, if its fan is that of FLASER messages, the scan once more for
+tools that read only these. Numbers have all their digits: whatever the format can hold is read back
+bit for bit. A beam without return is written as range_max, one that met something too near as 0.
 """
 
 import gzip

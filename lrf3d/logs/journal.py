@@ -7,9 +7,9 @@ next is begun. Where the file breaks off or is damaged, the chunks before that p
 A chunk holds, for c scans of n beams:
 
 ==================  =======================================================================
-state               JSON: the state of the random numbers after the last scan, and the stages of
-                    the map among these scans with their numbers of segments
-stage by stage      segments (m, 4), objects (m,), points (m,)
+state               JSON: the state of the random numbers after the last scan, and the map
+                    snapshots among these scans with their numbers of segments
+by snapshot         segments (m, 4), objects (m,), points (m,)
 times, poses        (c,), (c, 3)
 ranges, truth       (c, n) each
 walls               (c, n)
@@ -52,7 +52,7 @@ Array = NDArray[Any]
 
 
 def column_shape(name: str, scans: int, beams: int) -> tuple[int, ...]:
-    """The shape of a column of so many scans."""
+    """The shape of a column of a number of scans."""
     return {"": (scans,), "pose": (scans, 3), "beams": (scans, beams)}[COLUMNS[name][1]]
 
 
@@ -67,7 +67,7 @@ class Chunk:
         end: Where it ends.
         sums: The checksum of each column, in their order.
         rng: State of the random numbers after its last scan.
-        stages: The stages of the map among its scans, and the maps.
+        stages: The map snapshots among its scans: number of scans and map of each.
     """
 
     first: int

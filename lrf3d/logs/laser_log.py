@@ -77,7 +77,7 @@ class LaserLog(Value):
 
 
 def log_name(path: Path) -> str:
-    """The name of a log without the endings that tell its format."""
+    """The name of a log without the endings that mark its format."""
     if path.is_dir():
         return own_name(path, stem=path.resolve().name)
     name = path.name.removesuffix(".gz")

@@ -22,7 +22,7 @@ ALIGNED = 64
 """Bytes that arrays begin at a multiple of, as NumPy's own files have it."""
 
 EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The time of all members, the first that a zip file can tell: a run is the same at any time."""
+"""The time of all members, the earliest of a zip file: equal runs are equal files at any time."""
 
 _HEADER, _ZIP64, _PADDING = 30, 20, 4
 """Sizes [bytes] of a zip member's header, of its field for large sizes, and of an empty field."""

@@ -44,7 +44,7 @@ def _plain(rng: np.random.Generator) -> dict[str, Any]:
     """The state of random numbers in JSON's types.
 
     Raises:
-        InputError: It cannot be told so.
+        InputError: JSON cannot hold it.
     """
     state = dict(rng.bit_generator.state)
     try:
@@ -52,13 +52,13 @@ def _plain(rng: np.random.Generator) -> dict[str, Any]:
     except TypeError:
         kind = type(rng.bit_generator).__name__
         raise InputError(
-            f"rng with {kind}: its state cannot be kept; take numpy.random.default_rng"
+            f"rng with {kind}: its state cannot be saved; use numpy.random.default_rng"
         ) from None
     return state
 
 
 def _name_of(part: Any) -> str:
-    """What a part says it is, or its class where it tells no more than where it lies."""
+    """The repr of a part, or its class if the repr holds no more than its address."""
     text = repr(part)
     kind = f"{type(part).__module__}:{type(part).__qualname__}"
     return kind if " at 0x" in text else f"{kind} {text}"

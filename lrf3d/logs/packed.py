@@ -65,7 +65,7 @@ def _lines(stream: BinaryIO | gzip.GzipFile, path: Path, allowed: int | None) ->
                 f"{path}: line {number}: unpacks to over {LARGEST_RATIO} times its size, which no"
                 " log does; unpack it first if it is one"
             )
-        # A line that breaks off with the data is not told apart from that.
+        # A line that breaks off with the data looks the same as that.
         parts = [] if fault else (rest + block).split(b"\n")
         # The last part goes on in the next block, unless this was the end.
         rest = parts.pop() if block else b""

@@ -1,4 +1,4 @@
-"""Reading logs: the name of a file or a folder tells which reader it is for."""
+"""Reading logs: the name of a file or a folder selects the reader."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def load_log(
     poses: str = "auto",
     scan_topic: str | None = None,
 ) -> LaserLog:
-    """Read the scans of a log; its name tells the format.
+    """Read the scans of a log; the ending of its name gives the format.
 
     Args:
         path: A CARMEN log, packed with gzip or not; a ROS 2 bag, as .mcap, .db3 or a folder; or
@@ -63,7 +63,7 @@ def load_log(
     if poses not in POSES:
         raise InputError(f"poses from {poses!r}: expected one of {', '.join(POSES)}")
     if "\0" in str(path):
-        raise InputError(f"{path}: no name of a file; leave out its NUL character")
+        raise InputError(f"{path}: not a file name; remove its NUL character")
     ending = path.name.lower()
     if ending.endswith(CARMEN_ENDINGS):
         from lrf3d.logs.carmen import load_carmen
@@ -73,7 +73,7 @@ def load_log(
         from lrf3d.logs.run_file import load_run
 
         if poses not in ("auto", "truth"):
-            raise InputError(f"{path}: no poses from {poses} in it; a run knows the truth alone")
+            raise InputError(f"{path}: no poses from {poses} in it; a run has only true poses")
         run = load_run(path)
         # Not called like the run, so that its map does not take the place of the run's own.
         name = own_name(path.resolve().parent if path.name == "run.npz" else path)

@@ -1,10 +1,10 @@
-"""Recording: a simulation becomes a run.npz scan by scan, and goes on where it was stopped.
+"""Recording: a simulation is written to a run.npz scan by scan, and can be resumed.
 
-Beside the file that is to be, ``run.npz``, lie two others until it is whole: ``run.journal``, with
-the scans so far (see `journal`), and ``run.checkpoint``, with what the mapper had learnt after some
-of them. A simulation that is resumed is told the scans again, by the checkpoint only the last of
-them; then it goes on, and ends with the very bytes that an undisturbed one ends with. However many
-scans there are, a few megabytes of them are in memory.
+Until ``run.npz`` is complete, two other files stand beside it: ``run.journal``, with the scans so
+far (see `journal`), and ``run.checkpoint``, with the state of the mapper after some of them. To
+resume, the mapper is given the scans since the checkpoint again, or all of them if it has none; the
+result is the same, byte for byte, as without the interruption. However many scans there are, only a
+few megabytes of them are in memory.
 """
 
 import json
@@ -209,7 +209,7 @@ class _Recorder:
             return
         self._checked = self._restore_mapper()
         steered = isinstance(simulation.drive, Steered)
-        # A trajectory decides nothing after a scan, so that mapped scans need not be told to it.
+        # A trajectory does not depend on scans, so it need not be given those that are mapped.
         simulation.done = 0 if steered else self._checked
         columns = [journal.column(name, first=simulation.done) for name in COLUMNS]
         for times, poses, ranges, _, walls in zip(*columns, strict=True):
@@ -278,7 +278,7 @@ class _Recorder:
         self._waiting, self._maps = (self.journal.scans, 0, {}), {}
 
     def _keep_mapper(self) -> None:
-        """Write what the mapper has learnt, where it can tell."""
+        """Write the state of the mapper, if it can return one."""
         state = getattr(self.simulation.mapper, "state", None)
         if not callable(state):
             return

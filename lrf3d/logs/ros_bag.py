@@ -141,7 +141,7 @@ def _take_transforms(contents: _Contents, message: Message) -> None:
         child, parent = _frame(said.child_frame_id), _frame(said.header.frame_id)
         hangs_on, rows, _ = contents.edges.setdefault(child, (parent, Rows(), stands))
         row = _row(said.transform.translation, said.transform.rotation)
-        # A frame hangs on one other; where two programs quarrel about it, the first is heard.
+        # A frame has one parent; if two programs publish different ones, the first counts.
         if hangs_on == parent:
             rows.add(_stamp(said.header), row)
 
@@ -158,7 +158,7 @@ def _take_pose(contents: _Contents, message: Message) -> None:
 def _row(place: Any, turn: Any) -> tuple[float, ...]:
     """Numbers x, y, z and the quaternion x, y, z, w of a pose or a transform."""
     row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
-    # Asked so that a number that is none is refused as well.
+    # Compared in this order so that NaN is refused as well.
     if not (all(abs(value) <= FARTHEST for value in row) and 0.5 < math.hypot(*row[3:]) < 2.0):
         raise InputError(f"pose {row}: expected numbers and a unit quaternion")
     return row

@@ -40,7 +40,7 @@ def write(run: Run, path: Path) -> None:
     """Write a run to an MCAP file, whole or not at all.
 
     Raises:
-        InputError: The run has times before 0, which a bag cannot tell.
+        InputError: The run has times before 0, which a bag cannot hold.
         OutputError: The file cannot be written.
         MissingLibraryError: rosbags is not installed.
     """
@@ -52,12 +52,12 @@ def write_folder(run: Run, path: Path) -> None:
     """Write a run to the folder of a bag; a bag that stands there is replaced.
 
     Raises:
-        InputError: The run has times before 0, which a bag cannot tell.
+        InputError: The run has times before 0, which a bag cannot hold.
         OutputError: The folder cannot be written, or holds something else.
         MissingLibraryError: rosbags is not installed.
     """
     if path.exists() and not (path / "metadata.yaml").is_file():
-        raise OutputError(f"{path}: stands there and is no bag; choose another place")
+        raise OutputError(f"{path}: exists and is not a bag; choose another place")
     with _bag_of(run, path) as folder:
         old = Path(folder.parent, "old")
         if path.exists():
@@ -69,7 +69,7 @@ def write_folder(run: Run, path: Path) -> None:
 def _bag_of(run: Run, path: Path) -> Iterator[Path]:
     """The bag of a run, in a folder that is called like a path and is gone afterwards."""
     if run.trajectory.times[0] < 0.0:
-        raise InputError(f"{path}: a bag tells no time before 0, and the run begins earlier")
+        raise InputError(f"{path}: a bag cannot hold times before 0, but the run begins earlier")
     try:
         with unfinished_folder(path) as place:
             folder = place / path.stem
@@ -120,7 +120,7 @@ def _fill(run: Run, folder: Path) -> None:
         write(STATIC_FRAMES, start, messages.transform(start, BASE, LASER, mount, run.lrf.height))
         for scan, speed, step in zip(run.scans, run.trajectory.speeds, steps.tolist(), strict=True):
             stamp = Stamp.of(scan.time)
-            # What tells where the laser is comes before what it saw from there.
+            # The pose of the laser comes before what it measured from there.
             write("/tf", stamp, messages.transform(stamp, WORLD, BASE, scan.pose))
             odometry = messages.odometry(stamp, scan.pose, speed)
             write("/odom", stamp, odometry)

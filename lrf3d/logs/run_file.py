@@ -1,6 +1,6 @@
 """run.npz: a run on disk, as plain NumPy arrays; reading it never unpickles anything.
 
-The arrays, for k scans of n beams and s kept stages of the map:
+The arrays, for k scans of n beams and s map snapshots:
 
 ====================  =================================================================
 version               the version of this format, 1
@@ -13,8 +13,8 @@ lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, h
 film_view             name of the camera that the run is filmed from, and film_playback the seconds
                       of the run in a second of the film, where nothing else is asked for; missing
                       in older files, which are filmed from ``chase`` at 1
-mover_heights (m,)    heights [m] of what moved beside the robot; missing, as is what follows, where
-                      nothing did, and in older files
+mover_heights (m,)    heights [m] of the dynamic obstacles; missing, like the next four, if there
+                      were none, and in older files
 mover_corners (m,)    how many corners each outline has; mover_outlines (…, 2) the corners [m] of
                       all, in their own frames
 mover_stops (m,)      how many poses each path has; mover_times (…,) [s] and mover_poses (…, 3)
@@ -25,9 +25,9 @@ poses (k, 3)          x, y [m], theta [rad] of each scan
 ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
 truth (k, n)          true ranges [m]
 walls (k, n)          the wall that each beam hit, or −1
-stages (s,)           scans after which the map was kept; none where a mapper makes no LineMap
-map_sizes (s,)        segments of the map at each stage
-map_segments (…, 4)   the segments of all stages, one after the other; map_objects and
+stages (s,)           number of scans before each map snapshot; empty if a mapper makes no LineMap
+map_sizes (s,)        number of segments of each snapshot
+map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
                       map_points likewise
 origin                what the run was made of, as JSON: for the world, the laser, the drive and
                       so on a digest or a name each, by which ``--resume`` knows its own; missing
@@ -140,7 +140,7 @@ def mover_columns(movers: "Sequence[Mover]") -> list[Column]:
 
 
 def map_columns(stages: Iterable[int], maps: Sequence[LineMap]) -> list[Column]:
-    """The kept stages of the map."""
+    """The columns of the map snapshots."""
     none = LineMap.empty()
     arrays = {
         "stages": np.array(list(stages), dtype=np.int64),
@@ -155,10 +155,10 @@ def map_columns(stages: Iterable[int], maps: Sequence[LineMap]) -> list[Column]:
 def load_run(path: str | Path) -> Run:
     """Read a run from a file or from the folder that ``lrf3d run`` wrote it to.
 
-    Arrays over 64 MiB are mapped and not read, so that a run may be larger than the memory.
+    Arrays over 64 MiB are memory-mapped, so that a run may be larger than the memory.
 
     Raises:
-        InputError: The file is missing, damaged or none of lrf3d's.
+        InputError: The file is missing, damaged or not a run of lrf3d.
 
     Examples:
         >>> import lrf3d
@@ -191,7 +191,7 @@ def run_path(path: str | Path) -> Path:
     """The file of a run that is given by its name or by its folder.
 
     Raises:
-        InputError: There is none; the message says what is there instead.
+        InputError: There is no run; the message says what is there instead.
     """
     path = Path(path)
     folder, file = (path, path / "run.npz") if path.is_dir() else (path.parent, path)

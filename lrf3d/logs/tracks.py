@@ -38,7 +38,7 @@ class Placed:
 
     @classmethod
     def identity(cls, count: int) -> "Placed":
-        """The frame itself, at so many times."""
+        """The frame itself, at a number of times."""
         return cls(np.zeros((count, 3)), Rotation.identity(count), np.ones(count, np.bool_))
 
     def in_the_plane(self) -> tuple[Float, Float]:
@@ -94,7 +94,7 @@ class Track:
 
     @property
     def moves(self) -> bool:
-        """Whether it is ever elsewhere than at first; fixed joints are told again and again too."""
+        """Whether it is ever elsewhere than at first; fixed joints are published repeatedly too."""
         turns = self.turns.as_matrix()
         same = (self.places == self.places[0]).all() and (turns == turns[0]).all()
         return not (self.stands or same)

@@ -28,7 +28,7 @@ _RETRIES = 3
 """How often a part is drawn again where its process was killed, as those short of memory are."""
 
 _TOLD_SECONDS = 0.25
-"""How often a worker tells how many frames are done [s]."""
+"""How often a worker reports how many frames are done [s]."""
 
 _WATCH_SECONDS = 1.0
 """How often a worker looks whether its part is still asked for [s]."""
@@ -94,7 +94,7 @@ def _collect(
     total: int,
     progress: Progress | None,
 ) -> None:
-    """Write parts as they come and tell how many frames are done, until all parts are there."""
+    """Write parts as they come and report how many frames are done, until all are there."""
     done = [0] * len(futures)
     waiting = set(futures)
     while waiting:
@@ -128,7 +128,7 @@ def draw_there(job: bytes, number: int, bounds: tuple[int, int], topic: str) -> 
         job: The job, pickled.
         number: The number of the part.
         bounds: Its first frame, and the one after its last.
-        topic: The topic of Dask under which it tells how many frames are done.
+        topic: The topic of Dask under which it reports how many frames are done.
 
     Returns:
         The files of the part. A known error is given back and not raised: it would come again,
@@ -163,7 +163,7 @@ def draw_there(job: bytes, number: int, bounds: tuple[int, int], topic: str) -> 
 def _follow(
     process: "subprocess.Popen[bytes]", tell: Callable[[int], None], *, wanted: Callable[[], bool]
 ) -> None:
-    """Tell how many frames are done until the process ends; end it when nobody wants them."""
+    """Report how many frames are done until the process ends; end it if nobody needs them."""
     assert process.stdout is not None
     done, told = 0, time.monotonic()
     with selectors.DefaultSelector() as selector:

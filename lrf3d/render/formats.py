@@ -100,7 +100,7 @@ def format_of(path: Path) -> Format:
     """The kind of film that a path names.
 
     Raises:
-        InputError: There is none of that ending.
+        InputError: There is no format with that ending.
     """
     found = FORMATS.get(path.suffix.lower())
     if found is None:

@@ -20,7 +20,7 @@ _LIBRARIES = ("libEGL.so.1", "libGL.so.1")
 
 
 def gl_available() -> bool:
-    """Tell whether the OpenGL libraries are there; cheap, it makes no context."""
+    """Whether the OpenGL libraries are there; cheap, for it makes no context."""
     if not sys.platform.startswith("linux"):
         return ctypes.util.find_library("GL") is not None or sys.platform == "win32"
     return not any(_cannot_load(library) for library in _LIBRARIES)
@@ -59,7 +59,7 @@ def import_libraries() -> tuple[Any, Any]:
             if "OpenGL.GL" not in sys.modules:
                 # A check after every call costs more than many of the calls.
                 OpenGL.ERROR_CHECKING = False
-            # pyrender imports its viewer, which wants a window on import unless told not to.
+            # pyrender imports its viewer, which opens a window on import unless headless is set.
             pyglet.options["headless"] = True
             _accept_references()
             _do_without_checks()

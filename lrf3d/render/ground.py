@@ -1,4 +1,4 @@
-"""The ground as a picture, painted once: the sun's shadows, contact shade, pavement and streets.
+"""The ground as a picture, painted once: the sun's shadows, contact shadows, pavement and streets.
 
 A shadow that is drawn each frame costs a second pass over the city; baked it costs one look-up.
 """
@@ -47,7 +47,7 @@ _FINER = 2
 near, where steps would show."""
 
 _CONTACT = 0.9
-"""How far the shade at the foot of walls reaches [m]."""
+"""How far the shadow at the foot of walls reaches [m]."""
 
 
 _ASPHALT, _STONE, _MARK, _FLOOR = (94, 93, 91), (156, 152, 144), (204, 200, 188), (192, 185, 172)
@@ -163,7 +163,7 @@ class _Brush:
             draw.line(self._points(segment), fill=255, width=1)
 
     def grid(self, picture: Image.Image, metres: float, width: float, fill: int) -> None:
-        """Draw lines every so many metres, at multiples of it in the film's frame.
+        """Draw lines at a spacing [m], at its multiples in the film's frame.
 
         Nothing where they would lie so close together that they are one grey.
         """
@@ -223,7 +223,7 @@ def _paint_floor(structures: Structures, brush: _Brush) -> Image.Image:
     brush.grid(lines, 1.0, 0.02, 40)
     ground = Image.new("RGB", brush.size, _FLOOR)
     ground.paste((60, 55, 50), mask=lines)
-    # Two reaches: a dark line in the corner and the wide shade that a room's light leaves.
+    # Two widths: a dark line in the corner, and the wide shadow in the light of a room.
     for reach, gain in ((0.12, 2.2), (0.5, 3.0)):
         near = brush.soft(foot, reach).point([min(255, int(gain * value)) for value in range(256)])
         ground = ImageChops.multiply(ground, _tinted(near, _FLOOR_SHADE))

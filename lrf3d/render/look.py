@@ -38,7 +38,7 @@ class Look:
 
     @property
     def key(self) -> tuple[bytes, bytes, float]:
-        """What tells this look from others of its camera."""
+        """What distinguishes this look from others of its camera."""
         return self.eye.tobytes(), self.target.tobytes(), self.field
 
     @property

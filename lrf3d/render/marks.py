@@ -35,7 +35,7 @@ MOST_POINTS = 200_000
 """Reflection points drawn at most: more would only make the picture slower."""
 
 FEW_POSES, FEW_OBJECTS = 6, 9
-"""Up to so many poses and objects are each drawn by name, as in Fig. 5."""
+"""Up to this number of poses and objects, each is drawn with its name, as in Fig. 5."""
 
 JUMP = 0.15
 """Poses that lie mostly farther apart than this part of the frame are no drive, but places."""

@@ -1,7 +1,7 @@
-"""What moves beside the robot, drawn: bodies as high as they are, and their shade on the ground.
+"""Drawing dynamic obstacles: their bodies, and their shadows on the ground.
 
 Enters: a run and a time of it. Leaves: primitives in the film's frame. Bodies are drawn by the
-robot's program, each at its own pose, so that both renderers know them already.
+robot's program, each at its own pose, so that both renderers can draw them.
 """
 
 from collections.abc import Iterator
@@ -30,20 +30,20 @@ _NEAR = 0.3
 """How far off a body [m] a return is still one of it: noise moves it by as much."""
 
 _SHADE, _SHADE_INDOOR = 0.42, 0.30
-"""Darkness of the shade on the ground."""
+"""Darkness of the shadow on the ground."""
 
 _FRINGE, _FRINGE_INDOOR = 0.08, 0.35
-"""Width of the soft edge of the shade [m]: the sun's is narrow, that of a lit room wide."""
+"""Width of the soft edge of the shadow [m]: in the sun it is narrow, in a lit room wide."""
 
 _LIFT = 0.01
-"""Height of the shade above the ground [m]."""
+"""Height of the shadow above the ground [m]."""
 
 _LEAST = 2.5
-"""Half the size of a body in the inset [pixels] at the least, where it would be lost."""
+"""Least half size of a body in the inset [pixels], so that it can be seen."""
 
 
 def mover_colours(movers: "tuple[Mover, ...]") -> Float:
-    """Colours (m, 3) of what moves, 0…1."""
+    """Colours (m, 3) of dynamic obstacles, 0…1."""
     return np.asarray(MOVERS[np.arange(len(movers)) % len(MOVERS)])
 
 
@@ -56,10 +56,10 @@ def mover_bodies(movers: "tuple[Mover, ...]") -> list[Single]:
 
 
 class MovingBodies:
-    """Draws what moves beside the robot; nothing where nothing does.
+    """Draws the dynamic obstacles of a run; nothing if there are none.
 
     Args:
-        movers: What moves.
+        movers: The dynamic obstacles.
         origin: (2,) of the film's frame in the world [m].
         indoor: Whether this is the inside of a house, where no sun shines.
     """
@@ -90,7 +90,7 @@ class MovingBodies:
         return (*self._bodies, *self._shade, *self._plans)
 
     def place(self, time: float) -> None:
-        """Put all bodies to where they are at a time [s]."""
+        """Place all bodies where they are at a time [s]."""
         poses = self._at(time)
         if not len(poses) or np.array_equal(poses, self.poses):
             return
@@ -112,7 +112,7 @@ class MovingBodies:
             yield body, {"world_from_robot": world_from_robot(pose)}
 
     def shades(self) -> Iterator[tuple[Primitive, dict[str, Any]]]:
-        """The shade of all bodies."""
+        """The shadows of all bodies."""
         lifted = np.eye(4)
         lifted[2, 3] = _LIFT
         for shade in self._shade:

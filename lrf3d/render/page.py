@@ -189,7 +189,7 @@ class Page:
 def plain(words: str) -> str:
     """Words that a user may have chosen, such as a name, as a figure shows them.
 
-    They are not read as maths, and letters that are none, of a file's name that is not UTF-8, have
+    They are not read as maths, and invalid letters, of a file's name that is not UTF-8, have
     a question mark in their place.
     """
     return words.encode("utf-8", "replace").decode("utf-8").replace("$", r"\$")

@@ -16,7 +16,7 @@ from lrf3d.render.primitives import Primitive
 from lrf3d.render.skyline import Skyline
 
 TILE = 160.0
-"""Side of a tile [m]: parts are looked at one by one only in tiles that are in sight."""
+"""Side of a tile [m]: parts are checked one by one only in tiles that are in sight."""
 
 FEW = 80
 """So few parts in the picture are drawn without asking which of them hide others."""
@@ -93,7 +93,7 @@ class Parts:
         inside, away = inside[order], away[order]
         if len(inside) <= FEW:
             return inside
-        # The row of the matrix that gives depth tells where the eye looks.
+        # The row of the matrix that gives depth is the direction in which the eye looks.
         return self._skyline.unhidden(inside, away, self.boxes.low, self.boxes.high, eye, matrix[3])
 
 

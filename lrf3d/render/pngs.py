@@ -7,7 +7,7 @@ from PIL import Image
 from lrf3d.render.pictures import Picture
 
 _EFFORT = 4
-"""Compression 0…9: beyond, a file takes twice the time and gets no smaller to speak of."""
+"""Compression 0…9: beyond, a file takes twice the time and hardly gets smaller."""
 
 
 def frame_name(number: int) -> str:

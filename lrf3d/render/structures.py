@@ -58,12 +58,12 @@ class Structures:
 
     @classmethod
     def from_run(cls, run: Run) -> "Structures":
-        """Find the solids of a run's world; what the robot drove inside of is none."""
+        """Find the solids of a run's world; outlines that it drove inside of are not."""
         return cls.from_world(run.world, run.trajectory.poses[:, :2])
 
     @classmethod
     def from_world(cls, world: World, path: Float | None = None) -> "Structures":
-        """Find the solids of a world; what a robot drives inside of on its path (k, 2) is none.
+        """Find the solids of a world; an outline around a robot's path (k, 2) is not one.
 
         What cannot be seen from the path is left out; all is there where no path is given.
         """

@@ -1,8 +1,8 @@
-"""Where the sun does not reach walls and roofs: baked into their faces, so that it costs no pass.
+"""Shadows of the sun on walls and roofs, baked into their faces, so that they cost no pass.
 
 Everything stands straight on level ground, so that what hides the sun from a wall hides it up to
 some height: along the wall that is a profile of straight pieces. Faces are cut where pieces meet,
-and each corner knows how far it lies under the profile; the shader has no more to do than compare.
+and each corner holds how far it lies under the profile; the shader has only to compare.
 """
 
 from typing import Any, NamedTuple
@@ -16,10 +16,10 @@ from lrf3d.render.ground import SUN
 from lrf3d.render.structures import Structures
 
 LIT = -1e3
-"""How far under the shade's edge a corner is that lies in the sun [m]: not at all."""
+"""How far under the shadow's edge a corner lies that is in the sun [m]: not at all."""
 
 _SLOPE = float(SUN[2] / np.hypot(SUN[0], SUN[1]))
-"""By how much a shade falls on its way [m/m]."""
+"""By how much the edge of a shadow falls with the distance [m/m]."""
 
 _TOWARD = SUN[:2] / np.hypot(SUN[0], SUN[1])
 """Level direction to the sun, of unit length."""
@@ -31,13 +31,13 @@ _TOUCH = 0.01
 """What is nearer than this to a wall [m] is joined to it and hides nothing from it."""
 
 _LOWEST = 0.02
-"""Shade up to this height [m] is left out."""
+"""Shadows up to this height [m] are left out."""
 
 _MOST_WALLS = 60_000
 """Worlds of more walls are drawn without: it would take seconds until the first frame."""
 
 _MOST_PIECES = 24
-"""So many of the highest shades of a wall are looked at; behind a fence of posts there are more."""
+"""Number of the highest shadows on a wall that are used; behind a fence of posts there are more."""
 
 _POSITION, _ALONG = slice(0, 3), 6
 """Where in a row of a face its position is, and its place along the face."""
@@ -62,14 +62,14 @@ class Cast(NamedTuple):
 
 
 def shade_quads(structures: Structures, quads: Single) -> tuple[Single, Int]:
-    """Cut walls where the edge of their shade bends.
+    """Cut walls where the edge of their shadow bends.
 
     Args:
         structures: What stands in the sun.
-        quads: (n, 4, 14) faces; those that stand upright may be shaded.
+        quads: (n, 4, 14) faces; upright ones may be in shadow.
 
     Returns:
-        Faces (m, 4, 15), each corner with how far under the shade's edge it lies [m], and the
+        Faces (m, 4, 15), each corner with how far under the shadow's edge it lies [m], and the
         face (m,) that each was.
     """
     plain = np.concatenate([quads, np.full((*quads.shape[:2], 1), LIT, np.float32)], axis=2)
@@ -96,10 +96,10 @@ def shade_quads(structures: Structures, quads: Single) -> tuple[Single, Int]:
 
 
 def shade_roofs(structures: Structures) -> tuple[Any, Int, Float]:
-    """Cut the solids where higher ones shade their roofs.
+    """Cut the solids where higher ones cast shadows on their roofs.
 
     Returns:
-        Polygons (m,), the solid (m,) that each is of, and how far under the shade it lies [m].
+        Polygons (m,), the solid (m,) that each is of, and how far under the shadow it lies [m].
     """
     solids, every = structures.solids, np.arange(len(structures.solids))
     lit = np.full(len(solids), LIT)
@@ -125,7 +125,7 @@ def shade_roofs(structures: Structures) -> tuple[Any, Int, Float]:
         (shapely.intersection(solids[dark], hidden), -LIT),
     ):
         parts, owner = shapely.get_parts(shape, return_index=True)
-        # Lines where shades only touch a roof, and slivers, are no part of it.
+        # Lines where shadows only touch a roof, and slivers, do not count.
         good = shapely.area(parts) > 1e-4
         pieces[0].append(parts[good])
         pieces[1].append(dark[owner[good]])

@@ -45,7 +45,7 @@ def render_video(
     scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Draw a run as a film: H.264 in .mp4, or an animation in .webp or .gif that plays on and on.
+    """Draw a run as a film: H.264 in .mp4, or a looping animation in .webp or .gif.
 
     Args:
         run: The run.
@@ -101,7 +101,7 @@ def render_video(
 
 
 def share_of(progress: Progress | None, first: float, last: float, total: int) -> Progress | None:
-    """Progress of one stage of a work in so many steps, from one share of the whole to another."""
+    """Progress of one stage of a work in steps, from one share of the whole to another."""
     if progress is None:
         return None
     whole = progress
@@ -145,7 +145,7 @@ def render_frames(
     folder = Path(os.path.abspath(folder))
     job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES, scheduler)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder}: there is something already; name a new or an empty folder")
+        raise InputError(f"{folder}: not empty; name a new or an empty folder")
     make_folder(folder.parent)
     try:
         # Beside its place, so that it can be put there at once.

@@ -24,7 +24,7 @@ _SIZES = (3, 3, 2, 2, 4)
 """Position, normal, place along and up the face [m], its length and height [m], colour and kind."""
 
 _SHADED_SIZES = (*_SIZES, 1)
-"""The same, and how far under the edge of its shade a corner lies [m]."""
+"""The same, and how far under the edge of its shadow a corner lies [m]."""
 
 _LOWEST_FACADE = 3.0
 """Walls below this height [m] are fences and garden walls: no windows."""
@@ -36,7 +36,7 @@ _LONGEST = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Walls:
-    """What can be seen of a world's walls, in parts that are drawn only where they are in sight.
+    """What can be seen of a world's walls, in parts that are drawn only if they are in sight.
 
     Args:
         facades: Walls with windows.
@@ -210,7 +210,7 @@ def _flat(corners: Float, heights: Float, colours: Float, kind: float) -> Single
 
 
 def _shaded_roofs(structures: Structures) -> tuple[Single, Int]:
-    """Triangles (t, 3, 15) of the roofs, each corner with its shade, and the object of each."""
+    """Triangles (t, 3, 15) of the roofs, each corner with its shadow, and the object of each."""
     polygons, solid, under = shade_roofs(structures)
     roofs, objects, piece = _roofs(structures, polygons, solid)
     shade = np.broadcast_to(under[piece, None, None], (len(roofs), 3, 1))

@@ -14,7 +14,7 @@ FASTEST = 200.0
 """Most frames a second: browsers show what lasts 10 ms or less for a tenth of a second instead."""
 
 _OPTIONS = {
-    # A quarter of what the film takes as GIF, and hardly to be told from the original.
+    # A quarter of what the film takes as GIF, and hardly different from the original.
     "quality": "75",
     # The encoder's middle effort: twice as slow as 2 for a twentieth less, as fast as drawing.
     "compression_level": "4",

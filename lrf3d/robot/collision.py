@@ -79,10 +79,10 @@ def find_collision(trajectory: Trajectory, world: World, radius: float) -> Colli
 
 
 def check_drive(trajectory: Trajectory, world: World, radius: float) -> None:
-    """See that a drive keeps clear of all walls.
+    """Check that a drive does not hit a wall.
 
     Raises:
-        CollisionError: It does not; the message names the time, the place and the wall.
+        CollisionError: It does; the message names the time, the place and the wall.
 
     Examples:
         >>> import lrf3d

@@ -101,7 +101,7 @@ def follow_route(
         if arrived:
             return Trajectory(np.array(times), np.array(poses))
     x, y = path.points[-1]
-    raise InputError(f"route: the robot does not arrive at ({x:g}, {y:g}); lower the speed")
+    raise InputError(f"route: the robot does not reach ({x:g}, {y:g}); lower the speed")
 
 
 class _Path:

@@ -267,7 +267,7 @@ def _allowed(
     before = known & sides.outside
     rooms = known & ~sides.outside & ~sides.in_building
     if before.any() and worths.of(rooms) < SUBSTANTIAL * worths.of(before):
-        # A few walls in the open, which enclose nothing to speak of.
+        # A few walls in the open, which enclose next to nothing.
         return everywhere
     inside = begin is None or not sides.outside[begin]
     return ~sides.outside if inside else sides.outside

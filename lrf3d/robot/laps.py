@@ -17,7 +17,7 @@ def drive_laps(
     """A first lap along a route, and a second one that ends as it begins, to be driven for ever.
 
     A route that does not end where it begins is driven back the way it came. What is not asked
-    for is not driven: the first lap ends after so many poses, and then there is no second.
+    for is not driven: the first lap ends after that number of poses, and there is no second.
 
     Args:
         route: (m, 2) way-points [m].
@@ -40,7 +40,7 @@ def drive_laps(
 
 
 def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
-    """The first of two laps and then the second again and again, cut after so many scans.
+    """The first of two laps and then the second again and again, cut after a number of scans.
 
     Raises:
         InputError: The lap takes no time.

@@ -72,16 +72,16 @@ def plan_route(
 ) -> Float:
     """Find way-points (m, 2) [m], two or more, along which most of the walls are seen.
 
-    The same world gives the same route. In a world wider than 500 m only the part with the most
-    walls is driven through. A plan of rooms is driven through inside, whatever doors lead out of
-    it, a town between its buildings; of a map that says what is free only free cells are taken.
+    The same world gives the same route. In a world wider than 500 m the route is planned only in
+    the part with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a
+    town it runs between the buildings; in a map with free cells it keeps to these.
 
     Args:
         world: The walls.
-        radius: Radius of the robot [m]; it never comes nearer to a wall than this and 0.3 m, but
-            in doors that are narrower, where rooms lie behind them.
-        clearance: Distance to walls [m] that is kept where there is room.
-        range_max: Farthest that the laser measures [m].
+        radius: Radius of the robot [m]; it keeps this and 0.3 m away from walls, except in
+            narrower doors that lead to rooms.
+        clearance: Distance to walls [m] that it keeps where there is room.
+        range_max: Largest range of the laser [m].
         lookahead: Look-ahead [m] with which `follow_route` is to follow it; the shorter it is,
             the narrower are the doors that it gets through.
         where: ``"inside"`` or ``"outside"``, the side of the walls to stay on; by the world and
@@ -158,7 +158,7 @@ def _checked_start(world: World, start: Sequence[float] | Float, radius: float) 
     """The place (2,) of a start [m].
 
     Raises:
-        InputError: It is none, or a wall stands there.
+        InputError: It is invalid, or a wall stands there.
     """
     place = np.asarray(start, dtype=np.float64)
     if place.shape not in ((2,), (3,)) or not np.isfinite(place).all():
@@ -179,7 +179,7 @@ def _spaces(
     """Free spaces to find a route in, the most wanted first.
 
     Raises:
-        InputError: There is none.
+        InputError: There is no such place.
     """
 
     def space(least: float, comfortable: float = 0.0) -> FreeSpace:

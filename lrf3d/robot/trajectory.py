@@ -13,7 +13,7 @@ from lrf3d.pose import as_poses
 
 @dataclass(frozen=True, eq=False, init=False)
 class Trajectory(Value):
-    """Poses of a drive at rising times.
+    """Poses of a drive at increasing times.
 
     Args:
         times: (k,) times [s], rising.
@@ -36,10 +36,11 @@ class Trajectory(Value):
         poses = as_poses(read_only(poses, "poses"))
         if instants.shape != (len(poses),) or len(poses) == 0:
             raise InputError(
-                f"trajectory of {len(poses)} poses and times {instants.shape}: expected one a pose"
+                f"trajectory of {len(poses)} poses and times {instants.shape}: expected one time"
+                " for each pose"
             )
         if not (np.diff(instants) > 0.0).all():
-            raise InputError("trajectory: expected times that rise from pose to pose")
+            raise InputError("trajectory: expected times that increase from pose to pose")
         object.__setattr__(self, "times", instants)
         object.__setattr__(self, "poses", poses)
 
@@ -73,7 +74,7 @@ class Trajectory(Value):
         return sealed(np.vstack([speeds, speeds[-1:]]))
 
     def every(self, count: int) -> "Trajectory":
-        """The trajectory of each pose of so many, from the first on, and of the last."""
+        """The trajectory of the first pose, every ``count``-th one after it, and the last."""
         kept = np.append(np.arange(0, len(self) - 1, count), len(self) - 1)
         return Trajectory(self.times[kept], self.poses[kept])
 

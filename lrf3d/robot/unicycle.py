@@ -12,7 +12,7 @@ from lrf3d.pose import Pose, as_pose
 
 @dataclass(frozen=True, slots=True)
 class Unicycle:
-    """A robot that drives where it looks, with speed v [m/s], and turns with ω [rad/s].
+    """A robot that drives in the direction of its heading at v [m/s] and turns at ω [rad/s].
 
     Args:
         radius: Radius of the robot's round body [m].

@@ -16,7 +16,7 @@ WIDEST = 500.0
 
 FARTHEST_APART = 100_000.0
 """Side [m] of a world from which on it is first narrowed to the part with the most corners: walls
-as long as a country tell nothing of where the town is, and are too long to be sampled."""
+as long as a country do not show where the town is, and are too long to be sampled."""
 
 BINS = 256
 """Into how many bins along each axis such a world is cut to count corners."""

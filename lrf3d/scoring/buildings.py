@@ -1,4 +1,4 @@
-"""BuildingCount: how many buildings were seen from all sides, and how many became one union."""
+"""BuildingCount: buildings seen on all sides, and those mapped as one object."""
 
 from dataclasses import dataclass
 
@@ -16,9 +16,9 @@ class BuildingCount(Report):
 
     Args:
         buildings: Objects of the world.
-        seen_on_all_sides: Those of whose walls each has a visible part.
-        whole: Those among the latter that came out as one union of exactly as many segments as
-            the building has walls, one for each wall ("each building is represented with four
+        seen_on_all_sides: Those of which every wall has a visible part.
+        whole: Those of the latter that are one object of the map with exactly one segment for
+            each wall of the building ("each building is represented with four
             line segments", section 4 of Teslić et al.).
     """
 
@@ -36,7 +36,7 @@ def buildings_seen(run: Run) -> BuildingCount:
     _, union, union_sizes = np.unique(run.map.objects, return_inverse=True, return_counts=True)
     pairs = match_segments(run.map.segments, parts)
     building, union_hit = objects[walls[pairs[:, 1]]], union[pairs[:, 0]]
-    # A building is one union when all its walls are matched and all matches agree on the union.
+    # A building is whole if all its walls are matched, and all matches are of one object.
     matched = np.bincount(building, minlength=len(walls_of))
     lowest = np.full(len(walls_of), len(union_sizes))
     highest = np.full(len(walls_of), -1)

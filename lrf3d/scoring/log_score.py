@@ -1,4 +1,4 @@
-"""LogScore: how well a map foretells scans that it was not built from, where no truth is known."""
+"""LogScore: how well a map predicts scans that it was not built from, where no truth is known."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ VIOLATED_BEYOND = 0.2
 """A beam that passes a map segment by more than this violates the map [m]."""
 
 CAST_RANGE = 80.0
-"""How far the map is looked for where a scan does not say how far its range finder sees [m]."""
+"""How far beams are cast at the map if a scan has no range_max [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogScore(Report):
-    """How well a map foretells scans.
+    """How well a map predicts scans.
 
     Args:
         explained: Share of returns within 0.1 m of a map segment.
@@ -55,7 +55,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
 
     Args:
         line_map: The map.
-        scans: Test scans that the map was not built from, beams evenly spread; read once.
+        scans: Test scans that the map was not built from, beams evenly spaced; read once.
 
     Raises:
         InputError: The beams of a scan are not evenly spread.
@@ -91,7 +91,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
 
 
 class _Nearness:
-    """Tells which points lie within reach of a segment."""
+    """Finds which points lie within reach of a segment."""
 
     def __init__(self, segments: Float) -> None:
         import shapely
@@ -119,9 +119,7 @@ class _MapCaster:
         """Ranges (beams,) [m] to the map from a pose in its frame; +inf where it is not hit."""
         angles = scan.angles
         if not np.allclose(np.diff(angles, 2), 0.0, atol=1e-6):
-            raise InputError(
-                "scan with beams at uneven angles: score_log expects them evenly spread"
-            )
+            raise InputError("scan with beams at uneven angles: score_log needs them evenly spaced")
         farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
         lrf = LaserRangeFinder(angles[0], angles[-1], len(angles), 0.0, farthest)
         ranges: Float = self._caster.cast(lrf, pose).ranges

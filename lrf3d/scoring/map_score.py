@@ -33,7 +33,8 @@ class MapScore(Report):
         segment_ratio: Map segments by visible walls; 1 is right.
         perpendicular_rms: Root mean square distance of the right map samples from the line of
             their wall [m]; NaN where there are none.
-        object_purity: Adjusted Rand index of unions against true objects, over matched segments.
+        object_purity: Adjusted Rand index of the map's objects against true objects, over matched
+            segments.
         map_segments: Number of segments in the map.
         visible_segments: Number of visible walls.
         matched_segments: Number of pairs of the two.

@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.geometry import Float, Int, directions, lengths
 
 LEAST_OVERLAP = 0.5
-"""Overlap over union along the true line that a match must exceed."""
+"""Intersection over union along the true line that a match must exceed."""
 
 END_TOLERANCE = 0.15
 """Farthest that an end point of a match may lie from the true line [m]."""
@@ -20,7 +20,7 @@ END_TOLERANCE = 0.15
 def match_segments(segments: Float, walls: Float) -> Int:
     """Pair map segments (m, 4) with true segments (v, 4), each with at most one of the other.
 
-    Two may be paired when their overlap over union along the true line is above 0.5 and both
+    Two may be paired when their intersection over union along the true line is above 0.5 and both
     ends of the map segment lie within 0.15 m of that line. Of all ways to pair, the one with
     the most pairs is taken, and among those the one whose segments overlap best and lie nearest:
     an optimal assignment, so the result does not depend on the order of the segments.
@@ -44,7 +44,7 @@ def match_segments(segments: Float, walls: Float) -> Int:
 
 def _assign(own: Int, wall: Int, cost: Float) -> Int:
     """The most pairs at the least cost, one to one, sorted by wall."""
-    # Nearly all pairs have no rival; they need no solver.
+    # Nearly all pairs have no alternative; they need no solver.
     sole = (_occurrences(own) == 1) & (_occurrences(wall) == 1)
     disputed = _assign_rivals(own[~sole], wall[~sole], cost[~sole])
     pairs = np.vstack([np.column_stack([own[sole], wall[sole]]), disputed])

@@ -1,6 +1,6 @@
 """StorageCount: the numbers that a map takes as unions, as polylines and as an occupancy grid.
 
-The comparison of section 4 of Teslić et al., made countable.
+Section 4 of Teslić et al. compares them; union is the paper's word for an object of the map.
 """
 
 from collections.abc import Sequence
@@ -17,27 +17,27 @@ GRID_CELL = 0.1
 """Size of a cell of the occupancy grid [m]."""
 
 COVERED = 0.9
-"""A polyline of whose length this share lies along others tells nothing new."""
+"""A polyline is redundant if this share of its length lies along others."""
 
 TOLERANCE = 0.1
-"""How far apart two views of one wall may lie [m], beside the noise."""
+"""How far apart two views of one wall may lie [m], in addition to the noise."""
 
 ALONGSIDE = np.deg2rad(30.0)
-"""Largest angle between two views of one wall [rad]: short noisy segments turn a good deal."""
+"""Largest angle between two views of one wall [rad]: short noisy segments vary in direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class StorageCount(Report):
-    """What a run's map takes to store, in numbers.
+    """How many numbers a run's map takes to store.
 
     Args:
         segments: Line segments of the map.
         unions: Unions of the map.
-        union_numbers: Four numbers a segment and one for the label of its union.
+        union_numbers: Four numbers for each segment, and one for the label of its union.
         union_numbers_unlabelled: The same without the labels.
         polylines: Polylines that a polyline mapper would hold.
         polyline_lines: Lines that these are made of.
-        polyline_numbers: Two numbers a vertex.
+        polyline_numbers: Two numbers for each vertex.
         grid_cells: Cells of an occupancy grid of 0.1 m over all reflection points and poses.
     """
 
@@ -57,7 +57,7 @@ def storage(run: Run, polylines: Sequence[Sequence[Float]]) -> StorageCount:
     A polyline is a row of consecutive segments as seen from one place; views from different
     sides are not joined (reference [5] of Teslić et al.). A polyline is held unless nine tenths
     of its length lie along those held already; those that it makes superfluous in the same way
-    are given up.
+    are removed.
 
     Args:
         run: The run.

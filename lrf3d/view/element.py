@@ -17,7 +17,7 @@ class RunView(
     """The scene with its words and buttons.
 
     Args:
-        setup: What the page is told of scene and run.
+        setup: The data of scene and run for the page.
     """
 
     def __init__(self, setup: dict[str, Any]) -> None:

@@ -33,12 +33,12 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 class Guard:
-    """Passes on to an application what its own page asks for, and refuses the rest.
+    """Passes requests of the server's own page on to an application, and refuses all others.
 
-    ``Host`` has to be a name of this server with its port: a loopback address, ``localhost``, and,
-    where it listens to other machines, any IP address (an address, unlike a name, cannot be made to
-    point elsewhere), the name that it was told to listen at and the machine's own. ``Origin``,
-    where there is one, has to be that very host; a websocket has to have one.
+    ``Host`` must be a name of this server with its port: a loopback address, ``localhost``, and, if
+    it listens to other machines, any IP address (an address, unlike a name, cannot be made to point
+    elsewhere), the name that it listens at and the machine's own. ``Origin``, if given, must be the
+    same host; a websocket must have one.
 
     Args:
         app: The application.

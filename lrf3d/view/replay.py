@@ -18,7 +18,7 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
     """All that moves in a run, in its world's local frame.
 
     Returns:
-        The arrays one after the other, and what the page is told of them: type, first byte and
+        The arrays one after the other, and their description for the page: type, first byte and
         length of each, the legs of the way that are jumps, and the time that the run starts at.
     """
     timeline = Timeline(run)

@@ -223,7 +223,7 @@ export default {
     // Called from Python: what the driven robot does and sees.
     state(news) {
       if (this.loading) {
-        // The map and the start are told once; they wait until there is something to show them on.
+        // The map and the start are sent once; they wait until the page can show them.
         const { map = null, fresh = false } = this.early ?? {};
         this.early = { ...news, map: news.map ?? map, fresh: news.fresh || fresh };
         return;

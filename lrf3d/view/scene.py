@@ -1,4 +1,4 @@
-"""What the page is told of a world before anything moves, in the world's local frame."""
+"""The data of a world for the page before anything moves, in the world's local frame."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -28,7 +28,7 @@ class Scene:
     """A page's scene.
 
     Args:
-        setup: What the page is told, as plain values for JSON.
+        setup: The data for the page, as plain values for JSON.
         glb: The world and the robot as a GLB file.
     """
 

@@ -31,7 +31,7 @@ _FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """A run to play back: its arrays, what is told of them, and simulated seconds in a second."""
+    """A run to play back: its arrays, their description, and simulated seconds per second."""
 
     block: bytes
     told: dict[str, Any]

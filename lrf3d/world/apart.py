@@ -62,7 +62,7 @@ def read_apart(path: Path, reader: str) -> World:
         raise WorldError(_too_long(path, seconds))
     header, _, body = done.stdout.partition(b"\n")
     if done.returncode != 0 or not header:
-        raise WorldError(f"{path}: damaged, or takes more memory to read than it may")
+        raise WorldError(f"{path}: damaged, or needs too much memory to read")
     said: dict[str, Any] = json.loads(header)
     if "error" in said:
         raise WorldError(said["error"])
@@ -91,12 +91,12 @@ def read_here(path: Path, reader: str) -> World:
         message = str(error)
         raise WorldError(message if str(path) in message else f"{path}: {message}") from None
     except MemoryError:
-        raise WorldError(f"{path}: takes more memory to read than it may; simplify it") from None
+        raise WorldError(f"{path}: needs too much memory to read; simplify it") from None
     except Exception as error:
         # What is raised depends on the library, and on the place where the damage is.
         words = " ".join(str(error).split())
         reason = f"{type(error).__name__}: {words}"[:120] if words else type(error).__name__
-        raise WorldError(f"{path}: damaged, or no {path.suffix[1:]} file ({reason})") from None
+        raise WorldError(f"{path}: damaged, or not a {path.suffix[1:]} file ({reason})") from None
 
 
 def _seconds(path: Path) -> float:
@@ -121,7 +121,7 @@ def _limit(memory: int, seconds: int) -> None:
     }
     for limit, most in limits.items():
         try:
-            # The hard limit of the time is a second later, so that the signal tells which it was.
+            # The hard limit of the time is a second later, so that the signal shows which it was.
             resource.setrlimit(limit, (most, most + (limit == resource.RLIMIT_CPU)))
         except (ValueError, OSError):
             continue

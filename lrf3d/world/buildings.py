@@ -65,7 +65,7 @@ class _Builder:
         self.next = 0
 
     def add_block(self, block: Block, owners: list[Feature]) -> None:
-        """Add a block, called and coloured as the first of its footprints that tells."""
+        """Add a block, with the name and colour of its first footprint that has them."""
         for ring, heights in zip(block.rings, block.heights, strict=True):
             self._add(walls(ring, closed=True), heights, self.next)
         for owner in reversed(owners):

@@ -38,8 +38,7 @@ class FixedCamera:
     def __post_init__(self) -> None:
         if not self.name or self.name in MOVING_VIEWS:
             raise WorldError(
-                f"camera name {self.name!r}: expected one of its own, other than"
-                f" {', '.join(MOVING_VIEWS)}"
+                f"camera name {self.name!r}: expected a name other than {', '.join(MOVING_VIEWS)}"
             )
         if self.position == self.target:
             raise WorldError(f"camera {self.name!r}: position and target are the same point")

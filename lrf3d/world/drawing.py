@@ -32,7 +32,7 @@ def world_of_strokes(strokes: Sequence[Float], path: Path, name: str = "") -> Wo
     """The world of lines (k, 2) [m] as they are drawn; those drawn twice count once.
 
     Raises:
-        WorldError: There is none, there are too many, or they are not finite.
+        WorldError: There are no walls, too many, or they are not finite.
     """
     pieces = [walls(stroke, closed=False) for stroke in strokes if len(stroke) > 1]
     segments = np.concatenate(pieces) if pieces else np.empty((0, 4))

@@ -70,7 +70,7 @@ def read_dxf(path: Path) -> World:
     try:
         drawing = readfile(path)
     except (DXFError, OSError) as error:
-        raise WorldError(f"{path}: no DXF drawing: {_first_line(error)}") from None
+        raise WorldError(f"{path}: not a DXF drawing: {_first_line(error)}") from None
     code = drawing.header.get("$INSUNITS", 0)
     if code not in range(25):
         raise WorldError(f"{path}: $INSUNITS is {code!r}, expected 0 to 24")

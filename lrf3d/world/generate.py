@@ -19,7 +19,7 @@ AISLE = 1.5
 
 
 def generate_city(walls: int, *, seed: int = 0) -> World:
-    """A city of so many walls, as square as can be: buildings of four walls, one to a block.
+    """A city of a number of walls, as square as possible: buildings of four walls, one to a block.
 
     The city grows with its walls and its density stays, so a laser meets as many walls in it
     whatever its size.
@@ -44,7 +44,7 @@ def generate_city(walls: int, *, seed: int = 0) -> World:
 
 
 def city_blocks(walls: int) -> tuple[int, int]:
-    """How many blocks a generated city of so many walls is wide and high; the last row may end."""
+    """Width and height in blocks of a city of a number of walls; its last row may be shorter."""
     columns = max(1, math.isqrt(max(1, walls // 4) - 1) + 1)
     return columns, -(-(walls // 4) // columns)
 
@@ -56,7 +56,7 @@ def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None 
         walls: How many walls the city was asked to have.
         count: How many poses.
         seed: The same seed, the same poses.
-        spread: Only so many crossings a way around the middle, as a drive would meet; all of the
+        spread: Only this number of crossings each way around the middle, as on a drive; all of the
             city where not given.
     """
     rng = np.random.default_rng(seed)

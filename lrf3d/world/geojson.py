@@ -119,7 +119,7 @@ def _cameras(members: object) -> tuple[FixedCamera, ...]:
 
 
 def _refuse_constant(constant: str) -> NoReturn:
-    raise ValueError(f"{constant} is no number; expected finite ones")
+    raise ValueError(f"{constant} is not a number; expected finite ones")
 
 
 def _place(data: dict[str, Any]) -> tuple[float, float] | None:

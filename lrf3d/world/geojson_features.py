@@ -121,7 +121,7 @@ class _Reader:
             self.refuse(f"expected a GeoJSON geometry with {key}, found type {shown(kind)}")
         match kind:
             case "Polygon" | "LineString" if not parts:
-                # An empty geometry is none (RFC 7946, section 3.1).
+                # An empty geometry counts as null (RFC 7946, section 3.1).
                 pass
             case "Polygon":
                 yield self.polygon(parts), True
@@ -137,7 +137,7 @@ class _Reader:
                 for part in parts:
                     yield from self.outlines(part)
             case "Point" | "MultiPoint":
-                # Trees and lamps are no walls; a map that shows them is none the worse.
+                # Trees and lamps are not walls; a map may have them.
                 pass
             case _:
                 self.refuse(f"unknown geometry {shown(kind)}")
@@ -204,7 +204,7 @@ class _Reader:
 
 
 def metres_of(text: str) -> float | None:
-    """Metres of a length as people write it, such as 12, 12,5 m or 40'; None where it is none."""
+    """Metres of a length as people write it, such as 12, 12,5 m or 40'; None if it is invalid."""
     if match := _METRES.fullmatch(text):
         return float(match.group(1).replace(",", "."))
     if match := _FEET.fullmatch(text):

@@ -30,7 +30,7 @@ def geojson_text(world: World) -> str:
     bare = sorted(set(range(world.object_count)) - set(world.objects.tolist()))
     parts = [*(Part(number, (), np.empty(0)) for number in bare), *parts_of(world)]
     features = ",\n".join(json.dumps(_feature(part, world)) for part in parts)
-    # A member of our own, which other readers pass over as the standard tells them.
+    # A member of our own, which other readers ignore, as the standard says.
     members = json.dumps([asdict(camera) for camera in world.cameras])
     cameras = f' "cameras": {members},' if world.cameras else ""
     place = "" if world.place is None else f' "place": {json.dumps(world.place)},'

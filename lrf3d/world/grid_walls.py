@@ -138,7 +138,7 @@ def _first_corner(points: Int) -> int:
 
 
 def _same_places(points: Int, count: int) -> Int:
-    """Pairs (k, 2) of the first so many points that stand at one place, as chains at a fork do."""
+    """Pairs (k, 2) of the first points that stand at one place, as chains at a fork do."""
     order = np.lexsort(points[:count].T)
     same = (points[order][1:] == points[order][:-1]).all(axis=1)
     return np.column_stack([order[:-1][same], order[1:][same]])

@@ -1,4 +1,4 @@
-"""Mazes: grids of cells between which just so many passages are open that all hang together."""
+"""Mazes: grids of cells with the fewest open passages that connect all of them."""
 
 import numpy as np
 

@@ -29,7 +29,7 @@ LARGEST = 1 << 27
 """Bytes of a mesh, and of all files that it refers to."""
 
 FLAT = 1e-6
-"""Share of the extent up to which cuts are taken to lie on one line: what float32 can tell."""
+"""Share of the extent up to which cuts are taken to lie on one line: the resolution of float32."""
 
 UPRIGHT_Y = {".glb", ".gltf"}
 """Formats in which y is up."""
@@ -86,7 +86,7 @@ def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:
         data = file.read()
     kind = path.suffix.lower()[1:]
     if kind == "gltf":
-        # The library would look for another file where this one is none.
+        # The library would look for another file if this one is missing.
         json.loads(data)
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
     scene = trimesh.load_scene(

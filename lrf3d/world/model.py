@@ -21,7 +21,7 @@ MOST_OBJECTS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class World(Value):
-    """Walls of a scene: line segments with a height, each a part of an object.
+    """Walls: line segments with a height, each a part of an object.
 
     Args:
         segments: (n, 4) rows x1 y1 x2 y2 [m], in the coordinates of the source, also far from
@@ -72,7 +72,7 @@ class World(Value):
             wall = int(np.flatnonzero(invalid)[0])
             raise WorldError(
                 f"wall {wall}: object {objects[wall]:.17g}, expected whole numbers from 0 to"
-                f" {MOST_OBJECTS}; number the objects anew, 0, 1, 2, …"
+                f" {MOST_OBJECTS}; renumber the objects 0, 1, 2, …"
             )
         object.__setattr__(self, "segments", segments)
         object.__setattr__(self, "objects", sealed(objects.astype(np.int64)))

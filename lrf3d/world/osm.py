@@ -89,7 +89,9 @@ class _Extract:
     def begin(self, tag: str, attributes: dict[str, str], line: int) -> None:
         if not self.root:
             if tag != "osm":
-                self._refuse(line, f"<{tag[:40]}> where <osm> was expected: no OpenStreetMap file")
+                self._refuse(
+                    line, f"<{tag[:40]}> where <osm> was expected: not an OpenStreetMap file"
+                )
             self.root = True
         if tag == "node":
             if attributes.get("visible") == "false":

@@ -173,7 +173,7 @@ def _walk(points: Int, links: Int) -> Iterator[Chain]:
 
 
 LOOK = 12
-"""Points along a chain by which it is told where it goes to."""
+"""Points along a chain that give its direction."""
 
 STRAIGHT_ON = -0.9
 """Largest cosine between the ways out of a fork that go on in each other: within 26°."""

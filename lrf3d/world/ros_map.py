@@ -1,7 +1,7 @@
 """Worlds from ROS maps: a YAML file that describes a picture of occupied cells (map_server).
 
 A path enters; a :class:`World` leaves, in the frame of the map. Where the picture is darker than
-``occupied_thresh`` tells, a cell is occupied; walls are the outlines of such cells, and where a
+``occupied_thresh`` says, a cell is occupied; walls are the outlines of such cells, and where a
 wall is one cell thick, its middle. Each point of an outline lies within half a cell of its wall.
 Walls that touch are one object. What is free and what is unknown makes no difference to a beam,
 but is kept for those who plan a way through the map.
@@ -74,7 +74,7 @@ def read_ros_map(path: Path) -> World:
     cos, sin = math.cos(yaw), math.sin(yaw)
     points = local @ np.array([[cos, sin], [-sin, cos]]) + [x, y]
     segments = points.reshape(-1, 4)
-    # Ends are sealed to rounding; half a cell is as near as the map can tell.
+    # Ends are sealed to rounding; half a cell is the resolution of the map.
     objects = connected(segments, 0.5 * description.resolution)
     known = FreeCells(free, description.resolution, description.origin)
     return World(segments, objects, name=own_name(path), free=known)
@@ -180,7 +180,7 @@ def _cells(description: _Description) -> tuple[Bool, Bool]:
         except WorldError:
             raise
         except UnidentifiedImageError:
-            raise WorldError(f"{picture}: no PGM, PNG or BMP picture") from None
+            raise WorldError(f"{picture}: not a PGM, PNG or BMP picture") from None
         except (OSError, ValueError, SyntaxError, MemoryError, EOFError, OverflowError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
             raise WorldError(f"{picture}: damaged picture ({reason})") from None

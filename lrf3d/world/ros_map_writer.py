@@ -43,7 +43,7 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     columns, rows = (np.ceil(high / resolution) - first).astype(np.int64).tolist()
     if columns * rows > MOST_CELLS:
         raise OutputError(
-            f"{path}: {columns} by {rows} cells, more than {MOST_CELLS:,}; choose larger ones"
+            f"{path}: {columns} by {rows} cells, more than {MOST_CELLS:,}; choose larger cells"
         )
     cells = np.full((rows, columns), FREE, dtype=np.uint8)
     if world.free is not None:

@@ -35,7 +35,8 @@ def value_of(text: str) -> Any:
         return found["value"]
     if not text or text[0] in "[{\"'":
         raise InputError(
-            f'{shown(text)} is no value of TOML; expected one as 20, true, [1, 2], paper or "paper"'
+            f"{shown(text)} is not a TOML value; expected one such as"
+            ' 20, true, [1, 2], paper or "paper"'
         )
     return text
 
@@ -52,7 +53,7 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
         table, dot, key = name.strip().partition(".")
         if not (equals and dot):
             raise InputError(
-                f"setting {shown(text)}: expected TABLE.KEY=VALUE, as laser.range_max=20"
+                f"setting {shown(text)}: expected TABLE.KEY=VALUE, such as laser.range_max=20"
             )
         checks = TABLES[_known(table, TABLES, name)]
         check = checks[_known(key, checks, name)]

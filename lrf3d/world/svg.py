@@ -102,7 +102,7 @@ class _Sheet:
             raise WorldError(
                 f"{path}: viewBox is {given[:40]!r}, expected a place and a size above 0"
             )
-        # The drawing is fitted into the sheet: the tighter of the two sides tells.
+        # The drawing is fitted into the sheet: the tighter of the two sides decides.
         scales = [size / of for size, of in ((width, wide), (height, high)) if size is not None]
         return cls((x, y, wide, high), min(scales, default=PIXEL))
 

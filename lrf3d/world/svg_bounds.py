@@ -43,7 +43,9 @@ class _Bounds:
 
     def begin(self, tag: str, attributes: dict[str, str], line: int) -> None:
         if self.open[-1] is self.root and tag != "svg":
-            raise WorldError(f"{self.path}:{line}: <{tag[:40]}> where <svg> was expected: no SVG")
+            raise WorldError(
+                f"{self.path}:{line}: <{tag[:40]}> where <svg> was expected: not an SVG drawing"
+            )
         element = _Element(line)
         if tag == "use":
             href = next((v for k, v in attributes.items() if k.rpartition(" ")[2] == "href"), "")

@@ -3,7 +3,7 @@
 A tree of elements enters and leaves with neither nested ``svg`` nor ``symbol`` in it. A nested
 ``svg`` becomes a group that is moved and scaled as its ``viewBox`` says; a ``symbol`` a definition,
 scaled likewise where ``use`` puts it; and what clips, masks, fills or marks other elements is taken
-out, for its outlines are none of the drawing.
+out, for its outlines are not part of the drawing.
 """
 
 import math
@@ -19,7 +19,7 @@ def flatten_viewports(root: Element) -> None:
     """Turn the viewports below the root element into groups, in place.
 
     Raises:
-        WorldError: A viewport has a place or a size that is none.
+        WorldError: A viewport has an invalid place or size.
     """
     named = {element.get("id", ""): element for element in root.iter()}
     boxes = {

@@ -21,7 +21,7 @@ def read_text(path: Path, *, largest: int = LARGEST_TEXT) -> str:
 
 
 def open_within(path: Path, largest: int) -> AbstractContextManager[BinaryIO]:
-    """Open a world file of at most so many bytes for reading.
+    """Open a world file of limited size for reading.
 
     Raises:
         WorldError: It is not there, is no ordinary file, is too large, or cannot be read.

@@ -37,7 +37,7 @@ class WorldFile:
     Args:
         world: The walls.
         tables: The checked values of the tables robot, laser, noise, mapper and film.
-        movers: The checked values of each table mover.
+        movers: The checked values of each table ``mover``, a dynamic obstacle.
         path: The file.
         text: Its text, by which :meth:`refuse` finds lines.
     """
@@ -119,7 +119,7 @@ class _Document:
         except RecursionError:
             raise WorldError(f"{self.path}:1: nested too deeply for a world file") from None
         except ValueError as error:
-            # tomllib of Python 3.11 tells the place in its message alone.
+            # tomllib of Python 3.11 gives the place only in its message.
             place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", str(error))
             reason = str(error)[: place.start()] if place else str(error)
             line = (place and place.group(1)) or max(len(self.text.splitlines()), 1)

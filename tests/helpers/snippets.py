@@ -82,9 +82,11 @@ FOOTPRINTS = """{"type": "FeatureCollection", "features": [
 {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon",
 "coordinates": [[[14, 0], [22, 0], [22, 6], [14, 6], [14, 0]]]}}]}"""
 
-
-PLAN = """<svg xmlns="http://www.w3.org/2000/svg" width="80mm" height="60mm" viewBox="0 0 80 60">
-<rect width="80" height="60" fill="none" stroke="black"/></svg>"""
+PLAN = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="80mm" height="60mm" viewBox="0 0 80 60">'
+    '<rect width="80" height="60"/></svg>'
+)
+"""A drawing of 1:100 of a room of 8 m by 6 m."""
 
 
 @dataclass(frozen=True)
@@ -121,8 +123,9 @@ class Workshop:
         self.call("lrf3d export out/city --to rosbag2 --out rosbag2_2026_01_31")
         Path("examples").symlink_to(ROOT / "examples")
         Path("footprints.geojson").write_text(FOOTPRINTS)
+        _write_drawing(Path("plan.dxf"), 1.0)
+        _write_drawing(Path("flat.dxf"), 1000.0)
         Path("plan.svg").write_text(PLAN)
-        _write_plan(Path("plan.dxf"))
         _write_scans(Path("scans.npz"))
 
     def run(self, page):
@@ -209,11 +212,11 @@ def _check(words):
     command.make_context(name, rest)
 
 
-def _write_plan(path):
+def _write_drawing(path, metre):
     import ezdxf
 
-    drawing = ezdxf.new()
-    drawing.modelspace().add_lwpolyline([(0, 0), (8, 0), (8, 6), (0, 6)], close=True)
+    drawing, corners = ezdxf.new(), np.array([(0, 0), (8, 0), (8, 6), (0, 6)])
+    drawing.modelspace().add_lwpolyline(metre * corners, close=True)
     drawing.saveas(path)
 
 

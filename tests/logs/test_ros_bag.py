@@ -334,7 +334,7 @@ def test_a_run_before_time_0_is_refused(run, tmp_path):
     early = SimpleNamespace(trajectory=SimpleNamespace(times=np.array([-1.0])))
     from lrf3d.logs.ros_bag_writer import write as write_run
 
-    with pytest.raises(InputError, match="no time before 0"):
+    with pytest.raises(InputError, match="cannot hold times before 0"):
         write_run(early, tmp_path / "run.mcap")
 
 

@@ -151,7 +151,7 @@ def test_a_worker_without_opengl_says_so_and_embree_can_draw_instead(client, tmp
 @pytest.mark.parametrize(
     ("flags", "words"),
     [
-        (["--scheduler", "localhost"], "expected an address as tcp://"),
+        (["--scheduler", "localhost"], "expected an address such as tcp://"),
         (["--scheduler", "tcp://127.0.0.1:1", "--at", "1"], "one picture is drawn here"),
     ],
 )

@@ -356,7 +356,7 @@ def test_the_command_writes_its_files_and_prints_one_object(room, tmp_path):
     again = subprocess.run([*command, "--resume"], capture_output=True, text=True, timeout=120)
     assert again.stdout == done.stdout
     for flags, words in (
-        (["--scheduler", "localhost"], "expected an address as tcp://"),
+        (["--scheduler", "localhost"], "expected an address such as tcp://"),
         (["--vary", "mapper.gap"], "expected TABLE.KEY=VALUE"),
         (["--sigma", ","], "--sigma ',': expected values"),
     ):

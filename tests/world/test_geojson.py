@@ -192,7 +192,7 @@ def test_an_outline_that_crosses_itself_is_mended(tmp_path: Path) -> None:
         ('{"type": "Feature",\n oops}', "t.geojson:2: not JSON: .* at column 2"),
         ("[1, 2]", "expected a GeoJSON object, found a JSON list"),
         ("[" * 100_000, "nested too deeply"),
-        ('{"type": "Point", "coordinates": [NaN, 1]}', "NaN is no number"),
+        ('{"type": "Point", "coordinates": [NaN, 1]}', "NaN is not a number"),
         ('{"type": "FeatureCollection"}', "without a list of features"),
         ('{"type": "FeatureCollection", "features": []}', "holds no Polygon and no LineString"),
         ('{"type": "FeatureCollection", "features": [3]}', "feature 0: expected a Feature"),

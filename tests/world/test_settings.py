@@ -83,7 +83,7 @@ def test_settings_hold_instead_of_what_the_file_says(room):
         ("range_max=2", "TABLE.KEY=VALUE"),
         ("laser.range_max", "TABLE.KEY=VALUE"),
         ("laser.range_max=far", "expected a number, found 'far'"),
-        ("robot.route=[[1, 2], [3", "no value of TOML; expected one as 20"),
+        ("robot.route=[[1, 2], [3", "not a TOML value; expected one such as 20"),
         ("laser.beams=5\nrange_max=1", "whole number"),
         ("mapper.mode=papr", "expected one of paper, robust, found 'papr'"),
         ("laser." + "a" * 1_000_000 + "=1", "known are"),
@@ -165,7 +165,7 @@ def test_a_run_goes_out_in_every_format_and_comes_back_as_the_same_map(room, tmp
     ]
     # Not where the map of the run itself would be; a file called run has its folder's name, too.
     assert {each["name"] for each in summaries} == {"out_run", "run_bag", "out_map"}
-    assert "a run knows the truth alone" in program("map", out, "--poses", "odom")[2]
+    assert "a run has only true poses" in program("map", out, "--poses", "odom")[2]
 
 
 def test_a_format_that_is_none_is_answered_with_those_there_are(room, program):

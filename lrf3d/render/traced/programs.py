@@ -59,7 +59,7 @@ def _project(places: Float, uniforms: Uniforms) -> Float:
 
 
 def _raised(places: Float, metres: float, uniforms: Uniforms) -> Float:
-    """Depths (n,) of points nearer to the eye than places (n, 3) by so many metres."""
+    """Depths (n,) of points nearer to the eye than places (n, 3) by a distance [m]."""
     ray = np.asarray(uniforms["eye"]) - places
     away = np.linalg.norm(ray, axis=1)
     step = np.minimum(metres + uniforms["slack"] * away, 0.5 * away) / np.maximum(away, 1e-9)

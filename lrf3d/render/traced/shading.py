@@ -37,7 +37,7 @@ SUN, HAZE, INDOOR, BEYOND = 0, 3, 7, 8
 """Columns of the light."""
 
 RIM, LEAST_LIT = 0.04, 100.0
-"""Width of the sun's rim on a face [m], and by how much all of a face is lit that has no shade."""
+"""Width of the edge of sunlight on a face [m], and how far a face without shadow is lit."""
 
 SHARPER = -0.6
 """By how much finer copies of the ground are taken: streets are seen at a slant."""

@@ -45,7 +45,7 @@ def face_table(triangles: NDArray[np.float32]) -> Float:
 
     Of each triangle: its plane, where along and up the face a point is as linear functions of the
     point, the face's length and height, its colour and kind, and how far under the edge of its
-    shade a point is, again as a linear function.
+    shadow a point is, again as a linear function.
     """
     corners = triangles[:, :, :3].astype(np.float64)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

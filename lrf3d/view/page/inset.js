@@ -32,7 +32,7 @@ export class Inset {
   }
 
   setMap(segments, colours) {
-    // One path a colour: there are far fewer unions than segments.
+    // One path a colour: there are far fewer objects than segments.
     const paths = new Map();
     for (let i = 0; 4 * i < segments.length; i++) {
       const colour = `rgb(${Array.from(colours.slice(3 * i, 3 * i + 3)).join(",")})`;

@@ -25,7 +25,7 @@ export class Replay {
     return run;
   }
 
-  // Where all movers are: x, y, theta of each in turn.
+  // Where all dynamic obstacles are: x, y, theta of each in turn.
   movers(time) {
     return this.ways.flatMap(([times, poses]) => {
       const { last, next, share } = between(times, time);

@@ -77,7 +77,7 @@ export class Rig {
     this.fitted = [width, height];
   }
 
-  // Go on by so many seconds; tells whether anything is seen from elsewhere than before.
+  // Advance by a time [s]; returns whether the camera has moved.
   update(pose, seconds) {
     const { width, height } = this.stage.canvas;
     if (width !== this.fitted[0] || height !== this.fitted[1]) this.shift();

@@ -128,7 +128,7 @@ function marker() {
   return group;
 }
 
-// The soft shade under the robot.
+// The soft shadow under the robot.
 function blob() {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 64;
