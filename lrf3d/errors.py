@@ -71,7 +71,7 @@ class InputError(Lrf3dError, ValueError):
         ...     lrf3d.LaserRangeFinder(beams=0)
         ... except lrf3d.InputError as error:
         ...     print(error)
-        range finder with 0 beams: expected at least 1
+        range finder: beams 0: expected a whole number from 1 to 1000000
     """
 
 

@@ -83,4 +83,18 @@ def print_table(rows: list[tuple[str, str]], width: int = 0) -> None:
     width = max([width, *(len(name) for name, _ in rows)])
     for name, value in rows:
         print(f"{name:<{width}}  {one_line(value)}")
-    sys.stdout.flush()
+    flush_output()
+
+
+def flush_output() -> None:
+    """Let what was printed reach the reader now.
+
+    Raises:
+        OSError: It cannot be written; the error names the standard output.
+    """
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, "standard output") from error

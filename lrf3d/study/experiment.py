@@ -38,9 +38,6 @@ MOST_SCANS = 10_000_000
 CONTROLLED_SCANS = 1000
 """Scans after which a controller's drive ends where nothing is said."""
 
-MOST_SCANS = 100_000_000
-"""Scans of a drive: their poses alone take 3 GB, and at 4 Hz they take nine months."""
-
 PLANNED_LOOKAHEAD = 0.4
 """How far ahead the robot steers at [m] on a route that was planned: it gets through the doors of
 a house, where at 1 m it would cut their corners."""

@@ -267,12 +267,12 @@ DIGITS = "9" * 5000
         (["run", "ROOM", "--set", f"laser.range_max={DIGITS}"], "laser.range_max"),
         (["run", "ROOM", "--set", f"laser.range_max=0x{DIGITS}"], "thousands of digits"),
         (["run", "ROOM", "--set", "laser.range_max=2020-01-01"], "expected a number"),
-        (["run", "ROOM", "--set", "noise.sigma=" + "[" * 5000], "no value of TOML"),
+        (["run", "ROOM", "--set", "noise.sigma=" + "[" * 5000], "not a TOML value"),
         (["sweep", "ROOM", "--sigma", f"0x{DIGITS}"], "thousands of digits"),
         (["run", "n" * 300 + ".toml"], "too long"),
         (["run", "ROOM", "--out", "n" * 300], "too long"),
         (["render", "n" * 300], "too long"),
-        (["run", "ROOM", "--resume", "--out", "full"], "run.journal: Is a directory"),
+        (["run", "ROOM", "--resume", "--out", "full"], "run.journal: a folder"),
     ],
 )
 def test_what_no_file_and_no_number_can_be_is_one_line(room, tmp_path, arguments, words):
@@ -281,10 +281,11 @@ def test_what_no_file_and_no_number_can_be_is_one_line(room, tmp_path, arguments
     assert words in refused(*arguments, cwd=tmp_path)
 
 
-def test_a_laser_that_reaches_no_wall_is_one_line(room, tmp_path):
+def test_a_laser_that_reaches_no_wall_drives_all_the_same(room, tmp_path):
     room.write_text(ROOM[: ROOM.index("[robot]")])
-    message = refused("run", room, "--set", "laser.range_max=0.3", "--out", tmp_path / "out")
-    assert "laser.range_max" in message
+    short = ("--set", "laser.range_max=0.3", "--no-video", "--out", tmp_path / "out")
+    done = lrf3d("run", room, *short)
+    assert done.returncode == 0 and "Traceback" not in done.stderr
 
 
 def test_output_that_cannot_be_written_or_shown_is_no_traceback(room, tmp_path):

@@ -110,7 +110,7 @@ def test_bad_lines_are_named_and_do_not_stop_the_map(lrf3d, text, tmp_path):
     path.write_text(text.replace("\n", "\nFLASER 3 1 nan 2 0 0 0 0 0 0 1 host 1\n", 1))
     done = lrf3d("map", path, "--out", tmp_path / "out")
     assert done.code == 0, done.err
-    assert "1 bad lines" in done.out
+    assert "1 bad line" in done.out
     assert "line 2: reading 2 is 'nan'" in done.out
 
 

@@ -127,7 +127,7 @@ def test_a_drive_costs_what_is_asked_of_it(settings):
     assert len(trajectory_of(scenario, scans=3)) == 3
     with pytest.raises(InputError, match="more than 2,000,000 steps"):
         trajectory_of(scenario)
-    with pytest.raises(InputError, match="more than 100,000,000; ask for fewer"):
+    with pytest.raises(InputError, match="more than 10,000,000; ask for fewer"):
         trajectory_of(scenario, scans=10**12)
 
 
