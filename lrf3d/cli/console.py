@@ -70,7 +70,7 @@ def warn(message: str) -> None:
 
 def print_json(value: Any) -> None:
     """Print one JSON value and nothing else."""
-    print(json_text(value), end="")
+    print_text(json_text(value))
 
 
 def json_text(value: Any) -> str:
@@ -81,19 +81,17 @@ def json_text(value: Any) -> str:
 def print_table(rows: list[tuple[str, str]], width: int = 0) -> None:
     """Print names and values in two columns, the first at least of a width [letters], at once."""
     width = max([width, *(len(name) for name, _ in rows)])
-    for name, value in rows:
-        print(f"{name:<{width}}  {one_line(value)}")
-    flush_output()
+    print_text("".join(f"{name:<{width}}  {one_line(value)}\n" for name, value in rows))
 
 
-def flush_output() -> None:
-    """Let what was printed reach the reader now.
+def print_text(text: str) -> None:
+    """Print a text, and see that it reaches the reader now.
 
     Raises:
         OSError: It cannot be written; the error names the standard output.
     """
     try:
-        sys.stdout.flush()
+        print(text, end="", flush=True)
     except BrokenPipeError:
         raise
     except OSError as error:

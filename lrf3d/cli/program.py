@@ -59,7 +59,7 @@ def _run(stops: "Stops", program: "Any", name: str) -> None:
         # A terminal that lacks a letter, σ or one of a file's name, is no reason to fail.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    from lrf3d.cli.console import flush_output, quiet_libraries
+    from lrf3d.cli.console import print_text, quiet_libraries
     from lrf3d.output import scratch_folder
 
     quiet_libraries()
@@ -76,7 +76,7 @@ def _run(stops: "Stops", program: "Any", name: str) -> None:
                 program(prog_name=name)
     finally:
         # What cannot be printed is better known now than when Python ends.
-        flush_output()
+        print_text("")
 
 
 def _keeps_compiled() -> bool:
