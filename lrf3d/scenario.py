@@ -14,6 +14,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Value, read_only
+from lrf3d.input import own_name
 from lrf3d.laser import Imperfections, LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.world import World, load_world
@@ -179,7 +180,7 @@ def _scenario(file: WorldFile) -> Scenario:
         imperfections=Imperfections(**noise),
         movers=file.movers,
         mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
-        name=file.world.name,
+        name=own_name(file.path, file.world.name),
         **robot,
         **_film(file),
     )

@@ -62,7 +62,7 @@ def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
     try:
         world = world_of_features(
             features,
-            own_name(path, data.get("name")),
+            data["name"] if isinstance(data.get("name"), str) else own_name(path),
             simplify=simplify,
             place=place,
         )

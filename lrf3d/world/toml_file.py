@@ -84,7 +84,7 @@ def read_toml(path: FilePath) -> WorldFile:
     document = _Document(path, read_text(path))
     data = document.parse()
     document.check_keys(data, ["name", "object", *TABLES, "mover", "camera", "place"], ())
-    name = document.check(text(), data.get("name", ""), ("name",))
+    name = document.check(text(), data.get("name", own_name(path)), ("name",))
     place = document.check(PLACE, data["place"], ("place",)) if "place" in data else None
     tables = {
         key: document.check_table(data[key], checks, (key,))
@@ -92,7 +92,7 @@ def read_toml(path: FilePath) -> WorldFile:
         if key in data
     }
     cameras = document.cameras(data.get("camera", []))
-    world = document.world(data.get("object"), own_name(path, name), cameras, place)
+    world = document.world(data.get("object"), name, cameras, place)
     return WorldFile(world, tables, document.movers(data.get("mover", [])), path, document.text)
 
 

@@ -87,7 +87,7 @@ def test_the_side_of_the_walls_that_was_chosen_is_said(tmp_path):
     start = lrf3d(*arguments, "--set", "robot.start=[10.9, 2, 0]")
     assert start.returncode == 1 and "nearer to a wall" in start.stderr
     named = lrf3d("run", "city", "--inside")
-    assert named.returncode == 1 and "names its own route" in named.stderr
+    assert named.returncode == 1 and "has its own route" in named.stderr
 
 
 def test_scale_enlarges_the_way_through_a_world_too(tmp_path):

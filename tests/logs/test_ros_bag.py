@@ -170,7 +170,7 @@ def test_a_bag_is_replaced_and_nothing_else_is(run, tmp_path):
     other = tmp_path / "photos"
     other.mkdir()
     (other / "a.jpg").write_text("")
-    with pytest.raises(OutputError, match="no bag"):
+    with pytest.raises(OutputError, match="is not a bag"):
         export_run(run, "rosbag2", other)
     with pytest.raises(OutputError, match="nowhere"):
         export_run(run, "mcap", tmp_path / "nowhere" / "run.mcap")
