@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lrf3d.localization.track import Track
 
 import lrf3d
 from lrf3d import KnownLines, LaserRangeFinder, LaserScan, LineMap, Trajectory, World
 from lrf3d.casting.mover import Mover
 from lrf3d.geometry import numbers, read_only
+from lrf3d.localization import Track
 from lrf3d.localization.estimate import PoseEstimate
 
 WALLS = [[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]

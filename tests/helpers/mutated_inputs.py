@@ -140,7 +140,7 @@ class Inputs:
             world = lrf3d.load_world(name)
             for ending in ("toml", "geojson", "glb", "yaml"):
                 path = folder / f"{name}.{ending}"
-                world.save(path)
+                lrf3d.save_world(world, path)
                 files = [path, path.with_suffix(".pgm")] if ending == "yaml" else [path]
                 self.worlds[f"{name} {ending}"] = {f.name: f.read_bytes() for f in files}
         lrf = lrf3d.LaserRangeFinder(beams=31, range_max=20.0)

@@ -98,11 +98,13 @@ def test_walls_in_sight_stay_as_they_are_and_others_are_cut():
         [[0.1, 0.2, 0.3, 0.4], [-FAR, 1.0, FAR, 1.0], [FAR, 0, FAR, 1], [9e3, 0, 5, 0]]
     )
     seen = Sight.of(World(walls, [5, 2, 1, 0], [1.0, 2.0, 3.0, 1e6]), path).world
-    assert seen.segments.tolist() == [
+    ends = [
         [0.1, 0.2, 0.3, 0.4],
         [-FARTHEST, 1.0, FARTHEST + 10.0, 1.0],
         [FARTHEST + 10.0, 0.0, 5.0, 0.0],
     ]
+    assert seen.segments[0].tolist() == ends[0]
+    assert seen.segments == pytest.approx(np.array(ends), abs=1e-6)
     assert seen.objects.tolist() == [5, 2, 0] and seen.heights.tolist() == [1.0, 2.0, FARTHEST]
     nothing = Sight.of(tall(np.add(HOUSE, 90e3)), path)
     assert not len(nothing.world.segments) and nothing.origin.tolist() == [5.0, 0.0]

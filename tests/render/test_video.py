@@ -127,7 +127,7 @@ def pictures_of(path):
 
 @needs_gl
 @pytest.mark.parametrize(
-    ("ending", "fps", "unlike"), [(".webp", 12.0, 6.0), (".gif", 12.0, 6.0), (".gif", 50.0, 6.0)]
+    ("ending", "fps", "unlike"), [(".webp", 12.0, 6.5), (".gif", 12.0, 6.0), (".gif", 50.0, 6.0)]
 )
 def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, fps, unlike):
     run = city_run(seconds=2.0)
