@@ -24,6 +24,9 @@ SHORTEST_ROUTE = 20.0
 """Shortest route [m], some seconds of driving: where a few steps show all walls, as in a room, the
 robot drives to the ends of the free space and back besides."""
 
+FEW_STEPS = 5.0
+"""A route of no more than this [m] is only taken where none farther from the walls is longer."""
+
 LONGEST_ROUTE = 800.0
 """Longest route [m]: about five minutes at 3 m/s."""
 
@@ -135,20 +138,28 @@ def find_route(
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
     place = None if start is None else _checked_start(world, start, radius)
-    first, refused = None, InputError(NO_ROOM)
+    first, short, refused = None, None, InputError(NO_ROOM)
     for space in _spaces(world, radius, clearance, where, place):
+        if short is not None and space.side != short.side:
+            break
         try:
             tour = _tour(space, world, range_max)
             # A tour that shows all walls in a few steps is made longer, where that can be followed.
             longer = _lengthened(space, tour)
             for legs in [longer, tour] if 0 < len(tour) < len(longer) else [longer]:
                 route = _waypoints(space, world, legs, clearance, place)
-                if _can_be_followed(route, world, radius, lookahead, start):
-                    return PlannedRoute(route, space.side)
+                if not _can_be_followed(route, world, radius, lookahead, start):
+                    continue
+                found = PlannedRoute(route, space.side)
+                if np.hypot(*np.diff(route, axis=0).T).sum() > FEW_STEPS:
+                    return found
+                short = found if short is None else short
         except InputError as error:
             refused = error
             continue
         first = PlannedRoute(route, space.side) if first is None else first
+    if short is not None:
+        return short
     if first is None:
         raise refused
     return first
