@@ -1,15 +1,18 @@
 """``scripts/bench``: run time against error, of everything or of one part."""
 
 import sys
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from lrf3d.cli import main, options
 
 if TYPE_CHECKING:
-    from benchmarks.results import Result
+    from collections.abc import Callable
+
+    from benchmarks.result import Result
 
 Figure = Annotated[Path | None, typer.Option(help="Draw time and error to this .png.")]
 Ablate = Annotated[
@@ -45,10 +48,8 @@ def whole(
 ) -> None:
     """Measure all parts, within ten minutes, and put them onto one page."""
     from benchmarks.comparison import compare as compare_reports
-    from benchmarks.comparison import load_report
-    from benchmarks.parts import PARTS
-    from benchmarks.report_page import page_text
-    from benchmarks.whole import bench_all
+    from benchmarks.comparison import comparison_text, load_report
+    from benchmarks.whole import PARTS, bench_all
     from lrf3d.cli.console import json_text, print_json, progress_bar, warn
     from lrf3d.errors import InputError
     from lrf3d.output import make_folder, write_text
@@ -66,11 +67,11 @@ def whole(
     if old is not None:
         comparison = compare_reports(report, old, str(compare))
         found["comparison"] = comparison.as_dict()
-        text += f"\n\n{comparison.text()}"
+        text += f"\n\n{comparison_text(comparison)}"
     for key, why in report.left_out.items():
         warn(f"{key}: left out: {why}")
     write_text(out / "report.json", json_text(found))
-    write_text(out / "report.html", page_text(report))
+    write_text(out / "report.html", report.page())
     if json:
         print_json(found)
     else:
@@ -94,12 +95,10 @@ def scan(
     Open3D and MuJoCo take part where they are installed: .venv/bin/pip install -e '.[bench]'.
     """
     from benchmarks.scan.benchmark import bench_scan
-    from lrf3d.cli.console import progress_bar
 
     sizes = sorted(set(_numbers("--walls", walls, least=4)))
-    with progress_bar("bench scan") as progress:
-        result = bench_scan(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
-    _print(result, json, figure)
+    choice: Any = {"seconds": seconds, "with_ablation": ablate}
+    _measure("scan", partial(bench_scan, sizes, **choice), json, figure)
 
 
 @app.command(name="map", epilog="Example: scripts/bench map --seeds 1 --figure map.png")
@@ -116,11 +115,8 @@ def map_(
     Also counts the numbers that a map takes to store, and the comparisons that line pairs take.
     """
     from benchmarks.map.benchmark import bench_map
-    from lrf3d.cli.console import progress_bar
 
-    with progress_bar("bench map") as progress:
-        result = bench_map(seeds=seeds, seconds=seconds, progress=progress)
-    _print(result, json, figure)
+    _measure("map", partial(bench_map, seeds=seeds, seconds=seconds), json, figure)
 
 
 @app.command(epilog="Example: scripts/bench score footprints.geojson --beams 181 --seeds 2")
@@ -153,22 +149,20 @@ def score(
     A world is seen from random poses, 1 m off all walls, and its map is compared with the walls
     that were visible. The even scans of a log build a map and the odd ones test it.
     """
-    from benchmarks.score.benchmark import ScoreChoice, bench_score
-    from lrf3d.cli.console import progress_bar
+    from benchmarks.score.benchmark import MODES, bench_score
 
-    chosen = {} if mode is None else {"modes": (mode.value,)}
-    choice = ScoreChoice(
-        **chosen,
+    bench = partial(
+        bench_score,
+        source,
+        modes=MODES if mode is None else (mode.value,),
         sigma=sigma,
         seeds=seeds,
         poses=poses,
-        beams=tuple(_numbers("--beams", beams, least=3)),
+        beams=_numbers("--beams", beams, least=3),
         simplify=simplify,
-        vertices=tuple(_numbers("--vertices", vertices, least=2)),
+        vertices=_numbers("--vertices", vertices, least=2),
     )
-    with progress_bar("bench score") as progress:
-        result = bench_score(source, choice, progress=progress)
-    _print(result, json)
+    _measure("score", bench, json)
 
 
 @app.command(epilog="Example: scripts/bench render --figure render.png")
@@ -185,16 +179,14 @@ def render(
     json: options.Json = False,
 ) -> None:
     """Draw frames with lrf3d and with stock pyrender: how long it takes, and how clean they are."""
-    from lrf3d.cli.console import progress_bar
     from lrf3d.render.gl import require_gl
 
     require_gl()
     from benchmarks.render.benchmark import bench_render
 
     sizes = sorted(set(_numbers("--buildings", buildings, least=4)))
-    with progress_bar("bench render") as progress:
-        result = bench_render(sizes, seconds=seconds, with_ablation=ablate, progress=progress)
-    _print(result, json, figure)
+    choice: Any = {"seconds": seconds, "with_ablation": ablate}
+    _measure("render", partial(bench_render, sizes, **choice), json, figure)
 
 
 @app.command(epilog="Example: scripts/bench robots --robots 1024")
@@ -207,11 +199,9 @@ def robots(
 ) -> None:
     """Drive many robots at once, as environments of Gymnasium: steps and beams a second."""
     from benchmarks.robots import bench_robots
-    from lrf3d.cli.console import progress_bar
 
-    with progress_bar("bench robots") as progress:
-        result = bench_robots(world, robots=count, seconds=seconds, seed=seed, progress=progress)
-    _print(result, json)
+    choice: Any = {"robots": count, "seconds": seconds, "seed": seed}
+    _measure("robots", partial(bench_robots, world, **choice), json)
 
 
 @app.command(epilog="Example: scripts/bench drive --figure drive.png")
@@ -223,18 +213,19 @@ def drive(
     json: options.Json = False,
 ) -> None:
     """Drive an hour with Euler, RK4, RK45 and exact arcs: how far off the end is, and how long."""
-    from benchmarks.drive.benchmark import bench_drive
-    from lrf3d.cli.console import progress_bar
+    from benchmarks.drive import bench_drive
 
-    with progress_bar("bench drive") as progress:
-        result = bench_drive(seconds=seconds, progress=progress)
-    _print(result, json, figure)
+    _measure("drive", partial(bench_drive, seconds=seconds), json, figure)
 
 
-def _print(result: "Result", json: bool, figure: Path | None = None) -> None:
-    """Print a result as one JSON object, or as tables, and then draw it."""
-    from lrf3d.cli.console import print_json
+def _measure(
+    part: str, bench: "Callable[..., Result]", json: bool, figure: Path | None = None
+) -> None:
+    """Run a benchmark, print its result as one JSON object or as tables, and then draw it."""
+    from lrf3d.cli.console import print_json, progress_bar
 
+    with progress_bar(f"bench {part}") as progress:
+        result = bench(progress=progress)
     if json:
         print_json(result.as_dict())
     else:

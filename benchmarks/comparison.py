@@ -5,17 +5,15 @@ than the machine's own speed, which the calibration measures, may have changed i
 """
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.text import duration, error_words
-from benchmarks.timing import Method, Timing
-from benchmarks.whole import FORMAT, Report
+from benchmarks.result import Result, Row, Table, duration, figure_of, words
+from benchmarks.timing import Timing
+from benchmarks.whole import FORMAT, Report, name_of
 from lrf3d.errors import InputError
 from lrf3d.input import read_text
-from lrf3d.tables import table
 
 SAME = ("system", "processor", "cores")
 """What makes two machines the same."""
@@ -28,120 +26,18 @@ ROUNDED = 1e-3
 """Relative difference of errors that other orders of summation may bring."""
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
-    """One figure that differs.
-
-    Args:
-        part: Name of the part.
-        thing: What is done.
-        way: How.
-        what: ``time`` or ``error``.
-        old: The figure then.
-        new: The figure now.
-        noise_ratio: Ratio up to which a difference may be noise; 1 where nothing is random.
-    """
-
-    part: str
-    thing: str
-    way: str
-    what: str
-    old: float
-    new: float
-    noise_ratio: float
-
-    @property
-    def ratio(self) -> float | None:
-        """Now over then; None where there was nothing then."""
-        return self.new / self.old if self.old > 0.0 else None
-
-    @property
-    def worse(self) -> bool:
-        """Whether it became slower or less exact."""
-        return self.new > self.old
-
-    @property
-    def words(self) -> str:
-        """What happened."""
-        if self.what == "time":
-            return "slower" if self.worse else "faster"
-        return "less exact" if self.worse else "more exact"
-
-    @property
-    def size(self) -> float:
-        """By what ratio it changed, in either direction."""
-        ratio = self.ratio
-        return float("inf") if not ratio else max(ratio, 1.0 / ratio)
-
-    def as_dict(self) -> dict[str, Any]:
-        names = ("part", "thing", "way", "old", "new", "ratio", "noise_ratio")
-        return {"change": self.words, **{name: getattr(self, name) for name in names}}
-
-    def row(self) -> tuple[str, ...]:
-        """The change as the cells of a table."""
-        show = duration if self.what == "time" else error_words
-        return (
-            self.words,
-            "from none" if self.ratio is None else f"{self.ratio:.3g} ×",
-            f"{self.noise_ratio:.2f} ×",
-            show(self.old),
-            show(self.new),
-            f"{self.part}: {self.thing}, {self.way}",
-        )
-
-
-@dataclass
-class Comparison:
-    """What differs between two reports.
-
-    Args:
-        against: The older report.
-        made: When that was made.
-        machines: What differs between the machines; empty for the same one.
-        compared: How many figures were compared.
-        changes: Those that differ beyond the noise, the worst first.
-        speeds: For each part how much longer the calibration took now.
-        missing: Methods that only one of the two reports has.
-    """
-
-    against: str
-    made: str = ""
-    machines: list[str] = field(default_factory=list)
-    compared: int = 0
-    changes: list[Change] = field(default_factory=list)
-    speeds: dict[str, float] = field(default_factory=dict)
-    missing: list[str] = field(default_factory=list)
-
-    def as_dict(self) -> dict[str, Any]:
-        return {
-            "against": self.against,
-            "made": self.made,
-            "machines_differ": self.machines,
-            "figures_compared": self.compared,
-            "changes": [change.as_dict() for change in self.changes],
-            "yardstick_ratio": self.speeds,
-            "only_in_one": self.missing,
-        }
-
-    def text(self) -> str:
-        """What became slower or less exact, and what the noise hides."""
-        worse = [change for change in self.changes if change.worse]
-        slower = sum(change.what == "time" for change in worse)
-        lines = [
-            f"Against {self.against} of {self.made}: of {self.compared} figures {slower} slower,"
-            f" {len(worse) - slower} less exact, {len(self.changes) - len(worse)} faster or more"
-            " exact; the others differ by no more than the noise of both."
-        ]
-        if self.changes:
-            head = ("change", "by", "noise up to", "then", "now", "what")
-            lines.append(table(head, [change.row() for change in self.changes], left=(0, 5)))
-        lines += [f"The machines differ: {line}." for line in self.machines]
-        lines += [
-            f"In {key} the machine itself took {ratio:.2f} times as long for the same work."
-            for key, ratio in self.speeds.items()
-            if max(ratio, 1.0 / ratio) > 1.1
-        ]
-        return "\n".join([*lines, *(f"not compared: {line}" for line in self.missing)])
+CHANGES = Table(
+    "changes",
+    {
+        "change": "change",
+        "by": "by",
+        "noise_ratio": ("noise up to", "{:.2f} ×".format),
+        "then": "then",
+        "now": "now",
+        "name": "what",
+    },
+)
+"""What differs: a time or an error of one row, then and now."""
 
 
 def load_report(path: str | Path) -> dict[str, Any]:
@@ -166,7 +62,7 @@ def load_report(path: str | Path) -> dict[str, Any]:
     return report
 
 
-def compare(new: Report, old: Mapping[str, Any], against: str) -> Comparison:
+def compare(new: Report, old: Mapping[str, Any], against: str) -> Result:
     """Compare a report with an older one.
 
     Raises:
@@ -174,64 +70,115 @@ def compare(new: Report, old: Mapping[str, Any], against: str) -> Comparison:
     """
     try:
         return _compare(new, old, against)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"{against}: damaged: {error!r}; make it anew with scripts/bench"
         ) from error
 
 
-def _compare(new: Report, old: Mapping[str, Any], against: str) -> Comparison:
-    machine = old["machine"]
-    result = Comparison(against, old["made"])
-    for key in SAME:
-        if machine[key] != new.machine[key]:
-            result.machines.append(f"{key}: {machine[key]} then, {new.machine[key]} now")
+def _compare(new: Report, old: Mapping[str, Any], against: str) -> Result:
+    machine, here = old["machine"], new.as_dict()["machine"]
+    differ = [
+        f"{key}: {machine[key]} then, {here[key]} now" for key in SAME if machine[key] != here[key]
+    ]
+    speeds: dict[str, float] = {}
+    missing: list[str] = []
+    changes: list[Row] = []
+    compared = 0
     before = {part["part"]: part for part in old["parts"]}
-    for part in new.parts:
-        then = before.pop(part.key, None)
+    for key, result in new.parts.items():
+        then = before.pop(key, None)
         if then is None:
-            result.missing.append(f"{part.title}: only now")
+            missing.append(f"{key}: only now")
             continue
-        assert part.calibration is not None
-        speed = part.calibration.median / Timing.from_dict(then["yardstick"]).median
-        result.speeds[part.key] = speed
-        old_methods = {(m.thing, m.title): m for m in map(Method.from_dict, then["ways"])}
-        for method in part.methods:
-            was = old_methods.pop((method.thing, method.title), None)
-            if was is None:
-                result.missing.append(f"{part.title}: {method.thing}, {method.title}: only now")
+        calibration = Timing.from_dict(then["calibration"])
+        speed = speeds[key] = new.calibration[key].median / calibration.median
+        for table, rows in result.tables.items():
+            if not (table.time or table.error):
                 continue
-            result.compared += 2
-            result.changes += _changes(part.title, was, method, speed)
-        result.missing += [
-            f"{part.title}: {method.thing}, {method.title}: only then"
-            for method in old_methods.values()
-        ]
-    result.missing += [f"{part['title']}: only then" for part in before.values()]
-    result.changes.sort(key=lambda change: (not change.worse, -change.size))
+            was = {name_of(table, row): row for row in then.get(table.key, [])}
+            for row in rows:
+                name = name_of(table, row)
+                if name not in was:
+                    missing.append(f"{key}: {name}: only now")
+                    continue
+                compared += 1
+                changes += _changes(table, was.pop(name), row, speed, f"{key}: {name}")
+            missing += [f"{key}: {name}: only then" for name in was]
+    missing += [f"{key}: only then" for key in before]
+    changes.sort(key=lambda row: (not row["worse"], -_size(row)))
+    result = Result("comparison", facts={
+        "against": against,
+        "made": old["made"],
+        "machines_differ": differ,
+        "rows_compared": compared,
+        "calibration_ratio": speeds,
+        "only_in_one": missing,
+    })  # fmt: skip
+    result.tables[CHANGES] = changes
     return result
 
 
-def _changes(part: str, was: Method, now: Method, speed: float) -> list[Change]:
-    """The time and the error of one method, as far as they differ beyond the noise."""
-    found = []
-    scatter = _scatter(was.time) * _scatter(now.time) * max(speed, 1.0 / speed)
-    noise = max(LEAST, scatter)
-    ratio = now.time.median / was.time.median
-    if max(ratio, 1.0 / ratio) > noise:
-        times = was.time.median, now.time.median
-        found.append(Change(part, now.thing, now.title, "time", *times, noise))
-    worse = now.least_error > was.largest_error * (1.0 + ROUNDED)
-    better = now.largest_error < was.least_error * (1.0 - ROUNDED)
-    if worse or better:
+def _changes(table: Table, was: Row, now: Row, speed: float, name: str) -> Iterator[Row]:
+    """The time and the error of one row, as far as they differ beyond the noise."""
+    if table.time:
+        old, new = Timing.from_dict(was[table.time]), now[table.time]
+        noise = max(LEAST, old.scatter * new.scatter * max(speed, 1.0 / speed))
+        if not 1.0 / noise <= new.median / old.median <= noise:
+            yield _change(name, "time", old.median, new.median, noise)
+    then, value = figure_of(was, table.error), figure_of(now, table.error)
+    if then is None or value is None:
+        return
+    spans = [(row.get("least_error", e), row.get("largest_error", e))
+             for row, e in ((was, then), (now, value))]  # fmt: skip
+    (old_least, old_largest), (least, largest) = spans
+    if least > old_largest * (1.0 + ROUNDED) or largest < old_least * (1.0 - ROUNDED):
         spread = 1.0
-        for method in (was, now):
-            if method.least_error > 0.0:
-                spread *= method.largest_error / method.least_error
-        found.append(Change(part, now.thing, now.title, "error", was.error, now.error, spread))
-    return found
+        for low, high in spans:
+            spread *= high / low if low > 0.0 else 1.0
+        yield _change(name, "error", then, value, spread)
 
 
-def _scatter(timing: Timing) -> float:
-    """By what ratio a time scatters: between its quartiles, or twofold where it was taken once."""
-    return timing.high / timing.low if timing.calls > 1 and timing.low > 0.0 else 2.0
+def _change(name: str, what: str, old: float, new: float, noise: float) -> Row:
+    kinds = {"time": ("slower", "faster"), "error": ("less exact", "more exact")}
+    show = duration if what == "time" else words
+    ratio = new / old if old > 0.0 else None
+    return {
+        "change": kinds[what][new < old],
+        "worse": new > old,
+        "name": name,
+        "old": old,
+        "new": new,
+        "ratio": ratio,
+        "by": "from none" if ratio is None else f"{ratio:.3g} ×",
+        "noise_ratio": noise,
+        "then": show(old),
+        "now": show(new),
+    }
+
+
+def _size(row: Row) -> float:
+    """By what ratio a figure changed, in either direction."""
+    ratio: float | None = row["ratio"]
+    return max(ratio, 1.0 / ratio) if ratio else float("inf")
+
+
+def comparison_text(comparison: Result) -> str:
+    """What became slower or less exact, and what the noise hides."""
+    facts, changes = comparison.facts, comparison[CHANGES]
+    counts = [
+        sum(row["change"] == change for row in changes) for change in ("slower", "less exact")
+    ]
+    lines = [
+        f"Against {facts['against']} of {facts['made']}: of {facts['rows_compared']} rows"
+        f" {counts[0]} slower, {counts[1]} less exact, {len(changes) - sum(counts)} faster or more"
+        " exact; the others differ by no more than the noise of both."
+    ]
+    lines += [CHANGES.text(changes)] if changes else []
+    lines += [f"The machines differ: {line}." for line in facts["machines_differ"]]
+    lines += [
+        f"In {key} the machine itself took {ratio:.2f} times as long for the same work."
+        for key, ratio in facts["calibration_ratio"].items()
+        if max(ratio, 1.0 / ratio) > 1.1
+    ]
+    return "\n".join([*lines, *(f"not compared: {line}" for line in facts["only_in_one"])])

@@ -10,6 +10,8 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchmarks.result import RATIOS, SAVINGS, Result, Row, Table, left_out_lines
+
 QUALITY = 90
 """Quality of JPEG pictures: no blocks are seen in skies at it."""
 
@@ -17,59 +19,43 @@ DOTS_PER_INCH = 130
 """Of figures that are made of dots: two a pixel of the usual screen at the width of a page."""
 
 STYLE = """
-:root { --ink: #20262e; --faint: #68727f; --line: #e1e5ea; --paper: #fbfaf8; --warm: #d6361f;
-  --cool: #2f6fb3; --good: #1d7a55; --fair: #9a6a00; --bad: #b3261e; }
+:root { --ink: #20262e; --faint: #68727f; --line: #e1e5ea; }
 * { box-sizing: border-box; }
-html { scroll-behavior: smooth; }
-body { margin: 0; background: var(--paper); color: var(--ink);
-  font: 17px/1.6 Charter, "Bitstream Charter", "Sitka Text", Cambria, Georgia, serif; }
+body { margin: 0; background: #fbfaf8; color: var(--ink); font: 17px/1.6 Charter, Georgia, serif; }
 main { max-width: 1160px; margin: 0 auto; padding: 64px 32px 96px; }
-h1 { font-size: 42px; line-height: 1.15; margin: 0 0 12px; letter-spacing: -0.01em; }
-h2 { font-size: 27px; line-height: 1.25; margin: 0; letter-spacing: -0.005em; }
-h3 { font-size: 18px; margin: 28px 0 0; }
+h1 { font-size: 42px; line-height: 1.15; margin: 0 0 12px; }
+h2 { font-size: 27px; line-height: 1.25; margin: 0; }
 .lead { color: var(--faint); font-size: 19px; max-width: 46em; margin: 0 0 24px; }
 .note { color: var(--faint); font-size: 13px; margin: 6px 0 16px; }
 .place, .note, .verdict, th, td, figcaption, dt, footer, summary {
-  font-family: "Inter", "Helvetica Neue", "Segoe UI", Roboto, "DejaVu Sans", Arial, sans-serif; }
-.place { color: var(--faint); font-size: 13px; letter-spacing: 0.02em; margin: 0 0 6px; }
+  font-family: "Inter", "Helvetica Neue", "Segoe UI", "DejaVu Sans", Arial, sans-serif; }
+.place, footer { color: var(--faint); font-size: 13px; margin: 0 0 6px; }
 section { background: #fff; border: 1px solid var(--line); border-radius: 10px;
   padding: 36px 40px 28px; margin: 36px 0; }
 .head { display: flex; justify-content: space-between; gap: 24px; align-items: flex-start; }
 .verdict { flex: none; font-size: 13px; font-weight: 600; padding: 3px 12px; border-radius: 99px;
   border: 1px solid currentColor; white-space: nowrap; }
-.good { color: var(--good); } .fair { color: var(--fair); } .bad { color: var(--bad); }
+.good { color: #1d7a55; } .fair { color: #9a6a00; } .bad { color: #b3261e; }
 .none { color: var(--faint); }
 dl { display: grid; grid-template-columns: 1fr 1fr; gap: 8px 40px; margin: 22px 0 18px; }
-dl > div { min-width: 0; }
-dt { font-size: 12px; font-weight: 600; text-transform: uppercase; letter-spacing: 0.07em;
-  color: var(--faint); margin-bottom: 4px; }
+dt { font-size: 12px; font-weight: 600; text-transform: uppercase; color: var(--faint); }
 dd { margin: 0; }
 figure { margin: 24px 0 8px; }
-figure img { display: block; width: 100%; height: auto; border-radius: 4px; }
+figure img { display: block; width: 100%; height: auto; }
 figcaption { font-size: 13.5px; color: var(--faint); margin-top: 8px; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-size: 14px; margin: 18px 0 6px;
   font-variant-numeric: tabular-nums; }
 th { font-weight: 600; color: var(--faint); font-size: 12.5px; }
 th, td { padding: 6px 10px; border-bottom: 1px solid var(--line); text-align: right;
-  vertical-align: bottom; }
-td { white-space: nowrap; }
+  vertical-align: bottom; white-space: nowrap; }
 .word { text-align: left; white-space: normal; }
-th:first-child, td:first-child { text-align: left; padding-left: 0; }
-thead th { border-bottom: 1.5px solid var(--ink); }
-tbody tr:last-child td { border-bottom: 0; }
-.bar { display: inline-block; width: 180px; height: 9px; background: #f0f1f3; border-radius: 5px;
-  overflow: hidden; vertical-align: middle; }
-.bar i { display: block; height: 100%; background: var(--warm); opacity: 0.85; }
+.default td { font-weight: 700; }
 a { color: inherit; text-decoration-color: #b9c0c9; text-underline-offset: 3px; }
-.robust { color: var(--warm); } .paper { color: var(--cool); }
+.robust { color: #d6361f; } .paper { color: #2f6fb3; }
 summary { cursor: pointer; color: var(--faint); font-size: 14px; margin-top: 18px; }
-footer { color: var(--faint); font-size: 13px; margin-top: 48px; }
-code { font: 0.92em ui-monospace, "SF Mono", Menlo, "DejaVu Sans Mono", monospace; }
-@media (max-width: 760px) { dl { grid-template-columns: 1fr; } main { padding: 32px 14px; }
-  section { padding: 24px 18px; } .head { flex-direction: column; gap: 10px; }
-  h1 { font-size: 32px; } .bar { width: 60px; } }
-@media print { section { break-inside: avoid; border: 0; padding: 0; } body { background: #fff; } }
+@media (max-width: 760px) { dl { grid-template-columns: 1fr; } main { padding: 32px 14px; } }
+@media print { section { break-inside: avoid; border: 0; padding: 0; } }
 """
 """The look: a column as wide as the plots, words in serifs, numbers in tabular figures."""
 
@@ -110,15 +96,46 @@ def section(key: str, title: str, *parts: str, place: str = "", aside: str = "")
     )
 
 
+def result_section(key: str, result: Result) -> Html:
+    """What a benchmark measured: question, chart, what is saved, and all tables below a fold."""
+    pieces = [Html(f'<p class="lead">{_html(result.question)}</p>')]
+    if result.chart is not None:
+        words = f"{key.capitalize()}: time against error"
+        pieces.append(picture(embed_figure(result.chart(result)), words, shown=False))
+    pieces += [figures(table, result[table]) for table in (RATIOS, SAVINGS) if result[table]]
+    tables = "\n".join(
+        figures(table, rows)
+        for table, rows in result.tables.items()
+        if rows and table not in (RATIOS, SAVINGS)
+    )
+    pieces.append(Html(f"<details><summary>All figures</summary>{tables}</details>"))
+    pieces += [note(f"Left out: {line}") for line in left_out_lines(result.skipped)]
+    return section(key, key.capitalize(), *pieces, note(f"Took {result.took_s:.0f} s."))
+
+
+def figures(table: Table, rows: Sequence[Row]) -> Html:
+    """A table of figures, with what it says below; what lrf3d does by default is bold."""
+    marked = [bool(row.get("default")) for row in rows]
+    heads, cells, left = table.grid(rows)
+    made = grid(heads, cells, words=left, marked=marked)
+    return Html(made + note(table.note)) if table.note else made
+
+
 def note(text: str) -> Html:
     """A small line."""
     return Html(f'<p class="note">{_html(text)}</p>')
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, words: int = 1) -> Html:
-    """A table whose first columns hold words, and the others numbers."""
+def grid(
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    words: int = 1,
+    marked: Sequence[bool] = (),
+) -> Html:
+    """Cells under a head; the first columns hold words, and the others numbers."""
 
-    def cells(kind: str, row: Sequence[str]) -> str:
+    def cells(kind: str, row: Sequence[str], default: bool = False) -> str:
         made = []
         for column, cell in enumerate(row):
             # Modes have their colours in tables as in figures.
@@ -126,9 +143,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, words: int = 1)
             classes += ["word"] if column < words else []
             named = f' class="{" ".join(classes)}"' if classes else ""
             made.append(f"<{kind}{named}>{_html(cell)}</{kind}>")
-        return "<tr>" + "".join(made) + "</tr>"
+        opening = '<tr class="default">' if default else "<tr>"
+        return opening + "".join(made) + "</tr>"
 
-    body = "\n".join(cells("td", row) for row in rows)
+    listed = list(rows)
+    flags = marked or [False] * len(listed)
+    body = "\n".join(cells("td", row, flag) for row, flag in zip(listed, flags, strict=True))
     return Html(
         f'<div class="scroll"><table><thead>{cells("th", head)}</thead>\n'
         f"<tbody>{body}</tbody></table></div>"

@@ -12,9 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.laser import LaserScan
-from lrf3d.mapping import LineMap, LineMapper
-
 LEAST_TURNS = 3
 """Turns of even the slowest method: fewer have no median."""
 
@@ -36,7 +33,7 @@ class Timing:
 
     @classmethod
     def of(cls, spent: list[float]) -> "Timing":
-        """The timing of calls that took so long each [s]."""
+        """The timing of calls by the time that each took [s]."""
         low, median, high = np.percentile(spent, [25.0, 50.0, 75.0]).tolist()
         return cls(median, low, high, len(spent))
 
@@ -46,6 +43,7 @@ class Timing:
         return cls(table["median_s"], table["low_s"], table["high_s"], table["calls"])
 
     def as_dict(self) -> dict[str, float]:
+        """The timing in JSON's types."""
         return {
             "median_s": self.median,
             "low_s": self.low,
@@ -53,54 +51,15 @@ class Timing:
             "calls": self.calls,
         }
 
-
-@dataclass(frozen=True, slots=True)
-class Method:
-    """One method to do a thing, with its time and its error.
-
-    Args:
-        thing: What is done, such as a scan among 400 walls.
-        family: The method's kind.
-        setting: What distinguishes it from others of its kind; may be empty.
-        time: Its time [s].
-        error: Its error, in the unit of the part.
-        least_error: Least error where several runs were made with random numbers, else the error.
-        largest_error: Largest error, likewise.
-        default: Whether lrf3d does so by default.
-    """
-
-    thing: str
-    family: str
-    setting: str
-    time: Timing
-    error: float
-    least_error: float
-    largest_error: float
-    default: bool = False
-
-    @classmethod
-    def from_dict(cls, entry: Mapping[str, Any]) -> "Method":
-        """The method that JSON holds."""
-        return cls(**{**entry, "time": Timing.from_dict(entry["time"])})
-
-    @classmethod
-    def of(
-        cls,
-        thing: str,
-        family: str,
-        setting: str,
-        time: Timing,
-        error: float,
-        *,
-        default: bool = False,
-    ) -> "Method":
-        """A method whose error has nothing random."""
-        return cls(thing, family, setting, time, error, error, error, default)
+    @property
+    def quartiles(self) -> tuple[float, float] | None:
+        """The lower and the upper quartile [s]; None where the time was taken once."""
+        return (self.low, self.high) if self.calls > 1 else None
 
     @property
-    def title(self) -> str:
-        """Its name."""
-        return f"{self.family}, {self.setting}" if self.setting else self.family
+    def scatter(self) -> float:
+        """Ratio between the quartiles; 2 where the time was taken once."""
+        return self.high / self.low if self.calls > 1 and self.low > 0.0 else 2.0
 
 
 def take_turns(
@@ -126,7 +85,7 @@ def take_turns(
     bursts = {}
     for name, call in methods.items():
         call(0)
-        bursts[name] = int(np.clip(burst_seconds / _timed(call, 0), 1, BURST))
+        bursts[name] = int(np.clip(burst_seconds / timed(call, 0), 1, BURST))
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -137,7 +96,7 @@ def take_turns(
             for k in rng.permutation(len(playing)):
                 name = playing[k]
                 # The numbers of a turn are the same for all, so that all cast the same scans.
-                took = [_timed(methods[name], BURST * turn + n) for n in range(bursts[name])]
+                took = [timed(methods[name], BURST * turn + n) for n in range(bursts[name])]
                 spent[name] += took
                 left[name] -= sum(took)
     finally:
@@ -146,22 +105,16 @@ def take_turns(
     return {name: Timing.of(times) for name, times in spent.items()}
 
 
-def _timed(call: Callable[[int], object], number: int) -> float:
+def timed(call: Callable[..., object], *arguments: object) -> float:
+    """How long a call takes [s]."""
     start = time.perf_counter()
-    call(number)
+    call(*arguments)
     return time.perf_counter() - start
 
 
-class TimedMapper:
-    """A mapper under a stopwatch; `spent` holds the time of each update [s]."""
-
-    def __init__(self, mapper: LineMapper) -> None:
-        self.spent: list[float] = []
-        self._mapper = mapper
-
-    def update(self, scan: LaserScan) -> LineMap:
-        """Take in a scan."""
-        start = time.perf_counter()
-        line_map = self._mapper.update(scan)
-        self.spent.append(time.perf_counter() - start)
-        return line_map
+def time_updates(mapper: Any) -> list[float]:
+    """Put a mapper under a stopwatch; the list grows by the time [s] of each update."""
+    spent: list[float] = []
+    update = mapper.update
+    mapper.update = lambda scan: spent.append(timed(update, scan))
+    return spent

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     )
     from lrf3d.exporting import export_run
     from lrf3d.fleet import simulate_fleet
+    from lrf3d.io import load_log, load_run, record, save_run
     from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
     from lrf3d.localization import (
         KnownLines,
@@ -30,16 +31,16 @@ if TYPE_CHECKING:
         localise,
         odometry_increments,
     )
-    from lrf3d.logs import load_log, load_run, record, save_run
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
     from lrf3d.pose import Pose
     from lrf3d.render.video import render_video
     from lrf3d.robot import Trajectory, Unicycle, check_drive, drive, follow_route
     from lrf3d.robot.planner import plan_route
-    from lrf3d.scenario import Scenario, load_scenario
+    from lrf3d.run import Run
+    from lrf3d.scenario import Scenario
+    from lrf3d.scenario_file import load_scenario
     from lrf3d.scoring import score_map, score_run
-    from lrf3d.simulation import Run, simulate
-    from lrf3d.steps import Simulation, Step
+    from lrf3d.simulation import Simulation, Step, simulate
     from lrf3d.world import World, load_world, save_world, world_names
 
 _HOMES = {
@@ -64,16 +65,17 @@ _HOMES = {
         "localise",
         "odometry_increments",
     ],
-    "logs": ["load_log", "load_run", "record", "save_run"],
+    "io": ["load_log", "load_run", "record", "save_run"],
     "mapping": ["LineMap", "LineMapper", "load_map", "save_map"],
     "pose": ["Pose"],
     "render.video": ["render_video"],
     "robot": ["Trajectory", "Unicycle", "check_drive", "drive", "follow_route"],
     "robot.planner": ["plan_route"],
-    "scenario": ["Scenario", "load_scenario"],
+    "run": ["Run"],
+    "scenario": ["Scenario"],
+    "scenario_file": ["load_scenario"],
     "scoring": ["score_map", "score_run"],
-    "simulation": ["Run", "simulate"],
-    "steps": ["Simulation", "Step"],
+    "simulation": ["Simulation", "Step", "simulate"],
     "world": ["World", "load_world", "save_world", "world_names"],
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -133,6 +135,11 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Load a public name from its module at its first use."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        globals()[name] = version("lrf3d")
+        return globals()[name]
     if name not in _HOME:
         raise AttributeError(f"module 'lrf3d' has no attribute {name!r}")
     value = getattr(import_module(f"lrf3d.{_HOME[name]}"), name)

@@ -12,7 +12,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.output import replacing
-from lrf3d.simulation import Run
+from lrf3d.run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,19 +38,19 @@ class Exporter:
 
 
 def _write_carmen(run: Run, path: Path, every: int) -> None:
-    from lrf3d.logs.carmen_writer import write
+    from lrf3d.io.carmen import write_carmen
 
-    write(_thinned(run, every), path)
+    write_carmen(_thinned(run, every), path)
 
 
 def _write_mcap(run: Run, path: Path, every: int) -> None:
-    from lrf3d.logs.ros_bag_writer import write
+    from lrf3d.io.ros_bag_writer import write
 
     write(_thinned(run, every), path)
 
 
 def _write_bag_folder(run: Run, path: Path, every: int) -> None:
-    from lrf3d.logs.ros_bag_writer import write_folder
+    from lrf3d.io.ros_bag_writer import write_folder
 
     write_folder(_thinned(run, every), path)
 

@@ -8,18 +8,19 @@ from functools import partial
 
 import numpy as np
 
-from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.mover import Mover, round_outline
 from lrf3d.casting.timed import Caster
-from lrf3d.laser import LaserRangeFinder, Noise
-from lrf3d.mapping import LineMapper
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.noise import AnyNoise
 from lrf3d.robot import Trajectory
-from lrf3d.simulation import Run, simulate
-from lrf3d.steps import Mapper
+from lrf3d.robot.unicycle import RADIUS
+from lrf3d.run import Run
+from lrf3d.sensor import caster_of
+from lrf3d.simulation import Mapper, simulate
 from lrf3d.world import World
 
-RADIUS, HEIGHT = 0.35, 1.0
-"""How wide and how tall a robot is where nothing is said [m]."""
+HEIGHT = 1.0
+"""How tall a robot is if not given [m]."""
 
 
 def simulate_fleet(
@@ -29,10 +30,10 @@ def simulate_fleet(
     *,
     radius: float = RADIUS,
     height: float = HEIGHT,
-    caster: Caster | None = None,
-    noise: Noise | None = None,
-    mapper: Callable[[], Mapper] = LineMapper,
-    seed: int = 0,
+    caster: Caster | str = "embree",
+    noise: AnyNoise | None = None,
+    mapper: Callable[[], Mapper] | None = None,
+    rng: np.random.Generator | int | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Run]:
     """Drive several robots through a world at the same time.
@@ -43,10 +44,11 @@ def simulate_fleet(
         lrf: The laser range finder of each of them; it does not see its own robot.
         radius: How wide the robots are as others see them [m].
         height: How tall they are [m].
-        caster: What casts the beams; Embree where not given.
-        noise: What makes measured ranges of true ones; none where not given.
-        mapper: Makes the mapper of each robot; a LineMapper where not given.
-        seed: Seed of the noise; each robot has its own.
+        caster: What casts the beams: ``embree``, ``planar``, or an object with ``cast``.
+        noise: What makes measured ranges of true ones; none if not given.
+        mapper: Makes the mapper of each robot; if not given, they are LineMappers that reckon
+            with the noise.
+        rng: The source of the noise, or a seed of it; each robot has its own.
         progress: Called with the scans that are done and all.
 
     Raises:
@@ -56,16 +58,16 @@ def simulate_fleet(
         >>> import lrf3d
         >>> room = lrf3d.load_world("paper_room")
         >>> drives = [lrf3d.follow_route([[1, 1], [2, 1]]), lrf3d.follow_route([[1, 2], [2, 2]])]
-        >>> runs = lrf3d.simulate_fleet(room, drives)
+        >>> runs = lrf3d.simulate_fleet(room, drives, rng=0)
         >>> len(runs)
         2
     """
-    caster = EmbreeCaster(world) if caster is None else caster
+    caster = caster_of(caster, world)
     outline = round_outline(radius)
     bodies = [Mover(outline, trajectory, height) for trajectory in trajectories]
     total, done, runs = sum(map(len, trajectories)), 0, []
-    for robot, (trajectory, rng) in enumerate(
-        zip(trajectories, np.random.default_rng(seed).spawn(len(trajectories)), strict=True)
+    for robot, (trajectory, own) in enumerate(
+        zip(trajectories, np.random.default_rng(rng).spawn(len(trajectories)), strict=True)
     ):
         runs.append(
             simulate(
@@ -74,8 +76,8 @@ def simulate_fleet(
                 lrf,
                 caster=caster,
                 noise=noise,
-                mapper=mapper(),
-                rng=rng,
+                mapper=None if mapper is None else mapper(),
+                rng=own,
                 movers=bodies[:robot] + bodies[robot + 1 :],
                 progress=partial(_report, progress, done, total),
             )

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from lrf3d.errors import InputError, shown
 
 Float = NDArray[np.float64]
+Single = NDArray[np.float32]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
@@ -189,3 +190,10 @@ def principal_direction(xx: float, xy: float, yy: float) -> Float:
     """Unit vector (2,) of the largest spread of the scatter [[xx, xy], [xy, yy]]."""
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
     return np.array([np.cos(angle), np.sin(angle)])
+
+
+def quad_indices(quads: int) -> NDArray[np.uint32]:
+    """Indices (6 · quads,) of two triangles for each four vertices that run round a quad."""
+    first = np.arange(quads, dtype=np.uint32)[:, None] * 4
+    corners = np.array([[0, 1, 2, 0, 2, 3]], dtype=np.uint32)
+    return (first + corners).ravel()

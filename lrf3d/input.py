@@ -1,7 +1,8 @@
 """Reading files: only ordinary ones, within bounds, and what a file's contents are called.
 
 Whatever a user names is opened through here, so that a pipe, a device or a folder is one clear
-line instead of a program that waits for ever or fills the memory.
+line instead of a program that waits for ever or fills the memory. Files that lrf3d brings along,
+the built-in worlds and the assets, stand beside the package in a checkout, in a wheel inside it.
 """
 
 import os
@@ -21,6 +22,9 @@ GENERAL = frozenset(
     " sweep untitled world".split()
 )
 """Names of files that say what they are but not of which place; their folder's name does."""
+
+
+_PACKAGE = Path(__file__).parent
 
 
 def check_ordinary(
@@ -128,3 +132,18 @@ def own_name(path: str | Path, given: object = None, *, stem: str | None = None)
     name = place.stem if stem is None else stem
     folder = place.parent.name
     return f"{folder}_{name}" if folder and name.lower() in GENERAL else name
+
+
+def _folder(name: str) -> Path:
+    installed = _PACKAGE / name
+    return installed if installed.is_dir() else _PACKAGE.parent / name
+
+
+def worlds_folder() -> Path:
+    """The folder of the built-in worlds, one TOML file each."""
+    return _folder("worlds")
+
+
+def assets_folder() -> Path:
+    """The folder of the robot's mesh and of the pictures."""
+    return _folder("assets")

@@ -11,13 +11,14 @@ import stat
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping
+import traceback
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from platform import node
 from typing import Any
 
-from lrf3d.errors import InputError, OutputError
+from lrf3d.errors import InputError, Lrf3dError, OutputError
 
 try:
     import fcntl
@@ -298,3 +299,40 @@ def _same_file(file: int, path: Path) -> bool:
     except FileNotFoundError:
         return False
     return (here.st_dev, here.st_ino) == (there.st_dev, there.st_ino)
+
+
+Drawing = tuple[Path, Callable[[Path], object]]
+"""The file of a picture or a film, and what draws it to a path."""
+
+
+def draw_all(drawings: Mapping[str, Drawing], kept: str) -> tuple[dict[str, Path], str]:
+    """Draw pictures and films, each whether or not others fail.
+
+    Args:
+        drawings: What to draw, by what it shows.
+        kept: What a message about a failure ends with: where the data are, and how to draw again.
+
+    Returns:
+        The files that were drawn, by what they show, and a line about those that were not; the
+        line is empty where all went well.
+    """
+    drawn: dict[str, Path] = {}
+    failed: list[str] = []
+    reason = ""
+    for name, (path, draw) in drawings.items():
+        try:
+            draw(path)
+        except Exception as error:
+            # Whatever it is, nobody's data depend on it.
+            failed.append(path.name)
+            reason = reason or _reason(error)
+        else:
+            drawn[name] = path
+    return drawn, f"{', '.join(failed)}: not drawn: {reason}; {kept}" if failed else ""
+
+
+def _reason(error: Exception) -> str:
+    """The last line of what went wrong; an error of lrf3d's own has but one."""
+    if isinstance(error, Lrf3dError):
+        return str(error)
+    return "".join(traceback.format_exception_only(error)).strip().splitlines()[-1]

@@ -1,30 +1,49 @@
 """Scenario: a world with a robot, a laser, a noise and a mapper set up to drive through it.
 
-A name or a path enters; all that a run needs leaves. What a file does not say has a default, so
-that a file of walls alone serves as well.
+A world, and what is said of its drive, enter; a simulation or a run leaves. What is not said has a
+default, so that walls alone serve as well.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from difflib import get_close_matches
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Value, read_only
-from lrf3d.input import own_name
-from lrf3d.laser import Imperfections, LaserRangeFinder
+from lrf3d.casting.mover import Mover
+from lrf3d.errors import CollisionError, InputError
+from lrf3d.geometry import Float, Value
+from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
+from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.pose import Pose
-from lrf3d.world import World, load_world
-from lrf3d.world.cameras import check_view
-from lrf3d.world.files import find_world
-from lrf3d.world.settings import read_settings
-from lrf3d.world.toml_file import WorldFile, read_toml
+from lrf3d.robot import Trajectory, check_drive, follow_route
+from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
+from lrf3d.robot.free_space import Side
+from lrf3d.robot.laps import chain_laps, drive_laps
+from lrf3d.robot.unicycle import RADIUS
+from lrf3d.world import World
+from lrf3d.world.cameras import PLAYBACK, FilmPlan
 
-SIGMA = 0.04
-"""Noise [m] at range_max where none is given: that of the paper's city (Fig. 7)."""
+if TYPE_CHECKING:
+    from lrf3d.casting.timed import Caster
+    from lrf3d.run import Run
+    from lrf3d.simulation import Mapper, Simulation
+    from lrf3d.steering import Controller
+
+POSE_INTERVAL = 4.0
+"""Time between two scans [s] where the robot stands at single poses instead of driving."""
+
+CONTROLLED_SCANS = 1000
+"""Scans after which a controller's drive ends if not given."""
+
+MOST_SCANS = 10_000_000
+"""Scans of a run at most, eleven days at 10 Hz: their poses are held in memory, 32 bytes each."""
+
+PLANNED_LOOKAHEAD = 0.4
+"""How far ahead the robot steers at [m] on a route that was planned: it gets through the doors of
+a house, where at 1 m it would cut their corners."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,22 +53,20 @@ class Scenario(Value):
     Args:
         world: The walls.
         lrf: The laser range finder.
-        sigmas: Standard deviations of the noise [m]; the first is the one to run with, the
-            others stand beside it in figures.
-        imperfections: What the range finder does beside this noise.
-        movers: Tables of what moves beside the robot: route (m, 2) [m], speed [m/s], radius [m]
-            or points (n, 2) [m], and height [m].
-        start: Pose x, y [m], theta [rad] where the drive begins; None where nothing is said.
-        route: (m, 2) way-points [m], the first at the start; None where the file names none.
+        noise: What makes measured scans of true ones.
+        compared: Standard deviations [m] at range_max of further noises, whose maps stand beside
+            that of the run in figures.
+        movers: The dynamic obstacles.
+        start: Pose x, y [m], theta [rad] where the drive begins; None if not given.
+        route: (m, 2) way-points [m], the first at the start; None where it is to be planned.
         poses: (k, 3) poses x, y [m], theta [rad] to stand and scan at instead of a drive.
         planned: The side of the walls, inside or outside, on which the route was planned; None
             where it was not.
         speed: Speed of the drive [m/s].
         scan_interval: Time between two scans [s].
-        lookahead: How far ahead on the route the robot steers at [m]: the default is about three
-            of its radii, so that it cuts corners by no more than the clearance that routes keep.
+        lookahead: How far ahead on the route the robot steers at [m].
         radius: Radius of the robot [m].
-        mapper: Keyword arguments for the mapper.
+        mapper: Keyword arguments of the LineMapper.
         view: Where the film is seen from: ``chase``, ``first``, ``orbit``,
             ``top``, or the name of one of the world's cameras.
         playback: Simulated seconds in a second of film.
@@ -58,38 +75,35 @@ class Scenario(Value):
     Examples:
         >>> import lrf3d
         >>> scenario = lrf3d.load_scenario("city")
-        >>> scenario.lrf.beams, scenario.sigmas
-        (181, (0.04,))
+        >>> scenario.lrf.beams, scenario.noise
+        (181, ProportionalNoise(sigma=0.04))
+        >>> run = scenario.run(scans=3, rng=0, mode="paper", speed=2.0)
+        >>> len(run)
+        3
     """
 
     world: World
     lrf: LaserRangeFinder = field(default_factory=LaserRangeFinder)
-    sigmas: tuple[float, ...] = (SIGMA,)
-    imperfections: Imperfections = field(default_factory=Imperfections)
-    movers: tuple[Mapping[str, Any], ...] = ()
+    noise: Noise = ProportionalNoise(SIGMA)  # noqa: RUF009  It is a value that nothing changes.
+    compared: tuple[float, ...] = ()
+    movers: tuple[Mover, ...] = ()
     start: Pose | None = None
     route: Float | None = None
     poses: Float | None = None
     planned: str | None = None
-    speed: float = 3.0
-    scan_interval: float = 0.25
-    lookahead: float = 1.0
-    radius: float = 0.35
+    speed: float = SPEED
+    scan_interval: float = SCAN_INTERVAL
+    lookahead: float = LOOKAHEAD
+    radius: float = RADIUS
     mapper: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     view: str = "chase"
-    playback: float = 4.0
+    playback: float = PLAYBACK
     name: str = ""
 
     def __post_init__(self) -> None:
         self._hold(*(name for name in ("route", "poses") if getattr(self, name) is not None))
-        movers = tuple(
-            {
-                name: read_only(value, name) if isinstance(value, np.ndarray) else value
-                for name, value in table.items()
-            }
-            for table in self.movers
-        )
-        object.__setattr__(self, "movers", movers)
+        object.__setattr__(self, "noise", as_noise(self.noise))
+        object.__setattr__(self, "movers", tuple(self.movers))
 
     def __repr__(self) -> str:
         drive = "a route to plan"
@@ -103,104 +117,219 @@ class Scenario(Value):
         # Nothing changes a scenario, so that it serves as its own copy: Gymnasium makes them.
         return self
 
+    @property
+    def sigmas(self) -> tuple[float, ...]:
+        """Standard deviations [m] at range_max: that of the noise, and those compared with it."""
+        _, sigma = spread_of(self.noise) or (0.0, SIGMA)
+        return sigma, *self.compared
 
-def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Scenario:
-    """Read a scenario: a built-in one by its name, or a file by its path.
+    def changed(self, **changes: Any) -> "Scenario":
+        """The scenario with other values of its fields; fields that depend on them are reset.
 
-    Args:
-        name_or_path: The name or the path.
-        settings: What holds instead of what the file says: ``laser.range_max=20``.
+        A new route begins at its first way-point, and through another world one is planned, where
+        no start or route is given with it.
 
-    Raises:
-        WorldError: There is no such world, or its file cannot be used.
-        InputError: A setting is none.
+        Raises:
+            InputError: There is no such field.
+        """
+        known = [each.name for each in fields(self)]
+        for name in changes:
+            if name not in known:
+                near = get_close_matches(name, known, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+                raise InputError(f"scenario: there is no {name}; {hint}")
+        if {"world", "route", "poses"} & set(changes):
+            gone = dict.fromkeys(("route", "poses", "planned", "start"))
+            if "route" in changes and changes["route"] is not None:
+                gone["start"] = start_of(np.asarray(changes["route"], dtype=np.float64))
+            changes = {**gone, **changes}
+        return replace(self, **changes) if changes else self
 
-    Examples:
-        >>> import lrf3d
-        >>> scenario = lrf3d.load_scenario("city", ["laser.range_max=20"])
-        >>> scenario.lrf.range_max
-        20.0
-    """
-    return scenario_of(read_scenario_file(name_or_path), settings)
+    def with_route(self, *, where: Side | None = None) -> "Scenario":
+        """The scenario, with a route that sees most of its walls where it has none.
 
+        Args:
+            where: The side of the walls to stay on; by the world and the start if not given.
 
-def read_scenario_file(name_or_path: str | Path) -> WorldFile:
-    """Read what a built-in world, or a file, says.
+        Raises:
+            InputError: There is no free space to drive in.
+        """
+        if self.poses is not None or self.route is not None:
+            return self
+        from lrf3d.robot.planner import find_route
 
-    Raises:
-        WorldError: There is no such world, or its file cannot be used.
-    """
-    path = find_world(name_or_path)
-    if path.suffix.lower() == ".toml":
-        return read_toml(path)
-    return WorldFile(load_world(path), path=path)
+        lookahead = min(self.lookahead, PLANNED_LOOKAHEAD)
+        found = find_route(
+            self.world,
+            radius=self.radius,
+            range_max=self.lrf.range_max,
+            lookahead=lookahead,
+            where=where,
+            start=self.start,
+        )
+        start = start_of(found.waypoints) if self.start is None else self.start
+        return replace(
+            self, route=found.waypoints, start=start, lookahead=lookahead, planned=found.side
+        )
 
+    def trajectory(
+        self, *, scans: int | None = None, on_collision: Callable[[str], None] | None = None
+    ) -> Trajectory:
+        """The drive along the route, or the stand at each of the poses.
 
-def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
-    """The scenario that a file describes; those of one file share its world.
+        Args:
+            scans: The number of scans: the robot drives there and back, or stands at the poses
+                again, until they are taken; once along the route if not given.
+            on_collision: Where given, it is called with the message of a drive that would run
+                into a wall, and the drive goes on.
 
-    Args:
-        file: What was read.
-        settings: What holds instead of what the file says: ``laser.range_max=20``.
+        Raises:
+            CollisionError: The drive would run into a wall.
+            InputError: The scenario has neither poses nor a route, or the drive is too long.
+        """
+        self._check_number(scans)
+        if self.poses is not None:
+            stops = np.arange(len(self.poses) if scans is None else scans)
+            return Trajectory(POSE_INTERVAL * stops, self.poses[stops % len(self.poses)])
+        if self.route is None:
+            raise InputError(f"{self.name}: neither poses nor a route to drive")
+        # The robot is steered, and must keep clear of walls, between its scans as well.
+        commands = max(1, round(self.scan_interval / CONTROL_STEP))
+        how: dict[str, Any] = {
+            "speed": self.speed,
+            "lookahead": self.lookahead,
+            "dt": self.scan_interval / commands,
+        }
+        if scans is None:
+            laps: tuple[Trajectory, ...] = (follow_route(self.route, start=self.start, **how),)
+        else:
+            most = (scans - 1) * commands + 1
+            laps = drive_laps(self.route, start=self.start, most=most, **how)
+        try:
+            for lap in laps:
+                check_drive(lap, self.world, self.radius)
+        except CollisionError as error:
+            if on_collision is None:
+                raise
+            on_collision(str(error))
+        laps = tuple(lap.every(commands) for lap in laps)
+        return laps[0] if scans is None else chain_laps(laps, scans)
 
-    Raises:
-        InputError: A setting is none.
-    """
-    tables = {name: dict(table) for name, table in file.tables.items()}
-    for name, table in read_settings(settings).items():
-        tables.setdefault(name, {}).update(table)
-    return _scenario(replace(file, tables=tables))
+    def simulation(
+        self,
+        *,
+        drive: "Trajectory | Float | Controller | None" = None,
+        controller: "Controller | None" = None,
+        rng: np.random.Generator | int | None = None,
+        sigma: float | None = None,
+        noise: Any = None,
+        mode: str | None = None,
+        mapper: "Mapper | Mapping[str, Any] | None" = None,
+        caster: "Caster | str" = "embree",
+        scans: int | None = None,
+        on_collision: Callable[[str], None] | None = None,
+        **changes: Any,
+    ) -> "Simulation":
+        """The simulation of ``lrf3d run``, step by step; the same seed gives the same numbers.
+
+        Args:
+            drive: A trajectory or poses (k, 3) a second apart to drive instead of the route.
+            controller: A controller to drive instead of the route.
+            rng: The source of the noise, or a seed of it: 5 is ``--seed 5``.
+            sigma: Another standard deviation of the noise [m] at range_max.
+            noise: A noise instead of the scenario's; a mapper is set up for the scenario's where
+                this one does not say its ``spread``.
+            mode: Mode of the LineMapper.
+            mapper: A mapper, or other keyword arguments of the LineMapper.
+            caster: ``embree``, ``planar``, or a caster.
+            scans: How many scans to take: the route is driven there and back until then.
+            on_collision: Called with the message of a drive into a wall, which then goes on; a
+                controller is not stopped by walls. If not given, a collision is an error.
+            **changes: Other values of any field of the Scenario.
+
+        Raises:
+            CollisionError: The drive would run into a wall.
+            InputError: Something is invalid.
+        """
+        # Films and figures of a scenario need not wait for compilers.
+        from lrf3d.simulation import Simulation, line_mapper
+
+        if isinstance(mapper, Mapping):
+            mapper, changes = None, {**changes, "mapper": mapper}
+        scenario = self.changed(**changes)
+        way: Any = controller if drive is None else drive
+        how: dict[str, Any] = {}
+        if callable(getattr(way, "command", None)):
+            start = (0.0, 0.0, 0.0) if scenario.poses is None else scenario.poses[0]
+            how = {
+                "start": start if scenario.start is None else scenario.start,
+                "scan_interval": scenario.scan_interval,
+                "scans": CONTROLLED_SCANS if scans is None else scans,
+                "radius": scenario.radius if on_collision is None else None,
+            }
+            scenario._check_number(how["scans"])
+        elif way is None:
+            scenario = scenario.with_route()
+            way = scenario.trajectory(scans=scans, on_collision=on_collision)
+        else:
+            how = {"scans": scans}
+        own = scenario.noise if sigma is None else at_sigma(scenario.noise, sigma)
+        known = own if noise is None or sigma is not None or not spread_of(noise) else noise
+        settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
+        made = Simulation(
+            scenario.world,
+            way,
+            scenario.lrf,
+            caster=caster,
+            noise=own if noise is None else noise,
+            mapper=line_mapper(known, **settings) if mapper is None else mapper,
+            rng=rng,
+            movers=scenario.movers,
+            **how,
+        )
+        made.film = FilmPlan(scenario.view, scenario.playback)
+        return made
+
+    def run(
+        self,
+        *,
+        snapshots: int | None = None,
+        progress: Callable[[int, int], None] = lambda done, total: None,
+        **changes: Any,
+    ) -> "Run":
+        """Drive, scan and map, as ``lrf3d run`` does, and keep all of it in memory.
+
+        Args:
+            snapshots: How many maps of the growing map the run keeps; see `simulate`.
+            progress: Called with the scans that are done and all.
+            **changes: What holds for this run: all that `simulation` takes.
+
+        Raises:
+            CollisionError: The drive would run into a wall.
+            InputError: Something is invalid.
+
+        Examples:
+            >>> import lrf3d
+            >>> run = lrf3d.load_scenario("paper_room").run(rng=0, sigma=0.02)
+            >>> run.map.object_count > 0
+            True
+        """
+        from lrf3d.simulation import collect
+
+        return collect(self.simulation(**changes), progress, snapshots=snapshots)
+
+    def _check_number(self, scans: int | None) -> None:
+        if scans is not None and scans > MOST_SCANS:
+            from lrf3d.run import run_bytes
+
+            size = 1e-9 * run_bytes(scans, self.lrf.beams)
+            raise InputError(
+                f"{scans:,} scans: would take {size:,.0f} GB of disk, and are more than"
+                f" {MOST_SCANS:,}; ask for fewer"
+            )
 
 
 def start_of(route: Float) -> Pose:
     """The pose at the first way-point of a route (m, 2) that looks towards the second."""
     dx, dy = route[1] - route[0] if len(route) > 1 else (1.0, 0.0)
     return Pose(float(route[0, 0]), float(route[0, 1]), float(np.arctan2(dy, dx)))
-
-
-def _scenario(file: WorldFile) -> Scenario:
-    robot = dict(file.tables.get("robot", {}))
-    if "route" in robot and "poses" in robot:
-        file.refuse(("robot", "poses"), "stand beside a route; give one of them")
-    if "poses" in robot:
-        robot["poses"] = np.column_stack([robot["poses"][:, :2], np.radians(robot["poses"][:, 2])])
-    if "start" in robot:
-        x, y, degrees = robot["start"].tolist()
-        robot["start"] = Pose(x, y, float(np.radians(degrees)))
-    if "route" in robot:
-        start = robot.setdefault("start", start_of(robot["route"]))
-        if tuple(robot["route"][0]) != start[:2]:
-            robot["route"] = np.vstack([start[:2], robot["route"]])
-    noise = dict(file.tables.get("noise", {}))
-    sigma = noise.pop("sigma", SIGMA)
-    return Scenario(
-        world=file.world,
-        lrf=_range_finder(file),
-        sigmas=sigma if isinstance(sigma, tuple) else (sigma,),
-        imperfections=Imperfections(**noise),
-        movers=file.movers,
-        mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
-        name=own_name(file.path, file.world.name),
-        **robot,
-        **_film(file),
-    )
-
-
-def _film(file: WorldFile) -> Mapping[str, Any]:
-    values = file.tables.get("film", {})
-    try:
-        check_view(values.get("view", "chase"), file.world.cameras)
-    except InputError as error:
-        file.refuse(("film", "view"), str(error))
-    return values
-
-
-def _range_finder(file: WorldFile) -> LaserRangeFinder:
-    values = dict(file.tables.get("laser", {}))
-    for key in ("angle_min", "angle_max"):
-        if f"{key}_deg" in values:
-            values[key] = float(np.radians(values.pop(f"{key}_deg")))
-    try:
-        return LaserRangeFinder(**values)
-    except InputError as error:
-        file.refuse(("laser",), str(error))

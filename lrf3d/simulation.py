@@ -1,197 +1,292 @@
-"""Runs: what a simulation was made of and what came out, kept whole."""
+"""Simulation: a robot drives, scans and maps, step by step, as in Fig. 2 of Teslić et al.
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+A world and a drive enter; steps leave as they come, and nothing is kept but what the mapper keeps.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any, Protocol
 
 import numpy as np
 
+from lrf3d.casting.mover import Mover
+from lrf3d.casting.timed import Caster
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Value, sealed
-from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.mapped import some_rows
-from lrf3d.mapping import LineMap
-from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
+from lrf3d.geometry import Float, numbers, sealed, whole_number
+from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
+from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
+from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
-from lrf3d.steering import Controller
+from lrf3d.robot.following import SCAN_INTERVAL
+from lrf3d.run import Run, Stages
+from lrf3d.sensor import Sensor
+from lrf3d.steering import ControlledDrive, Controller, Drive, RecordedDrive
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
-if TYPE_CHECKING:
-    from typing import Unpack
-
-    from lrf3d.casting.mover import Mover
-    from lrf3d.steps import Settings, Simulation
-
-MAP_SNAPSHOTS = 100
-"""How many stages of the growing map a run keeps at most: enough for a film, and each takes the
-mapper some hundredths of a second to work out."""
+Progress = Callable[[int, int], None]
+"""Called with what is done and all of it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Run(Value):
-    """What a simulation was made of and what came out; all that pictures and films need.
+class Mapper(Protocol):
+    """Anything that builds a map from scans.
+
+    The map after a scan is the mapper's attribute ``map``, a LineMap or anything else. A mapper
+    without it returns the map from `update`.
+    """
+
+    def update(self, scan: LaserScan) -> Any:
+        """Take in a scan; if this returns anything but None, it is the map."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One step of a simulation: a scan, and what came of it.
 
     Args:
-        world: The walls that were driven through.
-        lrf: The laser range finder.
-        trajectory: Times (k,) and poses (k, 3) of the scans.
-        ranges: (k, beams) measured ranges [m], with noise.
-        truth: (k, beams) true ranges [m].
-        walls: (k, beams) index of the segment that each beam hit, or −1.
-        stages: Scans after which the map was kept, rising; the last is the last scan. None where
-            the mapper makes no LineMap.
-        maps: The map at each of the stages.
-        movers: What moved in the world beside the robot.
-        film: How the run is filmed where nothing else is asked for.
+        index: Number of the scan, from 0.
+        time: When it was taken [s].
+        pose: Pose x, y [m], theta [rad] that it was taken at.
+        scan: The measured scan.
+        true_scan: The scan without noise.
 
     Examples:
         >>> import lrf3d
         >>> room = lrf3d.load_world("paper_room")
-        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
-        >>> len(run), run.ranges.shape
-        (2, (2, 181))
-        >>> run.scan(1).pose.x
-        2.0
+        >>> step = next(iter(lrf3d.Simulation(room, [(1, 1, 0), (2, 1, 0)])))
+        >>> step.index, step.time, len(step.scan.ranges)
+        (0, 0.0, 181)
     """
 
-    world: World
-    lrf: LaserRangeFinder
-    trajectory: Trajectory
-    ranges: Float
-    truth: Float
-    walls: Int
-    stages: tuple[int, ...]
-    maps: tuple[LineMap, ...]
-    movers: "tuple[Mover, ...]" = ()
-    film: FilmPlan = USUAL_FILM
-
-    def __post_init__(self) -> None:
-        self._hold("ranges", "truth")
-        self._hold("walls", dtype=np.int64)
-
-    def __repr__(self) -> str:
-        name = f"{self.world.name!r}, " if self.world.name else ""
-        return (
-            f"Run({name}{len(self)} scans of {self.lrf.beams} beams,"
-            f" {self.trajectory.length:.1f} m in {self.trajectory.duration:.1f} s,"
-            f" {len(self.map)} segments in {self.map.object_count} objects)"
-        )
-
-    def __len__(self) -> int:
-        return len(self.trajectory)
+    index: int
+    time: float
+    pose: Pose
+    scan: LaserScan
+    true_scan: LaserScan
+    _simulation: "Simulation" = field(repr=False)
+    _returned: Any = field(repr=False)
 
     @property
-    def map(self) -> LineMap:
-        """The map after the last scan; an empty one where the mapper makes no LineMap."""
-        return self.maps[-1] if self.maps else LineMap.empty()
+    def map(self) -> Any:
+        """The map after this scan, whatever the mapper makes; read it before the next step.
 
-    def stage_after(self, scan: int) -> int:
-        """The newest stage whose map holds no scan after the given one; −1 for none."""
-        return int(np.searchsorted(self.stages, scan, side="right")) - 1
-
-    def map_after(self, scan: int) -> LineMap:
-        """The newest kept map that holds no scan after the given one."""
-        stage = self.stage_after(scan)
-        return self.maps[stage] if stage >= 0 else LineMap.empty()
-
-    @cached_property
-    def lasting_objects(self) -> tuple[Int, ...]:
-        """For each kept map the object (m,) of each segment, by numbers that last.
-
-        An object has one number in all maps of the run, and where the last map shows a true
-        object, it is the number of that: pictures and films give each its colour and name by it.
+        Raises:
+            InputError: The simulation has gone on, and the mapper keeps no earlier maps.
         """
-        tracker = ObjectTracker()
-        stages = [tracker.follow(line_map) for line_map in self.maps]
-        if not stages:
-            return ()
-        world = self.world
-        known = numbers_by_truth(stages[-1], self.map, world.segments, world.objects)
-        lasting = np.array([known.get(n, -1) for n in range(tracker.count)], np.int64)
-        unknown = np.flatnonzero(lasting < 0)
-        lasting[unknown] = world.object_count + np.arange(len(unknown))
-        return tuple(lasting[stage] for stage in stages)
-
-    def part(self, scans: Int) -> "Run":
-        """The run of some of its scans, rising, and of the last of its maps."""
-        part = replace(
-            self,
-            trajectory=Trajectory(self.trajectory.times[scans], self.trajectory.poses[scans]),
-            ranges=some_rows(self.ranges, scans),
-            truth=some_rows(self.truth, scans),
-            walls=some_rows(self.walls, scans),
-            stages=(len(scans) - 1,) if self.maps else (),
-            maps=self.maps[-1:],
-        )
-        # Its map is that of the whole, and so are the numbers of the objects in it.
-        part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
-        return part
-
-    def scan(self, index: int) -> LaserScan:
-        """The measured scan of an index from 0."""
-        return LaserScan(
-            Pose(*self.trajectory.poses[index].tolist()),
-            self.lrf.angles,
-            self.ranges[index],
-            self.walls[index],
-            range_min=self.lrf.range_min,
-            range_max=self.lrf.range_max,
-            time=float(self.trajectory.times[index]),
-            time_increment=self.lrf.time_increment,
-        )
-
-    def true_scan(self, index: int) -> LaserScan:
-        """The scan of an index from 0 without noise."""
-        return replace(self.scan(index), ranges=self.truth[index])
-
-    @property
-    def scans(self) -> Iterator[LaserScan]:
-        """The measured scans, one after the other."""
-        return (self.scan(index) for index in range(len(self)))
+        if self._returned is not None:
+            return self._returned
+        if self._simulation.done != self.index + 1:
+            raise InputError(
+                f"map of step {self.index}: the simulation has gone on to scan"
+                f" {self._simulation.done - 1}; read step.map before the next step"
+            )
+        return self._simulation.map
 
 
-@dataclass(frozen=True, slots=True)
-class Stages:
-    """After which scans of a run the map is kept.
+class Simulation:
+    """A robot with a laser range finder that drives through a world; its steps come one by one.
 
-    Args:
-        scans: How many scans the run will have, at most.
-    """
-
-    scans: int
-
-    def holds(self, index: int) -> bool:
-        """Whether the map is kept after a scan; after the last it is, as after each of a few."""
-        snapshots = (index + 1) * MAP_SNAPSHOTS // self.scans
-        return snapshots > index * MAP_SNAPSHOTS // self.scans
-
-
-def simulate(
-    world: World,
-    trajectory: Trajectory | Float | Controller,
-    lrf: LaserRangeFinder | None = None,
-    *,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    **settings: "Unpack[Settings]",
-) -> Run:
-    """Drive through a world, scan, map, and keep all of it.
+    ``for step in simulation`` scans, maps and drives on at each turn. It may be left at any time,
+    and goes on where it was left. What is passed by is not kept, so that it may go on for ever.
 
     Args:
         world: The walls.
-        trajectory: A Trajectory, poses (k, 3) a second apart, or a controller; see `Simulation`,
-            which gives the same step by step and keeps nothing.
-        lrf: The laser range finder; 181 beams over 180° up to 80 m where not given.
-        progress: Called with the scans that are done and all.
-        **settings: caster, noise, mapper, rng, movers, and with a controller start,
-            scan_interval, scans and radius: all those of `Simulation`.
+        drive: A Trajectory, poses (k, 3) a second apart, or a controller: anything with
+            ``command(time, pose, scan) -> (v, w)``, speed [m/s] and turn rate [rad/s] up to the
+            next scan, or None to end the drive.
+        lrf: The laser range finder; 181 beams over 180° up to 80 m if not given.
+        caster: What casts the beams: ``embree``, ``planar``, or an object with ``cast``.
+        noise: What makes measured scans of true ones, ``noise(scan, rng)`` or ``noise(scan)``;
+            none if not given.
+        mapper: What builds the map, anything with ``update(scan)``; if not given, a LineMapper
+            set up for the noise; see `line_mapper`.
+        rng: The source of the noise, or a seed of it.
+        movers: The dynamic obstacles: what moves in the world and is seen by the robot.
+        start: Pose where a controller's drive begins.
+        scan_interval: Time between two scans [s] of a controller's drive.
+        scans: After how many scans to end; if not given, at the end of a trajectory, and never
+            where a controller drives on.
+        radius: With a controller: radius of the robot [m], which may not run into a wall; where
+            not given, it drives through them.
 
     Raises:
-        InputError: The drive is none, a scan takes longer than the time to the next, or nobody
-            says when a controller's drive ends.
-        CollisionError: A controller drives a robot with a radius into a wall.
+        InputError: The drive or the noise is invalid, or a scan takes longer than the time to the
+            next.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> simulation = lrf3d.Simulation(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> [step.pose.x for step in simulation]
+        [1.0, 2.0]
+    """
+
+    def __init__(
+        self,
+        world: World,
+        drive: Trajectory | Float | Controller,
+        lrf: LaserRangeFinder | None = None,
+        *,
+        caster: Caster | str = "embree",
+        noise: AnyNoise | None = None,
+        mapper: Mapper | None = None,
+        rng: np.random.Generator | int | None = None,
+        movers: Sequence[Mover] = (),
+        start: Sequence[float] | Float = (0.0, 0.0, 0.0),
+        scan_interval: float = SCAN_INTERVAL,
+        scans: int | None = None,
+        radius: float | None = None,
+    ) -> None:
+        if scans is not None:
+            scans = whole_number(scans, "scans")
+        self.world = world
+        self.lrf = LaserRangeFinder() if lrf is None else lrf
+        noise = ProportionalNoise(0.0) if noise is None else as_noise(noise)
+        self.mapper: Mapper = line_mapper(noise) if mapper is None else mapper
+        if not callable(getattr(self.mapper, "update", None)):
+            raise InputError(f"mapper {self.mapper!r}: expected an object with update(scan)")
+        self.rng = np.random.default_rng(rng)
+        self.drive: Drive
+        end: float | None = None
+        if callable(getattr(drive, "command", None)):
+            self.drive = ControlledDrive(drive, start, scan_interval, world, radius)  # type: ignore[arg-type]
+            if self.lrf.scan_duration:
+                raise InputError(
+                    "scan_duration: a controller decides after a scan where the robot moves, so"
+                    " that its scans take no time; set it to 0"
+                )
+            path = None
+            if scans is not None:
+                end = scans * scan_interval
+        else:
+            path = drive if isinstance(drive, Trajectory) else _a_second_apart(drive)
+            self.drive = RecordedDrive(path)
+            end = float(path.times[-1])
+            scans = len(path) if scans is None else min(scans, len(path))
+        # What is kept of a run holds the paths as poses; a drive without an end keeps nothing.
+        self.movers = tuple(movers if end is None else (mover.until(end) for mover in movers))
+        self.sensor = Sensor(
+            world, self.lrf, caster=caster, noise=noise, movers=self.movers, path=path
+        )
+        self.film: FilmPlan = USUAL_FILM
+        """How the run is filmed if nothing else is given."""
+        self.updates, self._seconds = 0, 0.0
+        self.scans = scans
+        self.done = 0
+        self._returned: Any = None
+
+    @property
+    def map(self) -> Any:
+        """The map after all scans so far, whatever the mapper makes; None if it makes none."""
+        return getattr(self.mapper, "map", None) if self._returned is None else self._returned
+
+    def __iter__(self) -> Iterator[Step]:
+        """The steps that are still to come.
+
+        Raises:
+            CollisionError: A controller drives a robot with a radius into a wall.
+        """
+        while (self.scans is None or self.done < self.scans) and self.drive.goes_on:
+            index, (time, pose) = self.done, self.drive.place(self.done)
+            true_scan, scan = self.sensor.measure(pose, time, self.rng)
+            self.take(scan)
+            yield Step(index, time, true_scan.pose, scan, true_scan, self, self._returned)
+
+    def take(self, scan: LaserScan, *, mapped: bool = False) -> None:
+        """Take the next scan as measured: map it and drive on.
+
+        Args:
+            scan: The scan; where scans were kept, they bring a new simulation to where an older
+                one was left.
+            mapped: Whether the mapper knows it already.
+        """
+        if not mapped:
+            begin = perf_counter()
+            self._returned = self.mapper.update(scan)
+            # What is compiled or loaded at the first scan is no part of what a scan takes.
+            if self.updates:
+                self._seconds += perf_counter() - begin
+            self.updates += 1
+        self.drive.after(scan)
+        self.done += 1
+
+    @property
+    def total(self) -> int:
+        """The number of scans, at most.
+
+        Raises:
+            InputError: The number of scans is unknown.
+        """
+        if self.scans is None:
+            raise InputError("scans: not given, and a controller may drive for ever; give scans=")
+        return self.scans
+
+    @property
+    def milliseconds_an_update(self) -> float | None:
+        """Mean time of the mapper's updates after the first [ms]; None where there was no other."""
+        return 1e3 * self._seconds / (self.updates - 1) if self.updates > 1 else None
+
+
+class Runnable(Protocol):
+    """What knows how it is run: a Scenario."""
+
+    def simulation(self, **changes: Any) -> Simulation:
+        """The simulation of it, with what is given instead of its own."""
+        ...
+
+
+def simulate(
+    world: World | Runnable,
+    drive: Trajectory | Float | Controller | None = None,
+    lrf: LaserRangeFinder | None = None,
+    *,
+    caster: Caster | str | None = None,
+    noise: AnyNoise | None = None,
+    mapper: Mapper | None = None,
+    rng: np.random.Generator | int | None = None,
+    movers: Sequence[Mover] | None = None,
+    start: Sequence[float] | Float | None = None,
+    scan_interval: float | None = None,
+    scans: int | None = None,
+    radius: float | None = None,
+    snapshots: int | None = None,
+    progress: Progress = lambda done, total: None,
+) -> Run:
+    """Drive through a world, scan, map, and keep all of it.
+
+    With a Scenario, what is not given is the scenario's, and the run is that of ``lrf3d run``.
+    With a World it is what stands below. `Simulation` gives the same step by step.
+
+    Args:
+        world: A Scenario, or the walls alone.
+        drive: A Trajectory, poses (k, 3) a second apart, or a controller: anything with
+            ``command(time, pose, scan) -> (v, w)``. Only a Scenario has one of its own.
+        lrf: The laser range finder; 181 beams over 180° up to 80 m if not given.
+        caster: What casts the beams: ``embree``, which it is if not given, ``planar``, or an
+            object with ``cast``.
+        noise: What makes measured scans of true ones, ``noise(scan, rng)`` or ``noise(scan)``;
+            none if not given.
+        mapper: What builds the map, anything with ``update(scan)``; if not given, a LineMapper
+            set up for the noise.
+        rng: The source of the noise, or a seed of it: 5 is ``--seed 5``. Another noise each time
+            if not given.
+        movers: The dynamic obstacles; none if not given.
+        start: Pose where a controller's drive begins; the origin if not given.
+        scan_interval: Time between two scans [s] of a controller's drive; 0.25 if not given.
+        scans: After how many scans to end; if not given, at the end of the drive.
+        radius: With a controller: radius of the robot [m], which may not run into a wall; where
+            not given, it drives through them.
+        snapshots: How many maps of the growing map the run keeps, for films: 100 if not given.
+            With 1 only the last is computed, which is faster.
+        progress: Called with the scans that are done and all.
+
+    Raises:
+        InputError: The drive or the noise is invalid, a scan takes longer than the time to the
+            next, or nothing says when a controller's drive ends.
+        CollisionError: A robot with a radius would run into a wall.
 
     Examples:
         >>> import lrf3d
@@ -200,24 +295,43 @@ def simulate(
         >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], noise=noise, rng=0)
         >>> len(run), len(run.map) > 0
         (2, True)
+        >>> len(lrf3d.simulate(lrf3d.load_scenario("city"), scans=3, rng=0))
+        3
     """
-    # Films and figures read runs without casting a beam; they need not wait for compilers.
-    from lrf3d.steps import Simulation
-
-    return collect(Simulation(world, trajectory, lrf, **settings), progress)
+    given: dict[str, Any] = {
+        "lrf": lrf,
+        "caster": caster,
+        "noise": noise,
+        "mapper": mapper,
+        "rng": rng,
+        "movers": movers,
+        "start": start,
+        "scan_interval": scan_interval,
+        "scans": scans,
+        "radius": radius,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    if not isinstance(world, World):
+        return collect(world.simulation(drive=drive, **given), progress, snapshots=snapshots)
+    if drive is None:
+        raise InputError("drive: not given, and a world alone has none; give one, or a scenario")
+    return collect(Simulation(world, drive, **given), progress, snapshots=snapshots)
 
 
 def collect(
-    simulation: "Simulation", progress: Callable[[int, int], None] = lambda done, total: None
+    simulation: Simulation,
+    progress: Progress = lambda done, total: None,
+    *,
+    snapshots: int | None = None,
 ) -> Run:
     """Run a simulation to its end and keep all of it in memory; `record` keeps it in a file.
 
     Raises:
-        InputError: Nobody says when it ends.
+        InputError: The number of scans is unknown; give ``scans``.
         CollisionError: A controller drives a robot with a radius into a wall.
     """
-    total = total_of(simulation)
-    stages, shape = Stages(total), (total, simulation.lrf.beams)
+    total = simulation.total
+    stages, shape = Stages(total, snapshots), (total, simulation.lrf.beams)
     times, poses = np.empty(total), np.empty((total, 3))
     ranges, truth, walls = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)
     kept: dict[int, Any] = {}
@@ -230,7 +344,8 @@ def collect(
             kept[step.index] = step.map
         done = step.index + 1
         progress(done, total)
-    kept.setdefault(done - 1, simulation.map)
+    if done - 1 not in kept:
+        kept[done - 1] = simulation.map
     maps = {stage: line_map for stage, line_map in kept.items() if isinstance(line_map, LineMap)}
     return Run(
         simulation.world,
@@ -242,15 +357,25 @@ def collect(
         tuple(maps),
         tuple(maps.values()),
         simulation.movers,
+        simulation.film,
     )
 
 
-def total_of(simulation: "Simulation") -> int:
-    """How many scans a run of a simulation has, at most.
+def line_mapper(noise: object, **settings: Any) -> LineMapper:
+    """The default mapper: a LineMapper set up for the noise of the ranges.
 
-    Raises:
-        InputError: Nobody says when it ends.
+    Args:
+        noise: What its σ and its floor follow from; see `spread_of`.
+        **settings: Arguments of the LineMapper, which hold instead.
     """
-    if simulation.scans is None:
-        raise InputError("scans: not given, and a controller may drive for ever; say how many")
-    return simulation.scans
+    constant, sigma = spread_of(noise) or (0.0, SIGMA)
+    usual = {"sigma": sigma}
+    if constant:
+        usual["floor"] = float(np.hypot(FLOOR, constant))
+    return LineMapper(**{**usual, **settings})
+
+
+def _a_second_apart(drive: Any) -> Trajectory:
+    """The trajectory through poses (k, 3), one a second."""
+    poses = numbers(drive, "poses")
+    return Trajectory(np.arange(len(poses) if poses.ndim else 0), poses)

@@ -46,7 +46,7 @@ class Drive(Protocol):
         ...
 
 
-class Recorded:
+class RecordedDrive:
     """The drive along a trajectory, whatever is seen."""
 
     goes_on = True
@@ -62,7 +62,7 @@ class Recorded:
         """Nothing is decided."""
 
 
-class Steered:
+class ControlledDrive:
     """The drive of a controller, whose commands are held from scan to scan as exact arcs.
 
     Args:
@@ -105,7 +105,7 @@ class Steered:
 
         Raises:
             CollisionError: The robot would run into a wall.
-            InputError: What the controller says is no command.
+            InputError: The command of the controller is invalid.
         """
         time = self._index * self.interval
         self._index += 1
@@ -119,7 +119,7 @@ class Steered:
             v = omega = np.nan
         if not is_finite(v, omega):
             raise InputError(
-                f"controller: the command {shown(command)} at t = {time:g} s is none; expected"
+                f"controller: the command {shown(command)} at t = {time:g} s is invalid; expected"
                 " speed [m/s] and turn rate [rad/s] as two finite numbers, or None to end"
             )
         before, self.pose = self.pose, self._robot.move(self.pose, v, omega, self.interval)

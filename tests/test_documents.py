@@ -14,7 +14,7 @@ from snippets import PAGES, PROGRAMS, ROOT, Workshop, snippets
 
 import lrf3d
 from lrf3d.cli.app import app
-from lrf3d.study.sweep import sweeping
+from lrf3d.sweep import sweeping
 
 README = PAGES[0]
 
@@ -89,7 +89,7 @@ def test_the_readme_does_what_it_says(workshop):
     code = next(item.code for item in snippets(README) if item.language == "python")
     assert len(code.strip().splitlines()) <= 11
     printed = workshop.run(README)
-    assert re.fullmatch(r"2\d\d segments in \d\d objects\n", printed[0])
+    assert re.fullmatch(r"Run\('city', .*\)\n2\d\d segments in \d\d objects\n", printed[0])
     assert len(lrf3d.load_map("map.geojson")) > 200
 
 

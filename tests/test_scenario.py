@@ -7,8 +7,8 @@ import pytest
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import CollisionError, WorldError
 from lrf3d.robot import find_collision, follow_route
-from lrf3d.scenario import Scenario, load_scenario, start_of
-from lrf3d.study.experiment import trajectory_of
+from lrf3d.scenario import Scenario, start_of
+from lrf3d.scenario_file import load_scenario
 from lrf3d.world import World
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"
@@ -124,9 +124,9 @@ def test_the_routes_of_the_built_in_worlds_keep_off_the_walls(name: str) -> None
 @pytest.mark.parametrize("interval", [0.05, 2.3, 10.0])
 def test_how_seldom_is_scanned_does_not_change_the_way(interval: float) -> None:
     corridor = load_scenario("corridor")
-    seldom = trajectory_of(replace(corridor, scan_interval=interval))
+    seldom = replace(corridor, scan_interval=interval).trajectory()
     step = interval / max(1, round(interval / 0.05))
-    way = trajectory_of(replace(corridor, scan_interval=step))
+    way = replace(corridor, scan_interval=step).trajectory()
     assert (seldom.poses[:-1] == way.poses[:-1][:: round(interval / step)]).all()
     assert (seldom.poses[-1] == way.poses[-1]).all()
     assert seldom.times == pytest.approx(
@@ -138,9 +138,9 @@ def test_a_wall_between_two_scans_is_met() -> None:
     wall = World(np.array([[5.0, -1.0, 5.0, 1.0]]))
     around = np.array([[0.0, 0.0], [5.0, 6.0], [10.0, 0.0]])
     scenario = Scenario(wall, start=start_of(around), route=around, speed=1.0, scan_interval=60.0)
-    assert len(trajectory_of(scenario)) == 2
+    assert len(scenario.trajectory()) == 2
     with pytest.raises(CollisionError, match="wall 0"):
-        trajectory_of(replace(scenario, route=np.array([[0.0, 0.0], [5.0, 0.5], [10.0, 0.0]])))
+        replace(scenario, route=np.array([[0.0, 0.0], [5.0, 0.5], [10.0, 0.0]])).trajectory()
 
 
 def test_the_city_is_that_of_the_paper_and_its_buildings_are_seen_from_all_sides() -> None:

@@ -66,10 +66,27 @@ def test_progress_counts_every_scan():
 
 
 def test_the_stages_of_a_long_run_are_few_and_end_with_the_last(monkeypatch):
-    monkeypatch.setattr(lrf3d.simulation, "MAP_SNAPSHOTS", 7)
+    monkeypatch.setattr(lrf3d.run, "MAP_SNAPSHOTS", 7)
     poses = np.repeat(POSES[:1], 50, axis=0)
     run = simulate(ROOM, poses, LaserRangeFinder(beams=31, range_max=20.0))
     assert len(run.stages) == 7 and run.stages[-1] == 49
+
+
+def test_a_run_keeps_as_many_maps_as_asked_for():
+    run, one = run_of(), run_of(snapshots=1)
+    assert one.stages == (2,) and len(one.maps) == 1
+    assert np.array_equal(one.map.segments, run.map.segments)
+
+
+def test_the_map_of_a_step_is_read_before_the_next_step():
+    simulation = lrf3d.Simulation(ROOM, POSES, LaserRangeFinder(range_max=20.0))
+    steps = []
+    for step in simulation:
+        assert len(step.map) > 0 and step.map is simulation.map
+        steps.append(step)
+    assert steps[-1].map is simulation.map
+    with pytest.raises(InputError, match=r"map of step 0.*before the next step"):
+        _ = steps[0].map
 
 
 def test_a_run_is_written_and_read_back_to_the_last_bit(tmp_path):

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from lrf3d import LaserRangeFinder, PlanarCaster
 from stress import CASES, stress, worlds
 from stress.beams import mixture
-from stress.casting import CASTING
+from stress.casting import CASTERS, CASTING, allowed, try_batch
 from stress.certificate import certified, directions
 from stress.certify import UNDECIDED, certify
-from stress.trial import CASTERS, allowed, try_batch
 
 TESTS = Path(__file__).parent
 
@@ -33,7 +32,7 @@ def decided(batch):
     walls = np.empty(beams.shape[:2], dtype=np.int64)
     numbers = [np.empty(walls.shape) for _ in range(3)]
     limits = batch.lrf.range_min, batch.lrf.range_max
-    certify(batch.segments, batch.poses[:, :2].copy(), beams, *limits, walls, *numbers)
+    certify(batch.segments, batch.poses[:, :2].copy(), beams, limits, walls, *numbers)
     return walls, *numbers
 
 
@@ -72,7 +71,7 @@ def test_walls_on_whole_metres_are_never_decided_wrongly(seed):
 def test_bounds_decide_all_ordinary_beams():
     case = next(case for case in CASES if case.name == "fans in a city")
     tally = case.attempt(np.random.default_rng(0), 20_000, 0)
-    assert tally.rationals <= 2e-3 * tally.tried
+    assert tally.counts["certified_by_rationals"] <= 2e-3 * tally.tried
 
 
 def test_walls_alike_are_a_tie_that_bounds_decide():
@@ -157,8 +156,8 @@ def test_a_caster_that_lies_fails_the_run_and_leaves_an_example(monkeypatch):
     monkeypatch.setitem(CASTERS, "planar", Liar)
     report = stress(len(CASTING) * 100, parts=("casting",), processes=1)
     assert not report.passed
-    assert all(tally.claims["planar"].wrong >= 2 for _, tally in report.rows)
-    assert all(tally.claims["embree"].wrong == 0 for _, tally in report.rows)
+    assert all(tally.counts["planar.wrong"] >= 2 for _, tally in report.rows)
+    assert all(tally.counts["embree.wrong"] == 0 for _, tally in report.rows)
     failure = report.as_dict()["failures"][0]
     assert failure["row"] == CASTING[0].name and failure["caster"] == "planar"
     # The example is enough to repeat the beam.
@@ -177,8 +176,9 @@ def test_a_run_repeats_whatever_the_processes():
         for n in (1, 2)
     )
     assert one.passed and one.complete
-    assert one.total.tried >= 4_000 and one.total.outright >= 300
-    assert one.total.bounds + one.total.rationals == one.total.tried
+    counts = one.total.counts
+    assert one.total.tried >= 4_000 and counts["outright_by_rationals"] >= 300
+    assert counts["certified_by_bound"] + counts["certified_by_rationals"] == one.total.tried
     assert [tally for _, tally in one.rows] == [tally for _, tally in two.rows]
     assert replace(two, seconds=one.seconds) == one
 
@@ -194,7 +194,7 @@ def test_every_case_tries_at_least_what_is_asked():
     rng = np.random.default_rng(0)
     for case in CASTING:
         tally = case.attempt(rng, 300, 30)
-        assert tally.tried >= 300 and tally.outright >= 30, case.name
+        assert tally.tried >= 300 and tally.counts["outright_by_rationals"] >= 30, case.name
 
 
 def test_a_batch_of_misses_has_no_error():
@@ -202,8 +202,8 @@ def test_a_batch_of_misses_has_no_error():
     lrf = LaserRangeFinder(0.0, 1.0, 3, 0.0, 1e-6)
     far = replace(batch, lrf=lrf, poses=np.array([[1e4, 1e4, 0.0]]))
     tally = try_batch(far, np.zeros((1, 3), dtype=bool))
-    assert tally.failures == 0
-    assert all(claims.metres == claims.ulp == 0.0 for claims in tally.claims.values())
+    assert tally.failed == 0 and len(tally.largest) == 4
+    assert all(error == 0.0 for error in tally.largest.values())
 
 
 def command(*arguments):

@@ -12,11 +12,10 @@ from lrf3d.localization import PoseEstimate
 from lrf3d.localization.pairing import Innovation
 from lrf3d.robot.free_space import find_free_space
 from lrf3d.world import World
-from lrf3d.world.generate import generate_city
+from lrf3d.world.generators import generate_city
 from stress import CASES, rational, stress
-from stress.checks import check
+from stress.cases import Findings, check
 from stress.estimates import priors
-from stress.tally import Findings
 
 SLOW = "planned in", "rooms of"
 """What takes seconds: a short run of stress tries it too."""
@@ -62,7 +61,7 @@ def test_what_the_machine_lacks_is_left_out_and_no_failure():
         raise MissingLibraryError("no OpenGL here")
 
     found = row(measure).attempt(np.random.default_rng(0), 20, 0)
-    assert (found.tried, found.failures, found.left_out) == (0, 0, "no OpenGL here")
+    assert (found.tried, found.failed, found.left_out) == (0, 0, "no OpenGL here")
     assert (Findings() + found).left_out and (found + Findings()).left_out
 
 

@@ -5,22 +5,22 @@ the same predicted poses. Comparisons, time, and whether both find the same pair
 """
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.result import Result, Table, percent
 from benchmarks.timing import Timing
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import LaserRangeFinder, ProportionalNoise
+from lrf3d.laser import LaserRangeFinder, ProportionalNoise, RangeNoise
+from lrf3d.laser.noise import SIGMA
 from lrf3d.localization import OdometryNoise
-from lrf3d.localization.lines import KnownLines, LocalLines, RangeNoise
+from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.localization.pairing import STRATEGIES, Pairs, pair_lines
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
-from lrf3d.scenario import SIGMA
 from lrf3d.world import World
-from lrf3d.world.generate import BLOCK, city_blocks, generate_city
+from lrf3d.world.generators import BLOCK, city_blocks, generate_city
 
 ROBOT = Pose(0.0, 0.0, 0.0)
 """The robot's pose in its own frame."""
@@ -35,37 +35,38 @@ LONGEST = 300
 """Scans of a drive through a town at most: the medians are steady long before."""
 
 
-@dataclass(frozen=True, slots=True)
-class PairEntry:
-    """A strategy on a drive.
-
-    Args:
-        place: What was driven through.
-        known_lines: Lines of the known map.
-        strategy: Which lines were compared.
-        scans: How many scans.
-        pairs_a_scan: Pairs found, a scan.
-        comparisons_a_scan: Comparisons, a scan.
-        pairing: The time in which a scan's lines were paired.
-        scans_with_the_pairs_of_all: Share of scans in which the pairs are just those of ``all``.
-    """
-
-    place: str
-    known_lines: int
-    strategy: str
-    scans: int
-    pairs_a_scan: float
-    comparisons_a_scan: float
-    pairing: Timing
-    scans_with_the_pairs_of_all: float
+PAIRS = Table(
+    "line_pairs",
+    {
+        "place": "line pairs",
+        "known_lines": "lines",
+        "strategy": "strategy",
+        "pairs_a_scan": ("pairs", "{:.1f}".format),
+        "comparisons_a_scan": ("comparisons", "{:,.0f}".format),
+        "pairing": "time",
+        "scans_with_the_pairs_of_all": ("same pairs", percent),
+    },
+    names=("place", "known_lines", "strategy"),
+    time="pairing",
+    error="other_pairs_share",
+)
+"""Each strategy in each place: pairs and comparisons a scan, the time in which the lines of a scan
+are paired, and the share of scans in which the pairs are just those of ``all``."""
 
 
 def measure_pairs(
-    place: str, world: World, poses: Float, lrf: LaserRangeFinder, *, seed: int = 0
-) -> list[PairEntry]:
+    result: Result,
+    place: str,
+    world: World,
+    poses: Float,
+    lrf: LaserRangeFinder,
+    *,
+    seed: int = 0,
+) -> None:
     """Pair the lines of a drive with the true walls by every strategy.
 
     Args:
+        result: Where the rows go.
         place: What the place is called.
         world: The walls.
         poses: (k, 3) true poses of the scans; predicted ones are off as a step of odometry is.
@@ -75,7 +76,7 @@ def measure_pairs(
     rng = np.random.default_rng(seed)
     known, caster, extract = KnownLines.from_world(world), PlanarCaster(world), LineMapper()
     noise, odometry = ProportionalNoise(SIGMA), OdometryNoise()
-    range_noise = RangeNoise(SIGMA, 0.0, lrf.range_max)
+    range_noise = RangeNoise.from_sigma(SIGMA, 0.0, lrf.range_max)
     spacing = (lrf.angle_max - lrf.angle_min) / (lrf.beams - 1)
     found: dict[str, list[Pairs]] = {strategy: [] for strategy in STRATEGIES}
     spent: dict[str, list[float]] = {strategy: [] for strategy in STRATEGIES}
@@ -97,25 +98,28 @@ def measure_pairs(
             spent[strategy].append(time.perf_counter() - start)
             found[strategy].append(pairs)
             seen[strategy] = pairs.objects
-    return [
-        PairEntry(
-            place,
-            len(known),
-            strategy,
-            len(poses),
-            float(np.mean([len(pairs) for pairs in found[strategy]])),
-            float(np.mean([pairs.comparisons for pairs in found[strategy]])),
-            Timing.of(spent[strategy]),
-            float(np.mean(list(map(_same, found[strategy], found["all"])))),
+    for strategy in reversed(STRATEGIES):
+        mine = found[strategy]
+        same = float(np.mean(list(map(_same, mine, found["all"]))))
+        result.add(
+            PAIRS,
+            place=place,
+            known_lines=len(known),
+            strategy=strategy,
+            scans=len(poses),
+            pairs_a_scan=float(np.mean([len(pairs) for pairs in mine])),
+            comparisons_a_scan=float(np.mean([pairs.comparisons for pairs in mine])),
+            pairing=Timing.of(spent[strategy]),
+            scans_with_the_pairs_of_all=same,
+            other_pairs_share=1.0 - same,
         )
-        for strategy in reversed(STRATEGIES)
-    ]
 
 
-def measure_town(walls: int, *, scans: int | None = None) -> list[PairEntry]:
+def measure_town(result: Result, walls: int, *, scans: int | None = None) -> None:
     """Pair the lines of a drive along a street through the middle of a generated town.
 
     Args:
+        result: Where the rows go.
         walls: Walls of the town.
         scans: How many scans at most.
     """
@@ -125,7 +129,7 @@ def measure_town(walls: int, *, scans: int | None = None) -> list[PairEntry]:
     x = 0.5 * BLOCK * (columns - 1) + STRIDE * (np.arange(scans) - 0.5 * scans)
     y = BLOCK * (rows // 2 - 0.5)
     poses = np.column_stack([x, np.full(scans, y), np.zeros(scans)])
-    return measure_pairs("town", generate_city(walls), poses, LaserRangeFinder())
+    measure_pairs(result, "town", generate_city(walls), poses, LaserRangeFinder())
 
 
 def _same(first: Pairs, second: Pairs) -> bool:

@@ -6,22 +6,21 @@ walls are put into the map as if they had been seen.
 """
 
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from benchmarks.timing import Timing
+from benchmarks.result import Result, Table
+from benchmarks.timing import Timing, timed
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, lengths
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
+from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMapper
-from lrf3d.mapping.paper_mapper import PaperMapper
-from lrf3d.mapping.table import SegmentTable
-from lrf3d.scenario import SIGMA
+from lrf3d.mapping.paper.mapper import PaperMapper
+from lrf3d.mapping.segment_table import SegmentTable
 from lrf3d.world import World
-from lrf3d.world.generate import BLOCK, city_blocks, city_crossings, generate_city
+from lrf3d.world.generators import BLOCK, city_blocks, city_crossings, generate_city
 
 SIZES = (100, 1_000, 10_000, 100_000)
 """Walls of the towns."""
@@ -43,33 +42,37 @@ POINTS = 50
 """Points of a wall that is put into a map as if it had been seen."""
 
 
-@dataclass(frozen=True, slots=True)
-class SizeEntry:
-    """Updates of a map of some size.
-
-    Args:
-        mode: Mode of the mapper.
-        walls: Walls of the town.
-        map_segments: Segments of the map before the updates; None where it was not worked out.
-        update: The time of an update with a scan of 181 beams.
-    """
-
-    mode: str
-    walls: int
-    map_segments: int | None
-    update: Timing
+UPDATES_BY_SIZE = Table(
+    "map_sizes",
+    {
+        "walls": "walls of a town",
+        "mode": "mode",
+        "map_segments": "segments",
+        "update": "update",
+        "update.quartiles": "quartiles",
+    },
+    names=("walls", "mode"),
+    time="update",
+)
+"""The time of an update with a scan of 181 beams, on maps of each size."""
 
 
-def measure_sizes(sizes: tuple[int, ...], *, seconds: float, until: float) -> Iterator[Any]:
+def measure_sizes(
+    result: Result,
+    sizes: Sequence[int],
+    *,
+    seconds: float,
+    until: float,
+    step: Callable[[], None] = lambda: None,
+) -> None:
     """Time updates on maps of towns, the smallest first.
 
     Args:
+        result: Where the rows go; segments are None where a map was not worked out.
         sizes: Walls of the towns.
-        seconds: Time for the updates of one entry [s].
+        seconds: Time for the updates of one row [s].
         until: When to stop [s], on the clock of time.monotonic.
-
-    Yields:
-        A SizeEntry for each mode and size, or words that say what was left out.
+        step: Called after each row, measured or left out.
     """
     built = 0.0
     for walls in sorted(sizes):
@@ -78,14 +81,20 @@ def measure_sizes(sizes: tuple[int, ...], *, seconds: float, until: float) -> It
         for mode in ("robust", "paper"):
             expected = seconds + (built * walls if mode == "robust" else 0.0)
             if time.monotonic() + expected > until:
-                yield f"a map of {walls:,} segments, {mode} mode: the time does not suffice"
+                words = f"a map of {walls:,} segments, {mode} mode"
+                result.skipped.append(f"{words}: the time does not suffice")
+                step()
                 continue
             start = time.monotonic()
             mapper = surveyed(caster, walls) if mode == "robust" else prefilled(world)
             if mode == "robust":
                 built = (time.monotonic() - start) / walls
             segments = len(mapper.map) if mode == "paper" or walls <= LOOKED_AT else None
-            yield SizeEntry(mode, walls, segments, _updates(mapper, caster, walls, seconds))
+            update = _updates(mapper, caster, walls, seconds)
+            result.add(
+                UPDATES_BY_SIZE, mode=mode, walls=walls, map_segments=segments, update=update
+            )
+            step()
 
 
 def surveyed(caster: PlanarCaster, walls: int) -> LineMapper:
@@ -129,9 +138,7 @@ def _updates(mapper: LineMapper, caster: PlanarCaster, walls: int, seconds: floa
     spent: list[float] = []
     for pose in city_crossings(walls, UPDATES, seed=1, spread=SPREAD):
         scan = noise(caster.cast(lrf, pose), rng)
-        start = time.perf_counter()
-        mapper.update(scan)
-        spent.append(time.perf_counter() - start)
+        spent.append(timed(mapper.update, scan))
         if len(spent) >= LEAST_UPDATES and sum(spent) > seconds:
             break
     return Timing.of(spent)

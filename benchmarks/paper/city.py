@@ -1,4 +1,4 @@
-"""The city of Fig. 6 and 7: one drive, mapped in both modes, and what its maps take to store."""
+"""The city of Fig. 6 and 7: one drive, mapped in both modes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,24 +8,23 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from benchmarks.map.benchmark import storage_bars
+from benchmarks.chart import DASHES
+from benchmarks.map.settings import MODES
 from benchmarks.page import embed_figure, embed_frame
-from benchmarks.panels import DASHES, draw_panels
-from benchmarks.paper.claim import MODES, Claim, Extent, Picture, Table
-from benchmarks.text import duration
-from benchmarks.timing import TimedMapper
-from lrf3d.casting import PlanarCaster
+from benchmarks.paper.claim import Claim, Extent, Picture
+from benchmarks.result import Table, duration, percent
+from benchmarks.timing import time_updates
 from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import Float
 from lrf3d.render.chart import HEAD, MODE_COLOURS, Sheet
 from lrf3d.render.figures import draw_map
 from lrf3d.render.page import FAINT, INK
 from lrf3d.robot import Trajectory
-from lrf3d.scenario import load_scenario
+from lrf3d.run import Run
+from lrf3d.scenario_file import load_scenario
 from lrf3d.scoring import BuildingCount, MapScore, StorageCount, buildings_seen, score_run, storage
-from lrf3d.simulation import Run, simulate
-from lrf3d.study.experiment import Experiment, trajectory_of
-from lrf3d.study.summary import local_polylines
+from lrf3d.scoring.summary import local_polylines
+from lrf3d.simulation import collect
 
 FRAME_AT = 0.38
 """When in the drive the frame of Fig. 6 is taken, as a share of its time."""
@@ -39,11 +38,27 @@ IN_TIME = 0.99
 SMOOTHED = 25
 """Updates over which a running median is drawn."""
 
-STORAGE_TITLES = (
-    "Numbers to store",
-    "a segment takes 5 with the label of its union, a vertex of a polyline 2, a cell of a grid 1",
+MAPS = Table(
+    "maps",
+    {
+        "mode": "mode",
+        "map_segments": "segments",
+        "unions": "unions",
+        "buildings": "buildings whole",
+        "segment_f1": ("segment F1", "{:.3f}".format),
+        "length_f1": ("length F1", "{:.3f}".format),
+        "perpendicular_rms": ("distance RMS", lambda rms: f"{1e3 * rms:.1f} mm"),
+        "object_purity": ("object purity", "{:.3f}".format),
+    },
 )
-"""Headline of the figure of storage, and the line below it."""
+"""Scores of the maps."""
+
+UPDATES = Table(
+    "updates",
+    {"mode": "mode", "median_s": "median", "p99_s": "99th percentile", "largest_s": "largest",
+     "in_time": ("in time", percent)},
+)  # fmt: skip
+"""Times of the updates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,26 +83,18 @@ class Drive:
 def drive_through(world: str, mode: str, *, scans: int | None = None) -> Drive:
     """Drive through a built-in world, and map it in one mode."""
     scenario = load_scenario(world)
-    drive = trajectory_of(scenario)
-    experiment = Experiment(scenario, mode=mode)
-    mapper, local = TimedMapper(experiment.line_mapper()), experiment.line_mapper()
-    run = simulate(
-        scenario.world,
-        Trajectory(drive.times[:scans], drive.poses[:scans]),
-        scenario.lrf,
-        caster=PlanarCaster(scenario.world),
-        noise=scenario.imperfections.noise(experiment.noise),
-        mapper=mapper,
-        rng=experiment.seed,
+    drive = scenario.trajectory()
+    simulation = scenario.simulation(
+        drive=Trajectory(drive.times[:scans], drive.poses[:scans]),
+        mode=mode,
+        caster="planar",
+        rng=0,
     )
-    polylines = [local_polylines(local.local_map(scan)) for scan in run.scans]
-    return Drive(
-        run,
-        np.array(mapper.spent),
-        score_run(run),
-        buildings_seen(run),
-        storage(run, polylines),
-    )
+    mapper: Any = simulation.mapper
+    spent = time_updates(mapper)
+    run = collect(simulation)
+    polylines = [local_polylines(mapper.local_map(scan)) for scan in run.scans]
+    return Drive(run, np.array(spent), score_run(run), buildings_seen(run), storage(run, polylines))
 
 
 def film_claim(drive: Drive, extent: Extent) -> Claim:
@@ -121,25 +128,18 @@ def film_claim(drive: Drive, extent: Extent) -> Claim:
     )
 
 
-def city_claim(drives: dict[str, Drive]) -> Claim:
+def city_claim(drives: Mapping[str, Drive]) -> Claim:
     """Fig. 7: the map of the city, each building as four line segments."""
-    rows = []
-    for mode in MODES:
-        drive = drives[mode]
-        score, count = drive.score, drive.buildings
-        rows.append(
-            (
-                mode,
-                f"{score.map_segments}",
-                f"{drive.run.map.object_count}",
-                f"{count.whole} of {count.seen_on_all_sides}",
-                f"{score.segment_f1:.3f}",
-                f"{score.length_f1:.3f}",
-                f"{1e3 * score.perpendicular_rms:.1f} mm",
-                f"{score.object_purity:.3f}",
-            )
-        )
-    run, counts = drives["robust"].run, {m: d.buildings for m, d in drives.items()}
+    run, counts = drives["robust"].run, {mode: drives[mode].buildings for mode in MODES}
+    rows = [
+        {
+            "mode": mode,
+            "unions": drives[mode].run.map.object_count,
+            **drives[mode].score.as_dict(),
+            "buildings": f"{count.whole} of {count.seen_on_all_sides}",
+        }
+        for mode, count in counts.items()
+    ]
     return Claim(
         "city",
         "Each building of the city is represented with four line segments",
@@ -153,23 +153,12 @@ def city_claim(drives: dict[str, Drive]) -> Claim:
         " pieces stay in pieces.",
         f"at least {100 * WHOLE:.0f} % of the buildings seen on all sides are one union of one"
         " segment a wall",
-        {mode: _mostly_whole(count) for mode, count in counts.items()},
-        (
-            Table(
-                (
-                    "mode",
-                    "segments",
-                    "unions",
-                    "buildings whole",
-                    "segment F1",
-                    "length F1",
-                    "distance RMS",
-                    "object purity",
-                ),
-                tuple(rows),
-            ),
-        ),
-        tuple(
+        {
+            mode: count.whole >= WHOLE * seen if (seen := count.seen_on_all_sides) else None
+            for mode, count in counts.items()
+        },
+        [(MAPS, rows)],
+        [
             Picture(
                 embed_figure(
                     draw_map(drives[mode].run, title=f"The city in {mode} mode"), lines=False
@@ -177,7 +166,7 @@ def city_claim(drives: dict[str, Drive]) -> Claim:
                 f"Fig. 7 redone in {mode} mode.",
             )
             for mode in MODES
-        ),
+        ],
         {
             mode: {**drive.score.as_dict(), **drive.buildings.as_dict()}
             for mode, drive in drives.items()
@@ -185,12 +174,7 @@ def city_claim(drives: dict[str, Drive]) -> Claim:
     )
 
 
-def _mostly_whole(count: BuildingCount) -> bool | None:
-    seen = count.seen_on_all_sides
-    return count.whole >= WHOLE * seen if seen else None
-
-
-def speed_claim(drives: dict[str, Drive]) -> Claim:
+def speed_claim(drives: Mapping[str, Drive]) -> Claim:
     """The mapping is fast enough for real time."""
     times = drives["robust"].run.trajectory.times
     interval = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
@@ -203,8 +187,7 @@ def speed_claim(drives: dict[str, Drive]) -> Claim:
             "largest_s": float(spent.max()),
             "in_time": float((spent < interval).mean()),
         }
-    updates = {mode: drives[mode].updates for mode in MODES}
-    figure = _draw_updates(updates, interval)
+    figure = _draw_updates({mode: drives[mode].updates for mode in MODES}, interval)
     robust, paper = figures["robust"], figures["paper"]
     return Claim(
         "speed",
@@ -217,20 +200,8 @@ def speed_claim(drives: dict[str, Drive]) -> Claim:
         f" comes every {1e3 * interval:.0f} ms.",
         f"at least {100 * IN_TIME:.0f} % of the updates take less than the time between two scans",
         {mode: each["in_time"] >= IN_TIME for mode, each in figures.items()},
-        (
-            Table(
-                ("mode", "median", "99th percentile", "largest", "in time"),
-                tuple(
-                    (
-                        mode,
-                        *(f"{1e3 * each[n]:.2f} ms" for n in ("median_s", "p99_s", "largest_s")),
-                        f"{100 * each['in_time']:.1f} %",
-                    )
-                    for mode, each in figures.items()
-                ),
-            ),
-        ),
-        (Picture(embed_figure(figure), "The time of each update, on a logarithmic scale."),),
+        [(UPDATES, [{"mode": mode, **each} for mode, each in figures.items()])],
+        [Picture(embed_figure(figure), "The time of each update, on a logarithmic scale.")],
         {"scan_interval_s": interval, **figures},
     )
 
@@ -261,90 +232,3 @@ def _draw_updates(updates: Mapping[str, Float], interval: float) -> Figure:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=9,
                 labelcolor=INK, borderaxespad=0.2)  # fmt: skip
     return sheet.figure
-
-
-def grid_claim(city: dict[str, Drive], room: dict[str, Drive]) -> Claim:
-    """Line segments take less memory than an occupancy grid."""
-    places = {"room": room, "city": city}
-    best = city["robust"].stored
-    factor = best.grid_cells / max(best.union_numbers, 1)
-    bars = [
-        storage_bars(f"the {place}", {mode: drives[mode].stored for mode in MODES})
-        for place, drives in places.items()
-    ]
-    return Claim(
-        "grid",
-        "Line segments take far less memory than an occupancy grid",
-        "Sections 1 and 4",
-        "“Occupancy grids require a huge amount of computer memory and are therefore not"
-        " appropriate when modelling a large environment.”",
-        f"The map of the city in robust mode takes {best.union_numbers:,} numbers, five a segment"
-        f" with the label of its union. A grid of 0.1 m over the same points has"
-        f" {best.grid_cells:,} cells, {factor:,.0f} times as many.",
-        "in both places the map takes at most a hundredth of the numbers of a grid",
-        {
-            mode: all(
-                100 * drives[mode].stored.union_numbers <= drives[mode].stored.grid_cells
-                for drives in places.values()
-            )
-            for mode in MODES
-        },
-        (_stored(places),),
-        (
-            Picture(
-                embed_figure(draw_panels([bars], titles=STORAGE_TITLES)),
-                "What the maps take to store, on a logarithmic scale; red is robust mode, blue"
-                " paper mode.",
-            ),
-        ),
-        {
-            name: {mode: drive.stored.as_dict() for mode, drive in drives.items()}
-            for name, drives in places.items()
-        },
-    )
-
-
-def polyline_claim(city: dict[str, Drive], room: dict[str, Drive]) -> Claim:
-    """Unions of segments may take less memory than polylines."""
-    counts = {"room": room["robust"].stored, "city": city["robust"].stored}
-    return Claim(
-        "polylines",
-        "Polylines could take more memory than unions of segments",
-        "Section 4",
-        "G3, six lines as a union, would be fourteen lines in four polylines, as views from"
-        " different sides cannot be joined.",
-        f"In the city, which is seen from many sides, the {counts['city'].segments:,} segments"
-        f" stand against {counts['city'].polyline_lines:,} lines in"
-        f" {counts['city'].polylines:,} polylines: {counts['city'].union_numbers:,} numbers against"
-        f" {counts['city'].polyline_numbers:,}. In the room, seen from three poses,"
-        f" {counts['room'].segments} segments stand against {counts['room'].polyline_lines} lines"
-        f" in {counts['room'].polylines} polylines, and as neighbours in a polyline share a vertex,"
-        f" these take {counts['room'].polyline_numbers} numbers and the unions"
-        f" {counts['room'].union_numbers}.",
-        "unions take fewer numbers than the polylines of the same scans, in robust mode",
-        {place: count.union_numbers < count.polyline_numbers for place, count in counts.items()},
-        data={place: count.as_dict() for place, count in counts.items()},
-    )
-
-
-def _stored(places: Mapping[str, Mapping[str, Drive]]) -> Table:
-    rows = []
-    for place, drives in places.items():
-        for mode in MODES:
-            count = drives[mode].stored
-            rows.append(
-                (
-                    place,
-                    mode,
-                    f"{count.segments:,} in {count.unions:,}",
-                    f"{count.union_numbers:,}",
-                    f"{count.polyline_lines:,} in {count.polylines:,}",
-                    f"{count.polyline_numbers:,}",
-                    f"{count.grid_cells:,}",
-                )
-            )
-    head = (
-        "place", "mode", "segments in unions", "numbers", "lines in polylines", "numbers",
-        "cells of a grid",
-    )  # fmt: skip
-    return Table(head, tuple(rows))

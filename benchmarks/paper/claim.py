@@ -1,11 +1,10 @@
 """Claim: something that the paper says or shows, and what lrf3d finds when it is measured."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
-MODES = ("robust", "paper")
-"""Modes of the mapper, the default first."""
+from benchmarks.result import Row, Table
 
 WORDS = {
     "robust": "robust mode", "paper": "paper mode", "city": "the city", "room": "the room",
@@ -13,25 +12,11 @@ WORDS = {
 """Where a claim may hold, in words."""
 
 
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A picture that is part of the page.
-
-    Args:
-        data: The picture as a data URI.
-        caption: What is seen.
-    """
+class Picture(NamedTuple):
+    """A picture of the page, as a data URI, and what is seen on it."""
 
     data: str
     caption: str
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table: its head, and its rows of words, the first column to the left."""
-
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -59,8 +44,8 @@ class Claim:
     found: str
     criterion: str
     holds: Mapping[str, bool | None]
-    tables: tuple[Table, ...] = ()
-    pictures: tuple[Picture, ...] = ()
+    tables: Sequence[tuple[Table, Sequence[Row]]] = ()
+    pictures: Sequence[Picture] = ()
     data: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -75,6 +60,7 @@ class Claim:
         return f"holds in {' and '.join(right)}" if right else "does not hold"
 
     def as_dict(self) -> dict[str, Any]:
+        """The claim in JSON's types."""
         return {
             "name": self.name,
             "title": self.title,
@@ -88,8 +74,7 @@ class Claim:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class Extent:
+class Extent(NamedTuple):
     """How much is measured.
 
     Args:

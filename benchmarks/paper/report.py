@@ -7,20 +7,13 @@ from functools import partial
 from html import escape
 from typing import Any
 
-from benchmarks.page import Html, note, page, picture, section, table
-from benchmarks.paper.city import (
-    city_claim,
-    drive_through,
-    film_claim,
-    grid_claim,
-    polyline_claim,
-    speed_claim,
-)
-from benchmarks.paper.claim import MODES, Claim, Extent
-from benchmarks.paper.robustness import robustness_claim
-from benchmarks.paper.room import ROOM, maps_claim, room_sweep, scan_claim
-from benchmarks.paper.search import localisation_claim, search_claim
-from benchmarks.results import this_machine
+from benchmarks.map.settings import MODES
+from benchmarks.page import Html, figures, grid, note, page, picture, section
+from benchmarks.paper.city import city_claim, drive_through, film_claim, speed_claim
+from benchmarks.paper.claim import Claim, Extent
+from benchmarks.paper.room import ROOM, maps_claim, robustness_claim, room_sweep, scan_claim
+from benchmarks.paper.use import grid_claim, localisation_claim, polyline_claim, search_claim
+from benchmarks.result import Progress, as_json, silent, this_machine
 
 PAPER = (
     "L. Teslić, I. Škrjanc, G. Klančar: Simulation of a Mobile Robot with a LRF and Map Building"
@@ -29,6 +22,9 @@ PAPER = (
 
 STEPS = 1 + 2 * len(MODES) + 10
 """Steps of the progress: the sweep, the drives and the claims."""
+
+USUAL = Extent()
+"""How much is measured if not given."""
 
 KINDS = {"holds": "good", "does not hold": "bad", "not measured": "none"}
 """Colours of verdicts; those that hold in one mode lie between."""
@@ -49,26 +45,25 @@ class PaperReport:
     took: float
 
     def as_dict(self) -> dict[str, Any]:
-        return {
-            "paper": PAPER,
-            "claims": [claim.as_dict() for claim in self.claims],
-            "machine": self.machine,
-            "took_s": self.took,
-        }
+        """The report in JSON's types."""
+        found: dict[str, Any] = as_json(
+            {
+                "paper": PAPER,
+                "claims": self.claims,
+                "machine": self.machine,
+                "took_s": self.took,
+            }
+        )
+        return found
 
 
-def redo_paper(
-    extent: Extent | None = None,
-    *,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> PaperReport:
+def redo_paper(extent: Extent = USUAL, *, progress: Progress = silent) -> PaperReport:
     """Measure every claim of the paper.
 
     Args:
-        extent: How much is measured; the usual where not given.
+        extent: How much is measured.
         progress: Called with the steps that are done and all.
     """
-    extent = Extent() if extent is None else extent
     begin = time.perf_counter()
     steps = iter(range(1, STEPS + 1))
 
@@ -125,7 +120,7 @@ def page_text(report: PaperReport) -> str:
             " chosen here."
         ),
         [
-            table(("", "The paper says or shows", "where", "measured"), rows, words=3),
+            grid(("", "The paper says or shows", "where", "measured"), rows, words=3),
             *(_section(number, claim) for number, claim in enumerate(claims, 1)),
         ],
         Html(
@@ -141,7 +136,7 @@ def page_text(report: PaperReport) -> str:
 
 def _section(number: int, claim: Claim) -> Html:
     pictures = [picture(each.data, each.caption) for each in claim.pictures]
-    tables = [table(each.head, each.rows) for each in claim.tables]
+    tables = [figures(table, rows) for table, rows in claim.tables]
     # One picture explains the table above it; several are what the table sums up.
     parts = pictures + tables if len(pictures) > 1 else tables + pictures
     return section(

@@ -6,12 +6,13 @@ picture is its distance from the same picture drawn at 16 times the pixels and a
 """
 
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from benchmarks.panels import OWN, Bars, Curve, Curves, Rows, TradeOff
+from benchmarks.chart import bars, draw, scatter
 from benchmarks.render.savings import ablate_render
 from benchmarks.render.scenes import (
     PLAYBACK,
@@ -22,13 +23,11 @@ from benchmarks.render.scenes import (
     moments,
 )
 from benchmarks.render.stock import StockFilm
-from benchmarks.results import Ratio, Result
-from benchmarks.text import duration, quartiles
-from benchmarks.timing import Method, Timing, take_turns
+from benchmarks.result import Progress, Result, Row, Table, silent
+from benchmarks.timing import take_turns
 from lrf3d.geometry import Float
 from lrf3d.render.film import LAYERS, Film
-from lrf3d.simulation import Run
-from lrf3d.tables import table
+from lrf3d.run import Run
 
 PICTURE = (1280, 720)
 """Width and height of the pictures [pixels]."""
@@ -37,136 +36,37 @@ SIZES = (40, 400, 4000)
 """Buildings of the generated cities."""
 
 SECONDS = 90.0
-"""Time for all [s], where none is given."""
+"""Time for all [s], if none is given."""
 
 REFERENCE = 4
 """Pixels a side that a pixel of the reference is the mean of: 16 samples."""
 
 
-@dataclass(frozen=True, slots=True)
-class Drawn:
-    """One way to draw one world.
+ENTRIES = Table(
+    "entries",
+    {
+        "title": "drawn by",
+        "world": "world",
+        "buildings": "buildings",
+        "samples": "samples",
+        "frame": "frame",
+        "frame.quartiles": "quartiles",
+        "error_rms": ("error", "{:.2f}".format),
+    },
+    "full look from the chase camera, one process; frame: the median. error: root mean square of"
+    " a picture's\ndifferences, of 255, from the same way to draw at 16 times the pixels, words"
+    " left out.",
+    names=("title", "world", "samples"),
+    time="frame",
+    error="error_rms",
+)
+"""Each way to draw each world; the error is None where it was not measured."""
 
-    Args:
-        world: Name of the world.
-        buildings: How many there are in it.
-        title: What draws it.
-        samples: Samples a pixel.
-        frame: Time of a frame.
-        error_rms: Root mean square error of its picture, of 255; None where it was not measured.
-    """
-
-    world: str
-    buildings: int
-    title: str
-    samples: int
-    frame: Timing
-    error_rms: float | None = None
-
-
-@dataclass(kw_only=True)
-class RenderResult(Result):
-    """What was measured of pictures.
-
-    Args:
-        size: Width and height of the pictures [pixels].
-        entries: Each way to draw each world.
-        layers_s: What each layer of the full look costs in the city, without smoothing [s].
-    """
-
-    benchmark = "render"
-    size: tuple[int, int] = PICTURE
-    entries: list[Drawn] = field(default_factory=list)
-    layers_s: dict[str, float] = field(default_factory=dict)
-
-    def methods(self) -> list[Method]:
-        """The methods of drawing the city whose error was measured."""
-        found = []
-        for entry in self.entries:
-            error = entry.error_rms
-            if error is None:
-                continue
-            own = entry.title.startswith("lrf3d")
-            _, _, words = entry.title.partition(", ")
-            words = words or f"{entry.samples or 1} sample{'s' * (entry.samples > 1)}"
-            default = (entry.title, entry.samples) == ("lrf3d", 4)
-            family = "lrf3d" if own else "stock pyrender"
-            found.append(Method.of("the city", family, words, entry.frame, error, default=default))
-        return found
-
-    def tables(self) -> Iterable[str]:
-        head = ("drawn by", "world", "buildings", "samples", "frame", "quartiles", "error")
-        yield table(head, [
-            (
-                entry.title,
-                entry.world,
-                f"{entry.buildings:,}",
-                f"{entry.samples}",
-                duration(entry.frame.median),
-                quartiles(entry.frame.low, entry.frame.high),
-                "" if entry.error_rms is None else f"{entry.error_rms:.2f}",
-            )
-            for entry in self.entries
-        ])  # fmt: skip
-        yield (
-            f"{self.size[0]}x{self.size[1]} from the chase camera, full look, one process; frame:"
-            " the median.\nerror: root mean square of a picture's differences, of 255, from the"
-            " same way to draw at 16 times\nthe pixels, words left out."
-        )
-        layers = [(layer, f"{1e3 * took:.2f} ms") for layer, took in self.layers_s.items()]
-        yield table(("layer of the city", "time"), layers)
-
-    def panels(self) -> tuple[Rows, tuple[str, str]]:
-        floors = {
-            f"floor, {entry.samples} samples" if entry.samples else "floor": entry.frame.median
-            for entry in self.entries
-            if entry.title.startswith("floor")
-        }
-        grown = sorted(self._grown())
-        sizes = Curve(
-            "lrf3d", [float(size) for size, _ in grown], [time for _, time in grown], OWN,
-            labels=[duration(time) for _, time in grown],
-        )  # fmt: skip
-        layers = [layer.replace(", ", ",\n") for layer in self.layers_s]
-        costs = [1e3 * took for took in self.layers_s.values()]
-        row: list[TradeOff | Curves | Bars] = [
-            TradeOff("time and error, city", "time of a frame", "root mean square error [of 255]",
-                     self.methods(), floors=floors),
-            Curves("time by buildings", "buildings", "time of a frame", [sizes], times=True),
-            Bars("layers, city", "time of a frame [ms]", layers, {"": (OWN, costs)}, lying=True),
-        ]  # fmt: skip
-        return [row], (
-            "Pictures: time against error",
-            f"{self.size[0]} × {self.size[1]} from the chase camera, software OpenGL, one process"
-            "  ·  error against 16 times the pixels",
-        )
-
-    def _grown(self) -> list[tuple[int, float]]:
-        """Buildings of the generated cities, with the time of a frame [s]."""
-        return [
-            (entry.buildings, entry.frame.median) for entry in self.entries if entry.world != "city"
-        ]
-
-    def promised(self) -> list[Ratio]:
-        """What is promised of the city on four cores, and of growth."""
-        city = {
-            (entry.title, entry.samples): entry.frame.median
-            for entry in self.entries
-            if entry.world == "city"
-        }
-        ours, full = city["lrf3d", 0], city["lrf3d", 4]
-        stock = city["stock pyrender", 4]
-        found = [
-            Ratio("frame without smoothing, city [ms]", 1e3 * ours, 12.0),
-            Ratio("frame with 4 samples, city [ms]", 1e3 * full, 25.0),
-            Ratio("stock pyrender / lrf3d, city, both 4 samples", stock / full, 8.0, True),
-            Ratio("stock pyrender / lrf3d without smoothing, city", stock / ours, 8.0, True),
-        ]
-        grown = sorted(self._grown())
-        if len(grown) > 1:
-            (few, small), (many, large) = grown[0], grown[-1]
-            found.append(Ratio(f"frame of {many:,} buildings / of {few:,}", large / small, 1.5))
-        return found
+LAYER_TIMES = Table(
+    "layers",
+    {"layer": "layer of the city", "cost": ("time", lambda cost: f"{1e3 * cost:.2f} ms")},
+)
+"""What each layer of the full look costs in the city, without smoothing [s]."""
 
 
 def bench_render(
@@ -176,8 +76,8 @@ def bench_render(
     size: tuple[int, int] = PICTURE,
     scans: int = 60,
     with_ablation: bool = False,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> RenderResult:
+    progress: Progress = silent,
+) -> Result:
     """Draw the city and generated cities by all methods, and time them in turn.
 
     Args:
@@ -192,7 +92,13 @@ def bench_render(
         MissingLibraryError: There is no OpenGL on this machine.
     """
     begin = time.monotonic()
-    result = RenderResult(size=size)
+    result = Result(
+        "render",
+        f"How long does a frame of {size[0]} × {size[1]} take in software OpenGL, and how far is it"
+        " off the same frame drawn with 16 times the pixels?",
+        {"size": size},
+        chart,
+    )
     total = 4 if with_ablation else 3
     # Two parts for the city, and one for the layers, for each size and for the ablation.
     share = seconds / (3 + len(sizes) + with_ablation)
@@ -204,16 +110,75 @@ def bench_render(
     _growth(result, sizes, scans, share * len(sizes))
     progress(3, total)
     if with_ablation:
-        result.savings = ablate_render(city, moments(city), size=size, seconds=share)
+        ablate_render(result, city, moments(city), size=size, seconds=share)
         progress(4, total)
-    result.ratios = result.promised()
+    promise(result)
     result.took_s = time.monotonic() - begin
     return result
 
 
-def _city(result: RenderResult, run: Run, seconds: float) -> None:
+def promise(result: Result) -> None:
+    """Add what is promised of the city on four cores, and of growth."""
+    city = {
+        (row["title"], row["samples"]): row["frame"].median
+        for row in result[ENTRIES]
+        if row["world"] == "city"
+    }
+    ours, full, stock = city["lrf3d", 0], city["lrf3d", 4], city["stock pyrender", 4]
+    result.promise("frame without smoothing, city [ms]", 1e3 * ours, 12.0)
+    result.promise("frame with 4 samples, city [ms]", 1e3 * full, 25.0)
+    for name, own in (
+        ("stock pyrender / lrf3d, city, both 4 samples", full),
+        ("stock pyrender / lrf3d without smoothing, city", ours),
+    ):
+        result.promise(name, stock / own, 8.0, at_least=True)
+    grown = _grown(result)
+    if len(grown) > 1:
+        few, many = grown[0], grown[-1]
+        name = f"frame of {many['buildings']:,} buildings / of {few['buildings']:,}"
+        result.promise(name, many["frame"].median / few["frame"].median, 1.5)
+
+
+def _grown(result: Result) -> list[Row]:
+    """The generated cities, the smallest first."""
+    rows = [row for row in result[ENTRIES] if row["world"] != "city"]
+    return sorted(rows, key=lambda row: row["buildings"])
+
+
+def chart(result: Result) -> Figure:
+    """Time and error of the city, time by buildings, and what each layer costs."""
+    floors = {
+        f"floor, {row['samples']} samples" if row["samples"] else "floor": row["frame"].median
+        for row in result[ENTRIES]
+        if row["title"].startswith("floor")
+    }
+    judged = [row for row in result[ENTRIES] if row.get("error_rms") is not None]
+    width, height = result.facts["size"]
+    return draw([[
+        partial(
+            scatter, rows=judged, x="frame", y="error_rms", by="family", floors=floors,
+            title="time and error, city",
+            labels=("time of a frame", "root mean square error [of 255]"),
+            note=lambda row: row["title"].partition(", ")[2] or f"samples: {row['samples'] or 1}",
+        ),
+        partial(
+            scatter, rows=_grown(result), x="buildings", y="frame", by="family",
+            title="time by buildings", labels=("buildings", "time of a frame"),
+        ),
+        partial(
+            bars, rows=result[LAYER_TIMES], value="cost", name=lambda row: row["layer"],
+            title="layers, city", label="time of a frame [ms]", scale=1e3,
+        ),
+    ]], (
+        "Pictures: time against error",
+        f"{width} × {height} from the chase camera, software OpenGL, one process  ·  error against"
+        " 16 times the pixels",
+    ))  # fmt: skip
+
+
+def _city(result: Result, run: Run, seconds: float) -> None:
     """All methods of drawing the city, with their errors."""
-    times, size = moments(run), result.size
+    times, size = moments(run), result.facts["size"]
     films: dict[tuple[str, int], Film | StockFilm] = {
         ("lrf3d", 0): make_film(run, size),
         ("lrf3d", 4): make_film(run, size, 4),
@@ -230,37 +195,60 @@ def _city(result: RenderResult, run: Run, seconds: float) -> None:
     timings = take_turns(calls, seconds=seconds)
     errors = _errors(run, size, float(times[len(times) // 2]))
     buildings = run.world.object_count
-    for key in [*films, *floors]:
-        result.entries.append(Drawn("city", buildings, *key, timings[str(key)], errors.get(key)))
+    for title, samples in (*films, *floors):
+        key = title, samples
+        result.add(
+            ENTRIES,
+            world="city",
+            buildings=buildings,
+            title=title,
+            family="lrf3d" if title.startswith("lrf3d") else "stock pyrender",
+            samples=samples,
+            default=key == ("lrf3d", 4),
+            frame=timings[str(key)],
+            error_rms=errors.get(key),
+        )
     for film in (*films.values(), *floors.values()):
         film.close()
 
 
-def _growth(result: RenderResult, sizes: Sequence[int], scans: int, seconds: float) -> None:
+def _growth(result: Result, sizes: Sequence[int], scans: int, seconds: float) -> None:
     """Generated cities, by turns."""
     runs = {str(buildings): generated_run(buildings, scans) for buildings in sorted(sizes)}
-    films = {key: make_film(run, result.size) for key, run in runs.items()}
+    films = {key: make_film(run, result.facts["size"]) for key, run in runs.items()}
     calls = {key: frames(film, moments(runs[key])) for key, film in films.items()}
     for key, timing in take_turns(calls, seconds=seconds).items():
-        result.entries.append(Drawn(runs[key].world.name, int(key), "lrf3d", 0, timing))
+        result.add(
+            ENTRIES,
+            world=runs[key].world.name,
+            buildings=int(key),
+            title="lrf3d",
+            family="lrf3d",
+            samples=0,
+            frame=timing,
+        )
     for film in films.values():
         film.close()
 
 
-def _layers(result: RenderResult, run: Run, seconds: float) -> None:
+def _layers(result: Result, run: Run, seconds: float) -> None:
     """What each layer costs: the full look without it, taken from the full look.
 
     By lower quartiles: the differences are smaller than what a busy machine adds to medians.
     """
     films = {
-        layer: make_film(run, result.size, layers=[other for other in LAYERS if other != layer])
+        layer: make_film(
+            run, result.facts["size"], layers=[other for other in LAYERS if other != layer]
+        )
         for layer in (*LAYERS, "")
     }
     calls = {layer: frames(film, moments(run)) for layer, film in films.items()}
     timings = take_turns(calls, seconds=seconds)
     full = timings[""].low
-    result.layers_s = {layer: full - timings[layer].low for layer in LAYERS}
-    result.layers_s["solids, and all else"] = full - sum(result.layers_s.values())
+    costs = {layer: full - timings[layer].low for layer in LAYERS}
+    costs["solids, and all else"] = full - sum(costs.values())
+    for layer, cost in costs.items():
+        result.add(LAYER_TIMES, layer=layer, cost=cost)
     for film in films.values():
         film.close()
 

@@ -7,22 +7,28 @@ from typing import Any
 import numpy as np
 
 from benchmarks.render.scenes import frames, generated_run, make_film
-from benchmarks.results import Saving
+from benchmarks.result import Result
 from benchmarks.timing import take_turns
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.render.film import Film
 from lrf3d.render.parts import Parts
 from lrf3d.render.skyline import Skyline
-from lrf3d.simulation import Run
+from lrf3d.run import Run
 
 BUILDINGS = 1000
 """Buildings of the city in which most are out of sight or hidden."""
 
 
 def ablate_render(
-    run: Run, times: Float, *, size: tuple[int, int], seconds: float, buildings: int = BUILDINGS
-) -> list[Saving]:
+    result: Result,
+    run: Run,
+    times: Float,
+    *,
+    size: tuple[int, int],
+    seconds: float,
+    buildings: int = BUILDINGS,
+) -> None:
     """Time frames of the city, and of a large one, with each piece of skipped work done again."""
     large = generated_run(buildings)
     large_times = np.linspace(large.trajectory.times[0], large.trajectory.times[-1], len(times))
@@ -52,15 +58,16 @@ def ablate_render(
     for film in (usual, smooth, huge, *films.values()):
         film.close()
     frame = took["usual"]
-    return [
-        Saving(f"parts out of sight, {buildings:,} buildings", took["huge"], took["all"]),
-        Saving(f"parts hidden by others, {buildings:,} buildings", took["huge"], took["unhidden"]),
-        Saving("pixels behind others: near parts first", frame, took["far"]),
-        Saving("4 samples for layers that are soft", took["smooth"], took["late"]),
-        Saving("a frame in which nothing changed", took["same"], frame),
-        Saving("turning the picture over, without alpha", frame, frame + took["flip"]),
-        Saving("casting a scan again for the film", took["scan"], took["cast"]),
-    ]
+    for name, skipped, done in (
+        (f"parts out of sight, {buildings:,} buildings", took["huge"], took["all"]),
+        (f"parts hidden by others, {buildings:,} buildings", took["huge"], took["unhidden"]),
+        ("pixels behind others: near parts first", frame, took["far"]),
+        ("4 samples for layers that are soft", took["smooth"], took["late"]),
+        ("a frame in which nothing changed", took["same"], frame),
+        ("turning the picture over, without alpha", frame, frame + took["flip"]),
+        ("casting a scan again for the film", took["scan"], took["cast"]),
+    ):
+        result.save(name, skipped, done)
 
 
 class _Everything:

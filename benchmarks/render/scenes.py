@@ -13,14 +13,15 @@ from benchmarks.render.stock import StockFilm
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
+from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMapper
 from lrf3d.render.film import LAYERS, Film
 from lrf3d.robot import Trajectory, follow_route
-from lrf3d.scenario import SIGMA, load_scenario
-from lrf3d.simulation import Run, simulate
-from lrf3d.study.experiment import trajectory_of
+from lrf3d.run import Run
+from lrf3d.scenario_file import load_scenario
+from lrf3d.simulation import simulate
 from lrf3d.world import World
-from lrf3d.world.generate import BLOCK, city_blocks, generate_city
+from lrf3d.world.generators import BLOCK, city_blocks, generate_city
 
 FRAMES = 24
 """Moments of a run that are drawn in turn."""
@@ -38,7 +39,7 @@ LOWEST, HIGHEST = 5.0, 18.0
 def city_run(scans: int = SCANS) -> Run:
     """The first scans of the drive through ``city``."""
     scenario = load_scenario("city")
-    drive = trajectory_of(scenario)
+    drive = scenario.trajectory()
     every = Trajectory(drive.times[:scans], drive.poses[:scans])
     return _run(scenario.world, every, scenario.lrf)
 

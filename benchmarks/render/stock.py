@@ -11,15 +11,15 @@ import shapely
 
 from lrf3d.geometry import Float
 from lrf3d.render.bindings import GL, pyrender
-from lrf3d.render.camera import make_camera
-from lrf3d.render.ground import SUN
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Mesh
 from lrf3d.render.renderer import context
-from lrf3d.render.robot_model import robot_primitive, world_from_robot
-from lrf3d.render.structures import Structures
-from lrf3d.render.timeline import Timeline
-from lrf3d.simulation import Run
+from lrf3d.run import Run
+from lrf3d.scene.bodies import robot_mesh, world_from_robot
+from lrf3d.scene.camera import make_camera
+from lrf3d.scene.look import SUN
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.timeline import Timeline
 
 _LAND = 200.0
 """How far the ground reaches past the world [m]."""
@@ -145,9 +145,8 @@ def _ground(structures: Structures) -> Mesh:
 
 
 def _robot(laser_height: float) -> Mesh:
-    own = robot_primitive(laser_height)
-    assert own.elements is not None
-    rows, corners = own.vertices, own.elements.reshape(-1, 3)
+    rows, indices = robot_mesh(laser_height)
+    corners = indices.reshape(-1, 3)
     colour = np.column_stack([rows[:, 6:9], np.ones(len(rows))])
     return Mesh(
         [

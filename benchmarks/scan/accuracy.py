@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.result import Row
 from benchmarks.scan.baselines import Baseline
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, Int
@@ -39,25 +40,6 @@ class Trial:
     walls: Int
 
 
-@dataclass(frozen=True, slots=True)
-class Accuracy:
-    """How a baseline did in a trial; a beam without return counts as one of range_max.
-
-    Args:
-        beams: How many beams were judged.
-        largest_error_m: Largest error of a range [m].
-        median_error_m: Median error of a range [m].
-        over_1_cm_share: Share of ranges that are off by more than a centimetre.
-        wrong_wall_share: Share of beams that name another wall; None where it names no walls.
-    """
-
-    beams: int
-    largest_error_m: float
-    median_error_m: float
-    over_1_cm_share: float
-    wrong_wall_share: float | None
-
-
 def scan_trial(caster: PlanarCaster, lrf: LaserRangeFinder, poses: Float) -> Trial:
     """The beams of plain scans."""
     return Trial(lrf, poses, *caster.scan_batch(lrf, poses))
@@ -77,8 +59,12 @@ def corner_trial(caster: PlanarCaster, world: World, poses: Float, *, seed: int 
     return scan_trial(caster, ONE_BEAM, poses)
 
 
-def judge(baseline: Baseline, trial: Trial, *, seconds: float) -> Accuracy:
-    """Compare a baseline's answers with the exact ones, for as many scans as the time allows."""
+def judge(baseline: Baseline, trial: Trial, *, seconds: float) -> Row:
+    """Compare a baseline's answers with the exact ones, for as many scans as the time allows.
+
+    A beam without return counts as one of range_max. The share of wrong walls is None where the
+    baseline names no walls.
+    """
     end = time.monotonic() + seconds
     errors, wrong = [], []
     size, start = CHUNK, 0
@@ -91,10 +77,10 @@ def judge(baseline: Baseline, trial: Trial, *, seconds: float) -> Accuracy:
             wrong.append(walls != trial.walls[part])
         start, size = start + size, 2 * size
     off = np.concatenate(errors)
-    return Accuracy(
-        beams=off.size,
-        largest_error_m=float(off.max()),
-        median_error_m=float(np.median(off)),
-        over_1_cm_share=float((off > GROSS).mean()),
-        wrong_wall_share=float(np.concatenate(wrong).mean()) if wrong else None,
-    )
+    return {
+        "beams": off.size,
+        "largest_error_m": float(off.max()),
+        "median_error_m": float(np.median(off)),
+        "over_1_cm_share": float((off > GROSS).mean()),
+        "wrong_wall_share": float(np.concatenate(wrong).mean()) if wrong else None,
+    }

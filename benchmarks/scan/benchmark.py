@@ -6,29 +6,35 @@ million; in a table and a picture each is a point of run time and largest error.
 
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from typing import Any
+from unittest.mock import patch
 
-from benchmarks.panels import COLOURS, OWN, Curve, Curves, Rows, TradeOff
-from benchmarks.results import Ratio, Result
-from benchmarks.scan.measuring import BATCH, USUAL, CityMeasurement, Entry, missing
-from benchmarks.scan.processes import probe
+from matplotlib.figure import Figure
+
+from benchmarks.chart import COLOURS, OWN, RING, draw, scatter
+from benchmarks.result import Progress, Result, Row, Table, metres, percent, silent
+from benchmarks.scan.accuracy import corner_trial, judge, scan_trial
+from benchmarks.scan.baselines import BASELINES, Baseline, Call, Planar
+from benchmarks.scan.baselines import OWN as OWN_CASTERS
+from benchmarks.scan.processes import probe, resident_bytes
 from benchmarks.scan.savings import ablate
-from benchmarks.text import duration, metres, percent
-from benchmarks.timing import Method
+from benchmarks.timing import Timing, take_turns
+from lrf3d.casting import PlanarCaster, threads
 from lrf3d.cores import core_count
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.tables import table
+from lrf3d.world.generators import city_crossings, generate_city
 
 WALLS = (40, 400, 10_000, 100_000, 1_000_000)
 """Sizes of the worlds, where none are given."""
 
-HUGE = 1_000_000
-"""Walls of the huge city, measured in addition to the usual one."""
+USUAL, HUGE = 400, 1_000_000
+"""Walls of the usual city and of the huge one. PlanarCaster is timed in the usual one beside larger
+ones too, so that nothing that slows the machine comes between the two."""
 
 SECONDS = 150.0
-"""Time for all [s], where none is given."""
+"""Time for all [s], if none is given."""
 
 TURNS_SHARE, ABLATION_SHARE = 0.5, 0.12
 """Parts of the time for the cities and for the ablation; the rest is for building and probes."""
@@ -36,8 +42,25 @@ TURNS_SHARE, ABLATION_SHARE = 0.5, 0.12
 STEPS = 3
 """Steps that a city reports."""
 
-BUSY = 0.5
-"""Processes of others, on average, above which figures of all cores are too low to be trusted."""
+DRIVE, NEAR = 64, 3
+"""Poses that single scans are timed at, and how many crossings a way they lie around the middle:
+as on a drive, the same walls come into view again and again."""
+
+BATCH = 4000
+"""Poses of a batch."""
+
+AWAKE = 0.1
+"""How long a turn of several batches may take [s]: cores that a baseline left idle take some time
+to be at full speed again."""
+
+JUDGED_SCANS, JUDGED_CORNERS = 200, 20_000
+"""Scans, and beams aimed at corners, that baselines are judged by; the slow ones by fewer."""
+
+WEIGHED_WALLS = 100_000
+"""Worlds from which on an index stands out from the noise of the process's memory."""
+
+SLOW_BATCH = ("numpy", "mujoco")
+"""Baselines whose batch is a loop over single scans: it would show nothing new."""
 
 PROBED = ("planar", "embree")
 """Casters whose first call and memory are measured in processes of their own."""
@@ -49,131 +72,48 @@ CASTER_COLOURS = {
 }  # fmt: skip
 """Colours of casters by their title: lrf3d's own are warm."""
 
+LRF = LaserRangeFinder()
 
-@dataclass(kw_only=True)
-class ScanResult(Result):
-    """What was measured of scans.
 
-    Args:
-        entries: Each caster in each world.
-        first_calls: For each of lrf3d's casters the times of its first call [s].
-        batch_memory: For each of lrf3d's casters the bytes of a batch and of its output.
-    """
+def _rate(rays: float) -> str:
+    return f"{rays / 1e6:.1f} M/s"
 
-    benchmark = "scan"
-    entries: list[Entry] = field(default_factory=list)
-    first_calls: dict[str, dict[str, float]] = field(default_factory=dict)
-    batch_memory: dict[str, dict[str, float]] = field(default_factory=dict)
 
-    def facts(self) -> dict[str, Any]:
-        lrf = LaserRangeFinder()
-        return {
-            "beams": lrf.beams,
-            "range_max_m": lrf.range_max,
-            "batch_poses": BATCH,
-            "exact_answers": "PlanarCaster's, certified by scripts/stress",
-        }
+ENTRIES = Table(
+    "entries",
+    {
+        "title": "caster",
+        "walls": "walls",
+        "scan": "scan",
+        "largest_error_m": ("largest error", metres),
+        "at_corners.wrong_wall_share": ("wrong walls", percent),
+        "at_corners.over_1_cm_share": ("over 1 cm", percent),
+        "batch.rays_per_s": ("batch", _rate),
+        "batch_one_core.rays_per_s": ("one core", _rate),
+        "index_bytes_per_wall": ("index", "{:.0f} B/wall".format),
+    },
+    f"scan: {LRF.beams} beams, range_max {LRF.range_max:g} m, the median. largest error: of all"
+    " beams, against\nthe exact ranges, which scripts/stress certifies. wrong walls, over 1 cm: of"
+    f" beams aimed within\n1e-9 to 1e-5 rad of corners. batch, one core: rays a second of {BATCH}"
+    " scans in one call.",
+    names=("title", "walls"),
+    time="scan",
+    error="largest_error_m",
+)
+"""Each caster in each world."""
 
-    def methods(self, walls: int | None = None) -> list[Method]:
-        """Casters by the time of a scan and the largest error, of plain scans and at corners.
-
-        Args:
-            walls: A size; the baselines take part in the world nearest to it only. If not given,
-                they do in all, each with the number of its walls.
-        """
-        sizes = {entry.walls for entry in self.entries}
-        usual = None if walls is None else min(sizes, key=lambda size: abs(size - walls), default=0)
-        found = []
-        for words in ("plain scans", "beams aimed at corners"):
-            for entry in self.entries:
-                if usual not in (None, entry.walls) and entry.baseline.key not in PROBED:
-                    continue
-                accuracy = entry.scans if words == "plain scans" else entry.corners
-                error = accuracy.largest_error_m
-                size = f"{entry.walls:,}"
-                thing, setting = (words, size) if usual is None else (f"{words}, {size} walls", "")
-                own = entry.baseline.key == "embree"
-                title = entry.baseline.title
-                found.append(Method.of(thing, title, setting, entry.single, error, default=own))
-        return found
-
-    def tables(self) -> Iterable[str]:
-        yield self._casters()
-        lrf = LaserRangeFinder()
-        yield (
-            f"scan: {lrf.beams} beams, range_max {lrf.range_max:g} m, the median. largest error:"
-            " of all beams, against\nthe exact ranges, which scripts/stress certifies. wrong walls,"
-            " over 1 cm: of beams aimed within\n1e-9 to 1e-5 rad of corners. batch, one core: rays"
-            f" a second of {BATCH} scans in one call."
-        )
-        head = ("fresh process", "import", "first scan", "next scan", "batch output", "batch peak")
-        rows = []
-        for caster, times in self.first_calls.items():
-            memory = self.batch_memory.get(caster, {})
-            sizes = [memory.get(name) for name in ("output_bytes", "peak_bytes")]
-            rows.append((
-                caster,
-                *(duration(times[f"{name}_s"]) for name in ("import", "first_scan", "second_scan")),
-                *("" if size is None else f"{size / 1e6:.1f} MB" for size in sizes),
-            ))  # fmt: skip
-        if rows:
-            yield table(head, rows)
-        if self.load is not None and self.load > BUSY:
-            yield (
-                f"Others used this machine (load {self.load:.1f} before the start): the rates on"
-                " all cores are too low."
-            )
-
-    def _casters(self) -> str:
-        head = (
-            "caster", "walls", "scan", "largest error", "wrong walls", "over 1 cm", "batch",
-            "one core", "index",
-        )  # fmt: skip
-        rows = []
-        for entry in self.entries:
-            wrong = entry.corners.wrong_wall_share
-            rates = [entry.rate(batch) for batch in (entry.batch, entry.alone)]
-            rows.append((
-                entry.baseline.title,
-                f"{entry.walls:,}",
-                duration(entry.single.median),
-                metres(entry.largest_error),
-                "?" if wrong is None else percent(wrong),
-                percent(entry.corners.over_1_cm_share),
-                *("" if rate is None else f"{rate / 1e6:.1f} M/s" for rate in rates),
-                "" if entry.index is None else f"{entry.index / entry.walls:.0f} B/wall",
-            ))  # fmt: skip
-        return table(head, rows)
-
-    def panels(self) -> tuple[Rows, tuple[str, str]]:
-        lrf = LaserRangeFinder()
-        methods = self.methods()
-        row: list[TradeOff | Curves] = [
-            TradeOff(
-                thing, "time of a scan", "largest error [m]",
-                [method for method in methods if method.thing == thing], CASTER_COLOURS,
-            )
-            for thing in ("plain scans", "beams aimed at corners")
-        ]  # fmt: skip
-        curves = []
-        for title, colour in CASTER_COLOURS.items():
-            for alone in (False, True):
-                rates = [
-                    (entry.walls, rate)
-                    for entry in self.entries
-                    if entry.baseline.title == title
-                    and (rate := entry.rate(entry.alone if alone else entry.batch))
-                ]
-                x, y = [float(walls) for walls, _ in rates], [rate for _, rate in rates]
-                name = "" if alone else title
-                curves.append(Curve(name, x, y, colour, dashed=alone))
-        name = "batches; dashed: on one core"
-        row.append(Curves(name, "walls of the world, at one density", "rays a second", curves))
-        return [row], (
-            "Scans: run time against error",
-            f"{lrf.beams} beams, range_max {lrf.range_max:g} m, in cities of one density  ·  a"
-            f" point for each caster and world  ·  batches of {BATCH:,} scans",
-        )
+PROCESSES = Table(
+    "fresh_processes",
+    {
+        "caster": "fresh process",
+        "import_s": "import",
+        "first_scan_s": "first scan",
+        "second_scan_s": "next scan",
+        "output_bytes": "batch output",
+        "peak_bytes": "batch peak",
+    },
+)
+"""For each of lrf3d's casters the times of its first call [s], and the memory of a batch."""
 
 
 def bench_scan(
@@ -181,8 +121,8 @@ def bench_scan(
     *,
     seconds: float = SECONDS,
     with_ablation: bool = False,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> ScanResult:
+    progress: Progress = silent,
+) -> Result:
     """Measure all casters in cities of given numbers of walls.
 
     Args:
@@ -192,7 +132,19 @@ def bench_scan(
         progress: Called with the steps done, and of how many.
     """
     start = time.monotonic()
-    result = ScanResult()
+    result = Result(
+        "scan",
+        f"How long does a scan of {LRF.beams} beams take, and how far is its worst range off the"
+        " exact one, which scripts/stress certifies with rationals?",
+        {
+            "beams": LRF.beams,
+            "range_max_m": LRF.range_max,
+            "batch_poses": BATCH,
+            "exact_answers": "PlanarCaster's, certified by scripts/stress",
+        },
+        chart,
+        {ENTRIES: [], PROCESSES: []},
+    )
     total = STEPS * len(walls) + 2 * len(PROBED) + (1 if with_ablation else 0)
     done = 0
 
@@ -212,72 +164,212 @@ def bench_scan(
             result.skipped.append(f"{count:,} walls: {seconds:g} s do not suffice")
             step(STEPS)
             continue
-        city = CityMeasurement(count, share, absent)
-        result.entries += city.run(step)
-        built = city.build_seconds / count
+        rows, built = measure_city(count, share, absent, step)
+        for row in rows:
+            result.add(ENTRIES, **row)
     for caster in PROBED:
         _probe(result, caster)
         step(2)
     if with_ablation:
-        result.savings = ablate(
-            seconds=ABLATION_SHARE * seconds, huge=max(walls), progress=lambda done, total: None
-        )
+        ablate(result, seconds=ABLATION_SHARE * seconds, huge=max(walls))
         step()
-    result.ratios = [*ratios(result.entries), *_process_ratios(result)]
+    promise(result)
     result.took_s = time.monotonic() - start
     return result
 
 
-def _probe(result: ScanResult, caster: str) -> None:
+def missing() -> dict[str, str]:
+    """Load what all baselines need, which is no part of building an index.
+
+    Returns:
+        For each baseline that cannot take part its key and why.
+    """
+    absent = {}
+    for kind in BASELINES:
+        try:
+            kind(generate_city(4), LRF).single(LRF, city_crossings(4, 1)[0])()
+        except ImportError as error:
+            absent[kind.key] = (
+                f"{kind.title}: not installed ({error}); .venv/bin/pip install -e '.[bench]'"
+            )
+    return absent
+
+
+def measure_city(
+    walls: int,
+    seconds: float,
+    absent: Collection[str] = (),
+    step: Callable[[], None] = lambda: None,
+) -> tuple[list[Row], float]:
+    """Build, time and judge all baselines in one city.
+
+    Args:
+        walls: How many walls the city is asked to have.
+        seconds: Time for all turns and judgements [s]; building comes on top.
+        absent: Keys of the baselines that do not take part.
+        step: Called after each of the three steps.
+
+    Returns:
+        A row for each baseline, and the time of building for each wall [s].
+    """
+    world = generate_city(walls)
+    walls = len(world.segments)
+    built: dict[str, Baseline] = {}
+    rows: dict[str, Row] = {}
+    start = time.perf_counter()
+    for kind in BASELINES:
+        if walls > kind.most_walls or kind.key in absent:
+            continue
+        before, begin = _weigh(walls), time.perf_counter()
+        baseline = built[kind.key] = kind(world, LRF)
+        took = time.perf_counter() - begin
+        baseline.single(LRF, city_crossings(walls, 1)[0])()
+        grown = None if before is None else (_weigh(walls) or 0) - before
+        index = baseline.index_bytes or grown
+        rows[kind.key] = {
+            "caster": kind.key,
+            "title": kind.title,
+            "walls": walls,
+            "default": kind.key == "embree",
+            "build_s": took,
+            "index_bytes_per_wall": None if index is None else index / walls,
+        }
+    building = (time.perf_counter() - start) / walls
+    step()
+    turns = {key: _drive(baseline, walls) for key, baseline in built.items()}
+    if walls > USUAL:
+        turns["usual"] = _drive(Planar(generate_city(USUAL), LRF), USUAL)
+    singles = take_turns(turns, seconds=seconds / 3.0)
+    batches = _batches(built, walls, seconds / 3.0)
+    step()
+    caster = PlanarCaster(world)
+    everywhere = city_crossings(walls, JUDGED_CORNERS, seed=1)
+    trials = {
+        "on_scans": scan_trial(caster, LRF, everywhere[:JUDGED_SCANS]),
+        "at_corners": corner_trial(caster, world, everywhere),
+    }
+    for key, row in rows.items():
+        single = row["scan"] = singles[key]
+        row["scan_in_usual_city"] = singles.get("usual") if key == Planar.key else None
+        row["scan_rays_per_s"] = LRF.beams / single.median
+        for name, trial in trials.items():
+            row[name] = judge(built[key], trial, seconds=seconds / 6.0 / len(built))
+        row["largest_error_m"] = max(row[name]["largest_error_m"] for name in trials)
+        for name, one_core in {"batch": "", "batch_one_core": ", one core"}.items():
+            timing = batches.get(key + one_core)
+            rate = timing and BATCH * LRF.beams / timing.median
+            row[name] = timing and {**timing.as_dict(), "rays_per_s": rate}
+    step()
+    return list(rows.values()), building
+
+
+def _drive(baseline: Baseline, walls: int) -> Callable[[int], object]:
+    """Single scans along a drive, by the number of the turn."""
+    calls = [baseline.single(LRF, pose) for pose in city_crossings(walls, DRIVE, spread=NEAR)]
+    return lambda turn: calls[turn % len(calls)]()
+
+
+def _batches(baselines: dict[str, Baseline], walls: int, seconds: float) -> dict[str, Timing]:
+    """Time a batch of each baseline, and on one core too of those that use several."""
+    poses = city_crossings(walls, BATCH, seed=2)
+    turns: dict[str, Callable[[int], object]] = {}
+    for key, baseline in baselines.items():
+        if key in SLOW_BATCH:
+            continue
+        call = baseline.scans(LRF, poses)
+        turns[key] = partial(_call, call)
+        if isinstance(baseline, OWN_CASTERS):
+            turns[f"{key}, one core"] = partial(_on_one_core, call)
+    return take_turns(turns, seconds=seconds, burst_seconds=AWAKE)
+
+
+def _call(call: Call, turn: int) -> object:
+    return call()
+
+
+def _on_one_core(call: Call, turn: int) -> object:
+    """Call with casters that take the machine to have one core."""
+    with patch.object(threads, "core_count", lambda: 1):
+        return call()
+
+
+def _weigh(walls: int) -> int | None:
+    """Memory of this process [bytes], where it is known and an index stands out from noise."""
+    if walls < WEIGHED_WALLS:
+        return None
+    try:
+        return resident_bytes()
+    except OSError:
+        return None
+
+
+def _probe(result: Result, caster: str) -> None:
     """Measure a caster in fresh processes."""
     try:
         probe("first_call", caster, USUAL)  # The kernels are on disk after this one.
         calls = [probe("first_call", caster, USUAL) for _ in range(3)]
-        result.first_calls[caster] = sorted(calls, key=lambda call: call["until_first_scan_s"])[1]
-        result.batch_memory[caster] = probe("memory", caster, USUAL)
+        middle = sorted(calls, key=lambda call: call["until_first_scan_s"])[1]
+        memory = probe("memory", caster, USUAL)
+        result.add(PROCESSES, caster=caster, **middle, **memory)
     except (OSError, subprocess.SubprocessError) as error:
         result.skipped.append(f"fresh processes of {caster}: {error}")
 
 
-def ratios(entries: list[Entry]) -> list[Ratio]:
-    """The promised ratios that can be formed from what was measured."""
-    by = {(entry.baseline.key, entry.walls): entry for entry in entries}
-    found = []
-    here = f"one scan, {USUAL} walls"
+def promise(result: Result) -> None:
+    """Add the promised ratios that can be formed from what was measured."""
+    by = {(row["caster"], row["walls"]): row for row in result[ENTRIES]}
     for name, key, other, bound in (
         ("PlanarCaster / Embree float32", "planar", "raw", 0.7),
         ("EmbreeCaster / Embree float32", "embree", "raw", 1.6),
         ("EmbreeCaster / trimesh location", "embree", "location", 0.5),
     ):
         if (key, USUAL) in by and (other, USUAL) in by:
-            value = by[key, USUAL].single.median / by[other, USUAL].single.median
-            found.append(Ratio(f"{here}: {name}", value, bound))
+            value = by[key, USUAL]["scan"].median / by[other, USUAL]["scan"].median
+            result.promise(f"one scan, {USUAL} walls: {name}", value, bound)
     huge = by.get(("planar", HUGE))
-    if huge is not None and huge.usual is not None:
+    if huge is not None and huge["scan_in_usual_city"] is not None:
         name = f"one scan: PlanarCaster at {HUGE:,} / {USUAL} walls"
-        found.append(Ratio(name, huge.single.median / huge.usual.median, 1.3))
+        result.promise(name, huge["scan"].median / huge["scan_in_usual_city"].median, 1.3)
+    peer = (by.get(("open3d", USUAL)) or {}).get("batch")
     for key in PROBED:
-        entry, peer = by.get((key, USUAL)), by.get(("open3d", USUAL))
-        if entry is None or entry.batch is None or entry.alone is None:
+        row = by.get((key, USUAL))
+        if row is None or row["batch"] is None or row["batch_one_core"] is None:
             continue
-        title = f"batch, {USUAL} walls: {entry.baseline.title}"
-        if peer is not None and peer.batch is not None:
-            faster = peer.batch.median / entry.batch.median
-            found.append(Ratio(f"{title} / Open3D, rays a second", faster, 1.5, at_least=True))
-        gain = entry.alone.median / entry.batch.median / core_count()
-        found.append(Ratio(f"{title}, all cores / (cores × one core)", gain, 0.8, at_least=True))
-    if huge is not None and huge.index is not None:
-        per_wall = huge.index / huge.walls
-        found.append(Ratio(f"index of PlanarCaster, {HUGE:,} walls, bytes a wall", per_wall, 100.0))
-    return found
+        title, rate = f"batch, {USUAL} walls: {row['title']}", row["batch"]["rays_per_s"]
+        if peer is not None:
+            name = f"{title} / Open3D, rays a second"
+            result.promise(name, rate / peer["rays_per_s"], 1.5, at_least=True)
+        gain = rate / row["batch_one_core"]["rays_per_s"] / core_count()
+        result.promise(f"{title}, all cores / (cores × one core)", gain, 0.8, at_least=True)
+    if huge is not None and huge["index_bytes_per_wall"] is not None:
+        name = f"index of PlanarCaster, {HUGE:,} walls, bytes a wall"
+        result.promise(name, huge["index_bytes_per_wall"], 100.0)
+    for row in result[PROCESSES]:
+        share = row["peak_bytes"] / row["output_bytes"]
+        result.promise(f"memory of a batch / its output, {row['caster']}", share, 1.5)
+        name = f"import to first scan in a fresh process [s], {row['caster']}"
+        result.promise(name, row["until_first_scan_s"], 1.0)
 
 
-def _process_ratios(result: ScanResult) -> list[Ratio]:
-    found = []
-    for caster, report in result.batch_memory.items():
-        share = report["peak_bytes"] / report["output_bytes"]
-        found.append(Ratio(f"memory of a batch / its output, {caster}", share, 1.5))
-    for caster, times in result.first_calls.items():
-        name = f"import to first scan in a fresh process [s], {caster}"
-        found.append(Ratio(name, times["until_first_scan_s"], 1.0))
-    return found
+def chart(result: Result) -> Figure:
+    """Time and error of plain scans and at corners, and the rates of batches."""
+    common: dict[str, Any] = {"rows": result[ENTRIES], "by": "title", "colours": CASTER_COLOURS}
+    panels = [
+        partial(
+            scatter, **common, x="scan", y=f"{place}.largest_error_m", title=title,
+            labels=("time of a scan", "largest error [m]"), note=lambda row: f"{row['walls']:,}",
+        )
+        for place, title in (("on_scans", "plain scans"), ("at_corners", "beams aimed at corners"))
+    ]  # fmt: skip
+    panels.append(
+        partial(
+            scatter, **common, x="walls", y="batch.rays_per_s", dashed="batch_one_core.rays_per_s",
+            title="batches; dashed: on one core",
+            labels=("walls of the world, at one density", "rays a second"),
+        )
+    )  # fmt: skip
+    return draw([panels], (
+        "Scans: run time against error",
+        f"{LRF.beams} beams, range_max {LRF.range_max:g} m, in cities of one density  ·  a"
+        f" point for each caster and world  ·  batches of {BATCH:,} scans  ·  {RING}",
+    ))  # fmt: skip

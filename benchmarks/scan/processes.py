@@ -40,7 +40,7 @@ def first_call(caster: str, walls: int) -> dict[str, float]:
     lrf = lrf3d.LaserRangeFinder()
     imported = time.perf_counter()
     # The world is no part of what is measured.
-    from lrf3d.world.generate import generate_city
+    from lrf3d.world.generators import generate_city
 
     world = generate_city(walls)
     pose = (10.0, 10.0, 0.0)
@@ -63,7 +63,7 @@ def memory(caster: str, walls: int) -> dict[str, int]:
     import numpy as np
 
     import lrf3d
-    from lrf3d.world.generate import city_crossings, generate_city
+    from lrf3d.world.generators import city_crossings, generate_city
 
     lrf = lrf3d.LaserRangeFinder()
     world, poses = generate_city(walls), city_crossings(walls, BATCH)

@@ -5,16 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.results import Saving
+from benchmarks.result import Result
 from benchmarks.scan.baselines import cast_determinants
 from benchmarks.scan.processes import probe
 from benchmarks.timing import take_turns
 from lrf3d.casting import EmbreeCaster, PlanarCaster
-from lrf3d.casting.kernels.tree import SMALL
-from lrf3d.casting.wall_tree import build_tree
+from lrf3d.casting.kernels.tree import SMALL, build_tree
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.world import World
-from lrf3d.world.generate import city_crossings, generate_city
+from lrf3d.world.generators import city_crossings, generate_city
 
 FRESH = 3
 """Fresh processes of each kind."""
@@ -38,33 +37,24 @@ PAIRS = 10
 """Pairs that share the time."""
 
 
-def ablate(
-    *, seconds: float, huge: int = 1_000_000, progress: Callable[[int, int], None]
-) -> list[Saving]:
+def ablate(result: Result, *, seconds: float, huge: int = 1_000_000) -> None:
     """Time every piece of skipped work on and off.
 
     Args:
+        result: Where the savings go.
         seconds: Time for all together [s]; building the huge city comes on top.
         huge: Walls of the city in which walls beyond range_max are many.
-        progress: Called with the parts done, and of how many.
     """
-    found = [_fresh()]
-    for name, skipped, done in _pairs(huge):
-        timed = take_turns({"skipped": skipped, "done": done}, seconds=seconds / PAIRS)
-        found.append(Saving(name, timed["skipped"].median, timed["done"].median))
-        progress(len(found), PAIRS + 1)
-    return found
-
-
-def _fresh() -> Saving:
-    """Libraries that a planar cast does not load."""
     took: dict[str, list[float]] = {"planar": [], "embree": []}
     for _ in range(FRESH):
         for caster, times in took.items():
             times.append(probe("first_call", caster, QUARTER)["until_first_scan_s"])
     name = "Embree and its mesh for a planar cast: from the import to the first scan"
     # Others that use the machine only ever add to what a process takes to start.
-    return Saving(name, min(took["planar"]), min(took["embree"]))
+    result.save(name, min(took["planar"]), min(took["embree"]))
+    for name, skipped, done in _pairs(huge):
+        timed = take_turns({"skipped": skipped, "done": done}, seconds=seconds / PAIRS)
+        result.save(name, timed["skipped"].median, timed["done"].median)
 
 
 def _pairs(huge: int) -> Iterator[Pair]:

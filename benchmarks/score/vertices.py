@@ -10,13 +10,14 @@ scans: ``KIND_pose`` (s, 3), ``KIND_n`` (s,) beams of each scan, ``KIND_azimuth`
 truth is known, the corners of a polygon around each scan: ``KIND_poly_n``, ``KIND_poly_xy``.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.result import Progress, Row, silent
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
@@ -49,29 +50,6 @@ class ScanSet:
     kind: str
     scans: list[LaserScan]
     polygons: list[Float]
-
-
-@dataclass(frozen=True, slots=True)
-class VertexEntry:
-    """Scans of one kind at one number of vertices; means over the scans.
-
-    Args:
-        kind: The kind of scans.
-        scans: How many.
-        vertices: The most vertices that a scan may have.
-        most_used: How many it had at most.
-        ray_rmse_m: Root mean square error of the ranges of a scan's beams that meet a line [m].
-        explained: Share of a scan's returns whose beams do.
-        area_error: Area that is wrong, by the true area; None where there is no truth.
-    """
-
-    kind: str
-    scans: int
-    vertices: int
-    most_used: int
-    ray_rmse_m: float
-    explained: float
-    area_error: float | None
 
 
 def load_scan_sets(path: Path) -> list[ScanSet]:
@@ -113,38 +91,41 @@ def score_vertices(
     sets: Sequence[ScanSet],
     vertices: Sequence[int],
     *,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[VertexEntry]:
-    """Score the lines of single scans.
+    progress: Progress = silent,
+) -> list[Row]:
+    """Score the lines of single scans of each kind, at each number of vertices; means over scans.
+
+    The error of the ranges is that of the beams that meet a line; ``explained`` is the share of the
+    returns whose beams do; the area that is wrong is given by the true one, where that is known.
 
     Args:
         sets: The scans.
         vertices: Numbers of vertices a scan.
         progress: Called with the scans done, and of how many.
     """
-    entries = []
+    rows: list[Row] = []
     done, total = 0, len(vertices) * sum(len(each.scans) for each in sets)
     for each in sets:
         for most in vertices:
-            rows = []
+            scores = []
             for index, scan in enumerate(each.scans):
                 polygon = each.polygons[index] if each.polygons else None
-                rows.append(_score_scan(scan, most, polygon))
+                scores.append(_score_scan(scan, most, polygon))
                 done += 1
                 progress(done, total)
-            used, errors, shares, areas = zip(*rows, strict=True)
-            entries.append(
-                VertexEntry(
-                    each.kind,
-                    len(rows),
-                    most,
-                    max(used),
-                    float(np.nanmean(errors)),
-                    float(np.mean(shares)),
-                    float(np.mean(areas)) if each.polygons else None,
-                )
+            used, errors, shares, areas = zip(*scores, strict=True)
+            rows.append(
+                {
+                    "kind": each.kind,
+                    "scans": len(scores),
+                    "vertices": most,
+                    "most_used": max(used),
+                    "ray_rmse_m": float(np.nanmean(errors)),
+                    "explained": float(np.mean(shares)),
+                    "area_error": float(np.mean(areas)) if each.polygons else None,
+                }
             )
-    return entries
+    return rows
 
 
 def _score_scan(

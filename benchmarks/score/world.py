@@ -4,13 +4,13 @@ A world enters; for each mode, number of beams and seed of poses and noise, a ma
 with the time of an update. Both modes see the very same scans.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.timing import TimedMapper
+from benchmarks.result import Progress, Row, silent
+from benchmarks.timing import time_updates
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
@@ -18,7 +18,7 @@ from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
 from lrf3d.robot import Trajectory
 from lrf3d.robot.sides import inside_buildings
-from lrf3d.scoring import MapScore, score_run
+from lrf3d.scoring import score_run
 from lrf3d.simulation import simulate
 from lrf3d.world import World
 
@@ -29,29 +29,6 @@ TRIES = 1000
 """Rounds of drawing after which a world is taken to have no room."""
 
 
-@dataclass(frozen=True, slots=True)
-class WorldEntry:
-    """The map of one mode with one seed.
-
-    Args:
-        mode: Mode of the mapper.
-        beams: Beams of a scan.
-        seed: Seed of the poses and of the noise.
-        score: The score of the map.
-        update_s: Median time of an update [s].
-    """
-
-    mode: str
-    beams: int
-    seed: int
-    score: MapScore
-    update_s: float
-
-    def as_dict(self) -> dict[str, Any]:
-        own = {"mode": self.mode, "beams": self.beams, "seed": self.seed}
-        return {**own, **self.score.as_dict(), "update_s": self.update_s}
-
-
 def score_world(
     world: World,
     *,
@@ -60,8 +37,8 @@ def score_world(
     seeds: int,
     poses: int = 200,
     sigma: float = 0.04,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[WorldEntry]:
+    progress: Progress = silent,
+) -> list[Row]:
     """Score the maps of a world.
 
     Args:
@@ -81,21 +58,30 @@ def score_world(
         # What is compiled at the first scan is no part of an update.
         scan = caster.cast(LaserRangeFinder(), random_poses(world, 1, np.random.default_rng(0))[0])
         LineMapper(mode, sigma=sigma).update(scan)
-    entries: list[WorldEntry] = []
+    rows: list[Row] = []
     for number in beams:
         lrf = replace(LaserRangeFinder(), beams=number)
         for seed in range(seeds):
             places = random_poses(world, poses, np.random.default_rng(seed))
             drive = Trajectory(np.arange(len(places), dtype=np.float64), places)
             for mode in modes:
-                mapper = TimedMapper(LineMapper(mode, sigma=sigma))
+                mapper = LineMapper(mode, sigma=sigma)
+                spent = time_updates(mapper)
                 run = simulate(
-                    world, drive, lrf, caster=caster, noise=noise, mapper=mapper, rng=seed
+                    world, drive, lrf, caster=caster, noise=noise, mapper=mapper, rng=seed,
+                    snapshots=1,
+                )  # fmt: skip
+                rows.append(
+                    {
+                        "mode": mode,
+                        "beams": number,
+                        "seed": seed,
+                        **score_run(run).as_dict(),
+                        "update_s": float(np.median(spent)),
+                    }
                 )
-                update = float(np.median(mapper.spent))
-                entries.append(WorldEntry(mode, number, seed, score_run(run), update))
-                progress(len(entries), len(modes) * len(beams) * seeds)
-    return entries
+                progress(len(rows), len(modes) * len(beams) * seeds)
+    return rows
 
 
 def random_poses(world: World, count: int, rng: np.random.Generator) -> Float:

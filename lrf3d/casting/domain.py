@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from lrf3d.casting.exact import ExactWorld
+from lrf3d.casting.kernels.scans import PlainLaser
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
@@ -26,9 +27,9 @@ FARTHEST = 1e50
 """A distance [m] that is beyond every wall that compiled casting takes."""
 
 
-def farthest(lrf: LaserRangeFinder) -> float:
-    """The range_max [m] for compiled casting, which no product with it may make overflow."""
-    return min(lrf.range_max, FARTHEST)
+def laser_of(lrf: LaserRangeFinder) -> PlainLaser:
+    """What kernels take of a range finder; no product with its range_max overflows."""
+    return lrf.fan, *lrf.spread, float(lrf.range_min), float(min(lrf.range_max, FARTHEST))
 
 
 class Rationals:

@@ -7,27 +7,27 @@ and tilted lasers are cast in 3D, all in float64.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.domain import Rationals, farthest
+from lrf3d.casting.domain import FARTHEST, Rationals
 from lrf3d.casting.mesh_scene import MeshScene, level_cut
-from lrf3d.casting.threads import share
+from lrf3d.casting.scans import BatchCaster, limited
 from lrf3d.casting.wall_scene import WallScene, build_wall_scene
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
-from lrf3d.laser.range_finder import within_limits
-from lrf3d.pose import as_pose, as_poses
+from lrf3d.pose import as_pose
 from lrf3d.world import World
 
 LEVELS = 8
 """Heights of range finders that a mesh keeps its cuts of."""
 
 
-class EmbreeCaster:
+class EmbreeCaster(BatchCaster):
     """Casts scans with Embree; at walls, decisions and ranges are the exact ones of PlanarCaster.
 
     Args:
@@ -66,15 +66,6 @@ class EmbreeCaster:
             return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
         return LaserScan.unchecked(lrf, pose, *self._scene(lrf).cast(lrf, pose))
 
-    def cast_batch(self, lrf: LaserRangeFinder, poses: Float) -> Float:
-        """Ranges (k, beams) from poses (k, 3), on all cores."""
-        return self._cast_batch(lrf, poses, np.empty((0, lrf.beams), np.int64))
-
-    def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
-        """Ranges and walls (k, beams) from poses (k, 3), on all cores."""
-        walls = np.empty((len(poses), lrf.beams), np.int64)
-        return self._cast_batch(lrf, poses, walls), walls
-
     def cast_layers(
         self,
         lrf: LaserRangeFinder,
@@ -112,9 +103,7 @@ class EmbreeCaster:
             beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
             origin = np.array([x, y, lrf.height])
             distances, faces = self._solid().cast(origin, beams.reshape(-1, 3), lrf.range_max)
-            found = within_limits(distances, lrf.range_min, lrf.range_max)
-            ranges[~level] = found.reshape(-1, lrf.beams)
-            walls[~level] = np.where(np.isfinite(found), faces, -1).reshape(-1, lrf.beams)
+            ranges[~level], walls[~level] = limited(lrf, distances, faces)
         return ranges, walls
 
     def _solid(self) -> MeshScene:
@@ -144,7 +133,7 @@ class EmbreeCaster:
             return scene
         assert self._walls is not None
         level = int(self._levels.searchsorted(lrf.height))
-        key = level, math.frexp(farthest(lrf))[1]
+        key = level, math.frexp(min(lrf.range_max, FARTHEST))[1]
         if key not in self._scenes:
             tall = np.flatnonzero(self._walls.heights >= lrf.height).astype(np.int32)
             segments = self._walls.segments[tall]
@@ -152,23 +141,15 @@ class EmbreeCaster:
         self._latest = lrf, self._scenes[key]
         return self._scenes[key]
 
+    def _kernel(self, lrf: LaserRangeFinder) -> Callable[[Float, Float, Int], None]:
+        return partial(self._scene(lrf).cast_many, lrf)
+
     def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
-        poses = np.ascontiguousarray(as_poses(poses))
-        ranges = np.empty((len(poses), lrf.beams))
-        if self._walls is None:
-            caster, faces = self._cut(lrf.height)
-            ranges = caster._cast_batch(lrf, poses, walls)
-            walls[:] = _named(faces, walls)
-            return ranges
-        if not self._rationals.for_all(lrf):
-            scene = self._scene(lrf)
-
-            def work(start: int, stop: int) -> None:
-                part = slice(start, stop)
-                scene.cast_many(lrf, poses[part], ranges[part], walls[part])
-
-            share(work, len(poses))
-        self._rationals.mend(lrf, poses, ranges, walls)
+        if self._walls is not None:
+            return super()._cast_batch(lrf, poses, walls)
+        caster, faces = self._cut(lrf.height)
+        ranges = caster._cast_batch(lrf, poses, walls)
+        walls[:] = _named(faces, walls)
         return ranges
 
 

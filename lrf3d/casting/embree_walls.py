@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from lrf3d.casting.clusters import Ends, square_corners
 from lrf3d.casting.kernels.clear_parts import clear_parts
 from lrf3d.casting.kernels.embree_proof import LEAST_SINE, STEEP_SINE
-from lrf3d.casting.wall_tree import WallTree
+from lrf3d.casting.kernels.tree import Tree
 from lrf3d.geometry import Float
 
 LONGER, CAP = 3.0, 2.0
@@ -65,7 +65,7 @@ def float32_error(radius: float, distance: float) -> float:
     return 2.0**-24 * (2.0 * radius + 16.0 * distance)
 
 
-def all_clear_parts(tree: WallTree, delta: float) -> Float:
+def all_clear_parts(tree: Tree, delta: float) -> Float:
     """The clear parts (n, 4) of walls: from where to where, of 0 to 1, for flat and steep beams.
 
     Between two places of which each lies in one of a wall's parts, there is no other wall.
@@ -74,7 +74,7 @@ def all_clear_parts(tree: WallTree, delta: float) -> Float:
     both = []
     for sine in (LEAST_SINE, STEEP_SINE):
         reach = (7.0 + 5.0 / sine) * delta
-        part = clear_parts(tree.boxes, tree.links, tree.walls, reach, part)
+        part = clear_parts(tree, reach, part)
         both.append(part)
     return np.hstack(both)
 

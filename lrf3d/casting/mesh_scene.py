@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting.kernels.solid import cast_solid
-from lrf3d.casting.wall_tree import build_tree
+from lrf3d.casting.kernels.tree import build_tree
 from lrf3d.geometry import Float, Int
 from lrf3d.world import World
 
@@ -22,7 +22,7 @@ class MeshScene:
         plan = triangles[:, :, :2]
         tree = build_tree(np.hstack([plan.min(axis=1), plan.max(axis=1)]))
         self._owners = np.append(owners, -1)
-        self._tree = tree.boxes, tree.links, np.ascontiguousarray(triangles[tree.rows]), tree.rows
+        self._tree, self._corners = tree, np.ascontiguousarray(triangles[tree.rows])
 
     @classmethod
     def of_world(cls, world: World) -> "MeshScene":
@@ -48,7 +48,7 @@ class MeshScene:
             Distances (n,) [m], +inf for a miss, and what was hit (n,), −1 for a miss.
         """
         distances, hits = np.empty(len(directions)), np.empty(len(directions), np.int64)
-        cast_solid(*self._tree, origin, directions, reach, distances, hits)
+        cast_solid(self._tree, self._corners, origin, directions, reach, distances, hits)
         return distances, self._owners[hits]
 
 

@@ -1,7 +1,7 @@
-"""Mover: a body that moves among the walls, another robot, a person or a car."""
+"""Mover: a dynamic obstacle among the walls, such as another robot, a person or a car."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,22 +11,24 @@ from lrf3d.geometry import Float, Value, is_finite, read_only, wrap_angle
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
+from lrf3d.robot.laps import Patrol
 from lrf3d.world.model import DEFAULT_HEIGHT
 
 ROOM = 1.0 + 1e-6
-"""How much wider a mover is taken to be before it is passed over."""
+"""How much wider an obstacle is taken to be before it is skipped."""
 
 ROUNDING = 1e-12
-"""What rounding may do to a place, as a part of its coordinates, before one is passed over."""
+"""What rounding may do to a place, as a part of its coordinates, before an obstacle is skipped."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mover(Value):
-    """A body that moves along a path: another robot, a person, a car.
+    """A dynamic obstacle that moves along a path: another robot, a person, a car.
 
     Args:
         outline: (n, 2) its corners [m] in its own frame, x ahead; the last joins the first.
-        path: Where it is at which time; before the first pose and after the last it stands.
+        path: Where it is at which time: a Trajectory, before whose first pose and after whose
+            last it stands, or a Patrol, there and back along a route for ever.
         height: How tall it is [m].
 
     Raises:
@@ -42,7 +44,7 @@ class Mover(Value):
     """
 
     outline: Float
-    path: Trajectory
+    path: Trajectory | Patrol
     height: float = DEFAULT_HEIGHT
 
     def __post_init__(self) -> None:
@@ -64,7 +66,7 @@ class Mover(Value):
         return float(np.hypot(self.outline[:, 0], self.outline[:, 1]).max())
 
     def may_meet(self, lrf: LaserRangeFinder, pose: Float, time: float) -> bool:
-        """Whether a beam may meet it; never wrongly no, so that what is passed over is unseen."""
+        """Whether a beam may meet it: False only if no beam can."""
         x, y, _ = self.path.at(np.array([time]))[0].tolist()
         ahead, left = x - float(pose[0]), y - float(pose[1])
         distance = math.hypot(ahead, left)
@@ -75,6 +77,32 @@ class Mover(Value):
         bearing = abs(wrap_angle(math.atan2(left, ahead) - float(pose[2]) - middle))
         beside = half + ROOM * math.asin(reach / distance)
         return bool(distance - reach <= lrf.range_max and bearing <= beside)
+
+    @property
+    def poses(self) -> Trajectory:
+        """The path as poses: of a body in a run, whose path has an end.
+
+        Raises:
+            InputError: The path goes on for ever.
+        """
+        if isinstance(self.path, Patrol):
+            raise InputError("mover on a patrol without an end; take mover.until(time)")
+        return self.path
+
+    def until(self, time: float) -> "Mover":
+        """The body on a path whose poses up to a time [s] can be written down."""
+        return replace(self, path=self.path.until(time)) if isinstance(self.path, Patrol) else self
+
+    def distances(self, points: Float, times: Float) -> Float:
+        """Distances (k,) [m] of points (k, 2), each at its time (k,) [s]; 0 within the body."""
+        import shapely
+
+        x, y, theta = self.path.at(times).T
+        east, north = points[:, 0] - x, points[:, 1] - y
+        ahead = np.cos(theta) * east + np.sin(theta) * north
+        left = np.cos(theta) * north - np.sin(theta) * east
+        body = shapely.Polygon(self.outline)
+        return np.asarray(shapely.distance(body, shapely.points(ahead, left)))
 
     def walls(self, time: float) -> Float:
         """Its sides (n, 4) in the world at a time [s]."""

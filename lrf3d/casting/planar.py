@@ -1,20 +1,21 @@
 """PlanarCaster: exact ranges among the walls of a world, in the plane (section 2.3)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
-from lrf3d.casting.domain import Rationals, farthest
+from lrf3d.casting.domain import Rationals, laser_of
 from lrf3d.casting.kernels.scans import cast_scan, cast_scans
-from lrf3d.casting.threads import share
-from lrf3d.casting.wall_tree import WallTree, build_tree
+from lrf3d.casting.kernels.tree import Tree, build_tree
+from lrf3d.casting.scans import BatchCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.pose import as_pose, as_poses
+from lrf3d.pose import as_pose
 from lrf3d.world import World
 
 
-class PlanarCaster:
+class PlanarCaster(BatchCaster):
     """Casts scans at the walls of a world that are at least as tall as the beams are high.
 
     The wall that a beam hits is the exact one for the float64 pose, directions and walls; of
@@ -32,10 +33,10 @@ class PlanarCaster:
     def __init__(self, world: World) -> None:
         self.world = world
         self._levels = np.unique(world.heights)
-        self._trees: dict[int, WallTree] = {}
+        self._trees: dict[int, Tree] = {}
         self._rationals = Rationals(world)
 
-    def tree(self, height: float) -> WallTree:
+    def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]; built once for each level."""
         level = int(self._levels.searchsorted(height))
         if level not in self._trees:
@@ -48,31 +49,8 @@ class PlanarCaster:
         pose = as_pose(pose)
         if self._rationals.needed(lrf, *pose):
             return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
-        ranges, walls = cast_scan(
-            *self.tree(lrf.height), lrf.fan, *pose, *lrf.spread, lrf.range_min, farthest(lrf)
-        )
-        return LaserScan.unchecked(lrf, pose, ranges, walls)
+        scan = cast_scan(self.tree(lrf.height)[:], laser_of(lrf), *pose)
+        return LaserScan.unchecked(lrf, pose, *scan)
 
-    def cast_batch(self, lrf: LaserRangeFinder, poses: Float) -> Float:
-        """Ranges (k, beams) from poses (k, 3), on all cores."""
-        return self._cast_batch(lrf, poses, np.empty((0, lrf.beams), np.int64))
-
-    def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
-        """Ranges and walls (k, beams) from poses (k, 3), on all cores."""
-        walls = np.empty((len(poses), lrf.beams), np.int64)
-        return self._cast_batch(lrf, poses, walls), walls
-
-    def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
-        poses = np.ascontiguousarray(as_poses(poses))
-        ranges = np.empty((len(poses), lrf.beams))
-        if not self._rationals.for_all(lrf):
-            tree = self.tree(lrf.height)
-            limits = (*lrf.spread, lrf.range_min, farthest(lrf))
-
-            def work(start: int, stop: int) -> None:
-                part = slice(start, stop)
-                cast_scans(*tree, lrf.fan, poses[part], *limits, ranges[part], walls[part])
-
-            share(work, len(poses))
-        self._rationals.mend(lrf, poses, ranges, walls)
-        return ranges
+    def _kernel(self, lrf: LaserRangeFinder) -> Callable[[Float, Float, Int], None]:
+        return partial(cast_scans, self.tree(lrf.height)[:], laser_of(lrf))

@@ -9,11 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.casting.scans import make_scan
+from lrf3d.casting.scans import limited
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.laser.range_finder import within_limits
-from lrf3d.pose import as_poses
+from lrf3d.pose import as_pose, as_poses
 from lrf3d.world import World
 from lrf3d.world.extrude import extrude
 
@@ -30,8 +29,8 @@ class RawEmbreeCaster:
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The scan from a pose as trimesh sees it."""
-        distances, walls = self._cast(lrf, as_poses([pose]))
-        return make_scan(lrf, pose, distances, walls)
+        ranges, walls = self.scan_batch(lrf, as_poses([pose]))
+        return LaserScan.unchecked(lrf, as_pose(pose), ranges[0], walls[0])
 
     def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
         """Ranges and walls (k, beams) from poses (k, 3)."""
@@ -40,10 +39,7 @@ class RawEmbreeCaster:
         walls = np.empty((len(poses), lrf.beams), np.int64)
         for start in range(0, len(poses), BLOCK):
             part = slice(start, start + BLOCK)
-            distances, found = self._cast(lrf, poses[part])
-            limited = within_limits(distances, lrf.range_min, lrf.range_max).reshape(-1, lrf.beams)
-            ranges[part] = limited
-            walls[part] = np.where(np.isfinite(limited), found.reshape(-1, lrf.beams), -1)
+            ranges[part], walls[part] = limited(lrf, *self._cast(lrf, poses[part]))
         return ranges, walls
 
     def _cast(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:

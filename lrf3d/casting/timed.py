@@ -4,7 +4,7 @@ Casters know walls and poses, no time. A TimedCaster casts the scan that begins 
 
 - `Still` is the usual one: all beams at once, and only walls;
 - `Sweep` sends each beam at its own time from its own pose;
-- `Among` sees movers between the walls, where they are at the time of the beams.
+- `Among` sees dynamic obstacles between the walls, where they are at the time of the beams.
 
 Each of them wraps the one before it and casts exactly: a beam of a sweep is the caster's own,
 and movers are walls, cast like all others; the nearer of the two is what the beam meets.
@@ -55,7 +55,7 @@ class Still:
 
 @dataclass(frozen=True, slots=True)
 class Among:
-    """Movers between what another caster sees; a mover is no wall, and its index is −1."""
+    """Adds dynamic obstacles to the scans of another caster; their wall index is −1."""
 
     caster: TimedCaster
     movers: tuple[Mover, ...]

@@ -1,17 +1,18 @@
 """WallScene: the walls of a world as Embree and as float64 have them, to cast scans at."""
 
 import math
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.clusters import ends_of, narrowest_cluster
-from lrf3d.casting.domain import farthest
+from lrf3d.casting.domain import laser_of
 from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
 from lrf3d.casting.embree_walls import all_clear_parts, float32_error, triangles
+from lrf3d.casting.kernels.embree_proof import Known, Local
 from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
-from lrf3d.casting.wall_tree import build_tree
+from lrf3d.casting.kernels.tree import build_tree
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder
 
@@ -44,21 +45,7 @@ def build_wall_scene(segments: Float, index: NDArray[np.int32], distance: float)
     return RunScene(*prepared) if library is None else PacketScene(*prepared, library)
 
 
-class _Known(NamedTuple):
-    """What the proof takes, in the order in which compiled code takes it."""
-
-    boxes: Float
-    links: NDArray[np.int32]
-    walls: Float
-    rows: NDArray[np.int32]
-    clear: Float
-    owners: NDArray[np.int32]
-    local: tuple[float, float, float, float, float, float, float]
-
-
-def _prepare(
-    segments: Float, index: NDArray[np.int32], distance: float
-) -> tuple[_Known, Triangles]:
+def _prepare(segments: Float, index: NDArray[np.int32], distance: float) -> tuple[Known, Triangles]:
     """What the proof knows of the walls, and the triangles that Embree gets for them."""
     tree = build_tree(segments, index)
     box = tree.boxes[0] if len(segments) else np.zeros(4)
@@ -74,43 +61,40 @@ def _prepare(
     x, y = float(centre[0]), float(centre[1])
     ends = ends_of(tree.walls)
     width = narrowest_cluster(ends)
-    local = (x, y, unit, radius, 1.5 * delta, longest + 8.0 * delta, width)
+    local = Local(x, y, unit, radius, 1.5 * delta, longest + 8.0 * delta, width)
     vertices, owners = triangles(tree.walls, ends, (x, y), delta, unit)
-    known = _Known(*tree, all_clear_parts(tree, delta), owners, local)
+    known = Known(tree, all_clear_parts(tree, delta), owners, local)
     return known, (vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
 
 
 class PacketScene:
     """Casts by compiled code that itself calls Embree, packet by packet."""
 
-    def __init__(self, known: _Known, mesh: Triangles, library: EmbreeLibrary) -> None:
+    def __init__(self, known: Known, mesh: Triangles, library: EmbreeLibrary) -> None:
         # The scene is kept here for as long as its address is in use.
         self._scene = library.build(*mesh)
-        self._fixed = (self._scene.intersect, self._scene.address, *known)
+        plain = known.tree[:], known.clear, known.owners, known.local[:]
+        self._fixed = self._scene.intersect, self._scene.address, plain
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
         """The ranges and walls of a scan, one of each for a beam."""
-        ranges, walls = cast_scan(
-            *self._fixed, lrf.fan, *pose, *lrf.spread, lrf.range_min, farthest(lrf)
-        )
-        return ranges, walls
+        return cast_scan(*self._fixed, laser_of(lrf), *pose)
 
     def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
         """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
-        limits = (*lrf.spread, lrf.range_min, farthest(lrf))
-        cast_scans(*self._fixed, lrf.fan, poses, *limits, ranges, walls)
+        cast_scans(*self._fixed, laser_of(lrf), poses, ranges, walls)
 
 
 class RunScene:
     """Casts by way of embreex: rays are made, handed over, and what comes back is proved."""
 
-    def __init__(self, known: _Known, mesh: Triangles) -> None:
+    def __init__(self, known: Known, mesh: Triangles) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
         self._known = known
         self._embree = EmbreeScene()
-        self._kept = TriangleMesh(self._embree, *mesh) if len(known.walls) else None
+        self._kept = TriangleMesh(self._embree, *mesh) if len(known.tree.walls) else None
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
         """The ranges and walls of a scan, one of each for a beam."""
@@ -120,13 +104,12 @@ class RunScene:
 
     def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
         """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
-        limits = (*lrf.spread, lrf.range_min, farthest(lrf))
-        known = self._known
-        reach = (farthest(lrf) + known.local[5]) * known.local[2]
+        laser, known = laser_of(lrf), self._known
+        reach = (laser[-1] + known.local.beyond) * known.local.unit
         for k in range(0, len(poses), BLOCK):
             part = slice(k, k + BLOCK)
             found = np.empty(0, dtype=np.int32)
             if self._kept is not None:
-                rays = send_rays(lrf.fan, poses[part], known.local)
+                rays = send_rays(laser, poses[part], known.local)
                 found = self._embree.run(*rays, reach)
-            prove_scans(*known, found, lrf.fan, poses[part], *limits, ranges[part], walls[part])
+            prove_scans(known, found, laser, poses[part], ranges[part], walls[part])

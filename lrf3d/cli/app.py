@@ -1,5 +1,7 @@
 """The commands of the program ``lrf3d``."""
 
+from typing import Annotated
+
 import typer
 
 from lrf3d.cli.crosscheck import crosscheck
@@ -15,13 +17,35 @@ from lrf3d.cli.world import world
 # Rich help would cost a third of the time that a help page may take.
 app = typer.Typer(
     name="lrf3d",
-    help="Simulate a robot with a laser range finder, map its world, and film it.",
     epilog="Example: lrf3d run city",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=False,
     no_args_is_help=True,
 )
+
+
+def print_version(asked: bool) -> None:
+    """Print the version, where it is asked for, and end."""
+    if asked:
+        import lrf3d
+
+        print(f"lrf3d {lrf3d.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def program(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=print_version, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Simulate a robot with a laser range finder, map its world, and film it."""
+
+
 app.command(epilog="Example: lrf3d run city --sigma 0.04 --out out/city")(run)
 app.command(epilog="Example: lrf3d render out/city --view top")(render)
 app.command(epilog="Example: lrf3d view city")(view)

@@ -80,8 +80,11 @@ def json_text(value: Any) -> str:
 
 def print_table(rows: list[tuple[str, str]], width: int = 0) -> None:
     """Print names and values in two columns, the first at least of a width [letters], at once."""
-    width = max([width, *(len(name) for name, _ in rows)])
-    print_text("".join(f"{name:<{width}}  {one_line(value)}\n" for name, value in rows))
+    # Rich is imported where a table is printed: the help of a command needs none.
+    from lrf3d.text import table
+
+    cells = [(name, one_line(value)) for name, value in rows]
+    print_text(table((), cells, left=(0, 1), width=width) + "\n")
 
 
 def print_text(text: str) -> None:

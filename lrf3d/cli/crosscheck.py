@@ -31,10 +31,9 @@ def crosscheck(
     """
     from lrf3d.casting import crosscheck as compare
     from lrf3d.cli.console import print_json, print_table, progress_bar, warn
-    from lrf3d.study.experiment import trajectory_of
 
     scenario = options.read_drive(world, scale=scale, inside=inside)
-    trajectory = trajectory_of(scenario, ignore_collisions=warn if ignore_collisions else None)
+    trajectory = scenario.trajectory(on_collision=warn if ignore_collisions else None)
     with progress_bar("crosscheck") as progress:
         result = compare(scenario.world, scenario.lrf, trajectory.poses, progress, raw=raw)
     report = {"world": scenario.name, "scans": len(trajectory), **result.as_dict()}

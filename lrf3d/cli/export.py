@@ -28,7 +28,7 @@ def export(
     from lrf3d.cli.console import print_json, print_table
     from lrf3d.errors import InputError
     from lrf3d.exporting import EXPORTERS, export_run
-    from lrf3d.logs import load_run
+    from lrf3d.io import load_run
     from lrf3d.output import make_folder
 
     if to not in EXPORTERS:

@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import Any, TypeVar
 
 from lrf3d.cli.console import progress_bar, warn
-from lrf3d.simulation import Run
+from lrf3d.run import Run
 
 Result = TypeVar("Result")
 
@@ -33,7 +33,6 @@ class FilmOptions:
         samples: Samples a pixel, 0 or 4.
         workers: Number of processes.
         renderer: Name of the renderer.
-        scheduler: Address of the Dask scheduler whose workers draw; None for this machine.
     """
 
     size: tuple[int, int] | None
@@ -43,7 +42,6 @@ class FilmOptions:
     samples: int
     workers: int | None
     renderer: str | None
-    scheduler: str | None = None
 
     def still(self, renderer: str) -> dict[str, Any]:
         """What a single picture is drawn with by a renderer."""
@@ -62,7 +60,6 @@ class FilmOptions:
             **replace(self, size=self.size or usual).still(renderer),
             "fps": self.fps or (_GIF_RATE if ending == ".gif" else _RATE),
             "workers": self.workers,
-            "scheduler": self.scheduler,
         }
 
 
@@ -106,7 +103,7 @@ def make_frames(run: Run, folder: Path, options: FilmOptions) -> int:
 def make_picture(run: Run, path: Path, time: float, options: FilmOptions) -> None:
     """Write a picture of a run at a time [s]."""
     from lrf3d.output import replacing
-    from lrf3d.render.pngs import save_png
+    from lrf3d.render.pictures import save_png
     from lrf3d.render.video import frame
 
     picture = drawn_by(

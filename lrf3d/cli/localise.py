@@ -54,16 +54,22 @@ def localise(
     from math import radians
 
     from lrf3d.localization import OdometryNoise
-    from lrf3d.study.experiment import Experiment, trajectory_of
-    from lrf3d.study.localisation import LocalisationTask, score_localisation
+    from lrf3d.localization.monte_carlo import LocalisationTask, score_localisation
 
     scenario = options.read_drive(world, scale=scale, inside=inside)
-    experiment = Experiment(scenario, mode="robust", sigma=sigma)
+    sigma = scenario.sigmas[0] if sigma is None else sigma
     odometry = OdometryNoise(position, radians(heading))
-    trajectory = trajectory_of(scenario, ignore_collisions=warn if ignore_collisions else None)
+    collision = warn if ignore_collisions else None
     with progress_bar("first run") as progress:
-        run = experiment.simulate(trajectory, progress)
-    task = LocalisationTask(run, experiment.noise, odometry, known.value, strategy.value)
+        run = scenario.run(
+            mode="robust",
+            sigma=sigma,
+            rng=0,
+            snapshots=1,
+            on_collision=collision,
+            progress=progress,
+        )
+    task = LocalisationTask(run, sigma, odometry, known.value, strategy.value)
     with progress_bar("seeds") as progress:
         score = score_localisation(task, seeds=seeds, workers=workers, progress=progress).as_dict()
     report = {
@@ -71,7 +77,7 @@ def localise(
         "known": known.value,
         "lines": len(task.known_lines()),
         "strategy": strategy.value,
-        "sigma_m": experiment.noise,
+        "sigma_m": sigma,
         "odometry_noise": {"position_m": position, "heading_deg": heading},
         **score,
     }

@@ -58,11 +58,11 @@ def map_(
 
     from lrf3d.cli.folder import results_folder
     from lrf3d.errors import DrawingError
-    from lrf3d.logs import load_log
+    from lrf3d.io import load_log
+    from lrf3d.laser.noise import SIGMA
+    from lrf3d.log_mapping import draw_mapped_log, map_log
     from lrf3d.mapping import save_map
-    from lrf3d.output import write_text
-    from lrf3d.study.drawings import draw_all
-    from lrf3d.study.log_mapping import SIGMA, draw_mapped_log, map_log
+    from lrf3d.output import draw_all, write_text
 
     drive = load_log(log, largest_range=largest_range, poses=poses.value, scan_topic=scan_topic)
     place = results_folder(context, [log], drive.name, out)

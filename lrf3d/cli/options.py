@@ -26,7 +26,7 @@ class CasterName(StrEnum):
     PLANAR = "planar"
 
 
-class Renderer(StrEnum):
+class RendererName(StrEnum):
     """Renderers of films."""
 
     GL = "gl"
@@ -94,7 +94,7 @@ Fps = Annotated[
     typer.Option(min=0.1, max=1000.0, help="Frames per second; 25, but 10 for .gif."),
 ]
 RendererOption = Annotated[
-    Renderer | None,
+    RendererName | None,
     typer.Option(
         help="Renderer of the film; embree needs no OpenGL. The best available if not given."
     ),
@@ -109,13 +109,6 @@ Workers = Annotated[
         min=1, max=512, help="Processes that draw the film; one for each core if not given."
     ),
 ]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        metavar="tcp://HOST:PORT",
-        help="Use the workers of this Dask scheduler instead of this machine.",
-    ),
-]
 
 
 def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1.0) -> "Scenario":
@@ -125,8 +118,8 @@ def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1
         InputError: There is no such world, or a setting or the scale is invalid.
     """
     from lrf3d.cli.console import warn
-    from lrf3d.scenario import read_scenario_file, scenario_of
-    from lrf3d.world.sizes import size_warning
+    from lrf3d.scenario_file import read_scenario_file, scenario_of
+    from lrf3d.world.model import size_warning
 
     scenario = scenario_of(read_scenario_file(name).scaled(scale), settings or ())
     warning = size_warning(scenario.world)
@@ -150,10 +143,9 @@ def read_drive(
     """
     from lrf3d.cli.console import say
     from lrf3d.errors import InputError
-    from lrf3d.study.experiment import with_route
 
     where = side_of(inside)
-    scenario = with_route(read_world(name, settings, scale=scale), where=where)
+    scenario = read_world(name, settings, scale=scale).with_route(where=where)
     if scenario.planned is None and where is not None:
         raise InputError(f"--{where}: {name} has its own route or poses, so none is planned")
     if scenario.planned is not None:
@@ -175,8 +167,7 @@ def film_options(
     view: str | None,
     samples: int,
     workers: int | None,
-    renderer: Renderer | None,
-    scheduler: str | None = None,
+    renderer: RendererName | None,
 ) -> "FilmOptions":
     """The options of a film, checked.
 
@@ -193,7 +184,6 @@ def film_options(
         samples=samples,
         workers=workers,
         renderer=None if renderer is None else renderer.value,
-        scheduler=scheduler,
     )
 
 

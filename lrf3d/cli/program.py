@@ -32,7 +32,7 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
     """Run a program; a known error ends it with one line and the status 1.
 
     Args:
-        program: The commands, a Typer; those of lrf3d where not given.
+        program: The commands, a Typer; those of lrf3d if not given.
         name: What the program is called.
     """
     stops = Stops(name)
@@ -46,6 +46,9 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
         error = caught
     stops.end()
     if stops.number:
+        # Where an interrupt came out of code that was made from a string, as methods of data
+        # classes are, Python ends by the signal itself; running another such code undoes that.
+        exec("")
         sys.exit(_stopped(name, stops.number, error))
     if isinstance(error, SystemExit):
         sys.exit(error.code)

@@ -30,13 +30,11 @@ def render(
     samples: options.Samples = 4,
     workers: options.Workers = None,
     renderer: options.RendererOption = None,
-    scheduler: options.Scheduler = None,
 ) -> None:
     """Draw the film of a run, a picture of one moment of it, or all its frames as pictures."""
     from lrf3d.cli.console import print_table
     from lrf3d.cli.film import make_film, make_frames, make_picture
-    from lrf3d.errors import InputError
-    from lrf3d.logs import load_run
+    from lrf3d.io import load_run
     from lrf3d.output import make_folder
 
     asked = options.film_options(
@@ -47,14 +45,7 @@ def render(
         samples=samples,
         workers=workers,
         renderer=renderer,
-        scheduler=scheduler,
     )
-    if scheduler is not None:
-        from lrf3d.cluster.connection import check_address
-
-        if at is not None:
-            raise InputError("--at and --scheduler: one picture is drawn here; leave one out")
-        check_address(scheduler)
     path = _place(run, out, at is not None, frames)
     kept = load_run(run)
     make_folder(path.parent)

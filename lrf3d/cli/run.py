@@ -68,13 +68,11 @@ def run(
 
     from lrf3d.cli.film import make_film
     from lrf3d.cli.folder import results_folder
+    from lrf3d.cli.plugins import load_plugin
+    from lrf3d.cli.results import KEPT, Results, pictures_of, write_results
     from lrf3d.errors import DrawingError, InputError
     from lrf3d.interrupts import noting
-    from lrf3d.output import write_text
-    from lrf3d.study.drawings import draw_all
-    from lrf3d.study.experiment import Experiment
-    from lrf3d.study.outputs import KEPT, Results, pictures_of, write_results
-    from lrf3d.study.plugins import load_plugin
+    from lrf3d.output import draw_all, write_text
     from lrf3d.world.cameras import check_view
 
     asked = options.film_options(
@@ -98,25 +96,18 @@ def run(
     place = results_folder(context, [world], scenario.name, out)
     folder = place.path
     sigmas = tuple(sigma) if sigma else scenario.sigmas
-    experiment = Experiment(
-        scenario,
-        mode=mode,
-        sigma=sigmas[0],
-        seed=seed,
-        caster=caster.value,
-        own_mapper=plugins.get("mapper"),
-        own_noise=plugins.get("noise"),
-        controller=plugins.get("controller"),
-        scans=scans,
-        radius=None if ignore_collisions else scenario.radius,
-    )
     results = Results.of(
-        experiment,
+        scenario,
         sigmas,
         folder,
+        plugins=plugins,
         bar=progress_bar,
         resume=resume,
-        collision=warn if ignore_collisions else None,
+        seed=seed,
+        mode=None if mode is None else mode.value,
+        caster=caster.value,
+        scans=scans,
+        on_collision=warn if ignore_collisions else None,
     )
     # All data are written, and results printed, before anything is drawn.
     files = {**write_results(results, folder), "summary": folder / "summary.json"}

@@ -36,7 +36,10 @@ def sweep(
     every: Annotated[
         int | None, typer.Option(min=1, help="Use every n-th scan of a drive.")
     ] = None,
-    scheduler: options.Scheduler = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="A Dask scheduler instead of this machine."),
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -58,16 +61,15 @@ def sweep(
     """
     from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, say, warn
     from lrf3d.cli.folder import results_folder
-    from lrf3d.cluster.connection import check_address
     from lrf3d.errors import DrawingError, InputError
     from lrf3d.input import own_name
     from lrf3d.interrupts import noting
-    from lrf3d.output import write_text
-    from lrf3d.study.drawings import draw_all
-    from lrf3d.study.sweep.drawing import figures_of, table_text
-    from lrf3d.study.sweep.grid import BEAMS, MODE, SIGMA, Grid, parse_axis, parse_values, read_grid
-    from lrf3d.study.sweep.plan import make_plan
-    from lrf3d.study.sweep.sweeping import sweep as run
+    from lrf3d.output import draw_all, write_text
+    from lrf3d.sweep.cluster import check_address
+    from lrf3d.sweep.drawing import figures_of, table_text
+    from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, Grid, parse_axis, parse_values, read_grid
+    from lrf3d.sweep.plan import make_plan
+    from lrf3d.sweep.sweeping import sweep as run
 
     flags = {MODE: ("--mode", mode), SIGMA: ("--sigma", sigma), BEAMS: ("--beams", beams)}
     axes = {

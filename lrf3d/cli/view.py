@@ -38,7 +38,7 @@ def view(
     A run can be played, paused and scrubbed. In a world the arrow keys or the pads on the page
     drive the robot, which scans and maps as it goes. Ctrl-C ends the server.
     """
-    from lrf3d.logs.reading import is_run
+    from lrf3d.io.reading import is_run
     from lrf3d.view.opening import open_view
 
     def say(address: str) -> None:

@@ -124,7 +124,7 @@ def _report(world: "World") -> dict[str, Any]:
 def _say(report: dict[str, Any], json: bool) -> None:
     """Print a report as JSON or as a table."""
     from lrf3d.cli.console import print_json, print_table
-    from lrf3d.words import counted
+    from lrf3d.text import counted
 
     if json:
         print_json(report)

@@ -3,7 +3,6 @@
 Needs no OpenGL: what the film draws is taken as arrays.
 """
 
-from lrf3d.gltf.drive import run_glb
-from lrf3d.gltf.still import still_glb
+from lrf3d.gltf.drive import run_glb, still_glb
 
 __all__ = ["run_glb", "still_glb"]

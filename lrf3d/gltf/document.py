@@ -89,7 +89,7 @@ class Document:
 
         Args:
             name: Its name.
-            colour: (3,) linear; where not given, vertices carry their colours.
+            colour: (3,) linear; if not given, vertices carry their colours.
             translucent: Whether what is behind shines through.
         """
         self.extension("KHR_materials_unlit")

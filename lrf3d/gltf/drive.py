@@ -7,39 +7,29 @@ otherwise, and each straight piece of the trail is one that grows while it is dr
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, Single, quad_indices
+from lrf3d.gltf.bodies import add_chase_camera, add_movers, add_robot, drive_movers
 from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
-from lrf3d.gltf.keys import jumps, key_times, scan_times
-from lrf3d.gltf.movers import drive_movers
-from lrf3d.gltf.robot import add_chase_camera, add_robot
 from lrf3d.gltf.scan_mesh import ScanMeshes
 from lrf3d.gltf.stage import add_stage, new_document
 from lrf3d.mapping import LineMap
-from lrf3d.render.arrays import Single, quad_indices
-from lrf3d.render.palette import object_tints
-from lrf3d.render.structures import Structures
-from lrf3d.render.timeline import Timeline
-from lrf3d.simulation import Run
+from lrf3d.run import Run
+from lrf3d.scene import look
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.timeline import Timeline, jumps, key_times, scan_times
+
+if TYPE_CHECKING:
+    from lrf3d.casting.mover import Mover
+
 
 _TRAIL_ERROR = 0.03
 """How far a straight piece of the trail may be off [m], in place and along the way."""
-
-_TRAIL_WIDTH, _TRAIL_HEIGHT = 0.11, 0.015
-"""Width of the trail and its height over the ground [m]."""
-
-_BAND = (0.62, 0.86)
-"""Heights between which the map is drawn as a band along the walls [m]: above the beams."""
-
-_PROUD = 0.05
-"""How far the band stands out of its line to both sides [m], so that no wall hides it."""
-
-_TRAIL = np.array([0.16, 0.47, 0.88])
-"""Colour of the trail in the film."""
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
@@ -54,7 +44,8 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     """
     if every < 1:
         raise InputError(f"every {every}: expected a whole number from 1")
-    timeline = Timeline(run)
+    # A scene plays as fast as the robot drove.
+    timeline = Timeline(run, playback=1.0)
     structures = Structures.from_run(run)
     document = new_document(run.world.name, structures)
     add_stage(document, structures)
@@ -63,6 +54,20 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     _add_scans(document, timeline, every)
     _add_maps(document, timeline)
     _add_trail(document, timeline)
+    return document.glb()
+
+
+def still_glb(
+    name: str,
+    structures: Structures,
+    laser_height: float,
+    movers: "tuple[Mover, ...]" = (),
+) -> bytes:
+    """A world as a GLB file, with the robot and dynamic obstacles, all at the frame's origin."""
+    document = new_document(name, structures)
+    add_stage(document, structures)
+    add_robot(document, laser_height)
+    add_movers(document, movers)
     return document.glb()
 
 
@@ -150,8 +155,8 @@ def _bands(stage: LineMap, objects: Int, origin: Float) -> tuple[Single, NDArray
     ends = (stage.segments - np.tile(origin, 2)).reshape(-1, 2, 2)
     along = ends[:, 1] - ends[:, 0]
     along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-    side = _PROUD * np.column_stack([-along[:, 1], along[:, 0]])
-    (start, end), (low, high) = (ends[:, 0], ends[:, 1]), _BAND
+    side = 0.5 * look.MAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
+    (start, end), (low, high) = (ends[:, 0], ends[:, 1]), look.MAP_BAND
     positions = np.zeros((len(ends), 3, 4, 3), np.float32)
     for face, corners in enumerate(
         [
@@ -163,7 +168,7 @@ def _bands(stage: LineMap, objects: Int, origin: Float) -> tuple[Single, NDArray
         for corner, (place, height) in enumerate(corners):
             positions[:, face, corner, :2], positions[:, face, corner, 2] = place, height
     colours = np.full((len(ends), 4), 255, np.uint8)
-    colours[:, :3] = np.round(255.0 * linear(object_tints(objects)))
+    colours[:, :3] = np.round(255.0 * linear(look.object_tints(objects)))
     return positions.reshape(-1, 3), np.repeat(colours, 12, axis=0)
 
 
@@ -171,8 +176,10 @@ def _add_trail(document: Document, timeline: Timeline) -> None:
     """The way that was driven, as straight pieces that grow with the robot."""
     times = key_times(timeline)
     places = timeline.poses(times)[:, :2] - timeline.origin
-    material = document.glowing("trail", colour=linear(_TRAIL).astype(np.float64))
-    half = 0.5 * _TRAIL_WIDTH
+    material = document.glowing(
+        "trail", colour=linear(np.array(look.TRAIL_COLOUR)).astype(np.float64)
+    )
+    half = 0.5 * look.TRAIL_WIDTH
     strip = np.array([[0, -half, 0], [1, -half, 0], [1, half, 0], [0, half, 0]], np.float32)
     attributes = {"POSITION": document.array(strip, VERTICES, bounded=True)}
     part = document.part(material, attributes, document.array(quad_indices(1), INDICES))
@@ -190,7 +197,7 @@ def _add_trail(document: Document, timeline: Timeline) -> None:
             f"trail from {begin:.1f} s",
             group,
             mesh=mesh,
-            translation=[*places[first].tolist(), _TRAIL_HEIGHT],
+            translation=[*places[first].tolist(), look.TRAIL_HEIGHT],
             rotation=[0.0, 0.0, float(np.sin(half_turn)), float(np.cos(half_turn))],
             scale=[0.0, 0.0, 0.0],
         )

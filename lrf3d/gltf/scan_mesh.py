@@ -7,26 +7,13 @@ import pygltflib
 
 from lrf3d.geometry import Float
 from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
-from lrf3d.render.beams import BEAM_COLOUR, TRACE_COLOUR, Beams
-from lrf3d.render.timeline import Timeline
+from lrf3d.scene import look
+from lrf3d.scene.beams import Beams, drawn_beams
+from lrf3d.scene.timeline import Timeline
 
-FAN_COLOUR, FAN_STRENGTH = (0.98, 0.25, 0.18), 0.42
-"""Colour of the fan, and its opacity at the robot, as in the film."""
-
-REACH = 42.0
-"""Range [m] at which the fan has faded to nothing: farther, it would only tint the street."""
-
-_SINGLE_BEAMS = 46
-"""About how many single beams are drawn: more would run into one red."""
-
-_BEAM_STRENGTH = 0.62
-"""Opacity of a single beam at the robot."""
-
-_TRACE = 0.03
-"""Half the height of the trace on the walls [m]."""
-
-_CLEAR = 0.02
-"""How far before the wall the trace stands [m], so that both never share a pixel."""
+_BEAM = look.BEAM_COLOUR, look.BEAM_STRENGTH, 1.0
+_FAN = look.FAN_COLOUR, look.FAN_STRENGTH, look.FAN_CURVE
+"""Colour, opacity at the robot, and the power that it fades with."""
 
 
 class ScanMeshes:
@@ -35,11 +22,10 @@ class ScanMeshes:
     def __init__(self, document: Document, timeline: Timeline) -> None:
         run = timeline.run
         self._document, self._run, self._origin = document, run, timeline.origin
-        self._reach = min(run.lrf.range_max, REACH)
+        self._reach = min(run.lrf.range_max, look.REACH)
         self._walls = run.world.segments - np.tile(self._origin, 2)
         self._material = document.glowing("beams", translucent=True)
-        step = max(1, round(run.lrf.beams / _SINGLE_BEAMS))
-        self._chosen = np.arange((run.lrf.beams - 1) % step // 2, run.lrf.beams, step)
+        self._chosen = drawn_beams(run.lrf.beams)
         # Single beams come first: of them every scan has as many.
         lines = np.zeros((len(self._chosen), 2), np.uint32)
         lines[:, 1] = 1 + np.arange(len(self._chosen))
@@ -57,10 +43,10 @@ class ScanMeshes:
         single, reached = beams.ends[self._chosen] - beams.apex, beams.ranges[self._chosen]
         trace, quads = self._trace(beams)
         rows = [
-            self._rows(np.zeros((1, 2)), np.zeros(1), BEAM_COLOUR, _BEAM_STRENGTH, 1.0),
-            self._rows(single, reached, BEAM_COLOUR, _BEAM_STRENGTH, 1.0),
-            self._rows(np.zeros((1, 2)), np.zeros(1), FAN_COLOUR, FAN_STRENGTH, 1.5),
-            self._rows(ends, ranges, FAN_COLOUR, FAN_STRENGTH, 1.5),
+            self._rows(np.zeros((1, 2)), np.zeros(1), *_BEAM),
+            self._rows(single, reached, *_BEAM),
+            self._rows(np.zeros((1, 2)), np.zeros(1), *_FAN),
+            self._rows(ends, ranges, *_FAN),
             trace,
         ]
         # Two ends for each triangle of the fan, and one apex before them all.
@@ -105,11 +91,11 @@ class ScanMeshes:
         """Vertices (2 · hits, 7) of a ribbon along the walls, and its triangles (t, 3)."""
         points = beams.points - beams.apex
         far = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-9)
-        points = points * np.maximum(0.0, 1.0 - _CLEAR / far)[:, None]
+        points = points * np.maximum(0.0, 1.0 - look.TRACE_GAP / far)[:, None]
         rows = np.zeros((len(points), 2, 7))
         rows[:, :, :2] = points[:, None]
-        rows[:, :, 2] = [-_TRACE, _TRACE]
-        rows[:, :, 3:] = [*linear(np.array(TRACE_COLOUR[:3])).tolist(), TRACE_COLOUR[3]]
+        rows[:, :, 2] = [-0.5 * look.TRACE_HEIGHT, 0.5 * look.TRACE_HEIGHT]
+        rows[:, :, 3:] = [*linear(np.array(look.TRACE_COLOUR)), look.TRACE_STRENGTH]
         first = 2 * (np.cumsum(beams.hits) - 1)[np.flatnonzero(beams.joined)]
         quads = first[:, None] + np.array([[0, 2, 3, 0, 3, 1]])
         return rows.reshape(-1, 7), quads.reshape(-1, 3).astype(np.uint32)

@@ -5,18 +5,19 @@ counts in float32, which knows no centimetres far away.
 """
 
 import io
+from typing import Any
 
 import numpy as np
-import pygltflib
 from numpy.typing import NDArray
 from PIL import Image
 
-from lrf3d.gltf import facades
+from lrf3d.geometry import Single, quad_indices
 from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
-from lrf3d.render.arrays import Single, quad_indices
-from lrf3d.render.ground import SUN, paint_ground
-from lrf3d.render.structures import Structures
-from lrf3d.render.walls import CAP, FACADE, PLAIN, wall_faces
+from lrf3d.scene.facades import BAYS, BLANK, ROWS, layers
+from lrf3d.scene.ground import paint_ground
+from lrf3d.scene.look import PLASTER, SUN
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.walls import paint_walls
 
 _HORIZON = 800.0
 """How far the ground goes past its picture [m]."""
@@ -24,8 +25,11 @@ _HORIZON = 800.0
 _FADE = 0.08
 """Share of the ground's picture, at its edges, in which it goes over into the land around."""
 
-_FOOT = 0.80
-"""Light that is left at the foot of walls."""
+_PALE = 0.86
+"""How bright a bare wall is in textures: what is whiter, such as frames, still stands out."""
+
+_FINER = 2
+"""Pixels of a texture to both sides of a texel."""
 
 _SUNLIGHT = 3.0
 """Strength of the sun [lux]: such as bring viewers that map no tones to full white."""
@@ -106,106 +110,49 @@ def _rectangle(x0: float, y0: float, x1: float, y1: float) -> Single:
 
 
 def _add_walls(document: Document, structures: Structures) -> None:
-    """Houses with windows, free walls without, and roofs."""
-    faces = wall_faces(structures)
-    quads, roofs = faces.quads, faces.roofs.reshape(-1, 14)
-    windows = (quads[:, 0, 13] < PLAIN) & (quads[:, 0, 8] > facades.NARROWEST)
-    floors, bands = _storeys(quads[windows])
-    bare = np.concatenate([_level(quads[~windows]), bands])
-    ground, upper = floors
+    """Walls and roofs: of each layer of the texture that is used, one part of the mesh."""
+    walls = paint_walls(structures, shadows=False)
+    quads = walls.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16)
+    corners = np.concatenate([quads, walls.roofs])
+    picture = layers(structures.indoor)[0]
     parts = []
-    if len(ground):
-        parts.append(_faces(document, "ground floors", facades.ground_floor(), ground, rows=False))
-    if len(upper):
-        parts.append(_faces(document, "upper floors", facades.upper_floors(), upper, rows=True))
-    plain = document.material("plaster", pbrMetallicRoughness=_DULL)
-    if len(bare):
-        parts.append(_coloured(document, plain, bare.reshape(-1, 14), quad_indices(len(bare))))
-    if len(roofs):
-        grey = np.array([0.52, 0.52, 0.53])
-        mix = 0.0 if structures.indoor else 0.75
-        roofs = roofs.copy()
-        roofs[:, 10:13] = (1.0 - mix) * roofs[:, 10:13] + mix * grey
-        numbers = np.arange(len(roofs), dtype=np.uint32)
-        parts.append(_coloured(document, plain, roofs, numbers))
+    for layer in np.unique(corners[:, 0, 8]).astype(int).tolist():
+        rows = corners[corners[:, 0, 8] == layer].reshape(-1, 16)
+        look: dict[str, Any] = {}
+        if layer != BLANK:
+            look["baseColorTexture"] = {"index": _layer(document, layer, picture[layer])}
+            rows[:, 9:12] /= _PALE
+            # The first row of a picture is its upper one.
+            rows[:, 6:8] = [0.0, 1.0] + rows[:, 6:8] / [BAYS, -ROWS]
+        material = document.material(f"walls {layer}", pbrMetallicRoughness={**look, **_DULL})
+        colours = linear(np.clip(rows[:, 9:12], 0.0, 1.0).astype(np.float64))
+        rows, indices = np.unique(
+            np.concatenate([rows[:, :8], colours], axis=1), axis=0, return_inverse=True
+        )
+        attributes = {
+            "POSITION": document.array(rows[:, 0:3], VERTICES, bounded=True),
+            "NORMAL": document.array(rows[:, 3:6], VERTICES),
+            "COLOR_0": document.array(rows[:, 8:11], VERTICES),
+        }
+        if look:
+            attributes["TEXCOORD_0"] = document.array(rows[:, 6:8], VERTICES)
+        numbers = document.array(indices.ravel().astype(np.uint32), INDICES)
+        parts.append(document.part(material, attributes, numbers))
     if parts:
         document.node("walls", document.root, mesh=document.mesh("walls", parts))
 
 
-def _storeys(quads: Single) -> tuple[tuple[Single, Single], Single]:
-    """Faces (n, 4, 14) with windows as ground floors, upper floors and the bands above them.
-
-    The place along and up the face becomes that in the texture.
-    """
-    length, height = quads[:, 0, 8], quads[:, 0, 9]
-    bays = np.maximum(1.0, np.floor(length / facades.BAY))
-    storeys = np.maximum(1.0, np.floor((height - facades.CORNICE) / facades.STOREY))
-    storey = (height - facades.CORNICE) / storeys
-    seed = (quads[:, 0, 13] - FACADE) / 0.9
-    first = np.floor(seed * 997.0 + np.arange(len(quads)) * 3.0)
-    top = height - facades.CORNICE
-    ground, upper, band = quads.copy(), quads.copy(), quads.copy()
-    for piece, low, high in (
-        (ground, np.zeros_like(top), storey),
-        (upper, storey, top),
-        (band, top, height),
-    ):
-        piece[:, :2, 2], piece[:, 2:, 2] = low[:, None], high[:, None]
-    for piece, rows, tiles in (
-        (ground, np.ones_like(top), 1),
-        (upper, storeys - 1.0, facades.STOREYS),
-    ):
-        along = (first % facades.BAYS)[:, None] + bays[:, None] * [0.0, 1.0, 1.0, 0.0]
-        piece[:, :, 6] = along / facades.BAYS
-        # The first row of a picture is its upper one.
-        piece[:, :2, 7] = 1.0
-        piece[:, 2:, 7] = (1.0 - rows / tiles)[:, None]
-        piece[:, :, 10:13] /= facades.PALE
-    ground[:, :2, 10:13] *= _FOOT
-    band[:, :, 10:13] *= 1.08
-    return (ground, upper[storeys > 1.5]), band
-
-
-def _level(quads: Single) -> Single:
-    """Faces without windows, darker at their feet; the tops of walls darker all over."""
-    quads = quads.copy()
-    top = np.floor(quads[:, 0, 13]) == CAP
-    quads[~top, :2, 10:13] *= _FOOT
-    quads[top, :, 10:13] *= 0.7
-    return quads
-
-
-def _faces(
-    document: Document, name: str, picture: bytes, faces: Single, *, rows: bool
-) -> pygltflib.Primitive:
-    """A part of a mesh with windows, whose rows repeat or not."""
-    # Where rows do not repeat, the foot of a door must not show over the next storey's edge.
-    texture = document.texture(name, picture, "image/png", repeat=(True, rows))
-    material = document.material(
-        name, pbrMetallicRoughness={"baseColorTexture": {"index": texture}, **_DULL}
-    )
-    flat = faces.reshape(-1, 14)
-    return _coloured(document, material, flat, quad_indices(len(faces)), textured=True)
-
-
-def _coloured(
-    document: Document,
-    material: int,
-    vertices: Single,
-    indices: NDArray[np.uint32],
-    *,
-    textured: bool = False,
-) -> pygltflib.Primitive:
-    """A part of a mesh from vertices (v, 14) that carry their colours."""
-    colours = linear(np.clip(vertices[:, 10:13], 0.0, 1.0).astype(np.float64))
-    attributes = {
-        "POSITION": document.array(vertices[:, 0:3], VERTICES, bounded=True),
-        "NORMAL": document.array(vertices[:, 3:6], VERTICES),
-        "COLOR_0": document.array(colours, VERTICES),
-    }
-    if textured:
-        attributes["TEXCOORD_0"] = document.array(vertices[:, 6:8], VERTICES)
-    return document.part(material, attributes, document.array(indices, INDICES))
+def _layer(document: Document, layer: int, picture: NDArray[np.uint8]) -> int:
+    """A layer of the texture, over a pale wall: a colour laid over it gives a house its own."""
+    texels = picture.astype(np.float64)
+    # That colour also dims what is painted, such as windows, which is brighter here for it.
+    painted = texels[:, :, :3] * _PALE / PLASTER.mean(axis=0)
+    seen = np.clip(np.round(painted + _PALE * texels[:, :, 3:]), 0.0, 255.0).astype(np.uint8)
+    # Players blur what they magnify: of texels twice as many, only the half.
+    file = io.BytesIO()
+    finer = np.repeat(np.repeat(seen[::-1], _FINER, axis=0), _FINER, axis=1)
+    Image.fromarray(finer).save(file, "PNG", optimize=True)
+    return document.texture(f"walls {layer}", file.getvalue(), "image/png", repeat=(True, True))
 
 
 def _add_sun(document: Document) -> None:

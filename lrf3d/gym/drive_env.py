@@ -12,11 +12,12 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.gym.task import DriveTask
 from lrf3d.robot import Trajectory
-from lrf3d.scenario import Scenario, load_scenario
-from lrf3d.simulation import Run
+from lrf3d.run import Run
+from lrf3d.scenario import Scenario
+from lrf3d.scenario_file import load_scenario
 
 MAX_STEPS = 500
-"""Steps after which an episode is cut off where nothing is said."""
+"""Steps after which an episode is cut off if not given."""
 
 Observation = dict[str, NDArray[np.float32]]
 
@@ -34,7 +35,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     Args:
         world: A built-in world or a world file, or a Scenario: it brings the range finder, the
             robot's radius and speed, and the time between two steps.
-        sigma: Noise of the ranges [m] at range_max.
+        sigma: Noise of the ranges [m] at range_max; the noise of the scenario if not given.
         max_steps: Steps after which an episode is cut off.
         render_mode: ``rgb_array`` for pictures by `render`, or None.
         size: Width and height of the pictures [pixels].
@@ -51,7 +52,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self,
         world: str | Path | Scenario = "city",
         *,
-        sigma: float = 0.0,
+        sigma: float | None = None,
         max_steps: int = MAX_STEPS,
         render_mode: str | None = None,
         size: tuple[int, int] = (640, 360),
@@ -115,7 +116,8 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
         times = self.task.dt * np.arange(len(poses))
         world, path = self.task.scenario.world, Trajectory(times, poses)
-        run = Run(world, self.task.lrf, path, ranges, truth, walls, (), ())
+        movers = tuple(mover.until(times[-1]) for mover in self.task.scenario.movers)
+        run = Run(world, self.task.lrf, path, ranges, truth, walls, (), (), movers)
         return frame(run, float(times[-1]), size=self._size, view=self._view)
 
     def _look(self) -> Observation:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from lrf3d.errors import InputError
 from lrf3d.gym.drive_env import MAX_STEPS, action_space, observation_space
 from lrf3d.gym.task import DriveTask
-from lrf3d.scenario import Scenario, load_scenario
+from lrf3d.scenario import Scenario
+from lrf3d.scenario_file import load_scenario
 
 Observations = dict[str, NDArray[np.float32]]
 Array = NDArray[Any]
@@ -26,7 +27,7 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
     Args:
         num_envs: How many robots.
         world: A built-in world or a world file, or a Scenario.
-        sigma: Noise of the ranges [m] at range_max.
+        sigma: Noise of the ranges [m] at range_max; the noise of the scenario if not given.
         max_steps: Steps after which an episode is cut off.
         render_mode: None; pictures are DriveEnv's.
 
@@ -42,7 +43,7 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
         num_envs: int = 1,
         world: str | Path | Scenario = "city",
         *,
-        sigma: float = 0.0,
+        sigma: float | None = None,
         max_steps: int = MAX_STEPS,
         render_mode: str | None = None,
     ) -> None:

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lrf3d.casting import EmbreeCaster
-from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int, is_finite, wrap_angle
-from lrf3d.laser.noise import not_negative
+from lrf3d.geometry import Bool, Float, Int, wrap_angle
+from lrf3d.laser import ProportionalNoise
+from lrf3d.laser.noise import at_sigma
 from lrf3d.robot.collision import Obstacles
 from lrf3d.robot.free_space import find_free_space
 from lrf3d.robot.unicycle import arcs
 from lrf3d.scenario import Scenario
+from lrf3d.sensor import Sensor
 
 GOAL_NEAR, GOAL_FAR = 5.0, 20.0
 """How far from the start a goal lies [m], as far as the world has room."""
@@ -47,7 +47,7 @@ class Outcome:
     Args:
         rewards: (k,) what they earned: metres nearer to the goal, and what the end is worth.
         reached: (k,) who is at its goal.
-        collided: (k,) who ran into a wall; it stands where it stood before.
+        collided: (k,) who ran into a wall or a dynamic obstacle; it stands where it stood before.
     """
 
     rewards: Float
@@ -59,26 +59,33 @@ class DriveTask:
     """Robots, each with a pose and a goal.
 
     Args:
-        scenario: The world, the range finder, the robot's radius and speed, and its pace.
+        scenario: The world and its dynamic obstacles, the range finder and its noise, the robot's
+            radius and speed, and its pace.
         count: How many robots.
-        sigma: Noise of the ranges [m] at range_max (Eq. 7).
+        sigma: Another standard deviation of the ranges [m] at range_max (Eq. 7); that of the
+            scenario if not given. With 0 the ranges are true.
 
     Raises:
         InputError: The noise is invalid, or there is no free space to drive in.
     """
 
-    def __init__(self, scenario: Scenario, count: int, *, sigma: float = 0.0) -> None:
-        if not (is_finite(sigma) and sigma >= 0.0):
-            raise InputError(f"sigma {sigma}: expected a finite number of metres, at least 0")
-        self.scenario, self.count, self.sigma = scenario, count, sigma
+    def __init__(self, scenario: Scenario, count: int, *, sigma: float | None = None) -> None:
+        noise = scenario.noise
+        if sigma is not None:
+            noise = at_sigma(noise, sigma) if sigma else ProportionalNoise(sigma)
+        self.scenario, self.count = scenario, count
         self.lrf, self.dt = scenario.lrf, scenario.scan_interval
-        self._caster = EmbreeCaster(scenario.world)
+        # A robot decides where it drives while its beams turn: a scan takes no time.
+        self._sensor = Sensor(
+            scenario.world, self.lrf, caster="embree", noise=noise, movers=scenario.movers
+        )
         self._obstacles = Obstacles(scenario.world)
         least = scenario.radius + MARGIN
         space = find_free_space(scenario.world, least=least, clearance=least)
         self._cells = space.cells + scenario.world.origin
         self.farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
         self.poses, self.goals = np.zeros((count, 3)), np.zeros((count, 2))
+        self.times = np.zeros(count)
 
     def place(self, robots: Int, rng: np.random.Generator) -> None:
         """Set some robots down, each at a new place with a new goal."""
@@ -90,6 +97,7 @@ class DriveTask:
         self.goals[robots] = goals[np.arange(len(robots)), misfit.argmin(axis=1)]
         headings = rng.uniform(-np.pi, np.pi, len(robots))
         self.poses[robots] = np.column_stack([starts, headings])
+        self.times[robots] = 0.0
 
     def step(self, actions: ArrayLike) -> Outcome:
         """Drive on for the time between two scans.
@@ -106,6 +114,9 @@ class DriveTask:
         collided = np.zeros(self.count, np.bool_)
         collided[ways] = True
         moved[:, 2] = wrap_angle(moved[:, 2])
+        self.times += self.dt
+        for mover in self.scenario.movers:
+            collided |= mover.distances(moved[:, :2], self.times) < self.scenario.radius
         self.poses = np.where(collided[:, None], self.poses, moved)
         after = self.distances()
         reached = (after < ARRIVED) & ~collided
@@ -119,13 +130,7 @@ class DriveTask:
 
     def scan(self, rng: np.random.Generator) -> tuple[Float, Float, Int]:
         """Measured and true ranges, and walls, (k, beams) each, after REP 117."""
-        truth, walls = self._caster.scan_batch(self.lrf, self.poses)
-        if self.sigma == 0.0:
-            return truth, truth, walls
-        draws = rng.normal(0.0, self.sigma, truth.shape)
-        # Infinities stay what they are.
-        spread = np.where(np.isfinite(truth), truth, 0.0) / self.lrf.range_max
-        return not_negative(truth + spread * draws), truth, walls
+        return self._sensor.measure_batch(self.poses, self.times, rng)
 
     def observe(self, ranges: Float) -> dict[str, NDArray[np.float32]]:
         """What the robots see, in finite numbers of float32.

@@ -8,6 +8,7 @@ from lrf3d.laser.noise import (
     Noise,
     ProportionalNoise,
     Quantised,
+    RangeNoise,
 )
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions, layer_directions
 from lrf3d.laser.ros_scan import RosHeader, RosScan, Stamp
@@ -26,6 +27,7 @@ __all__ = [
     "Noise",
     "ProportionalNoise",
     "Quantised",
+    "RangeNoise",
     "RosHeader",
     "RosScan",
     "Stamp",

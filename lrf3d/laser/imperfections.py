@@ -5,12 +5,14 @@ a far surface. Each is a noise of its own; Imperfections chains those that are g
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, is_finite
 from lrf3d.laser.noise import (
+    NO_SPREAD,
     Chain,
     ConstantNoise,
     Limits,
@@ -74,6 +76,7 @@ class AngleNoise:
     """
 
     sigma: float
+    spread: ClassVar[tuple[float, float]] = NO_SPREAD
 
     def __post_init__(self) -> None:
         check_sigma(self.sigma, "radians")
@@ -107,6 +110,7 @@ class DropOuts:
     share: float = 0.0
     far: float = 0.0
     grazing: float = 0.0
+    spread: ClassVar[tuple[float, float]] = NO_SPREAD
 
     def __post_init__(self) -> None:
         for name in ("share", "far", "grazing"):
@@ -162,6 +166,7 @@ class MixedPixels:
 
     divergence: float
     jump: float = 0.1
+    spread: ClassVar[tuple[float, float]] = NO_SPREAD
 
     def __post_init__(self) -> None:
         for name in ("divergence", "jump"):

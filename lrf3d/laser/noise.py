@@ -11,9 +11,10 @@ noise whatever the scan shows.
 """
 
 import inspect
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, cast
+from typing import Any, ClassVar, NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -31,15 +32,96 @@ class Noise(Protocol):
         ...
 
 
+SIGMA = 0.04
+"""Standard deviation of a range [m] at range_max that is expected if none is given: that of
+the paper's city (Fig. 7)."""
+
+FLOOR = 0.01
+"""Standard deviation of a range [m] at no distance that is expected if none is given: a
+centimetre, as of the usual range finders."""
+
+USUAL_RANGE = 80.0
+"""The range [m] at which a range has the deviation sigma where a scan has no range_max."""
+
+
+class RangeNoise(NamedTuple):
+    """How far a range may be off, as mapping and localisation expect it.
+
+    The standard deviation at the range r is hypot(floor, growth · r): that of Eq. 7 and, beside
+    it, one that does not depend on the range. A named tuple, which compiled code takes as it is.
+
+    Attributes:
+        floor: Standard deviation [m] at no distance.
+        growth: Growth of the standard deviation with the range.
+
+    Examples:
+        >>> from lrf3d.laser import RangeNoise
+        >>> RangeNoise.from_sigma(0.04, floor=0.0, range_max=80.0)
+        RangeNoise(floor=0.0, growth=0.0005)
+    """
+
+    floor: float
+    growth: float
+
+    @classmethod
+    def from_sigma(
+        cls, sigma: float = SIGMA, floor: float = FLOOR, range_max: float = USUAL_RANGE
+    ) -> "RangeNoise":
+        """The noise of Eq. 7 with a floor beside it.
+
+        Args:
+            sigma: Standard deviation [m] at range_max.
+            floor: Standard deviation [m] at no distance.
+            range_max: Range [m] that sigma is given at.
+
+        Raises:
+            InputError: A number is negative or not finite, or range_max is 0.
+        """
+        values = (sigma, floor, range_max)
+        if not (is_finite(*values) and min(values) >= 0.0 and range_max > 0.0):
+            raise InputError(f"range noise {values}: expected finite numbers of metres, at least 0")
+        return cls(float(floor), float(sigma / range_max))
+
+    def variance(self, ranges: Float) -> Float:
+        """Variance [m²] of ranges [m]."""
+        return self.floor**2 + (self.growth * ranges) ** 2
+
+
 AnyNoise = Noise | Callable[[LaserScan], LaserScan]
 """A noise as users write it: one that draws nothing needs no rng."""
 
 
+NO_SPREAD = (0.0, 0.0)
+"""The spread of a noise that does not scatter ranges about the true ones."""
+
+
+def spread_of(noise: object) -> tuple[float, float] | None:
+    """Standard deviations of the ranges that a noise makes [m]: at no distance, and its growth.
+
+    The first part is the same at every distance; the second grows with the distance and is what
+    it has become at range_max. A noise reports them as its attribute ``spread``.
+
+    Returns:
+        Both, or None if the noise does not report them.
+    """
+    try:
+        constant, growing = noise.spread  # type: ignore[attr-defined]
+        return float(constant), float(growing)
+    except (AttributeError, TypeError, ValueError):
+        # A noise of the user's need not report them, and may give the name to something else.
+        return None
+
+
 @dataclass(frozen=True, slots=True)
-class Undrawn:
-    """A noise that makes a scan of a scan without drawing: ``noise(scan)``."""
+class DeterministicNoise:
+    """A noise that draws no random numbers: ``noise(scan)``."""
 
     change: Callable[[LaserScan], LaserScan]
+
+    @property
+    def spread(self) -> tuple[float, float] | None:
+        """What the noise of the user's says of its standard deviations."""
+        return spread_of(self.change)
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return what it makes of the scan."""
@@ -61,7 +143,7 @@ def as_noise(noise: AnyNoise) -> Noise:
             signature.bind(*range(count))
         except TypeError:
             continue
-        return cast(Noise, noise) if count == 2 else Undrawn(cast(Any, noise))
+        return cast(Noise, noise) if count == 2 else DeterministicNoise(cast(Any, noise))
     raise InputError(f"noise {noise!r}: expected a function of a scan and an rng, or of a scan")
 
 
@@ -87,6 +169,11 @@ class ProportionalNoise:
 
     def __post_init__(self) -> None:
         check_sigma(self.sigma, "metres")
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Standard deviations [m] at no distance and, beside it, at range_max."""
+        return 0.0, self.sigma
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the scan with noise on each range.
@@ -117,6 +204,11 @@ class ConstantNoise:
     def __post_init__(self) -> None:
         check_sigma(self.sigma, "metres")
 
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Standard deviations [m] at no distance and, beside it, at range_max."""
+        return self.sigma, 0.0
+
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the scan with noise on each range; a beam without return stays without."""
         if self.sigma == 0.0:
@@ -131,6 +223,7 @@ class Quantised:
     """Rounds ranges to the nearest multiple of a resolution [m]."""
 
     step: float
+    spread: ClassVar[tuple[float, float]] = NO_SPREAD
 
     def __post_init__(self) -> None:
         if not (is_finite(self.step) and self.step > 0.0):
@@ -147,6 +240,8 @@ class Limits:
 
     Noise may move a range past the limits of the range finder, so this comes last in a chain.
     """
+
+    spread: ClassVar[tuple[float, float]] = NO_SPREAD
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the scan with +inf or −inf for the ranges beyond its limits."""
@@ -166,11 +261,37 @@ class Chain:
     def __init__(self, noises: Iterable[Noise] = ()) -> None:
         object.__setattr__(self, "noises", tuple(noises))
 
+    @property
+    def spread(self) -> tuple[float, float] | None:
+        """The spreads of its noises, whose variances add up; None where one does not say its."""
+        spreads = [spread_of(noise) for noise in self.noises]
+        if any(spread is None for spread in spreads):
+            return None
+        known = [spread for spread in spreads if spread is not None]
+        constant, growing = (math.hypot(*part) for part in zip(NO_SPREAD, *known, strict=True))
+        return constant, growing
+
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return what the last noise makes of what the others made."""
         for noise in self.noises:
             scan = noise(scan, rng)
         return scan
+
+
+def at_sigma(noise: Noise, sigma: float) -> Noise:
+    """The noise with another standard deviation [m] at range_max, all else as it is.
+
+    Raises:
+        InputError: No part of it is a ProportionalNoise.
+    """
+    if isinstance(noise, ProportionalNoise):
+        return ProportionalNoise(sigma)
+    parts = noise.noises if isinstance(noise, Chain) else ()
+    if not any(isinstance(part, ProportionalNoise) for part in parts):
+        raise InputError(f"sigma {shown(sigma)}: {noise!r} has no ProportionalNoise to give it to")
+    return Chain(
+        ProportionalNoise(sigma) if isinstance(part, ProportionalNoise) else part for part in parts
+    )
 
 
 def not_negative(ranges: Float) -> Float:
@@ -179,10 +300,10 @@ def not_negative(ranges: Float) -> Float:
 
 
 def check_sigma(sigma: float, unit: str) -> None:
-    """See that a standard deviation is one.
+    """Check a standard deviation.
 
     Raises:
-        InputError: It is not.
+        InputError: It is not a finite number of at least 0.
     """
     if not (is_finite(sigma) and sigma >= 0.0):
         raise InputError(f"sigma {shown(sigma)}: expected a finite number of {unit}, at least 0")

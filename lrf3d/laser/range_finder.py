@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from lrf3d.geometry import Float, Value, is_finite, sealed, whole_number
 
 MOST_BEAMS = 1_000_000
 """Most beams of a scan: some hundred times as many as any range finder sends."""
+
+Number = TypeVar("Number", float, Float)
 
 LARGEST_ANGLE = 63.0
 """Largest angle [rad] of a beam: ten turns. Far beyond, float64 no longer resolves a beam."""
@@ -155,12 +158,16 @@ def layer_directions(
 
 
 def turned(fan: Float, theta: float) -> Float:
-    """A fan (2, beams) of beams, turned by the heading theta [rad], as rows (beams, 2).
+    """A fan (2, beams) of beams, turned by the heading theta [rad], as rows (beams, 2)."""
+    return np.column_stack(turn(fan[0], fan[1], math.cos(theta), math.sin(theta)))
 
-    Casters and scans do just these steps, so that all use the same beam to the last bit.
+
+def turn(x: Number, y: Number, cos: float, sin: float) -> tuple[Number, Number]:
+    """Turn vectors by an angle of which the cosine and sine are given.
+
+    Casters compile this very function, so that all use the same beam to the last bit.
     """
-    cos, sin = math.cos(theta), math.sin(theta)
-    return np.column_stack([cos * fan[0] - sin * fan[1], sin * fan[0] + cos * fan[1]])
+    return cos * x - sin * y, sin * x + cos * y
 
 
 def within_limits(ranges: Float, range_min: float, range_max: float) -> Float:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Value, directions, is_finite, lengths, normal_lines
+from lrf3d.geometry import Float, Int, Value, directions, lengths, normal_lines
+from lrf3d.laser import RangeNoise
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.world import World
 
@@ -26,34 +26,6 @@ errors than that of the range decide."""
 LEAST_DEVIATION = 1e-5
 """Deviation of a range [m] that is reckoned with at least, so that lines without noise still have
 a covariance that can be inverted: a hundredth of a millimetre is less than any wall is flat."""
-
-
-@dataclass(frozen=True, slots=True)
-class RangeNoise:
-    """How far a range may be off: d / range_max · sigma (Eq. 7), and a floor beside it.
-
-    Args:
-        sigma: Standard deviation [m] at range_max.
-        floor: Standard deviation [m] at no distance.
-        range_max: Range [m] that sigma is given at.
-
-    Raises:
-        InputError: A number makes no sense.
-    """
-
-    sigma: float = 0.04
-    floor: float = 0.01
-    range_max: float = 80.0
-
-    def __post_init__(self) -> None:
-        values = (self.sigma, self.floor, self.range_max)
-        if not (is_finite(*values) and min(values) >= 0.0 and self.range_max > 0.0):
-            raise InputError(f"range noise {values}: expected finite numbers of metres, at least 0")
-
-    def variance(self, ranges: Float) -> Float:
-        """Variance [m²] of ranges [m]."""
-        variance = self.floor**2 + (self.sigma * ranges / self.range_max) ** 2
-        return np.maximum(variance, LEAST_DEVIATION**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +94,7 @@ def line_covariances(
         lines: (m, 2) alpha [rad], p [m] of the segments.
         points: (m,) number of points that each was fitted to.
         noise: The noise of their ranges.
-        spacing: Angle [rad] between two beams; where not given, the ends are taken for points.
+        spacing: Angle [rad] between two beams; if not given, the ends are taken for points.
             With it, a segment that was drawn out to a corner counts no longer than its points.
     """
     alpha, p = lines[:, :1], lines[:, 1:]
@@ -142,7 +114,8 @@ def line_covariances(
     t = np.clip(p * np.tan(angles), low - margin, high + margin)
     ranges = np.maximum(np.hypot(p, t), np.finfo(np.float64).tiny)
     incidence = np.maximum(p / ranges, LEAST_INCIDENCE)
-    weights = points[:, None] / SAMPLES / (noise.variance(ranges) * incidence**2)
+    variance = np.maximum(noise.variance(ranges), LEAST_DEVIATION**2)
+    weights = points[:, None] / SAMPLES / (variance * incidence**2)
     total, first_moment = weights.sum(axis=1), (weights * t).sum(axis=1)
     mean = first_moment / total
     # About the mean, so that a short segment far along its line loses no digits. Points that lie

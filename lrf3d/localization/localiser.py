@@ -13,9 +13,10 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, Value, wrap_angle
-from lrf3d.laser import LaserScan
+from lrf3d.laser import LaserScan, RangeNoise
+from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.localization.estimate import PoseEstimate
-from lrf3d.localization.lines import KnownLines, LocalLines, RangeNoise
+from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.localization.odometry import OdometryNoise
 from lrf3d.localization.pairing import Criterion, Pairs, innovation, pair_lines
 from lrf3d.mapping import LineMap, LineMapper
@@ -85,8 +86,8 @@ class Localiser:
         start: Where the robot is at the first scan, and how well that is known.
         range_noise: The noise of the ranges.
         odometry_noise: The noise of the odometry.
-        extractor: What finds the lines of a scan; a LineMapper with this noise where not given.
-        criterion: What makes a pair; a MahalanobisGate where not given.
+        extractor: What finds the lines of a scan; a LineMapper with this noise if not given.
+        criterion: What makes a pair; a MahalanobisGate if not given.
         strategy: ``unions-first`` or ``all``: which lines are compared.
 
     Examples:
@@ -117,12 +118,10 @@ class Localiser:
         self.estimate = start
         self.pairs: Pairs | None = None
         self.used = 0
-        self._range_noise = RangeNoise() if range_noise is None else range_noise
+        self._range_noise = RangeNoise.from_sigma() if range_noise is None else range_noise
         noise = OdometryNoise() if odometry_noise is None else odometry_noise
         self._step_covariance = noise.covariance
-        self._extract = extractor or LineMapper(
-            sigma=self._range_noise.sigma, floor=max(self._range_noise.floor, LEAST_FLOOR)
-        )
+        self._extractor = extractor
         self._criterion, self._strategy = criterion, strategy
 
     def move(self, step: Float) -> PoseEstimate:
@@ -132,7 +131,12 @@ class Localiser:
 
     def see(self, scan: LaserScan) -> PoseEstimate:
         """Correct the pose by what a scan shows."""
-        local_map = self._extract.local_map(replace(scan, pose=ROBOT))
+        if self._extractor is None:
+            # Eq. 7 scales the noise by how far the scans reach.
+            reach = scan.range_max if scan.range_max < np.inf else USUAL_RANGE
+            floor = max(self._range_noise.floor, LEAST_FLOOR)
+            self._extractor = LineMapper(sigma=self._range_noise.growth * reach, floor=floor)
+        local_map = self._extractor.local_map(replace(scan, pose=ROBOT))
         local = LocalLines.from_map(local_map, self._range_noise, spacing=_spacing(scan))
         self.pairs = pair_lines(
             local,

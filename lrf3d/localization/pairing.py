@@ -158,10 +158,10 @@ def pair_lines(
         known: The known map.
         pose: The predicted pose.
         covariance: (3, 3) covariance of the pose, x, y [m], theta [rad].
-        criterion: What makes a pair; a MahalanobisGate where not given.
+        criterion: What makes a pair; a MahalanobisGate if not given.
         strategy: ``all`` compares all with all; ``unions-first`` looks among the lines of the
             objects seen before, and among the rest only for what is not found there.
-        seen: Objects that the previous scan showed; none where not given.
+        seen: Objects that the previous scan showed; none if not given.
 
     Raises:
         InputError: There is no such strategy.

@@ -1,4 +1,4 @@
-"""Mapping: from scans to a map of line segments in unions (section 3 of Teslić et al.).
+"""Mapping: from scans to a map of line segments (section 3 of Teslić et al.).
 
 The mapper is compiled, which takes a library that readers of finished maps need not wait for: it
 is loaded when it is first used.
@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from lrf3d.mapping.line_map import LineMap, load_map, save_map
 
 if TYPE_CHECKING:
-    from lrf3d.mapping.line_mapper import LineMapper
-    from lrf3d.mapping.vertex_fit import fit_vertices
+    from lrf3d.mapping.mapper import LineMapper
+    from lrf3d.mapping.vertices import fit_vertices
 
-_HOME = {"LineMapper": "line_mapper", "fit_vertices": "vertex_fit"}
+_HOME = {"LineMapper": "mapper", "fit_vertices": "vertices"}
 
 __all__ = ["LineMap", "LineMapper", "fit_vertices", "load_map", "save_map"]
 

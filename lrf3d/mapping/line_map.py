@@ -1,28 +1,26 @@
-"""LineMap: the map that a mapper builds, line segments grouped into unions (section 3.1)."""
+"""LineMap: the map that a mapper builds, and the file that it is kept in."""
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, normal_lines, read_only, sealed
+from lrf3d.geometry import Float, Int, Value, normal_lines, sealed
 from lrf3d.input import read_text
 from lrf3d.output import write_text
-from lrf3d.words import counted
+from lrf3d.text import counted
 
 
 @dataclass(frozen=True, eq=False)
-class LineMap:
-    """Line segments of a map; each belongs to a union, which stands for an object.
+class LineMap(Value):
+    """Line segments of a map, grouped into objects; the paper calls these unions (section 3.1).
 
     Args:
         segments: (m, 4) rows x1 y1 x2 y2 [m] in the world.
-        objects: (m,) the union of each segment, numbered from 0.
+        objects: (m,) the object of each segment, numbered from 0.
         points: (m,) number of reflection points that each segment was fitted to.
 
     Examples:
@@ -39,9 +37,9 @@ class LineMap:
     points: Int
 
     def __post_init__(self) -> None:
-        segments = read_only(self.segments, "segments")
-        objects = read_only(self.objects, "objects", np.int64)
-        points = read_only(self.points, "points", np.int64)
+        self._hold("segments")
+        self._hold("objects", "points", dtype=np.int64)
+        segments, objects, points = self.segments, self.objects, self.points
         if not (
             segments.shape == (len(segments), 4)
             and objects.shape == points.shape == segments.shape[:1]
@@ -55,27 +53,6 @@ class LineMap:
             raise InputError(
                 f"map: segment {row} is {segments[row].tolist()}, expected finite numbers"
             )
-        self.__dict__.update(segments=segments, objects=objects, points=points)
-
-    @classmethod
-    def deferred(cls, build: Callable[[], tuple[Float, Int, Int]]) -> "LineMap":
-        """A map whose segments, objects and points are made when one of them is asked for."""
-        line_map = cls.__new__(cls)
-        line_map.__dict__["_build"] = build
-        return line_map
-
-    def __getattr__(self, name: str) -> Any:
-        # Only what a deferred map was not asked for before is missing.
-        if name not in ("segments", "objects", "points") or "_build" not in self.__dict__:
-            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-        made = zip(("segments", "objects", "points"), self._build(), strict=True)
-        self.__dict__.update({of: read_only(column, of, column.dtype) for of, column in made})
-        # Only now: a map whose building was interrupted can be asked again.
-        self.__dict__.pop("_build", None)
-        return self.__dict__[name]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return LineMap, (self.segments, self.objects, self.points)
 
     @classmethod
     def empty(cls) -> "LineMap":
@@ -95,12 +72,12 @@ class LineMap:
 
     @property
     def object_count(self) -> int:
-        """How many unions there are."""
+        """The number of objects."""
         return len(np.unique(self.objects))
 
     @property
     def counts(self) -> str:
-        """How many segments and objects there are, in words."""
+        """The numbers of segments and objects, in words."""
         return f"{counted(len(self), 'segment')} in {counted(self.object_count, 'object')}"
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from lrf3d.casting.causes import Cause
-from lrf3d.casting.crosscheck import CrossCheck, Difference
+from lrf3d.casting.comparison import CrossCheck, Difference
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.render.chart import HEAD, Sheet

@@ -24,9 +24,9 @@ from lrf3d.render.marks import (
     draw_walls,
 )
 from lrf3d.render.page import FAINT, INK, Frame, Page
-from lrf3d.render.sight import Sight
-from lrf3d.simulation import Run
-from lrf3d.words import counted
+from lrf3d.run import Run
+from lrf3d.scene.sight import Sight
+from lrf3d.text import counted
 from lrf3d.world import World
 
 UNDER_MAP = "#c3c8d0"
@@ -46,7 +46,7 @@ def draw_world(
 
     Args:
         world: The walls.
-        path: Where to write the picture; nowhere where not given.
+        path: Where to write the picture; nowhere if not given.
         scan: A scan to draw beam by beam, with the robot at its pose.
         lrf: The range finder; with it, beams that met nothing are drawn up to its range.
         route: (n, 2) way-points to join by a line.
@@ -89,11 +89,11 @@ def draw_map(
 
     Args:
         source: A run, which brings all that follows along, or just a map.
-        path: Where to write the picture; nowhere where not given.
+        path: Where to write the picture; nowhere if not given.
         points: (n, 2) reflection points [m].
         poses: (k, 3) poses of the scans.
         world: The true walls.
-        title: The headline; the world's name where not given.
+        title: The headline; the world's name if not given.
 
     Raises:
         OutputError: The picture cannot be written.

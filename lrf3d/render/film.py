@@ -7,19 +7,18 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.render.bindings import pyrender
-from lrf3d.render.camera import make_camera
-from lrf3d.render.drawing import Drawing
 from lrf3d.render.gl import import_libraries
 from lrf3d.render.hud import Hud, widest_lines
 from lrf3d.render.inset import Inset
 from lrf3d.render.layout import lay_out, scale_of
-from lrf3d.render.look import Look
 from lrf3d.render.pictures import Picture
-from lrf3d.render.primitives import Primitive
-from lrf3d.render.scenery import TRAIL_WIDTH, Scenery
-from lrf3d.render.sight import FARTHEST
-from lrf3d.render.timeline import Timeline
-from lrf3d.simulation import Run
+from lrf3d.render.primitives import Canvas, Primitive
+from lrf3d.render.scenery import Scenery
+from lrf3d.run import Run
+from lrf3d.scene.camera import Look, make_camera
+from lrf3d.scene.look import POINT_PIXELS, POINT_SIZE, TRAIL_WIDTH
+from lrf3d.scene.sight import FARTHEST
+from lrf3d.scene.timeline import Timeline
 
 LAYERS = ("shadow", "trail", "fan", "beams", "trace", "points", "inset", "hud")
 """What can be left out of a film; what is left out costs nothing."""
@@ -33,7 +32,8 @@ class Film:
         size: Width and height of the pictures [pixels].
         view: Name of the camera.
         samples: Samples a pixel against jagged edges: 4, or 0 for none.
-        playback: Seconds of the run in a second of the film; cameras move by the film's time.
+        playback: Seconds of the run in a second of the film, the run's own if not given; cameras
+            move by the film's time.
         layers: What is drawn over the scene, of :data:`LAYERS`.
         renderer: What draws: ``gl``, or ``embree`` where there is no OpenGL.
     """
@@ -45,7 +45,7 @@ class Film:
         size: tuple[int, int],
         view: str,
         samples: int,
-        playback: float = 1.0,
+        playback: float | None = None,
         layers: Collection[str] = LAYERS,
         renderer: str = "gl",
     ) -> None:
@@ -98,7 +98,7 @@ class Film:
             "viewport": (float(width), float(height)),
             "half_width": max(0.5 * TRAIL_WIDTH, 1.2 * self._scale / metre),
             "focus": float(focus),
-            "sizes": (0.10, 3.0 * self._scale, 10.0 * self._scale),
+            "sizes": (POINT_SIZE, *(self._scale * size for size in POINT_PIXELS)),
         }
         shared["strength"] *= look.fan
         # Depths are coarser far away, but not for an eye that looks from far on purpose.
@@ -132,8 +132,7 @@ class Film:
         scenery = self.scenery
         yield scenery.robot, {}
         yield from scenery.movers.bodies()
-        yield scenery.walls.facades, {}
-        yield scenery.walls.plain, {}
+        yield scenery.walls.faces, {}
         yield from scenery.ground.draws()
         horizon = look.horizon
         if horizon < 1.0:
@@ -163,7 +162,7 @@ class Film:
             yield scenery.dots, {"nearer": over}
 
 
-def _renderer(name: str, size: tuple[int, int], samples: int) -> Drawing:
+def _renderer(name: str, size: tuple[int, int], samples: int) -> Canvas:
     """The renderer of a name; only what it needs is imported."""
     if name == "embree":
         from lrf3d.render.traced.renderer import TracedRenderer

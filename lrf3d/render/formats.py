@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Protocol
 
 from lrf3d.errors import InputError
-from lrf3d.render import encoder, gif, webp
+from lrf3d.render import gif, mp4, webp
 from lrf3d.render.pictures import Picture
 
 Progress = Callable[[int, int], None]
@@ -48,7 +48,7 @@ class Join(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class FilmFormat:
     """A kind of film.
 
     Args:
@@ -75,7 +75,7 @@ def _join_mp4(
     fps: float,
     progress: Progress | None,
 ) -> None:
-    encoder.join(parts, frames, path)
+    mp4.join(parts, frames, path)
 
 
 def _join_webp(
@@ -89,14 +89,14 @@ def _join_webp(
     webp.join_webp(parts, frames, path, fps=fps)
 
 
-FORMATS: dict[str, Format] = {
-    ".gif": Format(encoder.LosslessEncoder, gif.join_gif, gif.FASTEST, even=False, joining=0.4),
-    ".mp4": Format(encoder.Encoder, _join_mp4, 1000.0, even=True),
-    ".webp": Format(webp.WebpEncoder, _join_webp, webp.FASTEST, even=False),
+FORMATS: dict[str, FilmFormat] = {
+    ".gif": FilmFormat(mp4.LosslessEncoder, gif.join_gif, gif.FASTEST, even=False, joining=0.4),
+    ".mp4": FilmFormat(mp4.Encoder, _join_mp4, 1000.0, even=True),
+    ".webp": FilmFormat(webp.WebpEncoder, _join_webp, webp.FASTEST, even=False),
 }
 
 
-def format_of(path: Path) -> Format:
+def format_of(path: Path) -> FilmFormat:
     """The kind of film that a path names.
 
     Raises:

@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float
-from lrf3d.render.arrays import Single
-from lrf3d.render.ground import Ground, paint_ground, paint_tile
+from lrf3d.geometry import Float, Single
 from lrf3d.render.primitives import Mesh, Primitive
-from lrf3d.render.structures import Structures
 from lrf3d.render.textures import Texture
+from lrf3d.scene.ground import Ground, paint_ground, paint_tile
+from lrf3d.scene.structures import Structures
 
 _FARTHEST = 3000.0
 """How far the ground goes [m]: to the horizon."""

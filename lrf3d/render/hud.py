@@ -9,14 +9,13 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.laser import LaserScan
-from lrf3d.render.drawing import Drawing
 from lrf3d.render.pictures import Picture
-from lrf3d.render.primitives import Mesh, Primitive
+from lrf3d.render.primitives import Canvas, Mesh, Primitive
 from lrf3d.render.scenery import Scenery
 from lrf3d.render.textures import Texture
-from lrf3d.render.timeline import Moment
-from lrf3d.simulation import Run
-from lrf3d.words import rounded
+from lrf3d.run import Run
+from lrf3d.scene.timeline import Moment
+from lrf3d.text import rounded
 
 SMALLEST_SCALE = 0.62
 """Where there is room, text is not smaller than this times its size at 720 lines."""
@@ -168,7 +167,7 @@ class Label:
             self._shown = lines
             self._texture.update(self._panel.draw(lines))
 
-    def draw(self, renderer: Drawing) -> None:
+    def draw(self, renderer: Canvas) -> None:
         """Draw it over the picture."""
         renderer.draw(self._quad, {"box": self._box})
 
@@ -192,7 +191,7 @@ class Hud:
         """What it says of a moment."""
         return hud_lines(self._run, moment, self._run.scan(moment.scan))
 
-    def draw(self, renderer: Drawing, lines: tuple[Line, ...]) -> None:
+    def draw(self, renderer: Canvas, lines: tuple[Line, ...]) -> None:
         """Draw it over the picture."""
         renderer.overlay(None)
         self._label.show(lines)

@@ -5,33 +5,24 @@ from typing import Any
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Float
-from lrf3d.render.arrays import Single
-from lrf3d.render.beams import LINE_SIZES, line_quads
-from lrf3d.render.drawing import Drawing
+from lrf3d.geometry import Float, Single
 from lrf3d.render.hud import Label, Line
 from lrf3d.render.layout import scale_of
-from lrf3d.render.primitives import Mesh, Primitive
+from lrf3d.render.primitives import Canvas, Mesh, Primitive
 from lrf3d.render.scenery import Scenery
-from lrf3d.render.timeline import Moment
-
-WHOLE = 140.0
-"""Largest scene [m] that is shown whole; in a larger one the inset follows the robot."""
+from lrf3d.scene import look
+from lrf3d.scene.beams import LINE_SIZES, line_quads
+from lrf3d.scene.timeline import Moment
 
 _LEAST = 4.0
 """Least size [m] that is shown: there may be no wall, and a robot that stands."""
 
-_FOLLOWED = 110.0
-"""What is shown of a larger one [m]."""
-
 _MARGIN = 8.0
 """What is shown round the robot's path [m], at the least."""
 
-_PAPER = (0.965, 0.970, 0.980, 0.94)
+_PAPER = (*look.PAPER, 0.94)
 _FRAME = (0.05, 0.07, 0.10, 1.0)
-_STONE = (0.70, 0.725, 0.76, 1.0)
-_ORANGE = (0.98, 0.46, 0.06, 1.0)
-_DARK = (0.12, 0.14, 0.18, 1.0)
+_STONE = (*look.STONE, 1.0)
 _CAPTION, _CAPTION_BACK = (60, 68, 80, 255), (245, 247, 250, 190)
 
 
@@ -70,7 +61,7 @@ class Inset:
         self._caption.place(size, left, top + side - self._caption.size[1])
         self._captioned = 2 * self._caption.size[0] <= side
 
-    def draw(self, renderer: Drawing, moment: Moment, shared: dict[str, Any]) -> None:
+    def draw(self, renderer: Canvas, moment: Moment, shared: dict[str, Any]) -> None:
         """Draw it over the picture, with the uniforms of the scene."""
         scenery, side = self._scenery, float(self._box[2])
         metre = side / self.window
@@ -114,11 +105,11 @@ class Inset:
         for points, margin in ((everything, 1.0), (path, _MARGIN + 12.0)):
             low, high = points.min(axis=0), points.max(axis=0)
             size = float((high - low).max())
-            if size <= WHOLE - 2.0 * margin:
+            if size <= look.INSET_WHOLE - 2.0 * margin:
                 # A room needs less of a rim than a city, and walls are needed around a path.
                 rim = margin * min(1.0, size / 40.0) if points is everything else margin
                 return 0.5 * (low + high), max(1.04 * size + 2.0 * rim, _LEAST)
-        return None, _FOLLOWED
+        return None, look.INSET_FOLLOWED
 
     def matrix(self, moment: Moment) -> Float:
         """The matrix (4, 4) from the film's frame to the inset, north up, picture turned over."""
@@ -159,10 +150,8 @@ def _houses(scenery: Scenery) -> Single:
 
 def _arrow() -> Single:
     """An arrow head along x with a dark rim, as triangles (v, 6)."""
-    head = np.array(
-        [[1.0, 0.0], [-0.75, 0.72], [-0.4, 0.0], [1.0, 0.0], [-0.4, 0.0], [-0.75, -0.72]]
-    )
-    rim = np.concatenate([head * 1.5 + [0.02, 0.0], np.tile(_DARK, (6, 1))], axis=1)
-    return np.concatenate([rim, np.concatenate([head, np.tile(_ORANGE, (6, 1))], axis=1)]).astype(
-        np.float32
-    )
+    head = look.DART[[0, 1, 2, 0, 2, 3]]
+    rim = np.concatenate([head * 1.4, np.tile((*look.ROBOT_RIM, 1.0), (6, 1))], axis=1)
+    return np.concatenate(
+        [rim, np.concatenate([head, np.tile((*look.ROBOT, 1.0), (6, 1))], axis=1)]
+    ).astype(np.float32)

@@ -15,7 +15,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.render.page import Frame
-from lrf3d.render.palette import object_tints
+from lrf3d.scene.look import DART, object_tints
 from lrf3d.world import World
 
 INSIDE, POINT, BEAM, HIT, PATH, ROBOT = (
@@ -39,9 +39,6 @@ FEW_POSES, FEW_OBJECTS = 6, 9
 
 JUMP = 0.15
 """Poses that lie mostly farther apart than this part of the frame are no drive, but places."""
-
-DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
-"""Outline (4, 2) of the robot as seen from above, heading along x."""
 
 DART_SIZE = 0.016
 """Size of the robot as a part of the frame: at its true size a city would swallow it."""

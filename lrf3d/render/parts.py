@@ -10,13 +10,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Float, Int
-from lrf3d.render.arrays import Single
+from lrf3d.geometry import Float, Int, Single, quad_indices
 from lrf3d.render.primitives import Primitive
 from lrf3d.render.skyline import Skyline
+from lrf3d.render.textures import Texture
+from lrf3d.scene.facades import layers
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.walls import paint_walls
 
 TILE = 160.0
 """Side of a tile [m]: parts are checked one by one only in tiles that are in sight."""
+
+_LONGEST = 60.0
+"""Side of a square [m] that a part is cut to: a block of a mile is not drawn for its corner."""
+
+_SIZES, _COLUMNS = (3, 3, 3, 3, 1), [0, 1, 2, *range(6, 16)]
+"""What a corner has, position, place on the texture, colour, light and shadow, and where in the
+rows of :func:`~lrf3d.scene.walls.paint_walls` that stands."""
 
 FEW = 80
 """So few parts in the picture are drawn without asking which of them hide others."""
@@ -136,6 +146,80 @@ class PartedPrimitive(Primitive):
             return
         self._shown = parts
         self.choose(self._all[ranges(self._starts, self._sizes, parts)].ravel())
+
+
+@dataclass(frozen=True, slots=True)
+class Walls:
+    """What can be seen of a world's walls, in parts that are drawn only if they are in sight.
+
+    Args:
+        faces: Walls and roofs.
+        parts: Where their parts stand.
+    """
+
+    faces: PartedPrimitive
+    parts: Parts
+
+    def look_from(self, matrix: Float, eye: Float) -> None:
+        """Choose what a picture of a matrix (4, 4) from an eye (3,) may show."""
+        self.faces.select(self.parts.seen(matrix, eye))
+
+
+def build_walls(structures: Structures) -> Walls:
+    """Build the primitive of all walls and roofs, and the parts that it is drawn in."""
+    quads, objects, roofs, roof_objects = paint_walls(structures)
+    quad_parts, roof_parts, parts = _parts(structures, quads, objects, roofs, roof_objects)
+    corners = 4 * len(quads) + np.arange(3 * len(roofs), dtype=np.uint32)
+    faces = PartedPrimitive(
+        "walls",
+        _SIZES,
+        np.concatenate([quads.reshape(-1, 16), roofs.reshape(-1, 16)])[:, _COLUMNS],
+        np.concatenate([quad_indices(len(quads)), corners]).reshape(-1, 3).astype(np.uint32),
+        np.concatenate([np.repeat(quad_parts, 2), roof_parts]),
+        len(parts.boxes.low),
+    )
+    faces.texture = Texture(layers(structures.indoor))
+    return Walls(faces, parts)
+
+
+def _parts(
+    structures: Structures, quads: Single, quad_objects: Int, roofs: Single, roof_objects: Int
+) -> tuple[Int, Int, Parts]:
+    """The part of each quad and roof triangle, and the parts: objects, or pieces of them."""
+    middles = np.concatenate([quads[:, :, :2].mean(axis=1), roofs[:, :, :2].mean(axis=1)])
+    cells = np.floor(middles / _LONGEST).astype(np.int64)
+    objects = np.concatenate([quad_objects, roof_objects])
+    keys = np.column_stack([objects, cells])
+    # Small objects are one part wherever they stand.
+    small = _sizes_of(structures)[objects] <= _LONGEST
+    keys[small, 1:] = 0
+    _, owners = np.unique(keys, axis=0, return_inverse=True)
+    owners = owners.reshape(-1)
+    points = np.concatenate([quads[:, :, :3].reshape(-1, 3), roofs[:, :, :3].reshape(-1, 3)])
+    point_owners = np.concatenate(
+        [np.repeat(owners[: len(quads)], 4), np.repeat(owners[len(quads) :], 3)]
+    )
+    boxes = Boxes.around(points.astype(np.float64), point_owners, int(owners.max(initial=-1)) + 1)
+    return owners[: len(quads)], owners[len(quads) :], Parts(boxes, _skyline(structures))
+
+
+def _sizes_of(structures: Structures) -> Float:
+    """The longer side (objects,) of the box around each object [m]."""
+    count = int(structures.objects.max(initial=-1)) + 1
+    ends = structures.segments.reshape(-1, 2)
+    flat = np.column_stack([ends, np.zeros(len(ends))])
+    boxes = Boxes.around(flat, np.repeat(structures.objects, 2), count)
+    return np.asarray((boxes.high - boxes.low).max(axis=1))
+
+
+def _skyline(structures: Structures) -> Skyline:
+    """What hides parts: the solids, as high as their lowest walls."""
+    solid = np.flatnonzero(structures.closed)
+    order = solid[np.argsort(structures.objects[solid], kind="stable")]
+    _, starts, sizes = np.unique(structures.objects[order], return_index=True, return_counts=True)
+    lows = structures.heights[order]
+    heights = np.minimum.reduceat(lows, starts) if len(starts) else np.zeros(0)
+    return Skyline(structures.segments[order, :2], sizes, heights)
 
 
 def ranges(starts: Int, sizes: Int, chosen: Int) -> Int:

@@ -1,13 +1,15 @@
 """Primitives: pyrender's, with the program that draws them and buffers that can be rewritten."""
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.render.arrays import Single
+from lrf3d.geometry import Float, Single
 from lrf3d.render.bindings import GL, pyrender
+from lrf3d.render.pictures import Picture
 from lrf3d.render.textures import Texture
 
 _FLOAT = 4
@@ -23,7 +25,7 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             the first is the position.
         vertices: (n, sum of sizes) the vertices; of a dynamic primitive, the first ones.
         indices: (m,) which vertices make the triangles, or nothing for all in order.
-        mode: What to draw, an OpenGL constant; triangles where not given.
+        mode: What to draw, an OpenGL constant; triangles if not given.
         capacity: Number of vertices of a dynamic primitive; 0 for one that never changes.
         blend: Whether it is translucent.
         cull: Whether faces seen from behind are left out.
@@ -131,3 +133,35 @@ class Mesh(pyrender.Mesh):  # type: ignore[misc]
         """Corners (2, 3) of the box around all primitives [m]."""
         boxes = np.array([primitive.bounds for primitive in self.primitives])
         return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+
+class Canvas(Protocol):
+    """Draws scenes of primitives into pictures, in the order of its methods."""
+
+    def begin(self, scene: Any) -> None:
+        """Start a picture."""
+        ...
+
+    def camera_matrices(self, scene: Any) -> tuple[Float, Float]:
+        """Matrix (4, 4) from the scene to the picture turned over, and the eye (3,)."""
+        ...
+
+    def draw(self, primitive: Primitive, uniforms: Mapping[str, Any]) -> None:
+        """Draw a primitive with uniforms for its program."""
+        ...
+
+    def flatten(self) -> None:
+        """Go on with one sample a pixel: what comes has soft edges of its own."""
+        ...
+
+    def overlay(self, box: tuple[int, int, int, int] | None) -> None:
+        """Go on without depth, in a box left, top, width, height [pixels] or in the whole."""
+        ...
+
+    def finish(self) -> Picture:
+        """The picture (h, w, 4) uint8; it is written over by the next one."""
+        ...
+
+    def delete(self) -> None:
+        """Free what is held."""
+        ...

@@ -7,8 +7,26 @@ from typing import Any
 import numpy as np
 
 from lrf3d.render.bindings import GL
+from lrf3d.scene import facades, look
 
 _SHADERS = Path(__file__).parent / "shaders"
+
+_CONSTANTS: dict[str, Any] = {
+    "FAN_COLOUR": look.FAN_COLOUR,
+    "GLOW": look.GLOW,
+    "RIM": look.SHADOW_RIM,
+    "SHADOW_COLOUR": look.SHADOW_COLOUR,
+    "SHARPNESS": look.GROUND_SHARPNESS,
+    "SIZE": (float(facades.BAYS * facades.TILE), float(facades.ROWS * facades.TILE)),
+    "SKYLIGHT": look.SKYLIGHT,
+    "SLANTS": facades.SLANTS,
+    "TILE": float(facades.TILE),
+    "TRAIL_COLOUR": look.TRAIL_COLOUR,
+    "WINDOWED": facades.WINDOWED,
+    "ZENITH": look.ZENITH,
+    "ZENITH_INDOOR": look.ZENITH_INDOOR,
+}
+"""Constants of the look that shaders know by these names."""
 
 Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
 
@@ -81,8 +99,18 @@ def _set(place: int, value: Uniform) -> None:
         GL.glUniform4f(place, value[0], value[1], value[2], value[3])
 
 
+def _constants() -> str:
+    """The constants of the look, as lines of a shader."""
+    lines = []
+    for name, value in _CONSTANTS.items():
+        values = np.ravel(value).tolist()
+        kind = f"vec{len(values)}" if len(values) > 1 else type(values[0]).__name__
+        lines.append(f"const {kind} {name} = {kind}({', '.join(map(repr, values))});\n")
+    return "".join(lines)
+
+
 def _compile(file: str, kind: int) -> int:
-    common = (_SHADERS / "common.glsl").read_text()
+    common = _constants() + (_SHADERS / "common.glsl").read_text()
     source = (_SHADERS / file).read_text()
     shader: int = GL.glCreateShader(kind)
     GL.glShaderSource(shader, f"#version 330 core\n{common}\n#line 1\n{source}")

@@ -5,32 +5,21 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float
-from lrf3d.render.arrays import Single
-from lrf3d.render.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
+from lrf3d.geometry import Bool, Float, Single
 from lrf3d.render.bindings import GL, pyrender
-from lrf3d.render.ground import SUN
 from lrf3d.render.ground_layer import GroundLayer
 from lrf3d.render.movers import MovingBodies
-from lrf3d.render.palette import object_tints
+from lrf3d.render.parts import build_walls
 from lrf3d.render.primitives import Mesh, Primitive
-from lrf3d.render.robot_model import robot_primitive, world_from_robot
-from lrf3d.render.structures import Structures
-from lrf3d.render.timeline import Moment, Timeline
-from lrf3d.render.walls import build_walls
-from lrf3d.simulation import Run
-
-_FAN_REACH = 42.0
-"""Range [m] at which the fan has faded to nothing: farther, it would only tint the street."""
-
-TRAIL_WIDTH = 0.11
-"""Width of the trail on the ground [m]."""
+from lrf3d.run import Run
+from lrf3d.scene import look
+from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
+from lrf3d.scene.bodies import robot_mesh, world_from_robot
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.timeline import Moment, Timeline
 
 _SHARPEST = -0.2
 """Cosine of the sharpest bend of the trail that is mitred: beyond, the tip would be long."""
-
-_HAZE = (0.83, 0.88, 0.935)
-_HAZE_INDOOR = (0.80, 0.825, 0.85)
 
 
 class Scenery:
@@ -46,11 +35,12 @@ class Scenery:
         run = self.run = timeline.run
         self.structures = Structures.from_run(run)
         self.origin = self.structures.origin
-        self.reach = min(run.lrf.range_max, _FAN_REACH)
+        self.reach = min(run.lrf.range_max, look.REACH)
         self.scene = pyrender.Scene()
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
         self.walls = build_walls(self.structures)
-        self.robot = robot_primitive(run.lrf.height)
+        rows, indices = robot_mesh(run.lrf.height)
+        self.robot = Primitive("robot", (3, 3, 3), rows, indices=indices, cull=True)
         self.movers = MovingBodies(run.movers, self.origin, self.structures.indoor)
         self.ground = GroundLayer(self.structures, self.scene)
         self.sky = Primitive("sky", (2,), _mesh(10, 10))
@@ -67,19 +57,18 @@ class Scenery:
         for primitive in self.all:
             self.scene.add(Mesh([primitive]))
         self._constant = {
-            "sun": tuple(SUN.tolist()),
+            "sun": tuple(look.SUN.tolist()),
             "haze": self.haze,
             "indoor": float(self.structures.indoor),
             "lift": 0.0,
             "reach": self.reach,
-            "strength": 0.30 if self.structures.indoor else 0.37,
+            "strength": look.FAN_STRENGTH_INDOOR if self.structures.indoor else look.FAN_STRENGTH,
         }
 
     @property
     def all(self) -> tuple[Primitive, ...]:
         """All primitives."""
-        walls = (self.walls.facades, self.walls.plain)
-        solid = (self.robot, *walls, self.sky)
+        solid = (self.robot, self.walls.faces, self.sky)
         return (
             *solid,
             self.blob,
@@ -95,13 +84,15 @@ class Scenery:
     @property
     def haze(self) -> tuple[float, float, float, float]:
         """Colour of what is far away, and one over the distance [m] at which half is haze."""
-        return (*_HAZE_INDOOR, 1 / 120.0) if self.structures.indoor else (*_HAZE, 1 / 190.0)
+        if self.structures.indoor:
+            return (*look.HAZE_INDOOR, 1.0 / look.HALF_HAZE_INDOOR)
+        return (*look.HAZE, 1.0 / look.HALF_HAZE)
 
     def show(self, moment: Moment) -> dict[str, Any]:
         """Bring robot and trail up to a moment; gives the uniforms that say where."""
         self.movers.place(moment.time)
         place = moment.pose - np.array([*self.origin, 0.0])
-        shift = -0.16 * SUN[:2] * (0.0 if self.structures.indoor else 1.0)
+        shift = -0.16 * look.SUN[:2] * (0.0 if self.structures.indoor else 1.0)
         moved: dict[str, Any] = {
             **self._constant,
             "world_from_robot": world_from_robot(place),
@@ -220,5 +211,5 @@ def _map_lines(run: Run, stage: int, origin: Float) -> Single:
         return np.zeros((0, sum(LINE_SIZES)), np.float32)
     segments = run.maps[stage].segments - np.tile(origin, 2)
     opaque = np.ones((len(segments), 2))
-    colours = object_tints(run.lasting_objects[stage])
+    colours = look.object_tints(run.lasting_objects[stage])
     return line_quads(segments[:, :2], segments[:, 2:], colours, opaque, run.lrf.height)

@@ -80,7 +80,7 @@ def draw_sweep(
 
     Args:
         curves: The curves.
-        path: Where to write the picture; nowhere where not given.
+        path: Where to write the picture; nowhere if not given.
         axis: What is varied, in words.
         titles: The headline, and the smaller line below it.
 

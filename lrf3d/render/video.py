@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 from lrf3d.errors import InputError, OutputError
 from lrf3d.output import beside, locked, make_folder, replacing, unfinished_folder
 from lrf3d.render.film_parts import Progress, draw_parts
-from lrf3d.render.renderers import choose_renderer
-from lrf3d.render.timeline import Timeline
+from lrf3d.render.gl import gl_available, require_gl
 from lrf3d.render.worker import FRAMES, Job
-from lrf3d.simulation import Run
+from lrf3d.run import Run
+from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
+
+RENDERERS = ("embree", "gl")
+"""Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one."""
 
 VIEWS = MOVING_VIEWS
 """Names of the cameras that every world has."""
@@ -42,7 +45,6 @@ def render_video(
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
-    scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> None:
     """Draw a run as a film: H.264 in .mp4, or a looping animation in .webp or .gif.
@@ -52,23 +54,19 @@ def render_video(
         path: The file to write; it appears whole or not at all. Its ending says which kind.
         size: Width and height [pixels], both even for .mp4.
         fps: Frames a second; a .gif can have up to 50, a .webp up to 200.
-        playback: Seconds of the run in a second of the film; the run's own where not given.
+        playback: Seconds of the run in a second of the film; the run's own if not given.
         view: Name of the camera: ``chase``, ``first``, ``orbit``, ``top``, or one of the world's;
-            the run's own where not given.
+            the run's own if not given.
         samples: Samples a pixel against jagged edges: 4, or 0 for none.
-        workers: Number of processes; as many as there are cores where not given.
+        workers: Number of processes; as many as there are cores if not given.
         renderer: What draws: ``gl``, or ``embree`` which needs no OpenGL and takes longer; where
             not given, OpenGL where it is there.
-        scheduler: Address of a Dask scheduler, ``tcp://HOST:PORT``, whose workers draw instead of
-            this machine; ``workers`` then says in how many parts, by default as many as they draw
-            at once. Machines that are alike give the same file as one with as many workers.
         progress: Called with frames done and frames in all, as the film grows. A .gif is packed
             when all of it is drawn; then a frame that is drawn counts as a part of one.
 
     Raises:
-        InputError: An argument is out of its range, or the scheduler cannot be used.
-        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw; or a scheduler is
-            named, and Dask is not there.
+        InputError: An argument is out of its range.
+        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
         OutputError: The file cannot be written.
 
     Examples:
@@ -81,9 +79,7 @@ def render_video(
 
     path = Path(path)
     kind = format_of(path)
-    job = _job(
-        run, size, fps, playback, view, samples, workers, renderer, path.suffix.lower(), scheduler
-    )
+    job = _job(run, size, fps, playback, view, samples, workers, renderer, path.suffix.lower())
     if kind.even and (size[0] % 2 or size[1] % 2):
         raise InputError(f"size {size[0]}x{size[1]}: H.264 needs even numbers")
     if fps > kind.fastest:
@@ -95,7 +91,7 @@ def render_video(
         unfinished.touch()
         unfinished.unlink()
         drawing = share_of(progress, 0.0, 1.0 - kind.joining, len(job.times))
-        parts, frames = _draw(job, folder, workers, scheduler, drawing)
+        parts, frames = draw_parts(job, folder, workers, drawing)
         joining = share_of(progress, 1.0 - kind.joining, 1.0, len(job.times))
         kind.join(parts, frames, unfinished, fps=fps, progress=joining)
 
@@ -125,7 +121,6 @@ def render_frames(
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
-    scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> int:
     """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.
@@ -136,21 +131,20 @@ def render_frames(
         How many there are.
 
     Raises:
-        InputError: An argument is out of its range, the folder has something in it, or the
-            scheduler cannot be used.
+        InputError: An argument is out of its range, or the folder has something in it.
         MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
         OutputError: The folder cannot be written.
     """
     # The current folder has a name, too, and one above it.
     folder = Path(os.path.abspath(folder))
-    job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES, scheduler)
+    job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder}: not empty; name a new or an empty folder")
     make_folder(folder.parent)
     try:
         # Beside its place, so that it can be put there at once.
         with locked(beside(folder), folder), unfinished_folder(folder) as place:
-            parts, _ = _draw(job, place, workers, scheduler, progress)
+            parts, _ = draw_parts(job, place, workers, progress)
             whole = place / "frames"
             whole.mkdir()
             for part in parts:
@@ -215,7 +209,6 @@ def _job(
     workers: int | None,
     renderer: str | None,
     ending: str,
-    scheduler: str | None,
 ) -> Job:
     """The film to draw, when all that is asked for can be."""
     view, playback = _view_and_playback(run, view, playback)
@@ -227,7 +220,7 @@ def _job(
     times = Timeline(run, playback=playback).frame_times(fps)
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
-    drawn = choose_renderer(renderer, here=scheduler is None)
+    drawn = choose_renderer(renderer)
     return Job(run, times, size, fps, playback, view, samples, drawn, ending)
 
 
@@ -239,17 +232,6 @@ def _view_and_playback(run: Run, view: str | None, playback: float | None) -> tu
     )
 
 
-def _draw(
-    job: Job, folder: Path, workers: int | None, scheduler: str | None, progress: Progress | None
-) -> tuple[list[Path], list[int]]:
-    """Draw the parts of a film, here or on a cluster."""
-    if scheduler is None:
-        return draw_parts(job, folder, workers, progress)
-    from lrf3d.render.cluster_parts import draw_parts_on
-
-    return draw_parts_on(scheduler, job, folder, workers, progress)
-
-
 def _check(run: Run, size: tuple[int, int], view: str, samples: int) -> None:
     if not all(_SMALLEST <= side <= _LARGEST for side in size):
         raise InputError(
@@ -258,3 +240,22 @@ def _check(run: Run, size: tuple[int, int], view: str, samples: int) -> None:
     check_view(view, run.world.cameras)
     if samples not in SAMPLES:
         raise InputError(f"samples {samples}: expected 0 or 4")
+
+
+def choose_renderer(wanted: str | None) -> str:
+    """The renderer of a name; where none is named, OpenGL's where it is there, else Embree's.
+
+    Args:
+        wanted: The name.
+
+    Raises:
+        InputError: There is no renderer of that name.
+        MissingLibraryError: OpenGL is wanted and is not there.
+    """
+    if wanted is None:
+        return "gl" if gl_available() else "embree"
+    if wanted not in RENDERERS:
+        raise InputError(f"renderer {wanted!r}: expected one of {', '.join(RENDERERS)}")
+    if wanted == "gl":
+        require_gl()
+    return wanted

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from lrf3d.errors import Lrf3dError
 from lrf3d.geometry import Float
-from lrf3d.simulation import Run
+from lrf3d.run import Run
 
 FRAME_DONE = b"."
 
@@ -56,7 +56,7 @@ def draw_part(job: Job, first: int, last: int, part: Path) -> None:
     """Draw the frames from first to before last into a file, and say so on standard output."""
     from lrf3d.render.film import Film
     from lrf3d.render.formats import FORMATS
-    from lrf3d.render.pngs import PngEncoder
+    from lrf3d.render.pictures import PngEncoder
 
     # What libraries print must not be taken for frames.
     progress = os.dup(1)

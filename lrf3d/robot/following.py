@@ -14,6 +14,16 @@ from lrf3d.robot.unicycle import Unicycle
 CONTROL_STEP = 0.05
 """How long each command of the follower is held [s]: 20 Hz, as on a real robot."""
 
+SPEED = 3.0
+"""Speed of a drive [m/s] if none is given."""
+
+LOOKAHEAD = 1.0
+"""How far ahead on its route the robot steers at [m] if not given: about three of its
+radii, so that it cuts corners by no more than the clearance that planned routes keep."""
+
+SCAN_INTERVAL = 0.25
+"""Time between two scans [s] if none is given."""
+
 MAX_TURN_RATE = 1.5
 """Fastest turn that the follower asks for [rad/s]."""
 
@@ -35,20 +45,20 @@ def follow_route(
     route: ArrayLike,
     *,
     start: Sequence[float] | Float | None = None,
-    speed: float = 1.0,
-    lookahead: float = 1.5,
-    dt: float = 0.1,
+    speed: float = SPEED,
+    lookahead: float = LOOKAHEAD,
+    dt: float = SCAN_INTERVAL,
     most: int | None = None,
 ) -> Trajectory:
     """Drive along way-points by pure pursuit, each command held as an exact arc.
 
     Args:
         route: (m, 2) way-points [m], two or more.
-        start: Pose at time 0; on the first way-point with the second ahead where not given.
+        start: Pose at time 0; on the first way-point with the second ahead if not given.
         speed: Speed on straight parts [m/s]; turns are driven slower where they must be.
         lookahead: Distance along the route to the point that is steered at [m].
         dt: Time between the poses of the trajectory [s].
-        most: After how many poses to end on the way; at the end of the route where not given.
+        most: After how many poses to end on the way; at the end of the route if not given.
 
     Raises:
         InputError: The route has fewer than two different points, a number makes no sense, or

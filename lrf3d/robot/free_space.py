@@ -114,8 +114,8 @@ def find_free_space(
         least: Distance to walls [m] that is always kept.
         clearance: Distance to walls [m] that is kept where there is room.
         comfortable: Distance to walls [m] below which a place is tight: a door.
-        where: The side of the walls to stay on; by the world where not given.
-        start: Place x, y [m] that the space must hold; anywhere where not given.
+        where: The side of the walls to stay on; by the world if not given.
+        start: Place x, y [m] that the space must hold; anywhere if not given.
 
     Raises:
         InputError: There are no walls, or there is no room for the robot between them.

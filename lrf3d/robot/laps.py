@@ -1,14 +1,18 @@
-"""Laps: a drive along a route, there and back again, for as many scans as are asked for."""
+"""Routes that are driven for ever: laps of the robot, and patrols as people and carts go."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Value, is_finite, numbers
 from lrf3d.pose import Pose
 from lrf3d.robot.following import follow_route
 from lrf3d.robot.trajectory import Trajectory
+
+TURN = 0.5
+"""Time that a turn on the spot takes [s]."""
 
 
 def drive_laps(
@@ -21,7 +25,7 @@ def drive_laps(
 
     Args:
         route: (m, 2) way-points [m].
-        start: Pose at time 0; on the first way-point where not given.
+        start: Pose at time 0; on the first way-point if not given.
         speed: Speed on straight parts [m/s].
         lookahead: Distance along the route to the point that is steered at [m].
         dt: Time between the poses [s].
@@ -74,3 +78,65 @@ def _waited_for(lap: Trajectory) -> Trajectory:
     if lap.times[-1] > even - 1e-6 * interval:
         return lap
     return Trajectory(np.append(lap.times[:-1], even), lap.poses)
+
+
+@dataclass(frozen=True, eq=False)
+class Patrol(Value):
+    """A path straight from way-point to way-point and back the same way, for ever.
+
+    It turns on the spot at each way-point.
+
+    Args:
+        route: (m, 2) way-points x, y [m], at least two different ones.
+        speed: Speed between them [m/s].
+
+    Raises:
+        InputError: The route has no length, or the speed is not positive.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lrf3d.robot.laps import Patrol
+        >>> Patrol([(0, 0), (4, 0)], speed=2.0).at(np.array([1.0, 3.5])).round(2).tolist()
+        [[2.0, 0.0, 0.0], [2.0, 0.0, 3.14]]
+    """
+
+    route: Float
+    speed: float = 1.0
+
+    def __post_init__(self) -> None:
+        points = np.asarray(numbers(self.route, "route"), dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+            raise InputError(f"patrol along points {points.shape}: expected finite points (m, 2)")
+        if not (is_finite(self.speed) and self.speed > 0.0):
+            raise InputError(f"patrol at {self.speed} m/s: expected a positive speed")
+        if not (points[1:] != points[:-1]).any():
+            raise InputError("patrol: expected a route of at least two different way-points")
+        self._hold("route")
+
+    def until(self, time: float) -> Trajectory:
+        """The path up to a time [s], to the end of the leg that is driven then."""
+        points = self.route
+        points = points[np.append(True, (np.diff(points, axis=0) != 0.0).any(axis=1))]
+        legs = np.diff(np.vstack([points, points[-2::-1]]), axis=0)
+        headings = np.arctan2(legs[:, 1], legs[:, 0])
+        durations = np.hypot(legs[:, 0], legs[:, 1]) / self.speed
+        begin, place = 0.0, points[0]
+        times: list[float] = []
+        poses: list[Float] = []
+        leg = 0
+        # One pose where a leg begins and one where it ends; between legs it turns.
+        while begin <= time or not times:
+            times += [begin, begin + durations[leg]]
+            poses += [np.append(place, headings[leg]), np.append(place + legs[leg], headings[leg])]
+            begin, place = begin + durations[leg] + TURN, place + legs[leg]
+            leg = (leg + 1) % len(legs)
+        return Trajectory(times, poses)
+
+    def at(self, times: Float) -> Float:
+        """Poses (m, 3) at times (m,) [s]; before time 0 it stands."""
+        last = float(times.max(initial=0.0))
+        known: Trajectory | None = self.__dict__.get("_known")
+        if known is None or known.times[-1] <= last:
+            # Twice as far as asked, so that a clock that runs on seldom needs another.
+            known = self.__dict__["_known"] = self.until(2.0 * last + 60.0)
+        return known.at(times)

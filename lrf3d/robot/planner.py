@@ -13,10 +13,11 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, is_finite
 from lrf3d.robot.collision import find_collision
-from lrf3d.robot.following import CONTROL_STEP, follow_route
+from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, follow_route
 from lrf3d.robot.free_space import FreeSpace, Side, find_free_space
 from lrf3d.robot.tour import Network, best_tour
 from lrf3d.robot.trajectory import Trajectory
+from lrf3d.robot.unicycle import RADIUS
 from lrf3d.robot.viewpoints import look_around
 from lrf3d.world import World
 
@@ -41,9 +42,6 @@ MORE = 1.1
 """How many times as much room, or as long walls, there must be with narrow doors as without them
 for a robot to go through them."""
 
-FOLLOWER = 1.0
-"""Look-ahead [m] of the pure pursuit that must be able to follow a route."""
-
 LONGEST_LEG = 30.0
 """Longest straight piece of a route [m]."""
 
@@ -66,10 +64,10 @@ class PlannedRoute:
 def plan_route(
     world: World,
     *,
-    radius: float = 0.35,
+    radius: float = RADIUS,
     clearance: float = 2.0,
     range_max: float = 80.0,
-    lookahead: float = FOLLOWER,
+    lookahead: float = LOOKAHEAD,
     where: Side | None = None,
     start: Sequence[float] | Float | None = None,
 ) -> Float:
@@ -88,9 +86,9 @@ def plan_route(
         lookahead: Look-ahead [m] with which `follow_route` is to follow it; the shorter it is,
             the narrower are the doors that it gets through.
         where: ``"inside"`` or ``"outside"``, the side of the walls to stay on; by the world and
-            the start where not given.
+            the start if not given.
         start: Pose x, y [m], theta [rad] where the drive begins, or its place; the route begins
-            there and stays in the space around it. Anywhere where not given.
+            there and stays in the space around it. Anywhere if not given.
 
     Raises:
         InputError: There are no walls, there is no room to drive, the start is in a wall or on
@@ -117,10 +115,10 @@ def plan_route(
 def find_route(
     world: World,
     *,
-    radius: float = 0.35,
+    radius: float = RADIUS,
     clearance: float = 2.0,
     range_max: float = 80.0,
-    lookahead: float = FOLLOWER,
+    lookahead: float = LOOKAHEAD,
     where: Side | None = None,
     start: Sequence[float] | Float | None = None,
 ) -> PlannedRoute:
@@ -262,7 +260,7 @@ def _can_be_followed(
 ) -> bool:
     """Whether a robot that follows the route by pure pursuit keeps clear of all walls."""
     pose = start if start is not None and len(start) == 3 else None
-    drive = follow_route(route, start=pose, speed=3.0, lookahead=lookahead, dt=CONTROL_STEP)
+    drive = follow_route(route, start=pose, lookahead=lookahead, dt=CONTROL_STEP)
     return find_collision(drive, world, radius) is None
 
 

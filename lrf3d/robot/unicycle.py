@@ -9,6 +9,9 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float, is_finite
 from lrf3d.pose import Pose, as_pose
 
+RADIUS = 0.35
+"""Radius of the robot's round body [m] if none is given."""
+
 
 @dataclass(frozen=True, slots=True)
 class Unicycle:
@@ -25,7 +28,7 @@ class Unicycle:
         (1.0, 1.0, 1.570796)
     """
 
-    radius: float = 0.35
+    radius: float = RADIUS
 
     def __post_init__(self) -> None:
         if not (is_finite(self.radius) and self.radius >= 0.0):

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments
 from lrf3d.scoring.report import Report
 from lrf3d.scoring.visibility import visible_walls
-from lrf3d.simulation import Run
 
 
 @dataclass(frozen=True, slots=True)

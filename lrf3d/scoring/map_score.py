@@ -6,10 +6,10 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping import LineMap
+from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments, sample_offsets
 from lrf3d.scoring.report import Report
 from lrf3d.scoring.visibility import visible_walls
-from lrf3d.simulation import Run
 
 REACH = 0.1
 """Farthest that a right sample may lie from a wall [m]."""
@@ -85,7 +85,7 @@ def score_map(
         visible_segments: (v, 4) the visible parts, see :func:`visible_walls`.
         visible_objects: (v,) the object that each part belongs to.
         walls: (n, 4) all true walls, by any of which a map sample is right; just the visible
-            parts where not given.
+            parts if not given.
 
     Where there is no map, nothing in it is wrong; where nothing is visible, nothing is missed.
 

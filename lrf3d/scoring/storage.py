@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.geometry import Float, Int
+from lrf3d.run import Run
 from lrf3d.scoring.matching import sample_counts, sample_offsets
 from lrf3d.scoring.report import Report
-from lrf3d.simulation import Run
 
 GRID_CELL = 0.1
 """Size of a cell of the occupancy grid [m]."""

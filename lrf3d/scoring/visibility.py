@@ -4,7 +4,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int, directions
 from lrf3d.laser import beam_directions
-from lrf3d.simulation import Run
+from lrf3d.run import Run
 
 LEAST_LENGTH = 0.5
 """Length [m] that the visible part of a wall must exceed to count."""

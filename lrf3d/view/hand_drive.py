@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting import EmbreeCaster
-from lrf3d.casting.timed import timed
 from lrf3d.laser import LaserScan
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.pose import Pose
-from lrf3d.render.sight import Sight
 from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import Obstacles
-from lrf3d.study.experiment import Experiment
+from lrf3d.scenario import Scenario
+from lrf3d.scene.sight import Sight
+from lrf3d.sensor import Sensor
+from lrf3d.simulation import line_mapper
 from lrf3d.view.scene import joined_beams, map_arrays
 
 TURN_RATE = 1.5
@@ -40,9 +40,6 @@ _MAP_SHARE = 0.2
 _MAP_PAUSE = 0.25
 """The map is worked out no more often than this [s]."""
 
-_PATROL = 3600.0
-"""For how long movers are on their way [s]; then they stand."""
-
 
 @dataclass(frozen=True, slots=True)
 class Wish:
@@ -56,27 +53,33 @@ class HandDrive:
     """The robot of a page.
 
     Args:
-        experiment: The world, and how robot, range finder, noise and mapper are set up.
+        scenario: The world, and how robot, range finder, noise and mapper are set up.
         start: Where the robot starts.
+        rng: A seed of the noise, the same after each restart.
         clock: Gives the time [s] that working out the map is measured with.
     """
 
     def __init__(
         self,
-        experiment: Experiment,
+        scenario: Scenario,
         start: Pose,
         *,
+        rng: int = 0,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        scenario = experiment.scenario
         self._origin = Sight.of(scenario.world, np.array([start[:2]])).origin
-        self._experiment, self._scenario, self._start = experiment, scenario, start
+        self._scenario, self._start, self._seed = scenario, start, rng
         self._obstacles = Obstacles(scenario.world)
         self._robot = Unicycle(scenario.radius)
-        self.movers = experiment.movers(_PATROL)
+        self.movers = scenario.movers
         # Where the hand will drive while a beam turns nobody knows: a scan takes no time.
-        self._caster = timed(EmbreeCaster(scenario.world), scenario.lrf, None, self.movers)
-        self._noise = scenario.imperfections.noise(experiment.noise)
+        self._sensor = Sensor(
+            scenario.world,
+            scenario.lrf,
+            caster="embree",
+            noise=scenario.noise,
+            movers=self.movers,
+        )
         self._clock = clock
         self.wish = Wish()
         self.restart()
@@ -87,8 +90,8 @@ class HandDrive:
         self.speed = self.turning = 0.0
         self.bumped = False
         self._fresh = True
-        self._rng = np.random.default_rng(self._experiment.seed)
-        self._mapper = self._experiment.line_mapper()
+        self._rng = np.random.default_rng(self._seed)
+        self._mapper = line_mapper(self._scenario.noise, **self._scenario.mapper)
         self._tracker = ObjectTracker()
         self._mapped: Pose | None = None
         self._stale = False
@@ -124,8 +127,8 @@ class HandDrive:
         self.pose = goal
 
     def _scan(self) -> LaserScan:
-        true_scan = self._caster.cast_at(self._scenario.lrf, np.array(self.pose), self.time)
-        return self._noise(true_scan, self._rng)
+        _, scan = self._sensor.measure(np.array(self.pose), self.time, self._rng)
+        return scan
 
     def _worth_mapping(self) -> bool:
         if self._mapped is None:

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lrf3d.logs import load_run
+from lrf3d.io import load_run
 from lrf3d.pose import Pose, as_pose
-from lrf3d.scenario import Scenario, load_scenario, start_of
-from lrf3d.study.experiment import Experiment, with_route
+from lrf3d.scenario import Scenario, start_of
+from lrf3d.scenario_file import load_scenario
 from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.replay import pack_run
 from lrf3d.view.scene import Scene, make_scene
@@ -56,16 +56,15 @@ def world_view(
     name: str, seed: int, read: Callable[[str], Scenario] | None = None
 ) -> tuple[Scene, Callable[[], HandDrive]]:
     """The scene of a world, and what makes a drive in it."""
-    scenario = with_route(load_scenario(name)) if read is None else read(name)
+    scenario = load_scenario(name).with_route() if read is None else read(name)
     start = start_pose(scenario)
     title = scenario.world.name or scenario.name
-    experiment = Experiment(scenario, seed=seed)
-    drive = HandDrive(experiment, start)
+    drive = HandDrive(scenario, start, rng=seed)
     # Compilers and trees take their time; nobody shall wait for them with a key held down.
     drive.step(0.0)
     path = np.array([start[:2]])
     scene = make_scene(scenario.world, scenario.lrf, path, title=title, movers=drive.movers)
-    return scene, lambda: HandDrive(experiment, start)
+    return scene, lambda: HandDrive(scenario, start, rng=seed)
 
 
 def start_pose(scenario: Scenario) -> Pose:

@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.gltf.keys import jumps, key_times, mover_keys, scan_times
 from lrf3d.mapping import LineMap
-from lrf3d.render.timeline import Timeline
-from lrf3d.simulation import Run
+from lrf3d.run import Run
+from lrf3d.scene.timeline import Timeline, jumps, key_times, mover_keys, scan_times
 from lrf3d.view.scene import joined_beams, map_arrays
 
 _ALIGNMENT = 4
@@ -21,7 +20,8 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         The arrays one after the other, and their description for the page: type, first byte and
         length of each, the legs of the way that are jumps, and the time that the run starts at.
     """
-    timeline = Timeline(run)
+    # A scene plays as fast as the robot drove.
+    timeline = Timeline(run, playback=1.0)
     origin = timeline.origin
     shift = np.array([*origin, 0.0])
     times = key_times(timeline)

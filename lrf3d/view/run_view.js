@@ -137,9 +137,9 @@ export default {
       this.stage = new Stage(this.$refs.place, setup);
       await this.stage.load(setup.glb);
       const { scene } = this.stage;
-      this.beams = new BeamsMesh(scene, setup.laser);
-      this.trail = new Trail(scene);
-      this.bands = new MapBands(scene);
+      this.beams = new BeamsMesh(scene, setup.laser, setup.look);
+      this.trail = new Trail(scene, setup.look.trail);
+      this.bands = new MapBands(scene, setup.look.map);
       this.movers = new Movers(scene, this.stage.root, setup.movers);
       this.inset = new Inset(this.$refs.inset, setup);
       this.rig = new Rig(this.stage, { ...setup, height: setup.laser.height });
@@ -279,7 +279,7 @@ export default {
     choose(name) {
       this.view = name;
       this.rig.choose(name, this.pose);
-      this.beams.strength = name === "first" ? 0.18 : 0.42;
+      this.beams.ahead = name === "first";
       // Seen from straight above, the roofs would hide what was driven and mapped.
       const width = name === "top" ? this.setup.size / 250 : undefined;
       this.trail.lift(width);

@@ -8,12 +8,11 @@ import shapely
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.gltf import still_glb
-from lrf3d.gltf.scan_mesh import REACH
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
-from lrf3d.render.movers import mover_colours
-from lrf3d.render.palette import object_tints
-from lrf3d.render.structures import Structures
+from lrf3d.scene import look
+from lrf3d.scene.bodies import mover_colours
+from lrf3d.scene.structures import Structures
 from lrf3d.world import World
 
 if TYPE_CHECKING:
@@ -71,10 +70,52 @@ def make_scene(
             "angles": lrf.angles.tolist(),
             "rangeMax": lrf.range_max,
             "height": lrf.height,
-            "reach": min(lrf.range_max, REACH),
+            "reach": min(lrf.range_max, look.REACH),
         },
+        "look": page_look(structures.indoor),
     }
     return Scene(setup, still_glb(world.name, structures, lrf.height, movers))
+
+
+def page_look(indoor: bool) -> dict[str, Any]:
+    """The constants of the look that the page draws with; colours are lists of 0…1."""
+    strength = look.FAN_STRENGTH_INDOOR if indoor else look.FAN_STRENGTH
+    beams = {"drawn": look.BEAMS_DRAWN, "colour": look.BEAM_COLOUR, "strength": look.BEAM_STRENGTH}
+    return {
+        "haze": look.HAZE_INDOOR if indoor else look.HAZE,
+        "zenith": look.ZENITH_INDOOR if indoor else look.ZENITH,
+        "shadow": look.SHADOW_COLOUR,
+        "beams": {**beams, "curve": 1.0},
+        "fan": {
+            "colour": look.FAN_COLOUR,
+            "strength": strength,
+            "ahead": look.FAN_SHARE_AHEAD,
+            "curve": look.FAN_CURVE,
+        },
+        "points": {
+            "colours": look.RANGE_COLOURS.tolist(),
+            "farthest": look.FARTHEST_COLOUR,
+            "sizes": [look.POINT_SIZE, *look.POINT_PIXELS],
+        },
+        "trace": {
+            "colour": look.TRACE_COLOUR,
+            "half": 0.5 * look.TRACE_HEIGHT,
+            "gap": look.TRACE_GAP,
+        },
+        "trail": {
+            "colour": look.TRAIL_COLOUR,
+            "width": look.TRAIL_WIDTH,
+            "height": look.TRAIL_HEIGHT,
+        },
+        "map": {"band": look.MAP_BAND, "width": look.MAP_WIDTH},
+        "robot": {"colour": look.ROBOT, "rim": look.ROBOT_RIM, "dart": look.DART.tolist()},
+        "inset": {
+            "paper": look.PAPER,
+            "stone": look.STONE,
+            "whole": look.INSET_WHOLE,
+            "followed": look.INSET_FOLLOWED,
+        },
+    }
 
 
 def joined_beams(ranges: Float, walls: Int) -> Bool:
@@ -90,7 +131,7 @@ def map_arrays(line_map: LineMap, objects: Int, origin: Float) -> tuple[Float, I
     Those are the colours of their objects (m,), by numbers that last while the map grows.
     """
     segments = line_map.segments - np.tile(origin, 2)
-    return segments, np.round(255.0 * object_tints(objects)).astype(np.int64)
+    return segments, np.round(255.0 * look.object_tints(objects)).astype(np.int64)
 
 
 def _outlines(structures: Structures) -> list[list[float]]:

@@ -18,7 +18,7 @@ from lrf3d.view.hand_drive import HandDrive, Wish
 from lrf3d.view.scene import Scene
 
 FIRST_PORT, PORTS = 8080, 100
-"""Ports that are tried where none is given."""
+"""Ports that are tried if none is given."""
 
 _STEP = 0.05
 """Time between two steps of a drive [s]."""

@@ -10,7 +10,7 @@ MOVING_VIEWS = ("chase", "first", "orbit", "top")
 """Names of the cameras that every world has; they move with the robot or see all."""
 
 DEFAULT_FIELD = 50.0
-"""Angle of view from the bottom to the top of the picture [degrees] where none is given."""
+"""Angle of view from the bottom to the top of the picture [degrees] if none is given."""
 
 WIDEST = 170.0
 """Angles of view are less than this [degrees]."""
@@ -56,9 +56,13 @@ class FixedCamera:
         )
 
 
+PLAYBACK = 4.0
+"""Seconds of a run in a second of its film if not given."""
+
+
 @dataclass(frozen=True, slots=True)
 class FilmPlan:
-    """How a run is filmed where nothing else is asked for.
+    """How a run is filmed if nothing else is given.
 
     Args:
         view: Name of the camera, one that every world has or one of the world's.
@@ -66,7 +70,7 @@ class FilmPlan:
     """
 
     view: str = "chase"
-    playback: float = 1.0
+    playback: float = PLAYBACK
 
 
 USUAL_FILM = FilmPlan()

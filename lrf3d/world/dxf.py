@@ -19,9 +19,9 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float
+from lrf3d.input import opened
 from lrf3d.world.drawing import CURVE_ERROR, MOST_WALLS, world_of_strokes
 from lrf3d.world.model import World
-from lrf3d.world.text_file import open_within
 
 LARGEST = 1 << 26
 """Bytes of a drawing."""
@@ -65,7 +65,7 @@ def read_dxf(path: Path) -> World:
     from ezdxf.filemanagement import readfile
     from ezdxf.lldxf.const import DXFError
 
-    with open_within(path, LARGEST):
+    with opened(path, what="a world file", largest=LARGEST, error=WorldError):
         pass
     try:
         drawing = readfile(path)

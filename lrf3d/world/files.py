@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import OutputError, WorldError
-from lrf3d.input import check_ordinary
-from lrf3d.resources import worlds_folder
+from lrf3d.input import check_ordinary, worlds_folder
 from lrf3d.world.model import World
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class WorldFormat:
     """How files of an ending are read and written.
 
     Modules are named and not imported, so that a world file loads no other format's libraries.
@@ -22,7 +21,8 @@ class Format:
         read: Module of this package and function in it, ``module:function``, that reads a world
             from a path.
         write: The same of the function that writes a world to a path; empty where there is none.
-        apart: Whether a process of its own reads the file, as a library takes it at its word.
+        apart: Whether a process of its own reads the file, because the library that parses it has
+            no bounds of its own.
     """
 
     read: str
@@ -30,20 +30,20 @@ class Format:
     apart: bool = False
 
 
-_GEOJSON = Format("geojson:read_geojson", "geojson_writer:write_geojson")
-_ROS_MAP = Format("ros_map:read_ros_map", "ros_map_writer:write_ros_map")
-_MESH = Format("mesh:read_mesh", apart=True)
+_GEOJSON = WorldFormat("geojson:read_geojson", "geojson:write_geojson")
+_ROS_MAP = WorldFormat("ros_map:read_ros_map", "ros_map:write_ros_map")
+_MESH = WorldFormat("mesh:read_mesh", apart=True)
 
 FORMATS = {
-    ".toml": Format("toml_file:read_world", "toml_writer:write_toml"),
+    ".toml": WorldFormat("toml_file:read_world", "toml_file:write_toml"),
     ".geojson": _GEOJSON,
-    ".json": Format(_GEOJSON.read),
-    ".osm": Format("osm:read_osm"),
+    ".json": WorldFormat(_GEOJSON.read),
+    ".osm": WorldFormat("osm:read_osm"),
     ".yaml": _ROS_MAP,
-    ".yml": Format(_ROS_MAP.read),
-    ".dxf": Format("dxf:read_dxf", apart=True),
-    ".svg": Format("svg:read_svg", apart=True),
-    ".glb": Format(_MESH.read, "glb_writer:write_glb", apart=True),
+    ".yml": WorldFormat(_ROS_MAP.read),
+    ".dxf": WorldFormat("dxf:read_dxf", apart=True),
+    ".svg": WorldFormat("svg:read_svg", apart=True),
+    ".glb": WorldFormat(_MESH.read, "mesh:write_glb", apart=True),
     ".gltf": _MESH,
     ".obj": _MESH,
     ".off": _MESH,
@@ -88,7 +88,7 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
         world: The world.
         path: The file; it ends in .toml, .geojson, .glb or .yaml.
         resolution: Side of a cell [m], for a ROS map alone; 0.05, or what makes the map small
-            enough, where not given.
+            enough, if not given.
 
     Raises:
         OutputError: The file cannot be written, its ending names no known format, or a

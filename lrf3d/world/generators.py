@@ -1,15 +1,17 @@
-"""Generated worlds by their kind: a city, a maze, an office floor, rooms; each from a seed."""
+"""Generated worlds by their kind: a city, a maze, an office floor, rooms; each from a seed.
 
+Cities of any number of walls at one density are for measuring.
+"""
+
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Bool, Float
 from lrf3d.world.floor_plan import DOOR, THICKNESS, FloorPlan
-from lrf3d.world.generate import BLOCK, generate_city
-from lrf3d.world.maze import maze
 from lrf3d.world.model import World
 
 CORRIDOR, ROOM_DEPTH = 2.6, 5.0
@@ -31,6 +33,20 @@ WOOD, STONE = (0.66, 0.50, 0.36), (0.62, 0.63, 0.65)
 
 SIZES = (12.0, 1000.0)
 """Smallest and largest side of a generated world [m]."""
+
+
+BLOCK = 20.0
+"""From the middle of one building to the next [m]."""
+
+SHIFT, HALF, TURN = 2.0, (4.0, 7.0), 0.3
+"""How far a building stands off its block's middle at most [m], from what to what half its sides
+are long [m], and how far it is turned at most [rad]: the least street is 3 m wide."""
+
+AISLE = 1.5
+"""How far a pose at a crossing stands off its middle at most [m]: clear of all buildings."""
+
+PASSAGE = 2.6
+"""From one wall of a maze to the next [m]."""
 
 
 def generate(kind: str, *, size: float | None = None, seed: int = 0) -> World:
@@ -191,6 +207,93 @@ def _part(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
             part = np.array([low, high])
             part[0, axis], part[1, axis] = lower, upper
             waiting.append(part)
+
+
+def generate_city(walls: int, *, seed: int = 0) -> World:
+    """A city of a number of walls, as square as possible: buildings of four walls, one to a block.
+
+    The city grows with its walls and its density stays, so a laser meets as many walls in it
+    whatever its size.
+
+    Args:
+        walls: How many walls, a multiple of four or rounded down to one.
+        seed: The same seed, the same city.
+    """
+    rng = np.random.default_rng(seed)
+    count = walls // 4
+    row, column = np.divmod(np.arange(count), city_blocks(walls)[0])
+    middles = BLOCK * np.column_stack([column, row]) + rng.uniform(-SHIFT, SHIFT, (count, 2))
+    halves = rng.uniform(*HALF, (count, 1, 2)) * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+    turn = rng.uniform(-TURN, TURN, count)
+    cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    corners = middles[:, None] + np.stack(
+        [cos * halves[..., 0] - sin * halves[..., 1], sin * halves[..., 0] + cos * halves[..., 1]],
+        axis=2,
+    )
+    segments = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 4)
+    return World(segments, np.repeat(np.arange(count), 4), name=f"city of {4 * count:,} walls")
+
+
+def city_blocks(walls: int) -> tuple[int, int]:
+    """Width and height in blocks of a city of a number of walls; its last row may be shorter."""
+    columns = max(1, math.isqrt(max(1, walls // 4) - 1) + 1)
+    return columns, -(-(walls // 4) // columns)
+
+
+def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None = None) -> Float:
+    """Poses (count, 3) at the crossings of a generated city, at any heading.
+
+    Args:
+        walls: How many walls the city was asked to have.
+        count: How many poses.
+        seed: The same seed, the same poses.
+        spread: Only this number of crossings each way around the middle, as on a drive; all of the
+            city if not given.
+    """
+    rng = np.random.default_rng(seed)
+    crossings = np.maximum(np.array(city_blocks(walls)) - 1, 1)
+    wide = crossings if spread is None else np.minimum(spread, crossings)
+    cells = (crossings - wide) // 2 + rng.integers(0, wide, (count, 2))
+    places = BLOCK * (cells + 0.5) + rng.uniform(-AISLE, AISLE, (count, 2))
+    return np.column_stack([places, rng.uniform(-np.pi, np.pi, count)])
+
+
+def maze(size: float, seed: int) -> World:
+    """A maze: any two places are joined by just one way, a random spanning tree of its cells."""
+    count = max(3, int(size / PASSAGE))
+    plan = FloorPlan(f"maze {seed}")
+    open_east, open_north = maze_passages(count, np.random.default_rng(seed))
+    span = count * PASSAGE
+    plan.outer_walls(span, span)
+    for row in range(count):
+        for column in range(count):
+            x, y = (column + 1) * PASSAGE, (row + 1) * PASSAGE
+            if column + 1 < count and not open_east[row, column]:
+                plan.wall(x, y - PASSAGE, x, y)
+            if row + 1 < count and not open_north[row, column]:
+                plan.wall(x - PASSAGE, y, x, y)
+    return plan.world()
+
+
+def maze_passages(count: int, rng: np.random.Generator) -> tuple[Bool, Bool]:
+    """Which cells (count, count) of a maze are open to the east and to the north of them.
+
+    The passages are the smallest spanning tree of the grid under random weights (Kruskal 1956).
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import minimum_spanning_tree
+
+    cell = np.arange(count * count).reshape(count, count)
+    start = np.concatenate([cell[:, :-1].reshape(-1), cell[:-1].reshape(-1)])
+    end = np.concatenate([cell[:, 1:].reshape(-1), cell[1:].reshape(-1)])
+    weights = rng.uniform(1.0, 2.0, len(start))
+    tree = minimum_spanning_tree(coo_array((weights, (start, end)), shape=(cell.size, cell.size)))
+    here, there = tree.tocoo().coords
+    east, north = np.zeros((2, count, count), dtype=bool)
+    step = there - here
+    east.reshape(-1)[here[step == 1]] = True
+    north.reshape(-1)[here[step == count]] = True
+    return east, north
 
 
 KINDS: dict[str, tuple[Callable[[float, int], World], float]] = {

@@ -4,16 +4,22 @@ A path enters, a :class:`World` leaves. Coordinates are metres and are kept as t
 from the origin; a file in longitude and latitude, which GeoJSON proper is in, is recognised by
 its ``crs`` or by its size and laid flat about its middle, as are the stretched metres of web maps
 (EPSG:3857). Heights above ground (Z) are ignored.
+
+A world is written so that reading it gives the same world to the last bit: walls as lines and not
+as polygons, which a reader would dissolve into blocks.
 """
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NoReturn, cast
 
+import numpy as np
+
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float
-from lrf3d.input import own_name
+from lrf3d.input import own_name, read_text
+from lrf3d.output import write_text
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.dissolve import STRAIGHT
@@ -28,8 +34,8 @@ from lrf3d.world.geographic import (
 )
 from lrf3d.world.geojson_features import features_of
 from lrf3d.world.model import World
-from lrf3d.world.schema import PLACE, Invalid, point
-from lrf3d.world.text_file import read_text
+from lrf3d.world.pieces import WallRun, parts_of
+from lrf3d.world.schema import PLACE, Invalid, colour_value, point
 
 
 def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
@@ -72,7 +78,7 @@ def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
 
 
 def _parse(path: Path) -> dict[str, Any]:
-    text = read_text(path)
+    text = read_text(path, what="a world file", error=WorldError)
     try:
         data = json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
@@ -138,3 +144,45 @@ def _is_geographic(data: dict[str, Any], outlines: list[Float]) -> bool:
     if reference is None:
         return looks_geographic(outlines)
     return code_of(reference) in DEGREES | WEB_MERCATOR
+
+
+def write_geojson(world: World, path: Path) -> None:
+    """Write a world as GeoJSON.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    write_text(path, geojson_text(world))
+
+
+def geojson_text(world: World) -> str:
+    """The GeoJSON text of a world: one feature for each run of walls of one object."""
+    bare = sorted(set(range(world.object_count)) - set(world.objects.tolist()))
+    parts = [*(WallRun(number, (), np.empty(0)) for number in bare), *parts_of(world)]
+    features = ",\n".join(json.dumps(_feature(part, world)) for part in parts)
+    # A member of our own, which other readers ignore, as the standard says.
+    members = json.dumps([asdict(camera) for camera in world.cameras])
+    cameras = f' "cameras": {members},' if world.cameras else ""
+    place = "" if world.place is None else f' "place": {json.dumps(world.place)},'
+    return (
+        f'{{"type": "FeatureCollection", "name": {json.dumps(world.name)}, "units": "m",'
+        f'{place}{cameras} "features": [\n{features}\n]}}\n'
+    )
+
+
+def _feature(part: WallRun, world: World) -> dict[str, Any]:
+    properties: dict[str, Any] = {"object": part.number}
+    if world.object_names and world.object_names[part.number]:
+        properties["name"] = world.object_names[part.number]
+    if np.isfinite(world.colours[part.number]).all():
+        properties["colour"] = colour_value(world.colours[part.number])
+    if not part.pieces:
+        return {"type": "Feature", "properties": properties, "geometry": None}
+    properties["height"] = part.height_value
+    lines = [piece.outline.tolist() for piece in part.pieces]
+    geometry = (
+        {"type": "LineString", "coordinates": lines[0]}
+        if len(lines) == 1
+        else {"type": "MultiLineString", "coordinates": lines}
+    )
+    return {"type": "Feature", "properties": properties, "geometry": geometry}

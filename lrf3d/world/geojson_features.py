@@ -10,9 +10,8 @@ import numpy as np
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import Float, is_finite
-from lrf3d.world.colours import parse_colour
 from lrf3d.world.model import MOST_OBJECTS
-from lrf3d.world.schema import FARTHEST
+from lrf3d.world.schema import FARTHEST, parse_colour
 
 LEVEL_HEIGHT = 3.0
 """Height of a storey [m], for buildings that give their levels alone."""
@@ -29,7 +28,7 @@ class Feature:
     Args:
         polygons: Each a tuple of rings (k, 2), the outer one first, no point repeated.
         lines: Lines (k, 2) of at least two points, none repeated in a row.
-        height: One height [m], one for each wall, or None where nothing is said.
+        height: One height [m], one for each wall, or None if not given.
         name: Its name, or nothing.
         colour: Its colour, or None.
         number: The object it belongs to, or None.

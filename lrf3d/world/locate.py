@@ -6,7 +6,7 @@ key and of every element of an array leaves.
 
 import re
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 """Where a value stands: keys of tables and indices of arrays, ``("object", 2, "points", 0)``."""
 
 _TOKEN = re.compile(
@@ -21,12 +21,12 @@ _TOKEN = re.compile(
 )
 
 
-def lines_of_keys(text: str) -> dict[Path, int]:
+def lines_of_keys(text: str) -> dict[KeyPath, int]:
     """Line, from 1, of each key and array element of a TOML text, by its path."""
     return _Scanner(text).scan()
 
 
-def nearest_line(lines: dict[Path, int], path: Path) -> int:
+def nearest_line(lines: dict[KeyPath, int], path: KeyPath) -> int:
     """Line of a path, or of the nearest part above it that has one; 1 where there is none."""
     while path and path not in lines:
         path = path[:-1]
@@ -45,11 +45,11 @@ class _Scanner:
             line += match.group().count("\n")
         self.tokens.append(("", line))
         self.place = 0
-        self.lines: dict[Path, int] = {}
-        self.table_counts: dict[Path, int] = {}
+        self.lines: dict[KeyPath, int] = {}
+        self.table_counts: dict[KeyPath, int] = {}
 
-    def scan(self) -> dict[Path, int]:
-        table: Path = ()
+    def scan(self) -> dict[KeyPath, int]:
+        table: KeyPath = ()
         while self.text:
             if self.text == "\n":
                 self.place += 1
@@ -67,7 +67,7 @@ class _Scanner:
     def line(self) -> int:
         return self.tokens[self.place][1]
 
-    def header(self) -> Path:
+    def header(self) -> KeyPath:
         """Read ``[table]`` or ``[[array]]`` and return the path of the table it opens."""
         line = self.line
         self.place += 1
@@ -76,7 +76,7 @@ class _Scanner:
         keys = self.keys("]")
         self.place += 1 + repeated
         *above, last = keys
-        path: Path = ()
+        path: KeyPath = ()
         for key in above:
             path = (*path, key)
             if path in self.table_counts:
@@ -99,7 +99,7 @@ class _Scanner:
             self.place += 1
         return keys
 
-    def pair(self, table: Path) -> None:
+    def pair(self, table: KeyPath) -> None:
         """Read ``key = value``."""
         line = self.line
         path = (*table, *self.keys("="))
@@ -108,7 +108,7 @@ class _Scanner:
         self.place += 1
         self.value(path)
 
-    def value(self, path: Path) -> None:
+    def value(self, path: KeyPath) -> None:
         """Read a value: an array, an inline table, or anything up to the next mark."""
         if self.text in ("[", "{"):
             end = "]" if self.text == "[" else "}"

@@ -4,6 +4,10 @@ A path enters; a :class:`World` leaves. What the plane z = :data:`CUT` meets bec
 are merged where they lie on one line; each is as high as the triangles that it was cut from.
 glTF stands upright along y, as its specification says, and the other formats along z. Lengths are
 metres. Each named part of a scene is an object; in a file without parts, walls that touch are one.
+
+A world is written as GLB: walls raised to their heights, a part for each object. glTF holds
+float32, so vertices stand about the world's origin, and the place of the origin is the translation
+of each part; y is up.
 """
 
 import json
@@ -15,15 +19,16 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int, lengths
-from lrf3d.input import own_name
+from lrf3d.input import opened, own_name
+from lrf3d.output import replacing
 from lrf3d.world.collinear import merge_collinear
 from lrf3d.world.drawing import connected
+from lrf3d.world.extrude import extrude
 from lrf3d.world.model import World
 from lrf3d.world.schema import FARTHEST
-from lrf3d.world.text_file import open_within
 
 CUT = 0.5
-"""Height [m] at which a mesh is cut: that of the laser where none is given."""
+"""Height [m] at which a mesh is cut: that of the laser if none is given."""
 
 LARGEST = 1 << 27
 """Bytes of a mesh, and of all files that it refers to."""
@@ -33,6 +38,10 @@ FLAT = 1e-6
 
 UPRIGHT_Y = {".glb", ".gltf"}
 """Formats in which y is up."""
+
+
+PLAIN = 0.78
+"""Grey of walls without a colour."""
 
 
 def read_mesh(path: Path, *, cut: float = CUT) -> World:
@@ -82,7 +91,7 @@ def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:
     """Name, colour (3,), vertices (n, 3) [m], z up, and faces (m, 3) of each part of a scene."""
     import trimesh
 
-    with open_within(path, LARGEST) as file:
+    with opened(path, what="a world file", largest=LARGEST, error=WorldError) as file:
         data = file.read()
     kind = path.suffix.lower()[1:]
     if kind == "gltf":
@@ -171,7 +180,7 @@ def _beside(path: Path) -> Any:
             beside = path.parent / name
             if beside.resolve().parent != path.parent.resolve():
                 raise WorldError(f"{path}: refers to {shown!r}, a link to elsewhere")
-            with open_within(beside, self.left) as file:
+            with opened(beside, what="a world file", largest=self.left, error=WorldError) as file:
                 data = file.read()
             self.left -= len(data)
             return data
@@ -185,3 +194,49 @@ def _beside(path: Path) -> Any:
             return self
 
     return Beside()
+
+
+def write_glb(world: World, path: Path) -> None:
+    """Write a world as GLB.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    with replacing(path) as unfinished:
+        unfinished.write_bytes(glb_bytes(world))
+
+
+def glb_bytes(world: World) -> bytes:
+    """The bytes of a binary glTF file of a world."""
+    import trimesh
+
+    visual: Any = trimesh.visual
+    whole = extrude(world)
+    upright = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
+    turned = np.asarray(whole.vertices) @ upright[:3, :3].T
+    to_source = np.eye(4)
+    to_source[:3, 3] = upright[:3, :3] @ [*world.origin, 0.0]
+    scene: Any = trimesh.Scene()
+    for number in np.unique(world.objects).tolist():
+        own = np.flatnonzero(world.objects == number)
+        corners = (4 * own[:, None] + np.arange(4)).reshape(-1)
+        faces = (
+            np.asarray(whole.faces)[:2].reshape(1, 2, 3) + 4 * np.arange(len(own))[:, None, None]
+        )
+        colour = world.colours[number]
+        shade = np.append(colour if np.isfinite(colour).all() else np.full(3, PLAIN), 1.0)
+        material = visual.material.PBRMaterial(
+            baseColorFactor=shade, metallicFactor=0.0, roughnessFactor=0.9, doubleSided=True
+        )
+        mesh = trimesh.Trimesh(
+            turned[corners],
+            faces.reshape(-1, 3),
+            process=False,
+            visual=visual.TextureVisuals(material=material),
+        )
+        given = world.object_names[number] if world.object_names else ""
+        name = (
+            given if given and given not in scene.graph.nodes else f"{given or 'object'} {number}"
+        )
+        scene.add_geometry(mesh, node_name=name, geom_name=name, transform=to_source)
+    return bytes(scene.export(file_type="glb"))

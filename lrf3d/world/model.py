@@ -8,15 +8,61 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, WorldError
-from lrf3d.geometry import Float, Int, Value, normal_lines, read_only, sealed
+from lrf3d.geometry import Bool, Float, Int, Value, lengths, normal_lines, read_only, sealed
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.free_cells import FreeCells
 
 DEFAULT_HEIGHT = 2.5
-"""Height of a wall [m] where none is given: a room's storey."""
+"""Height of a wall [m] if none is given: a room's storey."""
 
 MOST_OBJECTS = 1_000_000
 """Largest number of an object: names and colours are kept for all numbers below."""
+
+
+SMALLEST_SIDE = 2.0
+"""Side [m] below which no robot drives in a world: the largest sheets are 1.2 m long."""
+
+LARGEST_SIDE, LONGEST_WALLS = 1000.0, 100.0
+"""Side of a world and median of its walls [m] above which the file is probably in
+centimetres or millimetres: a town may be as large as this, but its walls are shorter."""
+
+
+@dataclass(frozen=True, eq=False)
+class FreeCells:
+    """A grid of cells that are free, or not known to be.
+
+    Args:
+        cells: (rows, columns) whether each is free, the first row at the bottom.
+        resolution: Side of a cell [m].
+        origin: Place x, y [m] of the outer corner of the first cell, and yaw [rad] of the grid.
+    """
+
+    cells: Bool
+    resolution: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        cells = np.array(self.cells, dtype=np.bool_)
+        cells.flags.writeable = False
+        object.__setattr__(self, "cells", cells)
+
+    def contain(self, points: Float) -> Bool:
+        """Which of the points (k, 2) [m] lie in a free cell; beyond the grid nothing is known."""
+        x, y, yaw = self.origin
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        local = (points - [x, y]) @ np.array([[cos, -sin], [sin, cos]]) / self.resolution
+        rows, columns = self.cells.shape
+        within = ((local >= 0.0) & (local < [columns, rows])).all(axis=1)
+        column, row = local[within].astype(np.int64).T
+        free = np.zeros(len(points), dtype=np.bool_)
+        free[within] = self.cells[row, column]
+        return free
+
+    def scaled(self, factor: float) -> "FreeCells":
+        """The cells of the plan enlarged by a factor about (0, 0)."""
+        x, y, yaw = self.origin
+        return replace(
+            self, resolution=factor * self.resolution, origin=(factor * x, factor * y, yaw)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,15 +73,15 @@ class World(Value):
         segments: (n, 4) rows x1 y1 x2 y2 [m], in the coordinates of the source, also far from
             the origin.
         objects: (n,) the object each wall belongs to, numbered from 0 to at most 1,000,000; all
-            of one object where not given.
-        heights: (n,) heights of the walls above the ground [m]; 2.5 where not given.
+            of one object if not given.
+        heights: (n,) heights of the walls above the ground [m]; 2.5 if not given.
         name: What the world is called in pictures and files.
         object_names: A name for each object, or none at all.
         cameras: Cameras that stand still in the world, each with a name of its own.
-        colours: (objects, 3) red, green, blue in 0…1 for each object; NaN where none is given.
+        colours: (objects, 3) red, green, blue in 0…1 for each object; NaN if none is given.
         place: Longitude and latitude [°] of the point (0, 0), where the source was in degrees.
         free: What is known to be free, where the source is a map that says so: routes are planned
-            through it. Beams pay no heed to it, and only ROS maps keep it.
+            through it. It does not affect beams, and only ROS maps have it.
 
     Raises:
         WorldError: A segment is not finite or has no length, or the shapes do not fit.
@@ -182,3 +228,24 @@ def _check_segments(segments: Float) -> None:
         raise WorldError(
             f"wall {wall}: both ends at ({x:g}, {y:g}), a segment of no length; remove one"
         )
+
+
+def size_warning(world: World) -> str | None:
+    """A warning if the size of a world is implausible, with the mend; None if it is not."""
+    if not len(world.segments):
+        return None
+    width, height = (float(side) for side in np.ptp(world.bounds, axis=0))
+    size = f"the world is {_metres(width)} by {_metres(height)}"
+    if max(width, height) < SMALLEST_SIDE:
+        return f"{size}, a drawing on paper? --scale 100 makes one of 1:100 as large as the house"
+    median = float(np.median(lengths(world.segments)))
+    if max(width, height) > LARGEST_SIDE and median > LONGEST_WALLS:
+        return (
+            f"{size}, with walls of {_metres(median)}, a drawing in other units? --scale 0.001"
+            " takes them for millimetres"
+        )
+    return None
+
+
+def _metres(size: float) -> str:
+    return f"{size:,.0f} m" if size >= 100.0 else f"{size:.3g} m"

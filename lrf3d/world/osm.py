@@ -3,12 +3,15 @@
 A path enters; a :class:`World` leaves, whose point (0, 0) is the middle of the buildings and whose
 ``place`` says where on Earth that is. Buildings are closed ways and multipolygon relations with a
 tag ``building``; their height is ``height``, or three metres for each of ``building:levels``.
+Tags are free text, so what is odd says nothing: the wiki's pages Key:building, Key:height,
+Key:min_height and Key:building:levels say what they mean.
 """
 
 from array import array
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 import numpy as np
 
@@ -17,10 +20,9 @@ from lrf3d.geometry import Float
 from lrf3d.input import own_name
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.geographic import centre_of, lay_flat
-from lrf3d.world.geojson_features import Feature
+from lrf3d.world.geojson_features import LEVEL_HEIGHT, Feature, metres_of
 from lrf3d.world.model import World
-from lrf3d.world.osm_tags import is_building, name_of, tag_colour, tag_height
-from lrf3d.world.rings import close_rings, nest_rings, valid_ring
+from lrf3d.world.schema import parse_colour
 from lrf3d.world.xml_file import go_through
 
 LARGEST = 1 << 28
@@ -33,6 +35,16 @@ MOST_POINTS = 2_000_000
 """Points of all buildings together: a way may be part of many relations, and be counted in each."""
 
 Refs = list[int]
+
+
+HIGHEST = 1000.0
+"""Height [m] above which a tag is taken for a slip of the pen."""
+
+ABOVE_BEAMS = 2.0
+"""From what height above the ground [m] on a building stands over the robot and not in its way."""
+
+NO_WALLS = {"no", "roof", "carport"}
+"""Values of the tag building that are of no walls."""
 
 
 def read_osm(path: Path) -> World:
@@ -207,3 +219,92 @@ def _is_closed(refs: Refs) -> bool:
 
 def _feature(tags: dict[str, str], polygons: tuple[tuple[Float, ...], ...]) -> Feature:
     return Feature(polygons, (), tag_height(tags), name_of(tags), tag_colour(tags), None)
+
+
+def is_building(tags: dict[str, str]) -> bool:
+    """Whether tags are of a building whose walls stand on the ground."""
+    if tags.get("building", "no") in NO_WALLS or tags.get("location") == "underground":
+        return False
+    above = metres_of(tags.get("min_height", ""))
+    if above is None:
+        above = LEVEL_HEIGHT * (metres_of(tags.get("building:min_level", "")) or 0.0)
+    return above < ABOVE_BEAMS
+
+
+def tag_height(tags: dict[str, str]) -> float | None:
+    """Height [m] of a building above the ground, or None if not given."""
+    height = metres_of(tags.get("height", "")) or metres_of(tags.get("building:height", ""))
+    if height is None:
+        levels = metres_of(tags.get("building:levels", "")) or 0.0
+        height = LEVEL_HEIGHT * (levels + (metres_of(tags.get("roof:levels", "")) or 0.0))
+    return height if 0.0 < height <= HIGHEST else None
+
+
+def tag_colour(tags: dict[str, str]) -> tuple[float, float, float] | None:
+    """The colour of a building, where one is given in a form that is understood."""
+    return parse_colour(tags.get("building:colour"))
+
+
+def name_of(tags: dict[str, str]) -> str:
+    """What a building is called: its name, or street and number."""
+    address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
+    return tags.get("name") or address
+
+
+_Node = TypeVar("_Node", bound=Hashable)
+
+
+def close_rings(ways: Sequence[Sequence[_Node]]) -> list[list[_Node]]:
+    """Closed rings, their first node repeated at the end, of ways that share their end nodes.
+
+    Ways that do not close, as at the edge of an extract, are left out.
+    """
+    ends: dict[_Node, list[int]] = {}
+    for index, way in enumerate(ways):
+        for node in way[:1], way[-1:]:
+            if len(way) > 1:
+                ends.setdefault(node[0], []).append(index)
+    left = {index for index, way in enumerate(ways) if len(way) > 1}
+    rings = []
+    for index in range(len(ways)):
+        if index not in left:
+            continue
+        left.discard(index)
+        ring = list(ways[index])
+        while ring[0] != ring[-1]:
+            # What is used is dropped for good, so that a node of many ways is no trap.
+            others = ends[ring[-1]]
+            while others and others[-1] not in left:
+                others.pop()
+            if not others:
+                break
+            following = others.pop()
+            left.discard(following)
+            way = list(ways[following])
+            ring += way[1:] if way[0] == ring[-1] else way[-2::-1]
+        if ring[0] == ring[-1]:
+            rings.append(ring)
+    return rings
+
+
+def nest_rings(outer: Sequence[Float], inner: Sequence[Float]) -> tuple[tuple[Float, ...], ...]:
+    """Polygons of outer rings (k, 2), each with those of the inner rings that lie in it."""
+    import shapely
+
+    areas = [shapely.make_valid(shapely.Polygon(ring)) for ring in outer]
+    tree = shapely.STRtree(areas)
+    polygons: list[list[Float]] = [[ring] for ring in outer]
+    for ring in inner:
+        within = tree.query(shapely.Point(*ring[0]), predicate="intersects")
+        if len(within):
+            polygons[int(within.min())].append(ring)
+    return tuple(tuple(rings) for rings in polygons)
+
+
+def valid_ring(points: Float) -> Float | None:
+    """The ring (k, 2) without points that repeat, or None where it encloses nothing."""
+    ring = points[(points != np.roll(points, 1, axis=0)).any(axis=1)]
+    if len(ring) < 3:
+        return None
+    arms = ring[1:] - ring[0]
+    return ring if (arms[:, 0] * arms[-1, 1] != arms[:, 1] * arms[-1, 0]).any() else None

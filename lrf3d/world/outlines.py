@@ -70,11 +70,11 @@ def _links(occupied: Bool) -> tuple[Int, Int]:
     return pairs, np.column_stack([lone // height, lone % height])
 
 
-Part = tuple[slice, slice]
-_SW: Part = (slice(0, -1), slice(0, -1))
-_SE: Part = (slice(0, -1), slice(1, None))
-_NW: Part = (slice(1, None), slice(0, -1))
-_NE: Part = (slice(1, None), slice(1, None))
+Quarter = tuple[slice, slice]
+_SW: Quarter = (slice(0, -1), slice(0, -1))
+_SE: Quarter = (slice(0, -1), slice(1, None))
+_NW: Quarter = (slice(1, None), slice(0, -1))
+_NE: Quarter = (slice(1, None), slice(1, None))
 """The cells around each corner of the lattice."""
 
 
@@ -90,7 +90,7 @@ def _thick(grid: Bool) -> Bool:
 def _thin_links(grid: Bool, thin: Bool, middle: Int) -> Iterator[Int]:
     """Links between thin cells side by side, and corner to corner where both others are empty."""
     every, first, rest = slice(None), slice(0, -1), slice(1, None)
-    neighbours: list[tuple[Part, Part]] = [
+    neighbours: list[tuple[Quarter, Quarter]] = [
         ((every, first), (every, rest)),
         ((first, every), (rest, every)),
     ]

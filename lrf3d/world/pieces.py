@@ -24,7 +24,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class WallRun:
     """Walls of one object that stand one after the other in a world.
 
     Args:
@@ -70,10 +70,10 @@ def pieces_of(segments: Float) -> tuple[Piece, ...]:
     return tuple(pieces)
 
 
-def parts_of(world: World) -> Iterator[Part]:
+def parts_of(world: World) -> Iterator[WallRun]:
     """The walls of a world in their order, cut where the object changes."""
     cuts = np.flatnonzero(np.diff(world.objects)) + 1
     bounds = [0, *cuts.tolist(), len(world.objects)] if len(world.objects) else [0]
     for first, end in pairwise(bounds):
         pieces = pieces_of(world.segments[first:end])
-        yield Part(int(world.objects[first]), pieces, world.heights[first:end])
+        yield WallRun(int(world.objects[first]), pieces, world.heights[first:end])

@@ -5,23 +5,25 @@ A path enters; a :class:`World` leaves, in the frame of the map. Where the pictu
 wall is one cell thick, its middle. Each point of an outline lies within half a cell of its wall.
 Walls that touch are one object. What is free and what is unknown makes no difference to a beam,
 but is kept for those who plan a way through the map.
+
+A world is written as a picture in which each wall is a row of occupied cells, one cell thick.
 """
 
+import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from lrf3d.errors import WorldError, shown
-from lrf3d.geometry import Bool, Float
-from lrf3d.input import own_name
+from lrf3d.errors import OutputError, WorldError, shown
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.input import opened, own_name, read_text
+from lrf3d.output import replacing, write_text
 from lrf3d.world.drawing import connected
-from lrf3d.world.free_cells import FreeCells
-from lrf3d.world.model import World
+from lrf3d.world.model import FreeCells, World
 from lrf3d.world.outlines import BAND
 from lrf3d.world.schema import FARTHEST
-from lrf3d.world.text_file import open_within, read_text
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -49,6 +51,19 @@ UNKNOWN = 205
 
 DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
 """What map_server takes where the file says nothing."""
+
+
+RESOLUTION = 0.05
+"""Side of a cell [m], the usual one of maps, where the map does not become too large by it."""
+
+MARGIN = 1.0
+"""Free space [m] around the walls."""
+
+MOST_WRITTEN = 1 << 25
+"""Cells of a map, 33 million: a picture of more is more than robots carry."""
+
+OCCUPIED, FREE = 0, 254
+"""Values of pixels as map_saver writes them."""
 
 
 def read_ros_map(path: Path) -> World:
@@ -87,7 +102,7 @@ class _Description:
         import yaml
 
         self.path = path
-        text = read_text(path, largest=LARGEST_YAML)
+        text = read_text(path, what="a world file", largest=LARGEST_YAML, error=WorldError)
         try:
             depth = 0
             for event in yaml.parse(text, Loader=yaml.SafeLoader):
@@ -162,7 +177,7 @@ def _cells(description: _Description) -> tuple[Bool, Bool]:
     from PIL import Image, UnidentifiedImageError
 
     picture = description.picture
-    with open_within(picture, LARGEST_PICTURE) as file:
+    with opened(picture, what="a world file", largest=LARGEST_PICTURE, error=WorldError) as file:
         try:
             # Only the formats of map_server: others have decoders that no map needs.
             with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
@@ -239,3 +254,70 @@ def _darkness(image: "Image", *, with_alpha: bool) -> tuple[Float, Bool | bool]:
                 light = np.float32(0.75) * light + np.float32(0.25) * alpha
         pixels = light
     return np.asarray(1.0 - pixels.astype(np.float32) / np.float32(top)), opaque
+
+
+def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:
+    """Write a world as a ``.yaml`` file and, beside it, a ``.pgm`` picture.
+
+    Args:
+        world: The walls; their heights and objects are not kept, but what is known to be free.
+        path: The ``.yaml`` file.
+        resolution: Side of a cell [m]; 0.05, or what makes the map small enough, if not given.
+
+    Raises:
+        OutputError: The files cannot be written, or the map becomes too large.
+    """
+    margin = max(MARGIN, 2.0 * (resolution or 0.0))
+    low, high = world.bounds[0] - margin, world.bounds[1] + margin
+    if resolution is None:
+        resolution = max(RESOLUTION, float(np.sqrt(np.prod(high - low) / MOST_WRITTEN)) * 1.001)
+    # Whole cells from the origin of the world on, so that even walls stay even.
+    first = np.floor(low / resolution)
+    columns, rows = (np.ceil(high / resolution) - first).astype(np.int64).tolist()
+    if columns * rows > MOST_WRITTEN:
+        raise OutputError(
+            f"{path}: {columns} by {rows} cells, more than {MOST_WRITTEN:,}; choose larger cells"
+        )
+    cells = np.full((rows, columns), FREE, dtype=np.uint8)
+    if world.free is not None:
+        x = resolution * (first[0] + 0.5 + np.arange(columns))
+        for line in range(rows):
+            y = resolution * (first[1] + 0.5 + line)
+            known = world.free.contain(np.column_stack([x, np.full(columns, y)]))
+            cells[line, ~known] = UNKNOWN
+    row, column = _walled_cells(world.segments / resolution - np.tile(first, 2))
+    cells[row, column] = OCCUPIED
+    picture = path.with_suffix(".pgm")
+    with replacing(picture) as unfinished:
+        unfinished.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + cells[::-1].tobytes())
+    x, y = (first * resolution).tolist()
+    write_text(
+        path,
+        # A text in JSON is one in YAML too, whatever the name holds.
+        f"image: {json.dumps(picture.name)}\nresolution: {resolution!r}\n"
+        f"origin: [{x!r}, {y!r}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n",
+    )
+
+
+def _walled_cells(segments: Float) -> tuple[Int, Int]:
+    """Rows and columns of the cells that segments (n, 4) [cells] run through, one a step.
+
+    Along the axis that a wall follows more, it has one cell in each column (or row) between those
+    of its ends: the one whose middle is nearest.
+    """
+    steep = np.abs(segments[:, 3] - segments[:, 1]) > np.abs(segments[:, 2] - segments[:, 0])
+    along = np.where(steep[:, None], segments[:, [1, 3]], segments[:, [0, 2]])
+    across = np.where(steep[:, None], segments[:, [0, 2]], segments[:, [1, 3]])
+    backward = along[:, 0] > along[:, 1]
+    along[backward], across[backward] = along[backward, ::-1], across[backward, ::-1]
+    start, end = np.floor(along).astype(np.int64).T
+    counts = end - start + 1
+    wall = np.repeat(np.arange(len(segments)), counts)
+    major = start[wall] + np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
+    length = along[:, 1] - along[:, 0]
+    share = (major + 0.5 - along[wall, 0]) / np.maximum(length, 1e-12)[wall]
+    # A wall shorter than a cell has no middle of a column to go through.
+    share = np.where(length[wall] < 1.0, 0.5, share)
+    minor = np.floor(across[wall, 0] + share * (across[wall, 1] - across[wall, 0])).astype(np.int64)
+    return np.where(steep[wall], major, minor), np.where(steep[wall], minor, major)

@@ -2,25 +2,31 @@
 
 A check takes a value as tomllib gives it and returns it in the form that the program uses, or
 raises :class:`Invalid`, which says what was expected and where inside the value it went wrong.
+Settings that are given beside a file, such as ``laser.range_max=20``, have the same checks.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from typing import cast
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any, cast
 
 import numpy as np
 
-from lrf3d.errors import shown
+from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float
 from lrf3d.world.cameras import WIDEST
-from lrf3d.world.colours import parse_colour
-from lrf3d.world.locate import Path
+from lrf3d.world.locate import KeyPath
 from lrf3d.world.model import MOST_OBJECTS
 
 FARTHEST = 1e9
 """Largest coordinate [m] in a file: above it float64 no longer resolves a micrometre."""
 
 Check = Callable[[object], object]
+
+
+_HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
 
 
 class Invalid(Exception):
@@ -31,7 +37,7 @@ class Invalid(Exception):
         inside: Where in the value it is wrong, when it is an array.
     """
 
-    def __init__(self, message: str, inside: Path = ()) -> None:
+    def __init__(self, message: str, inside: KeyPath = ()) -> None:
         super().__init__(message)
         self.inside = inside
 
@@ -83,6 +89,27 @@ def flag(value: object) -> bool:
     return value
 
 
+def parse_colour(value: object) -> tuple[float, float, float] | None:
+    """Red, green, blue in 0…1 of a colour from a file, or None where it is no colour."""
+    if isinstance(value, str) and _HEX.fullmatch(value):
+        digits = value[1:] if len(value) == 7 else "".join(2 * digit for digit in value[1:])
+        red, green, blue = (int(digits[place : place + 2], 16) / 255 for place in (0, 2, 4))
+        return red, green, blue
+    if isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 3:
+        numbers = [v for v in value if isinstance(v, int | float) and not isinstance(v, bool)]
+        if len(numbers) == 3 and all(0.0 <= number <= 1.0 for number in numbers):
+            return float(numbers[0]), float(numbers[1]), float(numbers[2])
+    return None
+
+
+def colour_value(colour: Float) -> str | list[float]:
+    """The colour (3,) as a file keeps it: ``"#rrggbb"`` where that is exact, else three numbers."""
+    steps = np.round(colour * 255)
+    if (steps / 255 == colour).all():
+        return "#" + "".join(f"{int(step):02x}" for step in steps)
+    return [float(part) for part in colour]
+
+
 def colour(value: object) -> tuple[float, float, float]:
     """Check a colour."""
     parsed = parse_colour(value)
@@ -110,7 +137,7 @@ def one_or_more(check: Check, what: str) -> Check:
     return check_all
 
 
-def _inside(check: Check, value: object, place: Path) -> object:
+def _inside(check: Check, value: object, place: KeyPath) -> object:
     try:
         return check(value)
     except Invalid as problem:
@@ -234,3 +261,62 @@ CAMERA: Mapping[str, Check] = {
     "target": point(),
     "field_deg": number(above=0.0, most=WIDEST),
 }
+
+
+_NUMBER = re.compile(r"[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?")
+"""Numbers as people write them, of which TOML wants a digit on either side of the point."""
+
+
+def value_of(text: str) -> Any:
+    """The value of a text as TOML has it; a text may stand without its quotes.
+
+    Raises:
+        InputError: It begins as a list or as a text in quotes, and does not end so.
+    """
+    text = text.strip()
+    if _NUMBER.fullmatch(text):
+        return float(text)
+    try:
+        found = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        # Nested too deeply, or a number of thousands of digits.
+        found = {}
+    if list(found) == ["value"]:
+        return found["value"]
+    if not text or text[0] in "[{\"'":
+        raise InputError(
+            f"{shown(text)} is not a TOML value; expected one such as"
+            ' 20, true, [1, 2], paper or "paper"'
+        )
+    return text
+
+
+def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """The values of settings by table and key; of the same twice the last.
+
+    Raises:
+        InputError: A text is no setting, names none, or has a value that cannot be.
+    """
+    tables: dict[str, dict[str, Any]] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        table, dot, key = name.strip().partition(".")
+        if not (equals and dot):
+            raise InputError(
+                f"setting {shown(text)}: expected TABLE.KEY=VALUE, such as laser.range_max=20"
+            )
+        checks = TABLES[_known(table, TABLES, name)]
+        check = checks[_known(key, checks, name)]
+        try:
+            tables.setdefault(table, {})[key] = check(value_of(value))
+        except (InputError, Invalid) as problem:
+            raise InputError(f"setting {name}: {problem}") from None
+    return tables
+
+
+def _known(word: str, known: Mapping[str, Any], name: str) -> str:
+    if word not in known:
+        near = get_close_matches(word, list(known), n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+        raise InputError(f"setting {name[:80]}: there is no {shown(word)}; {hint}")
+    return word

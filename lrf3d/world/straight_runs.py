@@ -6,14 +6,12 @@ longest runs, taken one after the other, are the fewest. Points are whole number
 decided in whole numbers: exactly.
 """
 
-from typing import Any
+import math
 
 import numpy as np
-from numba import njit
 
+from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Int
-
-compiled: Any = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @compiled
@@ -73,10 +71,10 @@ def is_straight(points: Int, width: int) -> bool:
     after = (edge + 1) % len(hull)
     dx, dy = hull[after, 0] - hull[edge, 0], hull[after, 1] - hull[edge, 1]
     cross = dx * (hull[corner, 1] - hull[edge, 1]) - dy * (hull[corner, 0] - hull[edge, 0])
-    return cross * cross <= width * width * (dx * dx + dy * dy)
+    return bool(cross * cross <= width * width * (dx * dx + dy * dy))
 
 
-@compiled
+@inner
 def _end_of_run(points: Int, start: int, width: int) -> int:
     """The end, exclusive, of the longest straight run from a start on."""
     count = len(points)
@@ -96,7 +94,7 @@ def _end_of_run(points: Int, start: int, width: int) -> int:
     return good
 
 
-@compiled
+@inner
 def _misfit(points: Int, start: int, end: int) -> float:
     """Sum of squared distances of a run of points to the line that fits it best."""
     count = end - start
@@ -111,7 +109,7 @@ def _misfit(points: Int, start: int, end: int) -> float:
         x, y, xx, xy, yy = x + dx, y + dy, xx + dx * dx, xy + dx * dy, yy + dy * dy
     xx, xy, yy = xx - x * x / count, xy - x * y / count, yy - y * y / count
     half = 0.5 * (xx - yy)
-    return max(0.0, 0.5 * (xx + yy) - np.sqrt(half * half + xy * xy))
+    return max(0.0, 0.5 * (xx + yy) - math.sqrt(half * half + xy * xy))
 
 
 REACH = 6

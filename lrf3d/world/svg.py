@@ -5,14 +5,20 @@ and px (1/96 in) of ``width`` and ``height``, through the ``viewBox``. y points 
 left corner of the sheet is (0, 0). Curves become chords no farther from them than
 :data:`CURVE_ERROR`, or a five-thousandth of the sheet where that is less. Walls that touch are one
 object. Texts, pictures, hidden elements and what is only defined are no walls.
+
+Before a library opens the file, its size and what ``use`` repeats are bounded, and viewports become
+plain groups: a nested ``svg`` a group that is moved and scaled as its ``viewBox`` says, a
+``symbol`` a definition, scaled likewise where ``use`` puts it. What clips, masks, fills or marks
+other elements is taken out, for its outlines are not part of the drawing.
 """
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -21,8 +27,7 @@ from lrf3d.geometry import Float
 from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
 from lrf3d.world.model import World
 from lrf3d.world.schema import FARTHEST
-from lrf3d.world.svg_bounds import check_svg
-from lrf3d.world.svg_viewports import flatten_viewports
+from lrf3d.world.xml_file import go_through
 
 FINEST = 2e-4
 """Chords lie no farther from their curves than this share of the sheet: a drawing on paper is a
@@ -45,6 +50,16 @@ UNITS = {
 """Metres in the units of lengths."""
 
 _LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*)\s*")
+
+
+LARGEST = 1 << 25
+"""Bytes of a drawing: a plan of a whole works is smaller."""
+
+MOST_ELEMENTS = 50_000
+"""Elements that are drawn, those that ``use`` repeats counted each time."""
+
+UNDRAWN = {"clipPath", "mask", "pattern", "marker", "filter", "linearGradient", "radialGradient"}
+"""Elements whose parts are no outlines, wherever they stand."""
 
 
 def read_svg(path: Path) -> World:
@@ -159,3 +174,170 @@ def _chords(piece: Any, tolerance: float) -> int:
     if not bend / tolerance <= 8e10:
         raise WorldError("a curve that is too large or not finite")
     return max(1, math.ceil(math.sqrt(bend / (8.0 * tolerance))))
+
+
+@dataclass(slots=True, eq=False)
+class _Element:
+    line: int
+    parts: list["_Element"] = field(default_factory=list)
+    uses: str = ""
+    drawn: int = 0
+
+
+def check_svg(path: Path) -> None:
+    """See that a file is SVG, draws no more than it may, and refers to nothing outside itself.
+
+    Raises:
+        WorldError: It is not so; the message names the line.
+    """
+    bounds = _Bounds(path)
+    go_through(path, bounds.begin, bounds.end, largest=LARGEST)
+    bounds.count(bounds.root)
+
+
+class _Bounds:
+    """The tree of elements, with where each points to."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.root = _Element(1)
+        self.open = [self.root]
+        self.named: dict[str, _Element] = {}
+
+    def begin(self, tag: str, attributes: dict[str, str], line: int) -> None:
+        if self.open[-1] is self.root and tag != "svg":
+            raise WorldError(
+                f"{self.path}:{line}: <{tag[:40]}> where <svg> was expected: not an SVG drawing"
+            )
+        element = _Element(line)
+        if tag == "use":
+            href = next((v for k, v in attributes.items() if k.rpartition(" ")[2] == "href"), "")
+            if href and not href.startswith("#"):
+                raise WorldError(
+                    f"{self.path}:{line}: uses {href[:40]!r}, which is outside this file; put it in"
+                )
+            element.uses = href[1:]
+        if "id" in attributes:
+            self.named.setdefault(attributes["id"], element)
+        self.open[-1].parts.append(element)
+        self.open.append(element)
+
+    def end(self, tag: str) -> None:
+        self.open.pop()
+
+    def count(self, top: _Element) -> None:
+        """Count what each element draws, those it uses included; −1 marks one being counted."""
+        waiting = [top]
+        while waiting:
+            element = waiting[-1]
+            inside = list(element.parts)
+            if element.uses in self.named:
+                inside.append(self.named[element.uses])
+            if element.drawn == 0:
+                element.drawn = -1
+                for part in inside:
+                    if part.drawn == -1:
+                        raise WorldError(f"{self.path}:{part.line}: an element that uses itself")
+                waiting += [part for part in inside if part.drawn == 0]
+                continue
+            waiting.pop()
+            if element.drawn == -1:
+                element.drawn = 1 + sum(part.drawn for part in inside)
+            if element.drawn > MOST_ELEMENTS:
+                raise WorldError(
+                    f"{self.path}:{element.line}: draws {element.drawn:,} elements, more than the"
+                    f" {MOST_ELEMENTS:,} that are read; simplify the drawing"
+                )
+
+
+def flatten_viewports(root: Element) -> None:
+    """Turn the viewports below the root element into groups, in place.
+
+    Raises:
+        WorldError: A viewport has an invalid place or size.
+    """
+    named = {element.get("id", ""): element for element in root.iter()}
+    boxes = {
+        name: box
+        for name, element in named.items()
+        if _name(element) in ("symbol", "svg") and (box := element.get("viewBox"))
+    }
+    for element in list(root.iter()):
+        for part in list(element):
+            if _name(part) in UNDRAWN:
+                element.remove(part)
+            elif _name(part) == "use":
+                _place_use(part, boxes)
+            elif _name(part) == "svg":
+                x, y = _number(part, "x", 0.0), _number(part, "y", 0.0)
+                _group(part, _fitted(part, part.get("viewBox")), x, y)
+            elif _name(part) == "symbol":
+                _rename(part, "g")
+                defined = Element(part.tag[: -len("g")] + "defs")
+                element[list(element).index(part)] = defined
+                defined.append(part)
+
+
+def _place_use(use: Element, boxes: dict[str, str]) -> None:
+    """Let a ``use`` of a symbol scale it into the size that it asks for."""
+    href = next((value for key, value in use.items() if key.rpartition("}")[2] == "href"), "")
+    if href[1:] in boxes and (use.get("width") or use.get("height")):
+        x, y = _number(use, "x", 0.0), _number(use, "y", 0.0)
+        _move(use, _fitted(use, boxes[href[1:]]), x, y)
+
+
+def _group(element: Element, fitted: str, x: float, y: float) -> None:
+    _rename(element, "g")
+    _move(element, fitted, x, y)
+
+
+def _move(element: Element, fitted: str, x: float, y: float) -> None:
+    """Say by the transform of an element what its place and its size have said."""
+    for key in ("x", "y", "width", "height", "viewBox", "preserveAspectRatio"):
+        element.attrib.pop(key, None)
+    moved = f"{element.get('transform', '')} translate({x!r},{y!r}) {fitted}"
+    element.set("transform", moved.strip())
+
+
+def _fitted(element: Element, box: str | None) -> str:
+    """The transform from a view box into the size of an element, in the middle of it."""
+    if box is None:
+        return ""
+    try:
+        left, top, wide, high = map(float, box.replace(",", " ").split())
+    except ValueError:
+        left = top = wide = high = math.nan
+    width = _number(element, "width", wide, of=wide)
+    height = _number(element, "height", high, of=high)
+    if not (min(wide, high, width, height) > 0.0 and math.isfinite(wide + high + left + top)):
+        raise WorldError(f"viewBox is {box[:40]!r}, expected a place and a size above 0")
+    if element.get("preserveAspectRatio", "").startswith("none"):
+        across, down = width / wide, height / high
+    else:
+        across = down = min(width / wide, height / high)
+    x, y = 0.5 * (width - across * wide), 0.5 * (height - down * high)
+    return f"translate({x!r},{y!r}) scale({across!r},{down!r}) translate({-left!r},{-top!r})"
+
+
+def _number(element: Element, key: str, default: float, *, of: float | None = None) -> float:
+    """A length [units of the drawing]; a share of another where it is in per cent."""
+    from svgelements import Length
+
+    text = element.get(key, "auto").strip()
+    if text == "auto" or (of is None and "%" in text):
+        return default
+    try:
+        value = float(Length(text).value(ppi=96.0, relative_length=of))
+    except (TypeError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise WorldError(f"{key} is {text[:40]!r}, expected a length")
+    return value
+
+
+def _name(element: Element) -> str:
+    return str(element.tag).rpartition("}")[2]
+
+
+def _rename(element: Element, name: str) -> None:
+    element.tag = element.tag[: -len(_name(element))] + name

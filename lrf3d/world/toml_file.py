@@ -1,7 +1,8 @@
 """World files in TOML: what a person writes, checked, with the line of whatever is wrong.
 
 A path enters; a :class:`WorldFile` leaves: the walls, and the tables on the robot, the laser,
-the noise, the mapper and the film that :mod:`lrf3d.scenario` turns into a scenario.
+the noise, the mapper and the film that :mod:`lrf3d.scenario` turns into a scenario. A world
+that is written is read again to the last bit.
 """
 
 import re
@@ -9,20 +10,30 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, lengths
-from lrf3d.input import own_name
+from lrf3d.input import own_name, read_text
+from lrf3d.output import write_text
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.locate import Path, lines_of_keys, nearest_line
+from lrf3d.world.locate import KeyPath, lines_of_keys, nearest_line
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import walls
-from lrf3d.world.schema import CAMERA, MOVER, OBJECT, PLACE, TABLES, Check, Invalid, text
-from lrf3d.world.text_file import read_text
+from lrf3d.world.pieces import WallRun, parts_of, walls
+from lrf3d.world.schema import (
+    CAMERA,
+    MOVER,
+    OBJECT,
+    PLACE,
+    TABLES,
+    Check,
+    Invalid,
+    colour_value,
+    text,
+)
 
 _DEEP_KEY = re.compile(
     r"""(?:^|[\[{,])[ \t]*(?:(?:[\w-]{1,99}|"[^"\n]{0,99}")[ \t]*\.[ \t]*){40}""", re.M
@@ -45,7 +56,7 @@ class WorldFile:
     world: World
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     movers: tuple[Mapping[str, Any], ...] = ()
-    path: FilePath = FilePath()
+    path: Path = Path()
     text: str = ""
 
     def scaled(self, factor: float) -> "WorldFile":
@@ -64,24 +75,24 @@ class WorldFile:
         movers = tuple({**mover, "route": mover["route"] * factor} for mover in self.movers)
         return replace(self, world=self.world.scaled(factor), tables=tables, movers=movers)
 
-    def refuse(self, path: Path, message: str) -> NoReturn:
+    def refuse(self, path: KeyPath, message: str) -> NoReturn:
         """Raise the error that something at a path of the file is wrong."""
         _Document(self.path, self.text).refuse(path, message)
 
 
-def read_world(path: FilePath) -> World:
+def read_world(path: Path) -> World:
     """The walls of a world file; see :func:`read_toml`."""
     return read_toml(path).world
 
 
-def read_toml(path: FilePath) -> WorldFile:
+def read_toml(path: Path) -> WorldFile:
     """Read a world file.
 
     Raises:
         WorldError: The file cannot be read, does not parse, or holds what is no world; the
             message names the file, the line and the key.
     """
-    document = _Document(path, read_text(path))
+    document = _Document(path, read_text(path, what="a world file", error=WorldError))
     data = document.parse()
     document.check_keys(data, ["name", "object", *TABLES, "mover", "camera", "place"], ())
     name = document.check(text(), data.get("name", own_name(path)), ("name",))
@@ -100,10 +111,10 @@ def read_toml(path: FilePath) -> WorldFile:
 class _Document:
     """A TOML text and where it came from."""
 
-    path: FilePath
+    path: Path
     text: str
 
-    def refuse(self, path: Path, message: str) -> NoReturn:
+    def refuse(self, path: KeyPath, message: str) -> NoReturn:
         line = nearest_line(lines_of_keys(self.text), path)
         place = f"{_shown(path)}: " if path else ""
         raise WorldError(f"{self.path}:{line}: {place}{message}")
@@ -126,13 +137,13 @@ class _Document:
             column = f" at column {place.group(2)}" if place and place.group(2) else ""
             raise WorldError(f"{self.path}:{line}: not TOML: {reason}{column}") from None
 
-    def check(self, check: Check, value: object, path: Path) -> Any:
+    def check(self, check: Check, value: object, path: KeyPath) -> Any:
         try:
             return check(value)
         except Invalid as problem:
             self.refuse((*path, *problem.inside), str(problem))
 
-    def check_keys(self, table: object, known: list[str], path: Path) -> dict[str, Any]:
+    def check_keys(self, table: object, known: list[str], path: KeyPath) -> dict[str, Any]:
         if not isinstance(table, dict):
             self.refuse(path, f"expected a table [{_shown(path)}]")
         for key in table:
@@ -142,7 +153,9 @@ class _Document:
                 self.refuse((*path, key), f"unknown key; {hint}")
         return table
 
-    def check_table(self, table: object, checks: Mapping[str, Check], path: Path) -> dict[str, Any]:
+    def check_table(
+        self, table: object, checks: Mapping[str, Check], path: KeyPath
+    ) -> dict[str, Any]:
         values = self.check_keys(table, list(checks), path)
         return {key: self.check(checks[key], value, (*path, key)) for key, value in values.items()}
 
@@ -166,7 +179,7 @@ class _Document:
             )
         cameras: list[FixedCamera] = []
         for index, table in enumerate(tables):
-            path: Path = ("camera", index)
+            path: KeyPath = ("camera", index)
             values = self.check_table(table, CAMERA, path)
             for key in ("name", "position", "target"):
                 if key not in values:
@@ -220,7 +233,7 @@ class _Object:
     """The walls of one ``[[object]]`` table, checked."""
 
     def __init__(self, document: _Document, table: object, index: int) -> None:
-        path: Path = ("object", index)
+        path: KeyPath = ("object", index)
         self.values = document.check_table(table, OBJECT, path)
         given = [key for key in ("points", "lines") if key in self.values]
         if len(given) != 1:
@@ -244,7 +257,7 @@ class _Object:
         self.heights: Float = np.broadcast_to(np.asarray(height), (len(self.segments),))
 
     def _check_lengths(
-        self, document: _Document, segments: Float, path: Path, point_count: int
+        self, document: _Document, segments: Float, path: KeyPath, point_count: int
     ) -> None:
         empty = np.flatnonzero(lengths(segments) == 0.0)
         if not len(empty):
@@ -261,7 +274,7 @@ class _Object:
         )
 
 
-def _shown(path: Path) -> str:
+def _shown(path: KeyPath) -> str:
     """A path as a person writes it: ``object[2].points[0]``."""
     shown = ""
     for part in path:
@@ -272,3 +285,81 @@ def _shown(path: Path) -> str:
             key = part if re.fullmatch(r"[\w-]+", part) else repr(part)
             shown += f".{key}" if shown else key
     return shown
+
+
+def write_toml(world: World, path: Path) -> None:
+    """Write a world as TOML.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    write_text(path, toml_text(world))
+
+
+def toml_text(world: World) -> str:
+    """The TOML text of a world."""
+    blocks = [f"name = {_quoted(world.name)}\n"]
+    if world.place is not None:
+        blocks[0] += f"place = [{world.place[0]!r}, {world.place[1]!r}]\n"
+    described: set[int] = set()
+    expected = 0
+    for part in [*_objects_without_walls(world), *parts_of(world)]:
+        lines = ["[[object]]"]
+        if part.number != expected:
+            lines.append(f"number = {part.number}")
+        expected = part.number + 1
+        if part.number not in described:
+            lines += _description(world, part.number)
+        described.add(part.number)
+        lines += _outline(part)
+        if len(part.heights) and part.height_value != DEFAULT_HEIGHT:
+            lines.append(f"height = {part.height_value!r}")
+        blocks.append("\n".join(lines) + "\n")
+    blocks += [_camera(camera) for camera in world.cameras]
+    return "\n".join(blocks)
+
+
+def _camera(camera: FixedCamera) -> str:
+    return (
+        f"[[camera]]\nname = {_quoted(camera.name)}\n"
+        f"position = {list(camera.position)!r}\ntarget = {list(camera.target)!r}\n"
+        f"field_deg = {camera.field_deg!r}\n"
+    )
+
+
+def _objects_without_walls(world: World) -> list[WallRun]:
+    """Objects of a name or a colour that no wall belongs to, so that they are not lost."""
+    bare = set(range(world.object_count)) - set(world.objects.tolist())
+    return [WallRun(n, (), np.empty(0)) for n in sorted(bare) if _description(world, n)]
+
+
+def _description(world: World, number: int) -> list[str]:
+    lines = []
+    if number < len(world.object_names) and world.object_names[number]:
+        lines.append(f"name = {_quoted(world.object_names[number])}")
+    if number < len(world.colours) and np.isfinite(world.colours[number]).all():
+        value = colour_value(world.colours[number])
+        lines.append(f"colour = {_quoted(value) if isinstance(value, str) else repr(value)}")
+    return lines
+
+
+def _outline(part: WallRun) -> list[str]:
+    closed = bool(part.pieces) and all(piece.closed for piece in part.pieces)
+    texts = [_points(piece.points if closed else piece.outline) for piece in part.pieces]
+    lines = [f"points = {texts[0]}"] if len(texts) == 1 else [f"lines = [{', '.join(texts)}]"]
+    return [*lines, "closed = true"] if closed else lines
+
+
+def _points(points: Float) -> str:
+    return "[" + ", ".join(f"[{float(x)!r}, {float(y)!r}]" for x, y in points) + "]"
+
+
+def _quoted(value: str) -> str:
+    escapes = {'"': '\\"', "\\": "\\\\"}
+    return (
+        '"' + "".join(escapes.get(c, c if _plain(c) else f"\\u{ord(c):04x}") for c in value) + '"'
+    )
+
+
+def _plain(character: str) -> bool:
+    return character >= " " and character != "\x7f"

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from lrf3d.errors import WorldError
-from lrf3d.world.text_file import open_within
+from lrf3d.input import opened
 
 BLOCK = 1 << 16
 """Bytes that are parsed at a time."""
@@ -60,7 +60,7 @@ def go_through(path: Path, start: Start, end: End | None = None, *, largest: int
     parser.StartElementHandler = begin
     parser.EndElementHandler = finish
     parser.EntityDeclHandler = entity
-    with open_within(path, largest) as file:
+    with opened(path, what="a world file", largest=largest, error=WorldError) as file:
         try:
             while block := file.read(BLOCK):
                 parser.Parse(block, False)

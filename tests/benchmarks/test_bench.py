@@ -3,13 +3,15 @@
 import json
 import math
 import os
+from functools import partial
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from benchmarks.__main__ import app
-from benchmarks.panels import TradeOff, draw_panels
+from benchmarks.chart import draw, scatter
+from benchmarks.result import Result, duration
 from benchmarks.scan import benchmark as scan_module
 from benchmarks.scan.accuracy import ONE_BEAM, corner_trial, judge, scan_trial
 from benchmarks.scan.baselines import (
@@ -20,23 +22,28 @@ from benchmarks.scan.baselines import (
     RawEmbree,
     cast_determinants,
 )
-from benchmarks.scan.benchmark import CASTER_COLOURS, bench_scan, ratios
-from benchmarks.scan.measuring import CityMeasurement, missing
+from benchmarks.scan.benchmark import (
+    CASTER_COLOURS,
+    ENTRIES,
+    bench_scan,
+    measure_city,
+    missing,
+    promise,
+)
 from benchmarks.scan.processes import BATCH, probe
 from benchmarks.scan.savings import ablate
-from benchmarks.text import duration
-from benchmarks.timing import Method, Timing, take_turns
+from benchmarks.timing import Timing, take_turns
 from lrf3d import LaserRangeFinder, PlanarCaster
 from lrf3d.errors import InputError
-from lrf3d.world.generate import city_crossings, generate_city
+from lrf3d.world.generators import city_crossings, generate_city
 
 LRF = LaserRangeFinder()
 
 
 @pytest.fixture
 def no_peers(monkeypatch):
-    """Rivals that every machine has."""
-    monkeypatch.setattr("benchmarks.scan.measuring.BASELINES", (Determinants, Planar, RawEmbree))
+    """Baselines that every machine has."""
+    monkeypatch.setattr("benchmarks.scan.benchmark.BASELINES", (Determinants, Planar, RawEmbree))
 
 
 @pytest.fixture
@@ -60,7 +67,7 @@ def test_a_city_has_its_walls_at_one_density_and_clear_crossings(walls):
     assert PlanarCaster(world).cast_batch(LRF, poses).min() > 1.0
 
 
-def test_rivals_take_turns_with_the_same_numbers():
+def test_methods_take_turns_with_the_same_numbers():
     heard = {"a": [], "b": []}
     timed = take_turns({name: heard[name].append for name in heard}, seconds=0.01)
     assert set(timed) == {"a", "b"}
@@ -70,15 +77,15 @@ def test_rivals_take_turns_with_the_same_numbers():
 
 
 @pytest.mark.parametrize("kind", [Determinants, Planar, RawEmbree, Location, Embree])
-def test_every_rival_sees_the_same_scan(kind):
+def test_every_baseline_sees_the_same_scan(kind):
     world, poses = generate_city(40), city_crossings(40, 5)
-    rival = kind(world, LRF)
+    baseline = kind(world, LRF)
     exact = PlanarCaster(world).cast_batch(LRF, poses)
-    ranges, walls = rival.answers(LRF, poses)
+    ranges, walls = baseline.answers(LRF, poses)
     assert ranges.shape == walls.shape == exact.shape
     assert np.nanmax(np.abs(np.clip(ranges, 0, 80) - np.clip(exact, 0, 80))) < 1e-2
-    assert rival.single(LRF, poses[0])() is not None
-    assert rival.scans(LRF, poses)() is not None
+    assert baseline.single(LRF, poses[0])() is not None
+    assert baseline.scans(LRF, poses)() is not None
 
 
 def test_determinants_see_the_nearest_wall():
@@ -92,21 +99,26 @@ def test_bare_embree_hits_wrong_walls_at_corners_and_ours_does_not():
     caster = PlanarCaster(world)
     trial = corner_trial(caster, world, city_crossings(100, 2000))
     bare, ours = (judge(kind(world, ONE_BEAM), trial, seconds=9) for kind in (RawEmbree, Embree))
-    assert bare.wrong_wall_share > 0 and bare.over_1_cm_share > 0 and bare.largest_error_m > 1.0
-    assert ours.wrong_wall_share == ours.over_1_cm_share == 0 and ours.largest_error_m == 0.0
+    assert bare["wrong_wall_share"] > 0 and bare["over_1_cm_share"] > 0
+    assert bare["largest_error_m"] > 1.0
+    assert ours["wrong_wall_share"] == ours["over_1_cm_share"] == 0
+    assert ours["largest_error_m"] == 0.0
     plain = scan_trial(caster, LRF, trial.poses[:9])
-    assert judge(Planar(world, LRF), plain, seconds=9).wrong_wall_share == 0
+    assert judge(Planar(world, LRF), plain, seconds=9)["wrong_wall_share"] == 0
 
 
 @pytest.mark.usefixtures("no_peers")
-def test_a_contest_brings_an_entry_for_each_rival():
+def test_a_city_brings_a_row_for_each_baseline():
     steps = []
-    entries = CityMeasurement(40, 0.05, missing()).run(lambda: steps.append(1))
-    assert [entry.baseline.key for entry in entries] == ["numpy", "planar", "raw"]
+    rows, _ = measure_city(40, 0.05, missing(), lambda: steps.append(1))
+    assert [row["caster"] for row in rows] == ["numpy", "planar", "raw"]
     assert len(steps) == 3
-    planar = entries[1]
-    assert planar.largest_error == 0.0 and planar.alone is not None and planar.index > 0
-    assert ratios(entries) == []
+    planar = rows[1]
+    assert planar["largest_error_m"] == 0.0 and planar["batch_one_core"] is not None
+    assert planar["index_bytes_per_wall"] > 0
+    result = Result("scan", tables={ENTRIES: rows})
+    promise(result)
+    assert result.as_dict()["ratios"] == []
 
 
 @pytest.mark.usefixtures("no_peers", "no_processes")
@@ -120,17 +132,19 @@ def test_the_benchmark_reports_ratios_and_leaves_out_what_takes_too_long(monkeyp
     names = " ".join(ratio["ratio"] for ratio in report["ratios"])
     assert "memory of a batch" in names and "fresh process" in names
     assert "PlanarCaster" in result.text()
-    monkeypatch.setattr(scan_module.CityMeasurement, "run", lambda self, step: [])
+    monkeypatch.setattr(scan_module, "measure_city", lambda *_: ([], 1.0))
     assert "do not suffice" in bench_scan([40, 400], seconds=0.0).skipped[-1]
 
 
 @pytest.mark.usefixtures("no_processes")
 def test_the_ablation_times_each_piece_on_and_off():
-    savings = ablate(seconds=0.2, huge=400, progress=lambda done, total: None)
-    names = " ".join(saving.name for saving in savings)
+    result = Result("scan")
+    ablate(result, seconds=0.2, huge=400)
+    savings = result.as_dict()["savings"]
+    names = " ".join(saving["skipped_work"] for saving in savings)
     for piece in ("mesh", "beyond", "noise", "static", "tree"):
         assert piece in names
-    assert all(saving.skipped > 0.0 and saving.done > 0.0 for saving in savings)
+    assert all(saving["skipped_s"] > 0.0 and saving["done_s"] > 0.0 for saving in savings)
 
 
 @pytest.mark.skipif(
@@ -145,9 +159,9 @@ def test_a_batch_needs_little_more_memory_than_its_output(caster):
     assert 0.9 * output < report["peak_bytes"] < 1.3 * output
 
 
-def test_the_figure_places_what_is_exact_and_what_is_not(tmp_path):
-    methods = [
-        Method("scans", title, f"{walls:,}", Timing(t, 0.9 * t, 1.1 * t, 9), error, error, error)
+def test_the_figure_places_what_is_exact_and_what_is_not():
+    rows = [
+        {"title": title, "scan": Timing(t, 0.9 * t, 1.1 * t, 9), "error": error, "walls": walls}
         for title, time, error in (
             ("PlanarCaster", 1e-5, 0.0),
             ("EmbreeCaster", 2e-5, 0.0),
@@ -157,10 +171,10 @@ def test_the_figure_places_what_is_exact_and_what_is_not(tmp_path):
         for walls in (40, 10_000)
         for t in (time * walls**0.1,)
     ]
-    path = tmp_path / "scan.png"
-    panel = TradeOff("scans", "time", "largest error [m]", methods, CASTER_COLOURS)
-    figure = draw_panels([[panel]], path, titles=("Scans", "time and error"))
-    assert path.read_bytes().startswith(b"\x89PNG")
+    panel = partial(
+        scatter, rows=rows, x="scan", y="error", by="title", note="walls", colours=CASTER_COLOURS
+    )
+    figure = draw([[panel]], ("Scans", "time and error"))
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert "exact" in labels
 
@@ -172,7 +186,7 @@ def test_the_picture_of_a_result_is_drawn_with_rates_of_batches(tmp_path):
 
 
 def test_the_command_prints_one_object(monkeypatch, tmp_path):
-    empty = scan_module.ScanResult(took_s=1.0)
+    empty = Result("scan", took_s=1.0)
     monkeypatch.setattr(scan_module, "bench_scan", lambda *args, **kwargs: empty)
     done = CliRunner().invoke(app, ["scan", "--json"])
     assert done.exit_code == 0 and json.loads(done.stdout)["benchmark"] == "scan"

@@ -9,44 +9,52 @@ from typer.testing import CliRunner
 
 from benchmarks.__main__ import app
 from benchmarks.map import benchmark as map_module
-from benchmarks.map.benchmark import Extent, MapResult, bench_map, measure_memory
-from benchmarks.map.pairs import measure_town
-from benchmarks.map.settings import (
-    SCORES,
-    SWEEPS,
-    CityDrive,
-    MapEntry,
-    Setting,
-    measure_accuracy,
-    settings,
+from benchmarks.map.benchmark import MEMORY, SETTINGS, bench_map, chart, measure_memory
+from benchmarks.map.pairs import PAIRS, measure_town
+from benchmarks.map.settings import NO_NOISE, SCORES, SWEEPS, CityDrive, Setting, settings
+from benchmarks.map.sizes import (
+    SIZES,
+    UPDATES_BY_SIZE,
+    measure_sizes,
+    prefilled,
+    surveyed,
 )
-from benchmarks.map.sizes import SizeEntry, measure_sizes, prefilled, surveyed
+from benchmarks.result import Result
 from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
-from lrf3d.world.generate import generate_city
+from lrf3d.world.generators import generate_city
 
-TINY = Extent({"beams": (91, 181), "gap": (2.5,)}, every=40, sizes=(40,), towns=(100,), scans=10)
+TINY = {
+    "sweeps": {"beams": (91, 181), NO_NOISE: (181,), "gap": (2.5,)},
+    "every": 40,
+    "sizes": (40,),
+    "towns": (100,),
+    "scans": 10,
+}
 
 
 @pytest.fixture(scope="module")
 def benchmark():
-    """A tiny benchmark, and the steps that it told of."""
+    """A tiny benchmark, and the steps that it reported."""
     heard = []
-    # What is compiled first takes no share of the time that the benchmark has.
-    CityDrive(every=TINY.every, scans=TINY.scans).measure(MapEntry(settings(TINY.sweeps)[0]), 0)
-    result = bench_map(
-        seeds=2, seconds=60.0, extent=TINY, progress=lambda *step: heard.append(step)
-    )
+    result = bench_map(seeds=2, seconds=60.0, **TINY, progress=lambda *step: heard.append(step))
     return result, heard
 
 
 def test_every_setting_is_measured_with_every_seed(benchmark):
     result, heard = benchmark
-    assert [entry.setting for entry in result.settings] == settings(TINY.sweeps)
-    assert all(len(entry.builds) == 2 for entry in result.settings)
-    for entry in result.settings:
-        assert [len(spent) for spent in entry.updates] == [result.scans_of_each_setting] * 2
+    rows = result[SETTINGS]
+    assert [(row["varied"], row["value"], row["mode"]) for row in rows] == [
+        (each.varied, each.value, each.mode) for each in settings(TINY["sweeps"])
+    ]
+    assert all(row["seeds"] == len(row["scores_of_seeds"]["segment_f1"]) == 2 for row in rows)
+    for row in rows:
+        assert row["update"].calls == result.facts["scans_of_each_setting"]
+        assert row["scan_to_map"].calls == 2 * row["update"].calls
+        assert row["least_error"] <= row["missed"] <= row["largest_error"]
+    defaults = [row["varied"] for row in rows if row["default"]]
+    assert defaults == ["beams", NO_NOISE]
     assert not result.skipped
     total = heard[-1][1]
     assert heard == [(done, total) for done in range(1, total + 1)]
@@ -65,7 +73,8 @@ def test_the_report_is_json_and_the_tables_hold_every_part(benchmark):
 
 def test_the_figure_shows_what_was_measured_and_bears_what_was_not(benchmark, tmp_path):
     result, _ = benchmark
-    for number, each in enumerate((result, MapResult())):
+    empty = Result("map", facts={"scans_of_each_setting": 0}, chart=chart)
+    for number, each in enumerate((result, empty)):
         path = tmp_path / f"map{number}.png"
         each.draw(path)
         assert path.read_bytes().startswith(b"\x89PNG")
@@ -74,24 +83,20 @@ def test_the_figure_shows_what_was_measured_and_bears_what_was_not(benchmark, tm
 def test_the_usual_settings_span_what_is_asked():
     assert SWEEPS["beams"][0] == 91 and SWEEPS["beams"][-1] == 1441
     assert SWEEPS["sigma"][0] == 0.01 and SWEEPS["sigma"][-1] == 0.63
-    assert Extent().sizes == (100, 1_000, 10_000, 100_000)
+    assert SIZES == (100, 1_000, 10_000, 100_000)
 
 
 def test_a_setting_is_measured_alike_each_time():
     drive = CityDrive(every=60)
-    first, second = (MapEntry(Setting("robust", "sigma", 0.07)) for _ in range(2))
-    for entry in (first, second):
-        drive.measure(entry, 3)
+    first, second = (Setting("sigma", 0.07, "robust") for _ in range(2))
+    for setting in (first, second):
+        setting.measure(drive, 3)
     assert first.scores == second.scores
-    assert 0.0 < first.score("segment_f1") <= 1.0
+    assert 0.0 < first.row()["segment_f1"] <= 1.0
 
 
 def test_what_the_time_does_not_suffice_for_is_named():
-    drive = CityDrive(every=200)
-    chosen = settings({"gap": (2.5,)})
-    late = list(measure_accuracy(drive, chosen, seeds=1, until=time.monotonic() - 1.0))
-    assert late == chosen
-    skipped = bench_map(seeds=1, seconds=0.0, extent=TINY).skipped
+    skipped = bench_map(seeds=1, seconds=0.0, **TINY).skipped
     assert "gap 2.5, robust mode: the time does not suffice" in skipped
     assert any("a map of 40 segments" in line for line in skipped)
 
@@ -115,27 +120,30 @@ def test_a_prefilled_map_merges_what_it_sees_with_what_it_holds():
 
 
 def test_sizes_come_in_both_modes():
-    entries = list(measure_sizes((40,), seconds=0.01, until=time.monotonic() + 60.0))
-    assert all(isinstance(entry, SizeEntry) for entry in entries)
-    assert [(entry.mode, entry.map_segments) for entry in entries] == [
+    result = Result("map")
+    measure_sizes(result, (40,), seconds=0.01, until=time.monotonic() + 60.0)
+    assert [(row["mode"], row["map_segments"]) for row in result[UPDATES_BY_SIZE]] == [
         ("robust", 40),
         ("paper", 40),
     ]
 
 
 def test_unions_first_finds_the_pairs_of_all_with_fewer_comparisons():
-    every, unions_first = measure_town(400, scans=40)
-    assert (every.strategy, unions_first.strategy) == ("all", "unions-first")
-    assert (
-        every.scans_with_the_pairs_of_all == 1.0 and unions_first.scans_with_the_pairs_of_all > 0.9
-    )
-    assert unions_first.comparisons_a_scan < every.comparisons_a_scan / 3
-    assert every.pairs_a_scan == pytest.approx(unions_first.pairs_a_scan, rel=0.05)
+    result = Result("map")
+    measure_town(result, 400, scans=40)
+    every, unions_first = result[PAIRS]
+    assert (every["strategy"], unions_first["strategy"]) == ("all", "unions-first")
+    assert every["scans_with_the_pairs_of_all"] == 1.0
+    assert unions_first["scans_with_the_pairs_of_all"] > 0.9
+    assert unions_first["comparisons_a_scan"] < every["comparisons_a_scan"] / 3
+    assert every["pairs_a_scan"] == pytest.approx(unions_first["pairs_a_scan"], rel=0.05)
 
 
 def test_unions_take_fewer_numbers_than_a_grid():
-    count = measure_memory("robust", scans=10).count
-    assert 0 < count.union_numbers < count.grid_cells
+    result = Result("map")
+    measure_memory(result, "robust", CityDrive(scans=10))
+    (count,) = result[MEMORY]
+    assert 0 < count["union_numbers"] < count["grid_cells"]
 
 
 def test_the_command_prints_one_object(monkeypatch):
@@ -143,7 +151,7 @@ def test_the_command_prints_one_object(monkeypatch):
 
     def measured(**choice):
         asked.update(choice)
-        return MapResult(took_s=1.0)
+        return Result("map", took_s=1.0)
 
     monkeypatch.setattr(map_module, "bench_map", measured)
     done = CliRunner().invoke(app, ["map", "--json", "--seeds", "4", "--seconds", "9"])

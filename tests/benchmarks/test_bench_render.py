@@ -8,11 +8,12 @@ from test_render import needs_gl
 from typer.testing import CliRunner
 
 from benchmarks.__main__ import app
+from benchmarks.result import Result
 
 
 @pytest.fixture(scope="module")
 def benchmark():
-    """A tiny benchmark, and the steps that it told of."""
+    """A tiny benchmark, and the steps that it reported."""
     from benchmarks.render.benchmark import bench_render
 
     heard = []
@@ -28,15 +29,18 @@ def benchmark():
 
 @needs_gl
 def test_all_ways_to_draw_are_timed_and_the_clean_ones_err_less(benchmark):
+    from benchmarks.render.benchmark import ENTRIES
+
     result, heard = benchmark
-    city = {(e.title, e.samples): e for e in result.entries if e.world == "city"}
+    entries, report = result[ENTRIES], result.as_dict()
+    city = {(row["title"], row["samples"]): row for row in entries if row["world"] == "city"}
     assert {"lrf3d", "stock pyrender", "floor: clear and read"} <= {title for title, _ in city}
-    assert [e.buildings for e in result.entries if e.world != "city"] == [12, 60]
-    plain, smooth = city["lrf3d", 0].error_rms, city["lrf3d", 4].error_rms
-    assert 0.0 < city["lrf3d, twice the size", 0].error_rms < plain
+    assert [row["buildings"] for row in entries if row["world"] != "city"] == [12, 60]
+    plain, smooth = city["lrf3d", 0]["error_rms"], city["lrf3d", 4]["error_rms"]
+    assert 0.0 < city["lrf3d, twice the size", 0]["error_rms"] < plain
     assert 0.0 < smooth < plain
-    assert all(entry.frame.median > 0.0 for entry in result.entries)
-    assert set(result.layers_s) >= {"fan", "beams", "hud", "inset"}
+    assert all(row["frame"].median > 0.0 for row in entries)
+    assert {row["layer"] for row in report["layers"]} >= {"fan", "beams", "hud", "inset"}
     total = heard[-1][1]
     assert [done for done, _ in heard] == sorted(done for done, _ in heard)
     assert heard[-1] == (total, total)
@@ -83,11 +87,13 @@ def test_each_piece_of_skipped_work_can_be_done_again():
     from benchmarks.render.scenes import generated_run
 
     run = generated_run(30, scans=8)
-    savings = render_savings.ablate_render(
-        run, np.linspace(0.0, 1.0, 4), size=(96, 54), seconds=1.0, buildings=60
+    result = Result("render")
+    render_savings.ablate_render(
+        result, run, np.linspace(0.0, 1.0, 4), size=(96, 54), seconds=1.0, buildings=60
     )
-    assert len({saving.name for saving in savings}) == len(savings) == 7
-    assert all(saving.skipped > 0.0 and saving.done > 0.0 for saving in savings)
+    savings = result.as_dict()["savings"]
+    assert len({saving["skipped_work"] for saving in savings}) == len(savings) == 7
+    assert all(saving["skipped_s"] > 0.0 and saving["done_s"] > 0.0 for saving in savings)
 
 
 def test_wrong_sizes_are_refused_in_one_line():

@@ -16,15 +16,11 @@ from typer.testing import CliRunner
 from benchmarks.page import embed_figure
 from benchmarks.paper import report as report_module
 from benchmarks.paper.__main__ import app
-from benchmarks.paper.city import (
-    drive_through,
-    film_claim,
-    grid_claim,
-    polyline_claim,
-    speed_claim,
-)
-from benchmarks.paper.claim import Claim, Extent, Picture, Table
+from benchmarks.paper.city import drive_through, film_claim, speed_claim
+from benchmarks.paper.claim import Claim, Extent, Picture
 from benchmarks.paper.report import STEPS, PaperReport, page_text, redo_paper
+from benchmarks.paper.use import grid_claim, polyline_claim
+from benchmarks.result import Table
 from lrf3d.errors import MissingLibraryError
 from lrf3d.render import video
 
@@ -50,7 +46,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def paper():
-    """A tiny report, and the steps that it told of."""
+    """A tiny report, and the steps that it reported."""
     heard = []
     frame = np.zeros((180, 320, 3), dtype=np.uint8)
     with pytest.MonkeyPatch.context() as patch:
@@ -130,8 +126,8 @@ def test_verdicts_say_where_a_claim_holds(holds, verdict):
 
 
 def test_what_is_said_is_text_and_no_markup():
-    table = Table(("a < b",), (("<script>",),))
-    claim = Claim("n", "a & b", "p", "s", "f", "c", {}, (table,), (Picture("data:,", '"q"'),))
+    table = Table("table", {"words": "a < b"}), [{"words": "<script>"}]
+    claim = Claim("n", "a & b", "p", "s", "f", "c", {}, [table], [Picture("data:,", '"q"')])
     text = page_text(PaperReport((claim,), {"system": "<x>", "cores": 1}, 1.0))
     assert "<script>" not in text and "a &amp; b" in text and "<x>" not in text
     assert "&quot;q&quot;" in text and "a &lt; b" in text

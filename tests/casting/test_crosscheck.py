@@ -11,7 +11,7 @@ from lrf3d.casting import crosscheck
 from lrf3d.casting.causes import Answers, Cause, explain
 from lrf3d.cli.app import app
 from lrf3d.render.crosscheck_figure import MOST_CLOSE, draw_crosscheck, most_telling
-from lrf3d.world.generate import city_crossings, generate_city
+from lrf3d.world.generators import city_crossings, generate_city
 
 ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
 ONE_BEAM = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1)

@@ -11,7 +11,7 @@ from lrf3d.casting.timed import Among, Still, Sweep, timed
 from lrf3d.errors import InputError
 from lrf3d.fleet import simulate_fleet
 from lrf3d.laser import LaserScan
-from lrf3d.robot.patrol import patrol
+from lrf3d.robot.laps import Patrol
 
 CITY = load_world("city")
 CASTERS = pytest.mark.parametrize("make", [PlanarCaster, EmbreeCaster])
@@ -150,7 +150,7 @@ def test_robots_see_each_other_and_not_themselves():
 
 
 def test_a_patrol_goes_there_and_back_at_its_speed():
-    path = patrol([(0, 0), (4, 0), (4, 0), (4, 2)], speed=2.0, until=20.0)
+    path = Patrol([(0, 0), (4, 0), (4, 0), (4, 2)], speed=2.0).until(20.0)
     assert path.at(np.array([1.0]))[0] == pytest.approx([2, 0, 0])
     assert path.at(np.array([2.5]))[0] == pytest.approx([4, 0, np.pi / 2])
     assert path.at(np.array([3.5]))[0] == pytest.approx([4, 2, np.pi / 2])
@@ -160,7 +160,7 @@ def test_a_patrol_goes_there_and_back_at_its_speed():
     steps = np.hypot(*np.diff(path.poses[:, :2], axis=0).T) / np.diff(path.times)
     assert set(np.round(steps, 9)) == {0.0, 2.0}
     with pytest.raises(InputError, match="two different"):
-        patrol([(1, 1), (1, 1)], speed=1.0, until=1.0)
+        Patrol([(1, 1), (1, 1)], speed=1.0)
 
 
 @pytest.mark.parametrize("outline", [[(0, 0), (1, 0)], [0.0, 1.0, 2.0]])

@@ -81,7 +81,7 @@ def test_a_film_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_path)
 
 
 def test_what_drawing_fails_of_is_one_line_whatever_it_is(tmp_path):
-    from lrf3d.study.drawings import draw_all
+    from lrf3d.output import draw_all
 
     def fail(path):
         raise RuntimeError("drawing failed with status 1:\nTraceback\nTypeError: no points")
@@ -109,7 +109,7 @@ def test_a_robot_that_only_stands_drives_nowhere(tmp_path):
 
 
 def test_a_run_is_rendered_as_its_world_file_says(room, tmp_path):
-    from lrf3d.logs import load_run
+    from lrf3d.io import load_run
     from lrf3d.world.cameras import FilmPlan
 
     room.write_text(ROOM + '[film]\nview = "top"\nplayback = 7.0\n')
@@ -351,3 +351,13 @@ def test_what_libraries_warn_of_does_not_reach_the_terminal(room, tmp_path):
     named = ("--mapper", "warner.py:Mapper", "--no-video", "--scans", 2)
     done = lrf3d("run", room, *named, cwd=tmp_path)
     assert done.returncode == 0 and done.stderr == ""
+
+
+def test_an_interrupt_within_generated_code_ends_like_any_other(room, tmp_path):
+    (tmp_path / "stopping.py").write_text(
+        "class Mapper:\n"
+        "    def update(self, scan):\n"
+        "        exec('import signal; signal.raise_signal(signal.SIGINT)')\n"
+    )
+    done = lrf3d("run", room, "--no-video", "--mapper", "stopping.py:Mapper", cwd=tmp_path)
+    assert done.returncode == 130 and done.stderr.startswith("lrf3d: stopped")

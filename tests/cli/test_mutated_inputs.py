@@ -1,7 +1,7 @@
 """Mutated inputs of every kind end in a result or in one clear line, in bounded time and memory.
 
-``LRF3D_MUTATED=2000`` tries so many instead of a hundred; as a program, this file tries those of
-some seeds and prints what is wrong: ``python tests/cli/test_mutated_inputs.py FIRST LAST``.
+``LRF3D_MUTATED=2000`` tries two thousand instead of a hundred; as a program, this file tries those
+of some seeds and prints what is wrong: ``python tests/cli/test_mutated_inputs.py FIRST LAST``.
 """
 
 import os
@@ -13,6 +13,8 @@ import pytest
 from mutated_inputs import Inputs, end
 
 COUNT = int(os.environ.get("LRF3D_MUTATED", "100"))
+FEW = 25
+"""Those that are tried also where slow tests are left out."""
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +22,10 @@ def inputs(tmp_path_factory):
     return Inputs(tmp_path_factory.mktemp("whole"))
 
 
-@pytest.mark.parametrize("seed", range(COUNT))
+@pytest.mark.parametrize(
+    "seed",
+    [pytest.param(n, marks=[pytest.mark.slow] if n >= FEW else []) for n in range(COUNT)],
+)
 def test_a_mutated_input_ends_well(seed, inputs, tmp_path):
     case = inputs.mutated(seed)
     fault = end(case, tmp_path).fault()

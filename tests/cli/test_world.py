@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from lrf3d.scenario import read_scenario_file, scenario_of
+from lrf3d.scenario_file import read_scenario_file, scenario_of
 
 
 def lrf3d(*arguments):
@@ -100,5 +100,5 @@ def test_scale_enlarges_the_way_through_a_world_too(tmp_path):
     scenario = scenario_of(file)
     assert tuple(scenario.start) == (2.0, 6.0, np.pi / 2)
     assert scenario.route.tolist() == [[2.0, 6.0], [4.0, 6.0]]
-    assert scenario.movers[0]["route"].tolist() == [[0.0, 6.0], [2.0, 6.0]]
+    assert scenario.movers[0].path.route.tolist() == [[0.0, 6.0], [2.0, 6.0]]
     assert scenario.world.bounds.tolist() == [[0.0, 0.0], [8.0, 8.0]]

@@ -14,16 +14,15 @@ from lrf3d.casting.mover import Mover, round_outline
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
 from lrf3d.gltf import run_glb, still_glb
+from lrf3d.io import save_run
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.logs import save_run
 from lrf3d.mapping import LineMap
-from lrf3d.render.structures import Structures
-from lrf3d.render.timeline import Timeline
 from lrf3d.robot import Trajectory
-from lrf3d.scenario import load_scenario
-from lrf3d.study.experiment import Experiment, trajectory_of
+from lrf3d.scenario_file import load_scenario
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.timeline import Timeline
 from lrf3d.world import World
-from lrf3d.world.glb_writer import glb_bytes
+from lrf3d.world.mesh import glb_bytes
 
 FAR = (85_000.0, 447_500.0)
 
@@ -31,9 +30,9 @@ FAR = (85_000.0, 447_500.0)
 def simulated(name, every):
     """A built-in world, driven; each scan of so many is taken."""
     scenario = load_scenario(name, ["laser.beams=61"])
-    drive = trajectory_of(scenario)
+    drive = scenario.trajectory()
     drive = replace(drive, times=drive.times[::every], poses=drive.poses[::every])
-    return Experiment(scenario, seed=3).simulate(drive)
+    return scenario.run(drive=drive, rng=3)
 
 
 RUNS = {

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 import lrf3d.gym
 from lrf3d.gym import DriveEnv, DriveTask, DriveVectorEnv
-from lrf3d.scenario import load_scenario
+from lrf3d.scenario_file import load_scenario
 
 CORRIDOR = load_scenario("corridor")
 
@@ -67,17 +67,18 @@ def test_what_is_seen_is_finite_and_lies_in_its_space():
         assert envs.observation_space.contains(seen)
         assert all(np.isfinite(value).all() for value in seen.values())
         seen, *_ = envs.step(envs.action_space.sample())
-    truth, _, walls = envs.task.scan(np.random.default_rng(0))
+    _, truth, walls = envs.task.scan(np.random.default_rng(0))
     lost = np.isinf(truth)
     assert lost.any() and (seen["ranges"][lost] == 80.0).all()
     assert (walls[lost] == -1).all()
-    envs.task.sigma = 300.0
-    measured, *_ = envs.task.scan(np.random.default_rng(0))
+    noisy = DriveTask(envs.task.scenario, 5, sigma=300.0)
+    noisy.poses = envs.task.poses
+    measured, *_ = noisy.scan(np.random.default_rng(0))
     assert (measured == 0.0).any() and (measured >= 0.0).all()
 
 
 def test_ranges_are_those_of_the_caster():
-    env = DriveEnv(CORRIDOR)
+    env = DriveEnv(CORRIDOR, sigma=0.0)
     seen, info = env.reset(seed=4)
     scan = lrf3d.PlanarCaster(CORRIDOR.world).cast(CORRIDOR.lrf, info["pose"])
     assert np.array_equal(seen["ranges"], scan.ranges.astype(np.float32))
@@ -186,3 +187,35 @@ def test_settings_that_make_no_sense_are_refused():
         for made in (DriveEnv, lambda **settings: DriveVectorEnv(2, **settings)):
             with pytest.raises(lrf3d.InputError, match=next(iter(settings))):
                 made(world=CORRIDOR, **settings)
+
+
+def test_the_noise_is_that_of_the_scenario():
+    scenario = CORRIDOR.changed(noise=lrf3d.ProportionalNoise(0.5))
+    env, exact = DriveEnv(scenario), DriveEnv(scenario, sigma=0.0)
+    seen, info = env.reset(seed=4)
+    truth, same = exact.reset(seed=4)
+    assert np.array_equal(info["pose"], same["pose"])
+    scan = lrf3d.PlanarCaster(scenario.world).cast(scenario.lrf, info["pose"])
+    # The same draws as any simulation of the scenario makes.
+    draws = np.random.default_rng(4)
+    again = DriveTask(scenario, 1, sigma=0.0)
+    again.place(np.array([0]), draws)
+    measured = scenario.noise(scan, draws)
+    assert not np.array_equal(seen["ranges"], truth["ranges"])
+    assert np.array_equal(seen["ranges"], np.clip(measured.ranges, 0, scenario.lrf.range_max,
+                                                  dtype=np.float32))  # fmt: skip
+
+
+def test_dynamic_obstacles_are_seen_and_run_into():
+    walk = lrf3d.Trajectory([0.0, 100.0], [(6.0, 1.3, 0.0), (6.0, 1.3, 0.0)])
+    cart = lrf3d.Mover([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]], walk)
+    scenario = CORRIDOR.changed(movers=(cart,))
+    env = DriveEnv(scenario, sigma=0.0)
+    seen, _ = env.reset(seed=0, options={"pose": (4.0, 1.3, 0.0), "goal": (8.0, 1.3)})
+    ahead = np.argmin(np.abs(scenario.lrf.angles))
+    assert seen["ranges"][ahead] == pytest.approx(1.7)
+    for _ in range(50):
+        _, _, ended, _, info = env.step(np.array([1.0, 0.0]))
+        if ended:
+            break
+    assert info["collided"] and 5.0 < info["pose"][0] < 5.7 - scenario.radius

@@ -132,7 +132,7 @@ class Inputs:
 
     def __init__(self, folder: Path) -> None:
         # What is imported here, no child has to import anew.
-        for module in ("cli", "study.outputs", "study.sweep.plan", "render.figures"):
+        for module in ("cli", "cli.results", "sweep.plan", "render.figures"):
             import_module(f"lrf3d.{module}")
         self.worlds = {kind: dict(files) for kind, files in damaged_worlds.valid().items()}
         self.worlds["room"] = {"box.toml": ROOM}
@@ -192,8 +192,8 @@ class Inputs:
 
     def _grid(self, rng: random.Random) -> Input:
         def plan() -> None:
-            from lrf3d.study.sweep.grid import read_grid
-            from lrf3d.study.sweep.plan import make_plan
+            from lrf3d.sweep.grid import read_grid
+            from lrf3d.sweep.plan import make_plan
 
             make_plan(read_grid(Path("grid.toml"), {}))
 
@@ -297,7 +297,8 @@ class End:
         if "Traceback" in self.err or self.status not in (0, 1, 2):
             return f"ended with status {self.status} and\n{self.err[-3000:]}"
         lines = [line for line in self.err.splitlines() if not line.startswith("lrf3d: warning: ")]
-        if self.status == 0 and lines:
+        # What was chosen for the user is said in lines of the program's own.
+        if self.status == 0 and not all(line.startswith("lrf3d: ") for line in lines):
             return f"said\n{self.err[:2000]}"
         # Usage errors are the command line's own: how it is called, and what is wrong.
         if self.status == 1 and not (len(lines) == 1 and lines[0].startswith("lrf3d: ")):

@@ -6,7 +6,7 @@ from lrf3d.geometry import Float, Int, fit_line
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise, beam_directions
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
-from lrf3d.simulation import Run
+from lrf3d.run import Run
 from lrf3d.world import World
 
 

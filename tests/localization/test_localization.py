@@ -10,7 +10,7 @@ from synthetic_run import box, make_run, make_world
 
 from lrf3d.cli import main
 from lrf3d.errors import InputError
-from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser import LaserRangeFinder, RangeNoise
 from lrf3d.localization import (
     Localiser,
     OdometryNoise,
@@ -18,14 +18,14 @@ from lrf3d.localization import (
     localise,
     odometry_increments,
 )
-from lrf3d.localization.lines import KnownLines, RangeNoise
+from lrf3d.localization.lines import KnownLines
+from lrf3d.localization.monte_carlo import LocalisationTask, score_localisation
 from lrf3d.localization.pairing import Innovation
 from lrf3d.pose import Pose
-from lrf3d.study.localisation import LocalisationTask, score_localisation
 from lrf3d.world import World
 
 ODOMETRY = OdometryNoise()
-NOISE = RangeNoise(0.04, 0.001, 80.0)
+NOISE = RangeNoise.from_sigma(0.04, 0.001, 80.0)
 FAR = 1e6
 
 numbers = st.floats(-5.0, 5.0)
@@ -221,7 +221,7 @@ def test_a_filter_that_thinks_too_well_of_its_ranges_is_not_consistent(run):
     certain = PoseEstimate(Pose(*truth[0].tolist()), np.zeros((3, 3)))
     nees = [
         localise(
-            Localiser(known, certain, range_noise=RangeNoise(sigma, 0.001, 80.0)),
+            Localiser(known, certain, range_noise=RangeNoise.from_sigma(sigma, 0.001, 80.0)),
             run.scans,
             odometry_increments(truth),
         ).nees(truth)
@@ -235,7 +235,7 @@ def test_ranges_without_noise_are_no_obstacle(run):
     quiet = make_run(run.world, run.trajectory.poses[:6], run.lrf)
     certain = PoseEstimate(Pose(*run.trajectory.poses[0].tolist()), np.zeros((3, 3)))
     known = KnownLines.from_world(run.world)
-    localiser = Localiser(known, certain, range_noise=RangeNoise(0.0, 0.0))
+    localiser = Localiser(known, certain, range_noise=RangeNoise.from_sigma(0.0, 0.0))
     steps = ODOMETRY(odometry_increments(quiet.trajectory.poses), np.random.default_rng(0))
     errors = localise(localiser, quiet.scans, steps).errors(quiet.trajectory.poses)
     assert np.abs(errors).max() < 1e-4

@@ -8,15 +8,15 @@ from synthetic_run import box, make_run, make_world
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import lengths, normal_lines, wrap_angle
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.localization.lines import KnownLines, LocalLines, RangeNoise, line_covariances
+from lrf3d.laser import LaserRangeFinder, RangeNoise
+from lrf3d.localization.lines import KnownLines, LocalLines, line_covariances
 from lrf3d.localization.pairing import MahalanobisGate, SquaredDifferences, innovation, pair_lines
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.world import World
 
 PRIOR = np.diag([0.1**2, 0.1**2, np.radians(2.0) ** 2])
-NOISE = RangeNoise(0.04, 0.001, 80.0)
+NOISE = RangeNoise.from_sigma(0.04, 0.001, 80.0)
 FAR = 1e6
 
 angles = st.floats(-np.pi, np.pi)
@@ -49,7 +49,7 @@ def drive():
 
 
 def local_lines(scan, noise=NOISE):
-    mapper = LineMapper(sigma=noise.sigma, floor=noise.floor)
+    mapper = LineMapper(sigma=noise.growth * scan.range_max, floor=noise.floor)
     return LocalLines.from_map(mapper.local_map(replace(scan, pose=(0, 0, 0))), noise)
 
 
@@ -139,7 +139,7 @@ def test_a_covariance_turns_with_the_robot(turn, along, away, length, sigma):
     segment = np.array([[away, along, away, along + length]])
     cos, sin = np.cos(turn), np.sin(turn)
     turned = (segment.reshape(-1, 2) @ [[cos, sin], [-sin, cos]]).reshape(1, 4)
-    points, noise = np.array([30]), RangeNoise(sigma)
+    points, noise = np.array([30]), RangeNoise.from_sigma(sigma)
     one, other = (
         line_covariances(each, normal_lines(each), points, noise) for each in (segment, turned)
     )
@@ -166,7 +166,7 @@ def test_covariances_are_those_of_repeated_measurements(away, first, last):
     run = make_run(world, np.zeros((1, 3)), lrf)
     scan, rng = next(run.scans), np.random.default_rng(0)
     hit = scan.hits
-    noise = RangeNoise(0.4, 0.01, 80.0)
+    noise = RangeNoise.from_sigma(0.4, 0.01, 80.0)
     beam = np.column_stack([np.cos(lrf.angles[hit]), np.sin(lrf.angles[hit])])
     deviation = np.sqrt(noise.variance(scan.ranges[hit]))
     weight = 1.0 / (deviation * beam[:, 0]) ** 2
@@ -225,7 +225,8 @@ def test_a_built_map_has_the_laser_on_the_left_of_every_segment():
     run = make_run(world, poses, LaserRangeFinder(), sigma=0.04)
     mapper = LineMapper()
     for scan in run.scans:
-        line_map = mapper.update(scan)
+        mapper.update(scan)
+    line_map = mapper.map
     x1, y1, x2, y2 = line_map.segments.T
     inside = np.array([[2.0, 2], [8, 2], [8, 6], [2, 6]])
     sides = [(x2 - x1) * (y - y1) - (y2 - y1) * (x - x1) for x, y in inside]
@@ -281,4 +282,4 @@ def test_what_makes_no_sense_is_refused():
         )
     for values in ({"sigma": -1.0}, {"floor": np.inf}, {"range_max": np.nan}):
         with pytest.raises(InputError, match="range noise"):
-            RangeNoise(**values)
+            RangeNoise.from_sigma(**values)

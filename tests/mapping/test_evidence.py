@@ -5,9 +5,10 @@ import pytest
 
 from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
 from lrf3d.geometry import lengths
-from lrf3d.mapping.facets import choose
-from lrf3d.mapping.links import join_objects
-from lrf3d.mapping.scan_archive import ScanArchive
+from lrf3d.laser import RangeNoise
+from lrf3d.mapping.robust.beams import ScanArchive
+from lrf3d.mapping.robust.object_association import associate_objects
+from lrf3d.mapping.robust.refitting import real_pieces
 
 LRF = LaserRangeFinder(range_max=30.0)
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
@@ -61,9 +62,10 @@ def test_no_beam_between_makes_one_object_and_a_beam_two():
     # Two faces of one house, and its corner hidden; a lane of 2 m in the second world.
     house = np.array([[5.0, -2.0, 5.0, 2.0], [7.0, 2.0, 11.0, 2.0]])
     whole = [*house.tolist(), [5, 2, 7, 2.0]]
-    assert len(set(join_objects(house, seen_from(whole, [(0, 0, 0), (8, 6, 0)]), 0.01, 0.0))) == 1
+    beams = seen_from(whole, [(0, 0, 0), (8, 6, 0)])
+    assert len(set(associate_objects(house, beams, RangeNoise(0.01, 0.0)))) == 1
     lane = [[5, -3, 5, -1.0], [5, 1, 5, 3.0]]
-    parted = join_objects(np.array(lane), seen_from(lane, [(0, 0, 0)]), 0.01, 0.0)
+    parted = associate_objects(np.array(lane), seen_from(lane, [(0, 0, 0)]), RangeNoise(0.01, 0.0))
     assert len(set(parted)) == 2
 
 
@@ -71,7 +73,7 @@ def test_what_lies_before_a_wall_is_no_part_of_it():
     # A pillar hides a part of the wall behind it; nothing was seen between the two.
     scene = [[5, 0.5, 5, -0.5], [12, 8, 12, -8.0]]
     beams = seen_from(scene, [(0, 0, 0)])
-    assert len(set(join_objects(np.array(scene), beams, 0.01, 0.0))) == 2
+    assert len(set(associate_objects(np.array(scene), beams, RangeNoise(0.01, 0.0)))) == 2
 
 
 def test_a_scan_from_almost_the_same_pose_is_kept_once():
@@ -120,20 +122,20 @@ def test_a_wall_ends_and_opens_where_beams_passed_and_none_ended():
 
     # Rows: beams that ended on a piece, passed it, and ended nearer to another wall.
     met, passed, unseen = [2, 0, 0], [0, 2, 0], [0, 0, 0]
-    ends = choose(pieces((passed, 8), (met, 20), (unseen, 9)))
+    ends = real_pieces(pieces((passed, 8), (met, 20), (unseen, 9)))
     assert np.flatnonzero(ends).tolist() == list(range(8, 28))
-    lane = choose(pieces((met, 20), (passed, 12), (met, 20)))
+    lane = real_pieces(pieces((met, 20), (passed, 12), (met, 20)))
     assert np.flatnonzero(lane == 0).tolist() == list(range(20, 32))
     # What nobody looked at stays closed, and so does what a few beams slipped through.
-    assert choose(pieces((met, 20), (unseen, 12), (met, 20))).all()
-    assert choose(pieces((met, 20), (passed, 3), (met, 20))).all()
+    assert real_pieces(pieces((met, 20), (unseen, 12), (met, 20))).all()
+    assert real_pieces(pieces((met, 20), (passed, 3), (met, 20))).all()
 
 
 def test_faces_across_a_lane_are_two_objects_though_its_end_was_never_seen():
     # No beam went beyond what was seen of the two faces, so none passed between their far ends.
     lane, seen = [[5, -1, 12, -1.0], [12, 1, 5, 1.0]], [[5, -1, 6, -1.0], [6, 1, 5, 1.0]]
     beams = seen_from(lane, [(4, -3, 0), (4, 3, 0)])
-    assert len(set(join_objects(np.array(seen), beams, 0.01, 0.0))) == 2
+    assert len(set(associate_objects(np.array(seen), beams, RangeNoise(0.01, 0.0)))) == 2
 
 
 def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
@@ -141,12 +143,12 @@ def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
     rows += [[8, top, 8, y] for _, y, _, top in rows]
     walls = np.array(rows, dtype=np.float64)
     nothing = seen_from([[50.0, 50.0, 51.0, 51.0]], [(-60.0, 0.0, 0.0)])
-    assert len(set(join_objects(walls, nothing, 0.01, 0.0))) == 1
+    assert len(set(associate_objects(walls, nothing, RangeNoise(0.01, 0.0)))) == 1
     # The beams between the rows end short of their last walls, which alone stay linked.
     around = [[0, 0, 0, 6], [8, 6, 8, 0], [0, 5.4, 8, 5.4]]
     between = seen_from(np.array(around), [(4.0, -3.0, 0.0)])
-    assert len(set(join_objects(walls, between, 0.01, 0.0))) == 2
-    assert len(set(join_objects(walls[[2, 5]], between, 0.01, 0.0))) == 1
+    assert len(set(associate_objects(walls, between, RangeNoise(0.01, 0.0)))) == 2
+    assert len(set(associate_objects(walls[[2, 5]], between, RangeNoise(0.01, 0.0)))) == 1
 
 
 def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
@@ -156,4 +158,4 @@ def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
     door = [*ends.tolist(), [-3, 8, -3, 0]]
     for walls, count in ((corner, 1), (door, 2)):
         beams = seen_from(np.array(walls, dtype=np.float64), [(6, 5, 0), (5, 2, 0)])
-        assert len(set(join_objects(ends, beams, 0.01, 0.0))) == count
+        assert len(set(associate_objects(ends, beams, RangeNoise(0.01, 0.0)))) == count

@@ -116,7 +116,10 @@ def test_a_scan_seen_twice_changes_no_segment(sigma):
 
 def test_maps_that_were_handed_out_do_not_change_later():
     mapper = LineMapper()
-    handed = [mapper.update(scan) for scan in SCANS]
+    handed = []
+    for scan in SCANS:
+        mapper.update(scan)
+        handed.append(mapper.map)
     kept = [mapped(SCANS[: count + 1]).segments for count in (0, 20, 59)]
     for count, segments in zip((0, 20, 59), kept, strict=True):
         assert np.array_equal(handed[count].segments, segments)

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from lrf3d import LaserRangeFinder, PlanarCaster, World
-from lrf3d.mapping.links import join_objects
-from lrf3d.mapping.scan_archive import ScanArchive
+from lrf3d.laser import RangeNoise
+from lrf3d.mapping.robust.beams import ScanArchive
+from lrf3d.mapping.robust.object_association import associate_objects
 
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 
@@ -20,7 +21,7 @@ def objects(walls, world, poses):
     for pose in poses:
         archive.add(caster.cast(CIRCLE, pose), pose[:2])
     walls = np.array(walls, dtype=np.float64)
-    return len(set(join_objects(walls, archive.beams(len(archive)), 0.01, 0.0)))
+    return len(set(associate_objects(walls, archive.beams(len(archive)), RangeNoise(0.01, 0.0))))
 
 
 @pytest.mark.parametrize("depth", [0.6, 1.0, 2.5])

@@ -20,13 +20,17 @@ from lrf3d import (
     save_map,
 )
 from lrf3d.geometry import fit_line, lengths, normal_lines
-from lrf3d.mapping import segmentation
-from lrf3d.mapping.clusters import clusters, near_each_other, ordered_returns
-from lrf3d.mapping.extraction import LikelihoodExtractor
-from lrf3d.mapping.merging import EndPointMerging, unite
-from lrf3d.mapping.segmentation import fit_wall, segment_cluster
-from lrf3d.mapping.split_merge import split_and_merge
-from lrf3d.mapping.table import SegmentTable, add_moments, measure_moments
+from lrf3d.mapping.paper.mapper import EndPointMerging, unite
+from lrf3d.mapping.paper.split_merge import (
+    clusters,
+    near_each_other,
+    ordered_returns,
+    split_and_merge,
+)
+from lrf3d.mapping.robust import segmentation
+from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+from lrf3d.mapping.robust.segmentation import fit_wall, segment_cluster
+from lrf3d.mapping.segment_table import SegmentTable, add_moments, measure_moments
 
 SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
 ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])
@@ -92,7 +96,7 @@ def test_a_scan_seen_again_adds_no_segment():
 def test_an_empty_scan_leaves_the_map_empty(mode):
     mapper = LineMapper(mode)
     scan = LaserScan((0, 0, 0), CIRCLE.angles, np.full(361, np.inf), range_max=30.0)
-    assert len(mapper.update(scan)) == 0
+    mapper.update(scan)
     assert len(mapper.map) == 0 and mapper.map.object_count == 0
 
 
@@ -153,10 +157,12 @@ def test_lone_points_are_dropped_and_a_gap_parts_clusters():
 
 def test_a_full_circle_has_no_seam():
     mapper = LineMapper()
-    line_map = mapper.update(PlanarCaster(World(ROOM)).cast(CIRCLE, (0, 0, 0.3)))
+    mapper.update(PlanarCaster(World(ROOM)).cast(CIRCLE, (0, 0, 0.3)))
+    line_map = mapper.map
     assert len(line_map) == 4 and line_map.object_count == 1
-    straight_behind = LineMapper().update(PlanarCaster(World(ROOM)).cast(CIRCLE, (0, 0, 0.0)))
-    assert len(straight_behind) == 4
+    straight_behind = LineMapper()
+    straight_behind.update(PlanarCaster(World(ROOM)).cast(CIRCLE, (0, 0, 0.0)))
+    assert len(straight_behind.map) == 4
 
 
 def test_points_on_one_wall_all_round_are_one_cluster():
@@ -311,18 +317,36 @@ def test_merging_unites_the_unions():
     assert len(united) == 2 and len(set(united.unions.tolist())) == 1
 
 
-def test_a_deferred_map_is_made_once_and_only_when_it_is_looked_at():
-    made = []
+def test_the_map_is_computed_once_after_an_update_and_again_after_an_interrupt(monkeypatch):
+    from lrf3d.mapping.robust import mapper as robust
 
-    def build():
-        made.append(True)
-        return np.array([[0, 0, 1, 0.0]]), np.array([0]), np.array([7])
+    refine, asked = robust.refine_map, []
 
-    line_map = LineMap.deferred(build)
-    assert not made
+    def interrupted_once(*arguments):
+        asked.append(1)
+        if len(asked) == 1:
+            raise KeyboardInterrupt
+        return refine(*arguments)
+
+    monkeypatch.setattr(robust, "refine_map", interrupted_once)
+    mapper, caster = LineMapper(), PlanarCaster(WORLD)
+    mapper.update(caster.cast(CIRCLE, AROUND[0]))
+    assert not asked
+    with pytest.raises(KeyboardInterrupt):
+        _ = mapper.map
+    first = mapper.map
+    assert first is mapper.map and len(asked) == 2
+    mapper.update(caster.cast(CIRCLE, AROUND[0]))
+    assert mapper.map is first
+    mapper.update(caster.cast(CIRCLE, AROUND[1]))
+    assert mapper.map is not first and len(asked) == 3
+
+
+def test_a_map_is_a_value_that_pickles():
+    line_map = build(LineMapper())
     copy = pickle.loads(pickle.dumps(line_map))
-    assert len(line_map) == len(copy) == 1 and copy.points[0] == 7
-    assert line_map.object_count == 1 and made == [True]
+    assert np.array_equal(copy.segments, line_map.segments)
+    assert np.array_equal(copy.points, line_map.points)
     with pytest.raises(AttributeError, match="colour"):
         _ = line_map.colour
 
@@ -343,31 +367,16 @@ def test_the_covariance_of_a_line_is_what_repeated_scans_show():
     assert (found - expected)[0, 1] / (scale[0] * scale[1]) == pytest.approx(0.0, abs=0.15)
 
 
-def test_a_map_whose_building_is_interrupted_can_be_asked_again():
-    asked = []
-
-    def build():
-        asked.append(1)
-        if len(asked) == 1:
-            raise KeyboardInterrupt
-        return np.ones((2, 4)), np.zeros(2, np.int64), np.ones(2, np.int64)
-
-    line_map = LineMap.deferred(build)
-    with pytest.raises(KeyboardInterrupt):
-        len(line_map)
-    assert len(line_map) == 2 and line_map.object_count == 1
-    assert len(asked) == 2
-
-
 def test_maps_from_before_an_interrupted_update_stay_as_they_were(monkeypatch):
-    from lrf3d.mapping import wall_store
+    from lrf3d.mapping.robust import wall_store
 
     whole, broken = LineMapper(), LineMapper()
     caster = PlanarCaster(WORLD)
     scans = [caster.cast(CIRCLE, pose) for pose in AROUND[:3]]
     for scan in scans[:2]:
         whole.update(scan)
-        before = broken.update(scan)
+        broken.update(scan)
+    before = broken.map
 
     def interrupted(*_):
         raise KeyboardInterrupt

@@ -1,13 +1,12 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from lrf3d.geometry import lengths
-from lrf3d.mapping.table import add_moments, fit_ends, measure_moments
-from lrf3d.mapping.wall_merging import Rule, misfit, partner
-from lrf3d.mapping.wall_rows import Walls
-from lrf3d.mapping.wall_store import WallStore
+from lrf3d.mapping.robust.wall_store import WallStore
+from lrf3d.mapping.robust.walls import Rule, Walls, misfit, partner
+from lrf3d.mapping.segment_table import add_moments, fit_ends, measure_moments
 
 RULE = Rule(0.5, 0.1, 0.04, 1.0)
 
@@ -22,13 +21,12 @@ def local_walls(rng, count, size=12.0):
 
 
 def described(ends, points, deviation=0.02):
-    moments, labels = [], []
+    moments = []
     for row, number in zip(ends, points, strict=True):
         along = np.linspace(0.0, 1.0, number)[:, None]
         weights = np.full(number, deviation**-2)
         moments.append(measure_moments(row[:2] + along * (row[2:] - row[:2]), weights))
-        labels.append((number, len(labels)))
-    return np.array(moments).reshape(-1, 6), np.array(labels).reshape(-1, 2)
+    return np.array(moments).reshape(-1, 6), np.asarray(points)
 
 
 class PairwiseStore:
@@ -38,23 +36,21 @@ class PairwiseStore:
         self.ends, self.moments, self.points = [], [], []
         self.free = []
 
-    def add(self, ends, moments, labels):
+    def add(self, ends, moments, points):
         rows = self.free[len(self.free) - min(len(ends), len(self.free)) :]
         del self.free[len(self.free) - len(rows) :]
         rows += range(len(self.points), len(self.points) + len(ends) - len(rows))
-        for row, end, moment, label in zip(rows, ends, moments, labels, strict=True):
+        for row, end, moment, count in zip(rows, ends, moments, points, strict=True):
             if row == len(self.points):
                 for column in (self.ends, self.moments, self.points):
                     column.append(None)
-            self.ends[row], self.moments[row], self.points[row] = end, moment, int(label[0])
+            self.ends[row], self.moments[row], self.points[row] = end, moment, int(count)
         waiting, dead = list(rows), []
         while waiting:
             row = waiting.pop(0)
             if not self.points[row]:
                 continue
-            walls = Walls(
-                np.array(self.ends), np.array(self.moments), np.array(self.points), np.zeros(0, int)
-            )
+            walls = Walls(np.array(self.ends), np.array(self.moments), np.array(self.points))
             other = partner(walls, row, np.arange(len(self.points)), RULE)
             if other < 0:
                 continue
@@ -79,15 +75,16 @@ def sorted_rows(ends, points):
 
 
 @given(st.integers(0, 10_000))
+@example(167)  # A wall that grew was found by the next only after its turn.
 @settings(max_examples=25, deadline=None)
 def test_the_grid_finds_what_comparing_all_pairs_finds(seed):
     rng = np.random.default_rng(seed)
     store, plain = WallStore(RULE, cell=float(rng.uniform(0.7, 6.0))), PairwiseStore()
     for _ in range(5):
-        ends, moments, labels = local_walls(rng, int(rng.integers(1, 16)))
-        store.add(ends, moments, labels, (0.0, 0.0))
-        plain.add(ends, moments, labels)
-    table = store.table(store.version)
+        ends, moments, points = local_walls(rng, int(rng.integers(1, 16)))
+        store.add(ends, moments, points, (0.0, 0.0))
+        plain.add(ends, moments, points)
+    table = store.table()
     one, other = sorted_rows(table.ends, table.points), sorted_rows(*plain.table())
     assert np.array_equal(one[1], other[1])
     assert one[0] == pytest.approx(other[0], abs=1e-9)
@@ -97,43 +94,40 @@ def test_a_map_that_outgrows_its_arrays_stays_the_same():
     rng = np.random.default_rng(1)
     ends = np.column_stack([rng.uniform(0, 4000, (3000, 2)), np.zeros((3000, 2))])
     ends[:, 2:] = ends[:, :2] + rng.normal(0.0, 3.0, (3000, 2))
-    moments, labels = described(ends, np.full(3000, 5))
+    moments, points = described(ends, np.full(3000, 5))
     at_once, in_turn = WallStore(RULE), WallStore(RULE)
-    at_once.add(ends, moments, labels, (0.0, 0.0))
+    at_once.add(ends, moments, points, (0.0, 0.0))
     for first in range(0, 3000, 100):
         part = slice(first, first + 100)
-        in_turn.add(ends[part], moments[part], labels[part] - [0, first], (0.0, 0.0))
-    one, other = at_once.table(at_once.version), in_turn.table(in_turn.version)
+        in_turn.add(ends[part], moments[part], points[part], (0.0, 0.0))
+    one, other = at_once.table(), in_turn.table()
     assert len(one) == len(other) > 2500
     assert lengths(one.ends).sum() == pytest.approx(lengths(other.ends).sum())
 
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=20, deadline=None)
-def test_an_earlier_state_stays_as_it_was(seed):
+def test_a_table_that_was_handed_out_does_not_change_later(seed):
     rng = np.random.default_rng(seed)
     store, kept = WallStore(RULE), []
     for _ in range(8):
         store.add(*local_walls(rng, int(rng.integers(0, 12))), (0.0, 0.0))
-        kept.append((store.version, store.table(store.version)))
-    for version, table in kept:
-        again = store.table(version)
-        assert np.array_equal(again.ends, table.ends)
-        assert np.array_equal(again.moments, table.moments)
-        assert np.array_equal(again.points, table.points)
-        groups = [np.unique(each.unions, return_inverse=True)[1] for each in (again, table)]
-        assert np.array_equal(*groups)
+        table = store.table()
+        columns = table.ends, table.moments, table.points
+        kept.append((columns, [column.copy() for column in columns]))
+    for table, copy in kept:
+        assert all(np.array_equal(one, other) for one, other in zip(table, copy, strict=True))
 
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=20, deadline=None)
 def test_uniting_keeps_every_point_and_the_exact_fit(seed):
     rng = np.random.default_rng(seed)
-    ends, moments, labels = local_walls(rng, 20)
+    ends, moments, points = local_walls(rng, 20)
     store = WallStore(RULE)
-    store.add(ends, moments, labels, (0.0, 0.0))
-    table = store.table(store.version)
-    assert table.points.sum() == labels[:, 0].sum()
+    store.add(ends, moments, points, (0.0, 0.0))
+    table = store.table()
+    assert table.points.sum() == points.sum()
     assert table.moments[:, 0].sum() == pytest.approx(moments[:, 0].sum())
     whole, united = moments[0], table.moments[0]
     for row in moments[1:]:
@@ -150,7 +144,7 @@ def test_no_two_walls_are_left_that_the_rule_merges(seed):
     store = WallStore(RULE)
     for _ in range(4):
         store.add(*local_walls(rng, 10), (0.0, 0.0))
-    table = store.table(store.version)
+    table = store.table()
     for i in range(len(table)):
         for k in range(i):
             pair = table.ends[i], table.moments[i], table.ends[k], table.moments[k]

@@ -21,8 +21,8 @@ from lrf3d.mapping import LineMap
 from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.render.marks import INSIDE, MOST_POINTS, draw_points
 from lrf3d.render.page import Frame, Page
-from lrf3d.render.palette import object_tints
-from lrf3d.simulation import Run
+from lrf3d.run import Run
+from lrf3d.scene.look import object_tints
 from lrf3d.world import World
 
 AWAY = (85000.0, 447500.0)

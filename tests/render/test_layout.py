@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from test_render import city_run, room_run
 
-from lrf3d.render.camera import Top
 from lrf3d.render.hud import hud_lines, panel_size, rounded, widest_lines
 from lrf3d.render.layout import LEAST_SCALE, lay_out
-from lrf3d.render.structures import Structures
-from lrf3d.render.timeline import Timeline
+from lrf3d.scene.camera import Top
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.timeline import Timeline
 
 SIZES = [
     (390, 844), (1080, 1920), (320, 180), (64, 64), (16, 16), (640, 360), (500, 500), (200, 400),

@@ -8,7 +8,7 @@ from test_render import SIZE, city_run, needs_gl, room_run
 
 import lrf3d
 from lrf3d.casting.mover import Mover, round_outline
-from lrf3d.logs import load_run, save_run
+from lrf3d.io import load_run, save_run
 from lrf3d.render.movers import MovingBodies
 from lrf3d.robot import Trajectory
 from lrf3d.world.cameras import FilmPlan

@@ -10,7 +10,7 @@ from test_render import SIZE, city_run, needs_gl, ranges_of, room_run, run_of
 from lrf3d.errors import InputError
 from lrf3d.world import World
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.generate import BLOCK, generate_city
+from lrf3d.world.generators import BLOCK, generate_city
 
 BLOCKS = 20
 
@@ -47,12 +47,12 @@ def test_what_is_left_out_could_not_be_seen(large_run, view):
     for time in (0.3, 2.2, 4.4):
         film.scenery.walls = walls
         some = film.draw(time).astype(int)
-        drawn = walls.facades.count
+        drawn = walls.faces.count
         film.scenery.walls = replace(walls, parts=Everything(walls.parts))
         film.forget()
         every = film.draw(time).astype(int)
         assert np.abs(some - every).max() == 0
-        assert drawn < 0.25 * walls.facades.count
+        assert drawn < 0.25 * walls.faces.count
     film.close()
 
 
@@ -64,7 +64,7 @@ def test_low_eyes_draw_little_of_a_large_city(large_run):
     counts = []
     for time in np.linspace(0.0, 4.5, 10):
         film.draw(float(time))
-        counts.append(len(film.scenery.walls.facades._shown))
+        counts.append(len(film.scenery.walls.faces._shown))
     assert max(counts) < 0.2 * BLOCKS**2
     film.close()
 
@@ -75,7 +75,7 @@ def test_parts_are_drawn_from_near_to_far(large_run):
 
     film = Film(large_run, size=SIZE, view="chase", samples=0)
     film.draw(1.0)
-    shown = film.scenery.walls.facades._shown
+    shown = film.scenery.walls.faces._shown
     eye = film.camera.look(1.0, SIZE[0] / SIZE[1]).eye
     away = film.scenery.walls.parts.boxes.nearest(eye, shown)
     assert len(shown) > 5 and (np.diff(away) >= 0.0).all()
@@ -219,7 +219,7 @@ def test_the_skyline_hides_nothing_that_a_ray_can_reach():
 
 @needs_gl
 def test_the_fan_keeps_its_outline_with_fewer_triangles():
-    from lrf3d.render.beams import Beams
+    from lrf3d.scene.beams import Beams
 
     run = city_run()
     scan = run.scan(6)
@@ -237,7 +237,7 @@ def test_the_fan_keeps_its_outline_with_fewer_triangles():
 
 
 def test_cameras_of_a_world_are_kept_with_its_run(tmp_path):
-    from lrf3d.logs import load_run, save_run
+    from lrf3d.io import load_run, save_run
 
     run = room_run()
     cameras = (FixedCamera("door", (0.1, 1.0, 1.6), (5.5, 3.0, 1.0 / 3.0), 33.3),)

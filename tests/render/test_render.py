@@ -11,10 +11,11 @@ from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.render.gl import gl_available
-from lrf3d.render.timeline import Timeline
 from lrf3d.robot import Trajectory
-from lrf3d.simulation import Run
+from lrf3d.run import Run
+from lrf3d.scene.timeline import Timeline
 from lrf3d.world import World
+from lrf3d.world.cameras import FilmPlan
 
 needs_gl = pytest.mark.gl
 SIZE = (320, 180)
@@ -50,7 +51,8 @@ def run_of(world, times, poses, *, range_max=60.0):
     seen = np.unique(walls[walls >= 0])
     map_ = LineMap(world.segments[seen], world.objects[seen], np.full(len(seen), 9))
     trajectory = Trajectory(np.asarray(times, float), np.asarray(poses, float))
-    return Run(world, lrf, trajectory, ranges, ranges, walls, (0,), (map_,))
+    film = FilmPlan("chase", 1.0)
+    return Run(world, lrf, trajectory, ranges, ranges, walls, (0,), (map_,), film=film)
 
 
 def city_run(offset=(0.0, 0.0), *, seconds=4.0):
@@ -96,8 +98,8 @@ def test_views_show_something_and_differ(samples):
 
 @needs_gl
 def test_every_view_has_a_camera():
-    from lrf3d.render.camera import CAMERAS
     from lrf3d.render.video import VIEWS
+    from lrf3d.scene.camera import CAMERAS
 
     assert tuple(sorted(CAMERAS)) == VIEWS
 
@@ -177,7 +179,7 @@ class Outside:
         self.origin = origin
 
     def look(self, time, aspect):
-        from lrf3d.render.camera import Look
+        from lrf3d.scene.camera import Look
 
         eye = np.array([14.0 - self.origin[0], 3.0 - self.origin[1], 0.7])
         return Look(eye, eye - [5.0, 0.0, 0.1], 1.0)
@@ -222,7 +224,7 @@ def test_a_robot_that_stands_is_shown_with_what_is_around_it(walls):
 def test_hit_points_lie_on_their_walls_and_beams_end_before_walls():
     from lrf3d.geometry import project_on_segments
 
-    beams = pytest.importorskip("lrf3d.render.beams") if gl_available() else None
+    beams = pytest.importorskip("lrf3d.scene.beams") if gl_available() else None
     if beams is None:
         pytest.skip("no OpenGL library on this machine")
     run = city_run()
@@ -243,8 +245,8 @@ def test_hit_points_lie_on_their_walls_and_beams_end_before_walls():
 
 @needs_gl
 def test_the_chase_camera_looks_over_the_walls_of_rooms():
-    from lrf3d.render.camera import Chase
-    from lrf3d.render.structures import Structures
+    from lrf3d.scene.camera import Chase
+    from lrf3d.scene.structures import Structures
 
     segments = np.array([*box(0, 0, 8, 6), [3.0, 0.0, 3.0, 2.4], [3.0, 3.6, 3.0, 6.0]])
     world = World(segments, np.array([0, 0, 0, 0, 1, 1]), name="doors")
@@ -268,8 +270,8 @@ def test_the_chase_camera_looks_over_the_walls_of_rooms():
 
 @needs_gl
 def test_the_orbit_camera_sees_the_robot_over_the_roofs():
-    from lrf3d.render.camera import Orbit
-    from lrf3d.render.structures import Structures
+    from lrf3d.scene.camera import Orbit
+    from lrf3d.scene.structures import Structures
 
     run = city_run(seconds=12.0)
     timeline = Timeline(run)
@@ -288,8 +290,8 @@ def test_the_orbit_camera_sees_the_robot_over_the_roofs():
 
 @needs_gl
 def test_the_chase_camera_comes_nearer_where_a_house_is_behind_the_robot():
-    from lrf3d.render.camera import Chase
-    from lrf3d.render.structures import Structures
+    from lrf3d.scene.camera import Chase
+    from lrf3d.scene.structures import Structures
 
     run = city_run()
     poses = run.trajectory.poses.copy()
@@ -328,7 +330,7 @@ def test_stops_dwell_with_beams_on_then_glide_with_beams_off():
 
 def test_frames_cover_the_run_at_the_rate_asked_for():
     run = city_run(seconds=4.0)
-    assert len(Timeline(run).frame_times(25.0)) == 101
+    assert len(Timeline(run, playback=1.0).frame_times(25.0)) == 101
     assert len(Timeline(run, playback=4.0).frame_times(10.0)) == 11
 
 
@@ -344,7 +346,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused(wrong):
 
 
 def test_colours_that_are_given_are_kept_and_the_others_chosen():
-    from lrf3d.render.palette import object_colours
+    from lrf3d.scene.look import object_colours
 
     colours = np.array([[0.2, 0.3, 0.4], [np.nan] * 3])
     found = object_colours(room_run(colours=colours).world, indoor=True)

@@ -14,7 +14,7 @@ from PIL import Image
 from test_render import city_run, needs_gl, room_run
 
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
-from lrf3d.logs import save_run
+from lrf3d.io import save_run
 from lrf3d.render import video
 
 
@@ -135,14 +135,15 @@ def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, f
     size = (161, 91)
     video.render_video(run, path, size=size, fps=fps, samples=0, workers=2)
     pictures, times = pictures_of(path)
-    count = len(video.Timeline(run).frame_times(fps))
+    moments = video.Timeline(run).frame_times(fps)
+    count = len(moments)
     assert len(pictures) == count and {picture.shape for picture in pictures} == {(91, 161, 3)}
     # No frame is early or late by more than the file's unit of time, though units do not fit.
     unit = 10.0 if ending == ".gif" else 1.0
     ends = np.cumsum(times)
     assert np.abs(ends - np.arange(1, count + 1) * 1000.0 / fps).max() <= unit
     for index in (0, count // 2, count // 2 + 1, count - 1):
-        alone = video.frame(run, index / fps, size=size, samples=0).astype(int)
+        alone = video.frame(run, moments[index], size=size, samples=0).astype(int)
         others = [np.abs(picture.astype(int) - alone).mean() for picture in pictures]
         assert others[index] < unlike
         assert others[index] == min(others)

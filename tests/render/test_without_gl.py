@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from test_render import box, city_run, needs_gl, room_run, run_of
 
-from lrf3d.logs import save_run
+from lrf3d.io import save_run
 from lrf3d.render.film import Film
 from lrf3d.world import World
 
@@ -99,7 +99,7 @@ class Outside:
         self.origin = origin
 
     def look(self, time, aspect):
-        from lrf3d.render.look import Look
+        from lrf3d.scene.camera import Look
 
         eye = np.array([14.0 - self.origin[0], 3.0 - self.origin[1], 0.7])
         return Look(eye, eye - [5.0, 0.0, 0.1], 1.0)

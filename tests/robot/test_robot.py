@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from lrf3d import CollisionError, InputError, Trajectory, Unicycle, World, drive, follow_route
 from lrf3d.robot import check_drive, find_collision
-from lrf3d.scenario import Scenario, load_scenario
-from lrf3d.study.experiment import trajectory_of
+from lrf3d.scenario import Scenario
+from lrf3d.scenario_file import load_scenario
 
 speeds = st.floats(-3.0, 3.0)
 turns = st.floats(-2.0, 2.0)
@@ -124,17 +124,17 @@ def test_a_wall_between_two_poses_is_not_leapt_over():
 @pytest.mark.parametrize("settings", [["robot.scan_interval=1e-8"], ["robot.speed=1e-6"]])
 def test_a_drive_costs_what_is_asked_of_it(settings):
     scenario = load_scenario("city", settings)
-    assert len(trajectory_of(scenario, scans=3)) == 3
+    assert len(scenario.trajectory(scans=3)) == 3
     with pytest.raises(InputError, match="more than 2,000,000 steps"):
-        trajectory_of(scenario)
+        scenario.trajectory()
     with pytest.raises(InputError, match="more than 10,000,000; ask for fewer"):
-        trajectory_of(scenario, scans=10**12)
+        scenario.trajectory(scans=10**12)
 
 
 def test_few_scans_are_the_first_of_many():
     scenario = load_scenario("city")
-    many = trajectory_of(scenario, scans=900)
-    few = trajectory_of(scenario, scans=40)
+    many = scenario.trajectory(scans=900)
+    few = scenario.trajectory(scans=40)
     assert (few.poses == many.poses[:40]).all() and (few.times == many.times[:40]).all()
 
 
@@ -143,7 +143,7 @@ def test_scans_of_a_long_drive_come_evenly_also_where_it_turns(length):
     world = World([[-5.0, -5.0, 15.0, -5.0]])
     route = np.array([[0.0, 0.0], [length, 0.0]])
     scenario = Scenario(world, route=route, speed=1.0, scan_interval=0.25)
-    np.testing.assert_allclose(np.diff(trajectory_of(scenario, scans=100).times), 0.25, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(scenario.trajectory(scans=100).times), 0.25, rtol=1e-9)
 
 
 def test_a_robot_that_stands_in_a_wall_collides():

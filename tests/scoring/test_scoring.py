@@ -13,6 +13,7 @@ from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
+from lrf3d.run import Run
 from lrf3d.scoring import (
     adjusted_rand_index,
     buildings_seen,
@@ -25,7 +26,6 @@ from lrf3d.scoring import (
 )
 from lrf3d.scoring.matching import sample_offsets
 from lrf3d.scoring.storage import held_polylines
-from lrf3d.simulation import Run
 from lrf3d.world import World
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 721)

@@ -2,10 +2,10 @@
 
 A `Case` is a row of the table: beams, or whatever else a part of lrf3d takes, of one hard kind,
 and how to try some of them. The runner shares the cases of all parts over processes and adds up
-their tallies. A new part is a module that makes cases, and a line in `running.CASES`.
+their findings. A new part is a module that makes cases, and a line in `running.CASES`.
 """
 
-from stress.report import Report
+from stress.cases import Report
 from stress.running import CASES, stress
 
 __all__ = ["CASES", "Report", "stress"]

@@ -9,7 +9,7 @@ from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.localization.pairing import innovation
 from lrf3d.mapping import LineMap
 from lrf3d.pose import as_pose
-from stress.checks import check, ulps
+from stress.cases import check, ulps
 from stress.rational import pi, wrapped
 
 HAIRS = 8

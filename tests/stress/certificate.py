@@ -93,7 +93,8 @@ def certified(
     shape = beams.shape[:2]
     walls = np.empty(shape, dtype=np.int64)
     ranges, rest, slack = np.empty(shape), np.empty(shape), np.empty(shape)
-    certify(segments, poses[:, :2], beams, lrf.range_min, lrf.range_max, walls, ranges, rest, slack)
+    limits = float(lrf.range_min), float(lrf.range_max)
+    certify(segments, poses[:, :2], beams, limits, walls, ranges, rest, slack)
     known = (walls != UNDECIDED) & _bounds_hold(segments, lrf, poses)
     rational = ~known if outright is None else ~known | outright
     contradictions = 0
@@ -105,7 +106,6 @@ def certified(
             same = wall == walls[k, i] and (wall >= 0 or high == ranges[k, i])
             contradictions += not (same and off <= 2.0 * slack[k, i])
         walls[k, i], ranges[k, i], rest[k, i], slack[k, i] = wall, high, low, 0.0
-    limits = lrf.range_min, lrf.range_max
     return Certificate(walls, ranges, rest, slack, rational, contradictions, limits)
 
 

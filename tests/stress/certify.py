@@ -28,7 +28,8 @@ of 1e-60 to 1e60.
 
 import numpy as np
 
-from lrf3d.casting.kernels.compiling import compiled, inner
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
 
 UNIT_ROUNDOFF = 2.0**-53
 PLAIN = 4.0 * UNIT_ROUNDOFF
@@ -50,17 +51,28 @@ UNDECIDED = -2
 
 MISS, HIT, UNSURE = 0, 1, 2
 
+Four = tuple[float, float, float, float]
+"""A beam ox oy dx dy, the ends px py qx qy of a wall, or a vector of two double-doubles."""
+
 
 @compiled
-def certify(walls, origins, directions, range_min, range_max, hit, high, low, slack):
+def certify(
+    walls: Float,
+    origins: Float,
+    directions: Float,
+    limits: tuple[float, float],
+    hit: Int,
+    high: Float,
+    low: Float,
+    slack: Float,
+) -> None:
     """Fill in what each beam is certain to hit.
 
     Args:
         walls: (n, 4) ends of the walls [m].
         origins: (k, 2) where the beams start [m].
         directions: (k, beams, 2) unit vectors.
-        range_min: Nearest distance that counts [m].
-        range_max: Farthest distance that counts [m].
+        limits: Nearest and farthest distance that count [m].
         hit: (k, beams) the wall with the least t, of equal ones the first; −1 for no range, with
             +inf or −inf in `high`; UNDECIDED.
         high: (k, beams) t rounded to a float64.
@@ -69,17 +81,17 @@ def certify(walls, origins, directions, range_min, range_max, hit, high, low, sl
     """
     for k in range(origins.shape[0]):
         for i in range(directions.shape[1]):
-            wall, t, rest, error = _nearest(
-                walls, origins[k, 0], origins[k, 1], directions[k, i, 0], directions[k, i, 1],
-                range_max,
-            )  # fmt: skip
+            beam = (origins[k, 0], origins[k, 1], directions[k, i, 0], directions[k, i, 1])
+            wall, t, rest, error = _nearest(walls, beam, limits[1])
             hit[k, i], high[k, i], low[k, i], slack[k, i] = _limited(
-                wall, t, rest, error, range_min, range_max
+                wall, t, rest, error, limits[0], limits[1]
             )
 
 
 @inner
-def _limited(wall, t, rest, error, range_min, range_max):
+def _limited(
+    wall: int, t: float, rest: float, error: float, range_min: float, range_max: float
+) -> tuple[int, float, float, float]:
     """The same within the limits of the range finder, or undecided."""
     if wall == UNDECIDED:
         return UNDECIDED, np.nan, 0.0, 0.0
@@ -98,16 +110,16 @@ def _limited(wall, t, rest, error, range_min, range_max):
 
 
 @inner
-def _nearest(walls, ox, oy, dx, dy, range_max):
+def _nearest(walls: Float, beam: Four, range_max: float) -> tuple[int, float, float, float]:
     """The wall with the least t, t, the rest of it and the error; −1 or UNDECIDED for the wall."""
     best, t, rest, error = -1, range_max, 0.0, UNIT * range_max
     doubt = np.inf
     for wall in range(len(walls)):
-        px, py, qx, qy = walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3]
-        kind, near = _glance(ox, oy, dx, dy, px, py, qx, qy)
+        ends = (walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3])
+        kind, near = _glance(beam, ends)
         if kind == MISS or near > (t + 2.0 * error) * (1.0 + UNIT):
             continue
-        kind, found, found_rest, found_error = _look(ox, oy, dx, dy, px, py, qx, qy)
+        kind, found, found_rest, found_error = _look(beam, ends)
         if kind == MISS:
             continue
         if kind == UNSURE:
@@ -128,16 +140,17 @@ def _nearest(walls, ox, oy, dx, dy, range_max):
 
 
 @inner
-def _alike(walls, one, other):
+def _alike(walls: Float, one: int, other: int) -> bool:
     """Whether two walls are the same set of points, so that every t is the same."""
     a, b = walls[one], walls[other]
     same = a[0] == b[0] and a[1] == b[1] and a[2] == b[2] and a[3] == b[3]
-    return same or (a[0] == b[2] and a[1] == b[3] and a[2] == b[0] and a[3] == b[1])
+    return bool(same or (a[0] == b[2] and a[1] == b[3] and a[2] == b[0] and a[3] == b[1]))
 
 
 @inner
-def _glance(ox, oy, dx, dy, px, py, qx, qy):
+def _glance(beam: Four, ends: Four) -> tuple[int, float]:
     """In plain float64: MISS, or UNSURE and the least t that a point of the wall can have."""
+    (ox, oy, dx, dy), (px, py, qx, qy) = beam, ends
     ax, ay, bx, by = px - ox, py - oy, qx - ox, qy - oy
     side_p, room_p = dx * ay - dy * ax, PLAIN * (abs(dx * ay) + abs(dy * ax))
     side_q, room_q = dx * by - dy * bx, PLAIN * (abs(dx * by) + abs(dy * bx))
@@ -151,22 +164,23 @@ def _glance(ox, oy, dx, dy, px, py, qx, qy):
 
 
 @inner
-def _look(ox, oy, dx, dy, px, py, qx, qy):
+def _look(beam: Four, ends: Four) -> tuple[int, float, float, float]:
     """In double-double: MISS, or HIT with t, its rest and its error, or UNSURE."""
+    (ox, oy, dx, dy), (px, py, qx, qy) = beam, ends
     ax, ax_low = _sum(px, -ox)
     ay, ay_low = _sum(py, -oy)
     bx, bx_low = _sum(qx, -ox)
     by, by_low = _sum(qy, -oy)
-    side_p, _, room_p = _cross(dx, 0.0, dy, 0.0, ax, ax_low, ay, ay_low, SINGLE)
-    side_q, _, room_q = _cross(dx, 0.0, dy, 0.0, bx, bx_low, by, by_low, SINGLE)
+    side_p, _, room_p = _cross((dx, 0.0, dy, 0.0), (ax, ax_low, ay, ay_low), SINGLE)
+    side_q, _, room_q = _cross((dx, 0.0, dy, 0.0), (bx, bx_low, by, by_low), SINGLE)
     if not (abs(side_p) > room_p and abs(side_q) > room_q):
         return UNSURE, 0.0, 0.0, 0.0
     if (side_p > 0.0) == (side_q > 0.0):
         return MISS, 0.0, 0.0, 0.0
     ex, ex_low = _sum(qx, -px)
     ey, ey_low = _sum(qy, -py)
-    area, area_low, area_room = _cross(ax, ax_low, ay, ay_low, ex, ex_low, ey, ey_low, BOTH)
-    slope, slope_low, slope_room = _cross(dx, 0.0, dy, 0.0, ex, ex_low, ey, ey_low, SINGLE)
+    area, area_low, area_room = _cross((ax, ax_low, ay, ay_low), (ex, ex_low, ey, ey_low), BOTH)
+    slope, slope_low, slope_room = _cross((dx, 0.0, dy, 0.0), (ex, ex_low, ey, ey_low), SINGLE)
     if not abs(area) > area_room:
         return UNSURE, 0.0, 0.0, 0.0
     # The beam's line crosses the wall; its sense there is the sign of d × e = d × b − d × a.
@@ -180,8 +194,9 @@ def _look(ox, oy, dx, dy, px, py, qx, qy):
 
 
 @inner
-def _cross(x, x_low, y, y_low, v, v_low, w, w_low, bound):
+def _cross(one: Four, other: Four, bound: float) -> tuple[float, float, float]:
     """The value x·w − y·v of double-doubles: rounded, the rest, and the room for its error."""
+    (x, x_low, y, y_low), (v, v_low, w, w_low) = one, other
     left, left_low = _product(x, w)
     right, right_low = _product(y, v)
     value, rest = _sum(left, -right)
@@ -192,7 +207,7 @@ def _cross(x, x_low, y, y_low, v, v_low, w, w_low, bound):
 
 
 @inner
-def _quotient(a, a_low, b, b_low):
+def _quotient(a: float, a_low: float, b: float, b_low: float) -> tuple[float, float]:
     """A / b of double-doubles as a rounded float64 and the rest."""
     guess = a / b
     back, back_low = _product(guess, b)
@@ -201,7 +216,7 @@ def _quotient(a, a_low, b, b_low):
 
 
 @inner
-def _sum(a, b):
+def _sum(a: float, b: float) -> tuple[float, float]:
     """The rounded a + b and its error, exactly, whichever is the larger (Knuth)."""
     total = a + b
     b_part = total - a
@@ -210,7 +225,7 @@ def _sum(a, b):
 
 
 @inner
-def _product(a, b):
+def _product(a: float, b: float) -> tuple[float, float]:
     """The rounded a · b and its error, exactly (Dekker, with Veltkamp's halves)."""
     product = a * b
     a_high, a_low = _halves(a)
@@ -220,7 +235,7 @@ def _product(a, b):
 
 
 @inner
-def _halves(a):
+def _halves(a: float) -> tuple[float, float]:
     """A float64 as the sum of two floats of 26 bits."""
     shifted = 134217729.0 * a
     high = shifted - (shifted - a)

@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.robot.driving import drive
 from lrf3d.robot.unicycle import Unicycle
-from stress.checks import check
+from stress.cases import check
 
 STEPS = 1_000_000
 """Steps of a long drive."""

@@ -14,7 +14,7 @@ from lrf3d.localization import PoseEstimate
 from lrf3d.localization.pairing import Innovation
 from lrf3d.pose import as_pose
 from stress import rational
-from stress.checks import check
+from stress.cases import check
 
 DEVIATIONS = "σ of the prior"
 

@@ -14,18 +14,17 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
-from lrf3d.mapping.line_mapper import MODES
+from lrf3d.mapping.mapper import MODES
 from lrf3d.robot.collision import find_collision
 from lrf3d.robot.following import follow_route
 from lrf3d.robot.planner import plan_route
 from lrf3d.world import World
 from lrf3d.world.extrude import extrude
-from lrf3d.world.generate import generate_city
+from lrf3d.world.generators import generate_city
+from stress.cases import Case, check
+from stress.casting import PLANAR_ULP
 from stress.certificate import directions
 from stress.certify import UNDECIDED, certify
-from stress.checks import check
-from stress.tally import Case
-from stress.trial import PLANAR_ULP
 
 MANY = 1_000_000
 """Walls of enormous worlds."""
@@ -99,7 +98,7 @@ def cast(make: Callable[[np.random.Generator], Float], rng: np.random.Generator)
     limits = LRF.range_min, LRF.range_max
     beams = directions(LRF, poses)
     places = np.ascontiguousarray(poses[:, :2])
-    certify(world.segments, places, beams, *limits, walls, ranges, rest, slack)
+    certify(world.segments, places, beams, limits, walls, ranges, rest, slack)
     known, hits = walls != UNDECIDED, walls >= 0
     errors = np.zeros(shape)
     for caster in (PlanarCaster(world), EmbreeCaster(world)):

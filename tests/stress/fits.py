@@ -12,13 +12,12 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, fit_line, lengths, normal_lines, principal_direction
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
-from lrf3d.mapping.line_mapper import MODES
-from lrf3d.mapping.merging import EndPointMerging
-from lrf3d.mapping.table import SegmentTable, add_moments, measure_moments
-from lrf3d.mapping.wall_merging import merge
-from lrf3d.mapping.wall_rows import Walls
+from lrf3d.mapping.mapper import MODES
+from lrf3d.mapping.paper.mapper import EndPointMerging
+from lrf3d.mapping.robust.walls import Walls, merge
+from lrf3d.mapping.segment_table import SegmentTable, add_moments, measure_moments
 from lrf3d.world import World
-from stress.checks import check
+from stress.cases import check
 from stress.rational import fitted
 
 ULP = "ulp of the coordinates"

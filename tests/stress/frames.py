@@ -13,10 +13,10 @@ from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMapper
 from lrf3d.robot import Trajectory
-from lrf3d.simulation import Run, simulate
+from lrf3d.run import Run
+from lrf3d.simulation import simulate
 from lrf3d.world import World
-from stress.checks import check
-from stress.tally import Case
+from stress.cases import Case, check
 
 SIZE = (160, 90)
 """Width and height of the pictures [pixels]."""
@@ -50,7 +50,7 @@ def _run(walls: Float, place: Float) -> Run:
 
 def _picture(run: Run, view: str, renderer: str) -> Float:
     from lrf3d.render.film import Film
-    from lrf3d.render.renderers import choose_renderer
+    from lrf3d.render.video import choose_renderer
 
     film = Film(
         run, size=SIZE, view=view, samples=0, renderer=choose_renderer(renderer), layers=LAYERS

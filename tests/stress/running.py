@@ -5,20 +5,18 @@ from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from itertools import islice
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from lrf3d.cores import core_count, process_pool
 from stress.angles import ANGLES
+from stress.cases import Case, Findings, Report
 from stress.casting import CASTING
 from stress.drives import DRIVES
 from stress.estimates import ESTIMATES
 from stress.extremes import EXTREMES
 from stress.fits import FITS
 from stress.frames import FRAMES
-from stress.report import Report
-from stress.tally import Case, Findings, Tally
 
 CASES: tuple[Case, ...] = (*CASTING, *FITS, *ANGLES, *DRIVES, *ESTIMATES, *EXTREMES, *FRAMES)
 """All cases of all parts, in the order of the table."""
@@ -64,26 +62,24 @@ def stress(
         beams: Beams to try in all, at least.
         rationals: How many of them rationals shall decide whatever error bounds say.
         quick: Whether checks make few trials, and leave enormous worlds out.
-        parts: Names of the parts that are tried; all where none is given.
+        parts: Names of the parts that are tried; all if none is given.
         seconds: Time after which no more are begun [s].
         seed: The same seed gives the same beams.
-        processes: How many share the work; one a core where not given, fewer for few beams.
+        processes: How many share the work; one a core if not given, fewer for few beams.
         progress: Called with the beams done and the beams in all.
     """
     begin = perf_counter()
     cases = [number for number, case in enumerate(CASES) if not parts or case.part in parts]
     if quick:
         cases = [number for number in cases if not CASES[number].heavy]
-    tasks = _checks(cases, quick, seed) + _tasks(cases, beams, rationals, seed)
-    found: dict[int, Tally | Findings] = {
-        case: Findings() if CASES[case].tries else Tally() for case in cases
-    }
+    tasks = list(_tasks(cases, beams, rationals, quick, seed))
+    found = dict.fromkeys(cases, Findings())
     finished = 0
     if processes is None:
         # A process takes longer to start than to try the beams of a task.
         processes = min(core_count(), max(1, len(tasks)))
     for task, new in _done(tasks, processes, begin + seconds):
-        found[task.case] = found[task.case] + new
+        found[task.case] += new
         finished += 1
         progress(finished, len(tasks))
     return Report(
@@ -95,40 +91,35 @@ def stress(
     )
 
 
-def perform(task: Task) -> Any:
+def perform(task: Task) -> Findings:
     """Make the trials of a task."""
     return CASES[task.case].attempt(np.random.default_rng(task.seed), task.tries, task.outright)
 
 
-def _tasks(cases: Sequence[int], beams: int, rationals: int, seed: int) -> list[Task]:
-    """Tasks of about equal size, case after case, so that a stop leaves no case untried."""
-    casters = [case for case in cases if not CASES[case].tries]
-    if not casters:
-        return []
-    each = -(-beams // len(casters))
-    rounds = -(-each // TASK)
-    size = -(-each // rounds)
-    outright = -(-rationals // (rounds * len(casters)))
-    return [
-        Task(case, size, min(size, outright), (seed, case, number))
-        for number in range(rounds)
-        for case in casters
-    ]
+def _tasks(
+    cases: Sequence[int], beams: int, rationals: int, quick: bool, seed: int
+) -> Iterator[Task]:
+    """Tasks of the cases: checks first, the heaviest before, for they take the longest.
 
-
-def _checks(cases: Sequence[int], quick: bool, seed: int) -> list[Task]:
-    """Tasks of the other cases, the heaviest first: they take the longest."""
-    found = []
-    for case in cases:
+    Those of the casters are of about equal size, case after case, so that a stop leaves no case
+    untried.
+    """
+    for case in sorted(cases, key=lambda case: not CASES[case].heavy):
         tries, each = CASES[case].tries, CASES[case].each
         if quick:
             tries = min(tries, -(-tries // FEW))
         for number in range(-(-tries // each)):
-            found.append(Task(case, min(each, tries), 0, (seed, case, number)))
-    return sorted(found, key=lambda task: not CASES[task.case].heavy)
+            yield Task(case, min(each, tries), 0, (seed, case, number))
+    casters = [case for case in cases if not CASES[case].tries]
+    share = -(-beams // max(1, len(casters)))
+    rounds = -(-share // TASK)
+    size, outright = -(-share // rounds), -(-rationals // (rounds * max(1, len(casters))))
+    for number in range(rounds):
+        for case in casters:
+            yield Task(case, size, min(size, outright), (seed, case, number))
 
 
-def _done(tasks: list[Task], processes: int, end: float) -> Iterator[tuple[Task, Any]]:
+def _done(tasks: list[Task], processes: int, end: float) -> Iterator[tuple[Task, Findings]]:
     """The tasks with their tallies, as they finish; none is begun after the end."""
     if processes == 1:
         for task in tasks:

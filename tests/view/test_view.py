@@ -15,12 +15,11 @@ from test_render import city_run
 
 from lrf3d.casting.mover import Mover, round_outline
 from lrf3d.errors import InputError, MissingLibraryError, OutputError, WorldError
+from lrf3d.io import save_run
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.logs import save_run
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
-from lrf3d.scenario import load_scenario
-from lrf3d.study.experiment import Experiment
+from lrf3d.scenario_file import load_scenario
 from lrf3d.view.hand_drive import HandDrive, Wish
 from lrf3d.view.opening import open_view, run_view, world_view
 from lrf3d.view.replay import pack_run
@@ -300,11 +299,11 @@ def hand(text, tmp_path, **settings):
     path = tmp_path / "world.toml"
     path.write_text(text)
     scenario = load_scenario(path)
-    return HandDrive(Experiment(scenario, **settings), Pose(2.0, 3.0, 0.0))
+    return HandDrive(scenario, Pose(2.0, 3.0, 0.0), **settings)
 
 
 def test_a_hand_drives_stops_before_walls_and_starts_again(tmp_path):
-    drive = hand(YARD, tmp_path, seed=4)
+    drive = hand(YARD, tmp_path, rng=4)
     first = drive.step(0.05)
     assert first["fresh"] and first["map"] is not None
     drive.wish = Wish(forward=1.0)

@@ -20,8 +20,7 @@ from lrf3d.world.apart import read_here
 from lrf3d.world.drawing import CURVE_ERROR, connected, without_repeats
 from lrf3d.world.files import FORMATS
 from lrf3d.world.geographic import EARTH_RADIUS
-from lrf3d.world.osm_tags import is_building, tag_height
-from lrf3d.world.rings import close_rings
+from lrf3d.world.osm import close_rings, is_building, tag_height
 
 
 def svg(folder: Path, body: str, head: str = 'width="1000mm" height="1000mm" viewBox="0 0 10 10"'):

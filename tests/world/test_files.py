@@ -156,7 +156,7 @@ def test_reading_a_world_leaves_heavy_libraries_alone() -> None:
     import sys
 
     code = (
-        "import sys, lrf3d.world, lrf3d.scenario; lrf3d.scenario.load_scenario('city');"
+        "import sys, lrf3d; lrf3d.load_scenario('city');"
         "print([m for m in ('shapely', 'scipy', 'trimesh', 'numba') if m in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -8,8 +8,7 @@ from scipy.spatial import cKDTree
 from lrf3d.errors import InputError
 from lrf3d.robot.free_space import find_free_space
 from lrf3d.world.floor_plan import DOOR, THICKNESS
-from lrf3d.world.generators import KINDS, generate
-from lrf3d.world.maze import maze_passages
+from lrf3d.world.generators import KINDS, generate, maze_passages
 from lrf3d.world.pieces import pieces_of
 
 SMALL = {"city": 60.0, "maze": 14.0, "office": 24.0, "rooms": 20.0}

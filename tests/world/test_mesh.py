@@ -11,7 +11,7 @@ from lrf3d.world import World, load_world
 from lrf3d.world.apart import read_here
 from lrf3d.world.collinear import merge_collinear
 from lrf3d.world.files import FORMATS
-from lrf3d.world.glb_writer import glb_bytes
+from lrf3d.world.mesh import glb_bytes
 
 FAR = np.array([85_000.0, 447_500.0])
 

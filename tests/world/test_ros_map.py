@@ -13,7 +13,7 @@ from PIL import Image
 from lrf3d.world import World, load_world, outlines, save_world
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.outlines import chains_of
-from lrf3d.world.ros_map_writer import write_ros_map
+from lrf3d.world.ros_map import write_ros_map
 from lrf3d.world.straight_runs import cut_into_runs, is_straight
 
 

@@ -9,8 +9,7 @@ from lrf3d.casting.timed import Sweep
 from lrf3d.cli import main
 from lrf3d.errors import InputError
 from lrf3d.laser import Imperfections
-from lrf3d.study.experiment import Experiment, trajectory_of
-from lrf3d.world.settings import read_settings
+from lrf3d.world.schema import read_settings
 
 ROOM = """\
 [[object]]
@@ -52,13 +51,14 @@ def test_a_file_says_what_the_range_finder_does_and_what_moves(room):
     scenario = load_scenario(room)
     assert scenario.lrf.range_min == 0.2 and scenario.lrf.scan_duration == 0.1
     assert scenario.sigmas == (0.05,)
-    assert scenario.imperfections == Imperfections(constant=0.02, resolution=0.01, drop_outs=0.1)
-    experiment = Experiment(scenario)
-    trajectory = trajectory_of(scenario)
-    (mover,) = experiment.movers(float(trajectory.times[-1]))
+    assert scenario.noise == Imperfections(constant=0.02, resolution=0.01, drop_outs=0.1).noise(
+        0.05
+    )
+    trajectory = scenario.trajectory()
+    (mover,) = scenario.movers
     assert np.hypot(*mover.outline.T).min() >= 0.3
     assert mover.path.at(np.array([1.0]))[0] == pytest.approx([6.5, 4, 0])
-    run = experiment.simulate(trajectory)
+    run = scenario.run(drive=trajectory, rng=0)
     returned = np.isfinite(run.ranges)
     assert run.ranges[returned] == pytest.approx(np.round(run.ranges[returned], 2), abs=1e-9)
     assert 0.05 < 1.0 - returned.mean() < 0.15
@@ -70,7 +70,7 @@ def test_settings_hold_instead_of_what_the_file_says(room):
         room, ["laser.range_max=12", "noise.resolution=0.0", "noise.sigma=[0.01, 0.02]"]
     )
     assert scenario.lrf.range_max == 12.0 and scenario.lrf.beams == 61
-    assert scenario.imperfections.resolution == 0.0 and scenario.imperfections.constant == 0.02
+    assert scenario.noise == Imperfections(constant=0.02, drop_outs=0.1).noise(0.01)
     assert scenario.sigmas == (0.01, 0.02)
 
 
@@ -177,4 +177,4 @@ def test_scans_take_time_only_where_they_are_said_to(room):
     scenario = load_scenario(room)
     from lrf3d.casting.timed import timed
 
-    assert isinstance(timed(None, scenario.lrf, trajectory_of(scenario)), Sweep)
+    assert isinstance(timed(None, scenario.lrf, scenario.trajectory()), Sweep)

@@ -10,11 +10,13 @@ one wholly below leaves it, and where intervals overlap the exact comparison dec
 at equal t the one with the lowest index stays.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from lrf3d.casting.kernels.compiling import inner
 from lrf3d.casting.kernels.predicates import (
     FILTER,
+    Beam,
     area_sign,
     between,
     compare,
@@ -22,7 +24,11 @@ from lrf3d.casting.kernels.predicates import (
     meets_in_line,
     meets_seen,
     precise_area,
-)  # fmt: skip
+    wall_at,
+)
+from lrf3d.casting.kernels.tree import Tree
+from lrf3d.compiling import inner
+from lrf3d.geometry import Float, Int
 
 BEARING_SLACK = 4e-6
 """Bound on the error of a bearing [rad]: 1.7e-6 of the polynomial, and ample room for rounding."""
@@ -37,6 +43,9 @@ ROOM = 1.0 + 1e-9
 """Room for rounding and for directions that are not quite of unit length."""
 
 TURN = 2.0 * np.pi
+
+NARROW = 1e-9
+"""Fans not wider than this [rad] are decided beam by beam."""
 
 UNCLEAR = -1
 
@@ -55,8 +64,54 @@ them overlap, and it takes four walls at a time."""
 SKETCH = 9 * BATCH
 
 
+class Fan(NamedTuple):
+    """Evenly spaced beams from one place, turned to the laser's heading.
+
+    Attributes:
+        x: Where they start [m].
+        y: The same.
+        dx: Their directions, with room for as many numbers behind as kernels take at once.
+        dy: The same.
+        ahead_x: The direction in the middle of the fan.
+        ahead_y: The same.
+        half: The angle from there to the last beam [rad].
+        per_step: One over the angle from beam to beam [1/rad], or 0 where all are but one.
+    """
+
+    x: float
+    y: float
+    dx: Float
+    dy: Float
+    ahead_x: float
+    ahead_y: float
+    half: float
+    per_step: float
+
+
+class Buffer(NamedTuple):
+    """The depth buffer over the beams of a fan.
+
+    Attributes:
+        low: (beams,) 1 / t is not below this [1/m].
+        high: (beams,) nor above this.
+        hit: (beams,) row of the wall that each beam has met first so far, or −1.
+        contested: (beams,) room for the beams that `draw` leaves to `settle`.
+    """
+
+    low: Float
+    high: Float
+    hit: Int
+    contested: Int
+
+
 @inner
-def bearing(x, y):
+def per_step_of(beams: int, half: float) -> float:
+    """What a fan has as `per_step`."""
+    return 0.0 if half <= NARROW else 0.5 * (beams - 1) / half
+
+
+@inner
+def bearing(x: float, y: float) -> float:
     """The angle of (x, y) in [−π, π], at most 1.7e-6 rad off."""
     across, along = abs(x), abs(y)
     q = min(across, along) / max(across, along)
@@ -73,7 +128,7 @@ def bearing(x, y):
 
 
 @inner
-def span(start, stop):
+def span(start: float, stop: float) -> float:
     """The angle from 0 to π from one bearing on to another, counter-clockwise.
 
     What comes out a hair below 0 is a point, or a whole half turn.
@@ -84,7 +139,7 @@ def span(start, stop):
 
 
 @inner
-def turns_to_meet(start, width, half):
+def turns_to_meet(start: float, width: float, half: float) -> tuple[int, int]:
     """By which whole turns bearings have to be shifted to meet the fan: the first and the last."""
     turns = 1 + int(half / TURN)
     before = -turns if start + width + BEARING_SLACK >= TURN - half else 0
@@ -93,17 +148,18 @@ def turns_to_meet(start, width, half):
 
 
 @inner
-def reached(place, beams):
+def reached(place: float, beams: int) -> int:
     """How many of the beams 0, 1, 2 … lie at or before a place counted in beams."""
     return int(min(max(place + 1.0, 0.0), float(beams)))
 
 
 @inner
-def outline(walls, first, count, ox, oy, ahead_x, ahead_y, sketch):
+def outline(walls: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
     """Bearings and depths of `count` walls from row `first` on, in one loop without branches.
 
     Where float64 cannot tell on which side a wall is seen, its slack is infinite.
     """
+    ox, oy, ahead_x, ahead_y = fan.x, fan.y, fan.ahead_x, fan.ahead_y
     for k in range(index_of(count)):
         row = index_of(first) + k
         px, py, qx, qy = walls[row, 0], walls[row, 1], walls[row, 2], walls[row, 3]
@@ -129,16 +185,18 @@ def outline(walls, first, count, ox, oy, ahead_x, ahead_y, sketch):
 
 
 @inner
-def draw(row, k, sketch, dx, dy, beams, half, per_step, low, high, hit, contested):
+def draw(row: int, k: int, sketch: Float, fan: Fan, buffer: Buffer) -> int:
     """Draw wall k of a sketch where that is sure, and leave the beams that are not in `contested`.
 
     Returns:
         How many beams are left to `settle`, those at the borders as −1 − beam; or UNCLEAR, where
         all of them are and none was drawn.
     """
-    k = index_of(k)
-    start, width = sketch[START + k], sketch[WIDTH + k]
-    u, v, slack = sketch[U + k], sketch[V + k], sketch[SLACK + k]
+    place = index_of(k)
+    low, high, hit, contested = buffer
+    dx, dy, half, per_step, beams = fan.dx, fan.dy, fan.half, fan.per_step, len(hit)
+    start, width = sketch[START + place], sketch[WIDTH + place]
+    u, v, slack = sketch[U + place], sketch[V + place], sketch[SLACK + place]
     if not slack < np.inf:
         return UNCLEAR
     before, after = turns_to_meet(start, width, half)
@@ -173,7 +231,7 @@ def draw(row, k, sketch, dx, dy, beams, half, per_step, low, high, hit, conteste
 
 
 @inner
-def depth_line(area, size, ex, ey):
+def depth_line(area: float, size: float, ex: float, ey: float) -> tuple[float, float, float]:
     """The u, v for which 1 / t = dx · u − dy · v along a wall, and a bound on its error.
 
     1 / t is d × e / area, where the area may be off by FILTER · size.
@@ -185,48 +243,53 @@ def depth_line(area, size, ex, ey):
 
 
 @inner
-def settle(left_open, row, walls, index, ox, oy, dx, dy, beams, low, high, hit, contested):
+def settle(left_open: int, row: int, tree: Tree, fan: Fan, buffer: Buffer) -> None:
     """Decide the beams that `draw` left open, exactly."""
-    px, py, qx, qy = walls[row, 0], walls[row, 1], walls[row, 2], walls[row, 3]
-    sense = area_sign(ox, oy, px, py, qx, qy)
+    low, high, hit, contested = buffer
+    wall = wall_at(tree.walls, row)
+    sense = area_sign(fan.x, fan.y, wall)
     if sense == 0:
-        _settle_in_line(row, walls, index, ox, oy, dx, dy, beams, low, high, hit)
+        _settle_in_line(row, tree, fan, buffer)
         return
-    area = precise_area(ox, oy, px, py, qx, qy)
-    u, v, slack = depth_line(area, abs(area), qx - px, qy - py)
-    for k in range(beams if left_open == UNCLEAR else left_open):
+    area = precise_area(fan.x, fan.y, wall)
+    u, v, slack = depth_line(area, abs(area), wall.qx - wall.px, wall.qy - wall.py)
+    for k in range(len(hit) if left_open == UNCLEAR else left_open):
         beam = -1 - k if left_open == UNCLEAR else contested[k]
         i = beam if beam >= 0 else -1 - beam
-        depth = dx[i] * u - dy[i] * v
+        depth = fan.dx[i] * u - fan.dy[i] * v
         if depth + slack < low[i]:
             continue
-        if beam < 0 and not meets_seen(sense, ox, oy, dx[i], dy[i], px, py, qx, qy):
+        if beam < 0 and not meets_seen(sense, _beam_of(fan, i), wall):
             continue
-        if depth - slack > high[i] or _nearer(row, i, walls, index, ox, oy, dx, dy, hit):
+        if depth - slack > high[i] or _nearer(row, i, tree, fan, hit):
             low[i], high[i], hit[i] = depth - slack, depth + slack, row
 
 
 @inner
-def _settle_in_line(row, walls, index, ox, oy, dx, dy, beams, low, high, hit):
+def _settle_in_line(row: int, tree: Tree, fan: Fan, buffer: Buffer) -> None:
     """Decide all beams for a wall whose line goes through the laser."""
-    px, py, qx, qy = walls[row, 0], walls[row, 1], walls[row, 2], walls[row, 3]
-    inside = between(ox, oy, px, py, qx, qy)
-    for i in range(beams):
-        if not inside and not meets_in_line(ox, oy, dx[i], dy[i], px, py):
+    low, high, hit, _ = buffer
+    wall = wall_at(tree.walls, row)
+    inside = between(fan.x, fan.y, wall)
+    for i in range(len(hit)):
+        if not inside and not meets_in_line(_beam_of(fan, i), wall):
             continue
-        if _nearer(row, i, walls, index, ox, oy, dx, dy, hit):
-            t = length(ox, oy, dx[i], dy[i], px, py, qx, qy)
+        if _nearer(row, i, tree, fan, hit):
+            t = length(_beam_of(fan, i), wall)
             low[i], high[i], hit[i] = (1.0 / ROOM) / t, ROOM / t, row
 
 
 @inner
-def _nearer(row, i, walls, index, ox, oy, dx, dy, hit):
+def _nearer(row: int, i: int, tree: Tree, fan: Fan, hit: Int) -> bool:
     """Whether beam i meets the wall of this row before the one that it holds, exactly."""
     other = hit[i]
     if other < 0:
         return True
-    order = compare(
-        ox, oy, dx[i], dy[i], walls[row, 0], walls[row, 1], walls[row, 2], walls[row, 3],
-        walls[other, 0], walls[other, 1], walls[other, 2], walls[other, 3],
-    )  # fmt: skip
-    return order < 0 or (order == 0 and index[row] < index[other])
+    order = compare(_beam_of(fan, i), wall_at(tree.walls, row), wall_at(tree.walls, other))
+    return order < 0 or (order == 0 and tree.rows[row] < tree.rows[other])
+
+
+@inner
+def _beam_of(fan: Fan, i: int) -> Beam:
+    """A beam of a fan."""
+    return Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])

@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from lrf3d.casting.kernels.compiling import compiled
-from lrf3d.casting.kernels.tree import STACK
+from lrf3d.casting.kernels.predicates import wall_at
+from lrf3d.casting.kernels.tree import STACK, Tree
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float
 
 MOST_NEAR = 64
 """Walls that may stand near a wall until its clear part is given up: where a million go through
@@ -11,17 +13,18 @@ one point, to look at them all would take each of them a million steps."""
 
 
 @compiled
-def clear_parts(boxes, links, walls, reach, parts):
+def clear_parts(tree: Tree, reach: float, parts: Float) -> Float:
     """The part (n, 2) of each wall, from 0 to 1, that has no other wall within reach [m].
 
     Where it is in pieces, the one is given that holds the part that was found for a larger reach,
     and if there was none about the longest. Where there is none, or more than MOST_NEAR walls are
     near, the first number is above. Within less reach no more of them are.
     """
+    boxes, links, walls, _ = tree
     clear = np.empty((len(walls), 2))
     stack = np.empty(STACK, np.int64)
     for row in range(len(walls)):
-        px, py, qx, qy = walls[row]
+        px, py, qx, qy = wall_at(walls, row)
         length = np.hypot(qx - px, qy - py)
         low, high = reach / length, 1.0 - reach / length
         held = parts[row, 0] <= parts[row, 1]
@@ -37,7 +40,7 @@ def clear_parts(boxes, links, walls, reach, parts):
                 or boxes[node, 1] - reach > max(py, qy) or boxes[node, 3] + reach < min(py, qy)
             ):  # fmt: skip
                 continue
-            first, count = links[node]
+            first, count = links[node, 0], links[node, 1]
             if count < 0:
                 for child in range(first, first - count):
                     stack[top] = child
@@ -59,8 +62,10 @@ def clear_parts(boxes, links, walls, reach, parts):
     return clear
 
 
-@compiled
-def _near_part(px, py, qx, qy, wall, reach):
+@inner
+def _near_part(
+    px: float, py: float, qx: float, qy: float, wall: Float, reach: float
+) -> tuple[float, float]:
     """Where on p…q, from 0 to 1, the rectangle begins and ends that is `reach` around a wall."""
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     length = np.hypot(ex, ey)

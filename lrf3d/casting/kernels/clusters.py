@@ -5,7 +5,8 @@ The width is that of the narrowest strip between two parallel lines that holds a
 
 import numpy as np
 
-from lrf3d.casting.kernels.compiling import compiled, inner
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
 
 CORNERS = 256
 """Corners of a hull that are looked at: fewer than there are give a width that is too small."""
@@ -15,7 +16,7 @@ ROUNDING = 1e-14
 
 
 @compiled
-def cluster_of(joined, count):
+def cluster_of(joined: Int, count: int) -> Int:
     """The cluster of each of count points, where walls (n, 2) join two of them each."""
     root = np.arange(count)
     for k in range(len(joined)):
@@ -27,7 +28,7 @@ def cluster_of(joined, count):
 
 
 @inner
-def _root(root, i):
+def _root(root: Int, i: int) -> int:
     """The least point that point i hangs together with; the way there becomes shorter."""
     while root[i] != i:
         root[i] = root[root[i]]
@@ -36,7 +37,7 @@ def _root(root, i):
 
 
 @compiled
-def least_width(points, starts):
+def least_width(points: Float, starts: Int) -> float:
     """The least width of groups of points (n, 2), or less; each begins at one of starts.
 
     In each group the points are in ascending order of x, and of y where x is equal.
@@ -51,13 +52,17 @@ def least_width(points, starts):
 
 
 @inner
-def _width(points):
+def _width(points: Float) -> float:
     """The width of points in ascending order."""
     hull = _hull(points)
     count = len(hull)
     if count < 3:
         return 0.0
-    extent = np.hypot(np.ptp(hull[:, 0]), np.ptp(hull[:, 1]))
+    left, right, low, high = np.inf, -np.inf, np.inf, -np.inf
+    for i in range(count):
+        left, right = min(left, hull[i, 0]), max(right, hull[i, 0])
+        low, high = min(low, hull[i, 1]), max(high, hull[i, 1])
+    extent = np.hypot(right - left, high - low)
     least = np.inf
     for i in range(count):
         ex, ey = hull[i, 0] - hull[i - 1, 0], hull[i, 1] - hull[i - 1, 1]
@@ -65,11 +70,11 @@ def _width(points):
         for j in range(count):
             highest = max(highest, ex * (hull[j, 1] - hull[i, 1]) - ey * (hull[j, 0] - hull[i, 0]))
         least = min(least, highest / np.hypot(ex, ey))
-    return least - ROUNDING * extent
+    return float(least - ROUNDING * extent)
 
 
 @inner
-def _hull(points):
+def _hull(points: Float) -> Float:
     """Corners of the hull, counter-clockwise; of many corners some (Andrew's monotone chain)."""
     count = len(points)
     chain = np.empty((2 * count + 1, 2))
@@ -77,7 +82,8 @@ def _hull(points):
     for way in range(2):
         bottom = top
         for k in range(count):
-            x, y = points[k if way == 0 else count - 1 - k]
+            place = k if way == 0 else count - 1 - k
+            x, y = points[place, 0], points[place, 1]
             while top >= bottom + 2 and (
                 (chain[top - 1, 0] - chain[top - 2, 0]) * (y - chain[top - 2, 1])
                 <= (chain[top - 1, 1] - chain[top - 2, 1]) * (x - chain[top - 2, 0])

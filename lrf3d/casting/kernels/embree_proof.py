@@ -5,14 +5,18 @@ hold are cast again among the float64 walls.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.buffer import ROOM, index_of
-from lrf3d.casting.kernels.compiling import inner
+from lrf3d.casting.kernels.buffer import ROOM, Fan, index_of, per_step_of
 from lrf3d.casting.kernels.fan import trace
 from lrf3d.casting.kernels.predicates import FILTER
-from lrf3d.casting.kernels.tree import STACK
+from lrf3d.casting.kernels.scans import Laser, turn
+from lrf3d.casting.kernels.tree import STACK, PlainTree, Tree
+from lrf3d.compiling import inner
+from lrf3d.geometry import Float, Int
 
 LEAST_SINE = 0.03
 """Beams that meet a wall under a smaller angle [rad] are cast again."""
@@ -24,13 +28,73 @@ UNSURE = -2
 """What stands for the wall of a beam that is to be cast again."""
 
 
+class Local(NamedTuple):
+    """The frame in which Embree has the walls, and how far it can be trusted there.
+
+    Attributes:
+        x: Its middle [m].
+        y: The same.
+        unit: Its units a metre.
+        radius: How far from the middle, along x and y, the laser may stand [m].
+        margin: How near to a wall it may not [m].
+        beyond: How much farther than the range Embree has to look [m].
+        width: Width of the narrowest cluster of walls, or less [m].
+    """
+
+    x: float
+    y: float
+    unit: float
+    radius: float
+    margin: float
+    beyond: float
+    width: float
+
+
+class Known(NamedTuple):
+    """What the proof takes of the walls.
+
+    Attributes:
+        tree: The walls.
+        clear: (n, 4) their clear parts, for flat and for steep beams.
+        owners: (m,) the wall of each of Embree's triangles, as a row of the tree.
+        local: Embree's frame.
+    """
+
+    tree: Tree
+    clear: Float
+    owners: NDArray[np.int32]
+    local: Local
+
+
+PlainKnown = tuple[PlainTree, Float, NDArray[np.int32], tuple[float, ...]]
+"""The same as Python passes it; see `lrf3d.casting.kernels.scans.PlainLaser`."""
+
+
 @inner
-def prove(walls, clear, owners, faces, x, y, range_max, dx, dy, hit):
+def known_of(plain: PlainKnown) -> Known:
+    """What the proof takes, with the names of its parts."""
+    tree, clear, owners, local = plain
+    return Known(Tree(*tree), clear, owners, Local(*local))
+
+
+@inner
+def prove(
+    known: Known,
+    faces: NDArray[np.int32],
+    x: float,
+    y: float,
+    dx: Float,
+    dy: Float,
+    range_max: float,
+    hit: Int,
+) -> int:
     """From the faces that Embree found to the rows of walls that the beams hit, exactly.
 
-    Each face is owned by a wall. Beams that are not proved are marked as UNSURE; tells how many.
+    Each face is owned by a wall. Beams that are not proved are marked as UNSURE; their
+    number is returned.
     """
     beams = len(hit)
+    walls, clear, owners = known.tree.walls, known.clear, known.owners
     for i in range(index_of(beams)):
         face = faces[i]
         hit[i] = owners[face] if face >= 0 else -1
@@ -73,11 +137,11 @@ def prove(walls, clear, owners, faces, x, y, range_max, dx, dy, hit):
 
 
 @inner
-def cast_again(boxes, links, walls, index, x, y, theta, middle, half, range_max, dx, dy, hit):
-    """Cast the unsure beams among the float64 walls; those side by side together."""
+def cast_again(tree: Tree, laser: Laser, fan: Fan, theta: float, hit: Int) -> None:
+    """Cast the unsure beams of a fan among the float64 walls; those side by side together."""
     beams = len(hit)
     cos, sin = math.cos(theta), math.sin(theta)
-    step = 2.0 * half / (beams - 1) if beams > 1 else 0.0
+    step = 2.0 * laser.half / (beams - 1) if beams > 1 else 0.0
     stop = 0
     while stop < beams:
         start = stop
@@ -86,24 +150,26 @@ def cast_again(boxes, links, walls, index, x, y, theta, middle, half, range_max,
             continue
         while stop < beams and hit[stop] == UNSURE:
             stop += 1
-        ahead_x, ahead_y = dx[start], dy[start]
+        ahead_x, ahead_y = fan.dx[start], fan.dy[start]
         if stop - start > 1:
-            turn = middle + 0.5 * step * (start + stop - beams)
-            turn_x, turn_y = math.cos(turn), math.sin(turn)
-            ahead_x, ahead_y = cos * turn_x - sin * turn_y, sin * turn_x + cos * turn_y
-        trace(
-            boxes, links, walls, index, x, y, dx[start:stop], dy[start:stop], ahead_x, ahead_y,
-            0.5 * step * (stop - start - 1), range_max, hit[start:stop],
+            angle = laser.middle + 0.5 * step * (start + stop - beams)
+            ahead_x, ahead_y = turn(math.cos(angle), math.sin(angle), cos, sin)
+        half = 0.5 * step * (stop - start - 1)
+        part = Fan(
+            fan.x, fan.y, fan.dx[start:stop], fan.dy[start:stop], ahead_x, ahead_y, half,
+            per_step_of(stop - start, half),
         )  # fmt: skip
+        trace(tree, part, laser.range_max, hit[start:stop])
 
 
 @inner
-def near_a_wall(boxes, links, walls, local, x, y):
+def near_a_wall(tree: Tree, local: Local, x: float, y: float) -> bool:
     """Whether Embree is not to be trusted here: by a wall, or too far out; never too rarely."""
+    boxes, links, walls, _ = tree
     if len(walls) == 0:
         return True
-    radius, margin = local[3], local[4]
-    if not (abs(x - local[0]) <= radius and abs(y - local[1]) <= radius):
+    radius, margin = local.radius, local.margin
+    if not (abs(x - local.x) <= radius and abs(y - local.y) <= radius):
         return True
     stack = np.empty(STACK, np.int64)
     stack[0] = 0

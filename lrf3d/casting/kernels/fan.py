@@ -6,6 +6,7 @@ ends nearer than the box begins.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from lrf3d.casting.kernels.buffer import (
     START,
     TURN,
     WIDTH,
+    Buffer,
+    Fan,
     bearing,
     draw,
     index_of,
@@ -30,61 +33,62 @@ from lrf3d.casting.kernels.buffer import (
     settle,
     span,
     turns_to_meet,
-)  # fmt: skip
-from lrf3d.casting.kernels.compiling import inner
-from lrf3d.casting.kernels.tree import STACK
+)
+from lrf3d.casting.kernels.tree import STACK, Tree
+from lrf3d.compiling import inner
+from lrf3d.geometry import Float, Int
 
-NARROW = 1e-9
-"""Fans not wider than this [rad] are decided beam by beam."""
+
+class Waiting(NamedTuple):
+    """The boxes that wait on the way through the tree, the nearest on top.
+
+    Attributes:
+        entries: (STACK, 3) the node, and the first and the end of the beams that may meet it.
+        nears: (STACK,) a bound on 1 / distance [1/m].
+    """
+
+    entries: Int
+    nears: Float
 
 
 @inner
-def trace(boxes, links, walls, index, ox, oy, dx, dy, ahead_x, ahead_y, half, range_max, hit):
-    """Find for each beam (dx, dy) from (ox, oy) the row of the wall that it meets first, or −1.
+def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
+    """Find for each beam the row of the wall that it meets first, or −1.
 
-    The beams are evenly spaced in angle from −half to half [rad] about (ahead_x, ahead_y). Walls
-    a little beyond range_max may be found.
+    Walls a little beyond range_max may be found.
     """
     beams = len(hit)
-    per_step = 0.0 if half <= NARROW else 0.5 * (beams - 1) / half
     edge = 1.0 / (range_max * ROOM)
-    low = np.full(beams, edge)
-    high = np.full(beams, edge)
-    hit[:] = -1
-    contested = np.empty(beams, np.int64)
+    low, high = np.empty(beams), np.empty(beams)
+    for i in range(beams):
+        low[i], high[i], hit[i] = edge, edge, -1
+    buffer = Buffer(low, high, hit, np.empty(beams, np.int64))
     sketch = np.empty(SKETCH)
-    waiting = np.empty((STACK, 3), np.int64)
-    nears = np.empty(STACK)
-    waiting[0, 0], waiting[0, 1], waiting[0, 2], nears[0] = 0, 0, beams, np.inf
-    top = 1 if len(walls) > 0 else 0
+    waiting = Waiting(np.empty((STACK, 3), np.int64), np.empty(STACK))
+    entries, nears = waiting
+    entries[0, 0], entries[0, 1], entries[0, 2], nears[0] = 0, 0, beams, np.inf
+    top = 1 if len(tree.walls) > 0 else 0
     while top > 0:
         top -= 1
-        if _hidden(low, waiting[top, 1], waiting[top, 2], nears[top]):
+        if _hidden(low, entries[top, 1], entries[top, 2], nears[top]):
             continue
-        node = waiting[top, 0]
-        first, count = links[node, 0], links[node, 1]
+        node = entries[top, 0]
+        first, count = tree.links[node, 0], tree.links[node, 1]
         if count < 0:
-            top = _enter(
-                boxes, first, -count, ox, oy, ahead_x, ahead_y, half, per_step, beams, edge, low,
-                sketch, waiting, nears, top,
-            )  # fmt: skip
+            _view(tree.boxes, first, -count, fan, sketch)
+            top = _enter(first, -count, fan, edge, low, sketch, waiting, top)
             continue
         for base in range(first, first + count, BATCH):
             batch = min(BATCH, first + count - base)
-            outline(walls, base, batch, ox, oy, ahead_x, ahead_y, sketch)
+            outline(tree.walls, base, batch, fan, sketch)
             for k in range(batch):
-                left_open = draw(
-                    base + k, k, sketch, dx, dy, beams, half, per_step, low, high, hit, contested
-                )
+                left_open = draw(base + k, k, sketch, fan, buffer)
                 if left_open != 0:
-                    settle(
-                        left_open, base + k, walls, index, ox, oy, dx, dy, beams, low, high, hit,
-                        contested,
-                    )  # fmt: skip
+                    settle(left_open, base + k, tree, fan, buffer)
 
 
 @inner
-def _hidden(low, first, stop, near):
+def _hidden(low: Float, first: int, stop: int, near: float) -> bool:
     """Whether all beams from first to before stop end nearer than 1 / near."""
     for i in range(index_of(first), index_of(stop)):
         if not low[i] > near:
@@ -94,11 +98,18 @@ def _hidden(low, first, stop, near):
 
 @inner
 def _enter(
-    boxes, first, count, ox, oy, ahead_x, ahead_y, half, per_step, beams, edge, low,
-    sketch, waiting, nears, top,
-):  # fmt: skip
-    """Let those boxes wait that a beam may meet, the nearest on top; the new height."""
-    _view(boxes, first, count, ox, oy, ahead_x, ahead_y, sketch)
+    first: int,
+    count: int,
+    fan: Fan,
+    edge: float,
+    low: Float,
+    sketch: Float,
+    waiting: Waiting,
+    top: int,
+) -> int:
+    """Let those of the boxes in a sketch wait that a beam may meet; the new height."""
+    entries, nears = waiting
+    beams = len(low)
     bottom = top
     for k in range(index_of(count)):
         near = sketch[SLACK + k]
@@ -106,26 +117,25 @@ def _enter(
             continue
         start, stop = 0, beams
         if near < np.inf:
-            start, stop = _beams_between(
-                sketch[START + k], sketch[WIDTH + k], half, per_step, beams
-            )
+            start, stop = _beams_between(sketch[START + k], sketch[WIDTH + k], fan, beams)
         if start >= stop or _hidden(low, start, stop, near):
             continue
         place = top
         while place > bottom and nears[place - 1] > near:
             nears[place] = nears[place - 1]
             for j in range(3):
-                waiting[place, j] = waiting[place - 1, j]
+                entries[place, j] = entries[place - 1, j]
             place -= 1
-        waiting[place, 0], waiting[place, 1], waiting[place, 2] = first + int(k), start, stop
+        entries[place, 0], entries[place, 1], entries[place, 2] = first + int(k), start, stop
         nears[place] = near
         top += 1
     return top
 
 
 @inner
-def _view(boxes, first, count, ox, oy, ahead_x, ahead_y, sketch):
+def _view(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
     """Bearings of boxes; as SLACK a bound on 1 / distance, infinite for one around the laser."""
+    ox, oy, ahead_x, ahead_y = fan.x, fan.y, fan.ahead_x, fan.ahead_y
     for k in range(index_of(count)):
         node = index_of(first) + k
         sketch[AX + k], sketch[AY + k] = boxes[node, 0] - ox, boxes[node, 1] - oy
@@ -151,8 +161,9 @@ def _view(boxes, first, count, ox, oy, ahead_x, ahead_y, sketch):
 
 
 @inner
-def _beams_between(start, width, half, per_step, beams):
+def _beams_between(start: float, width: float, fan: Fan, beams: int) -> tuple[int, int]:
     """The beams from the first to before the second that may lie within bearings."""
+    half, per_step = fan.half, fan.per_step
     first, stop = beams, 0
     before, after = turns_to_meet(start, width, half)
     for turn in range(before, after + 1):

@@ -1,23 +1,26 @@
-"""Error-free float64 arithmetic, compiled: sums and products with the rounding error beside them.
+"""Float64 arithmetic with its rounding errors, compiled: error-free sums and products.
 
 T. J. Dekker, "A floating-point technique for extending the available precision", 1971;
 J. R. Shewchuk, "Adaptive precision floating-point arithmetic", 1997. An expansion is an array of
 floats, smallest first, that do not overlap; its value is their exact sum. Everything holds as
 long as no product under- or overflows: coordinates and their differences of 1e-60 to 1e60.
+A double-double is a float64 and its rounding error, together good to 100 bits; sums of products
+lose as many bits as cancel.
 
 The compiler must not contract or reorder: none of these functions may ever get ``fastmath``.
 """
 
 import numpy as np
 
-from lrf3d.casting.kernels.compiling import inner
+from lrf3d.compiling import inner
+from lrf3d.geometry import Float
 
 SPLITTER = 134217729.0
 """2²⁷ + 1: multiplying by it cuts a float64 into two halves of 26 bits."""
 
 
 @inner
-def two_sum(a, b):
+def two_sum(a: float, b: float) -> tuple[float, float]:
     """The sum a + b as the rounded sum and its exact error."""
     total = a + b
     part = total - a
@@ -25,7 +28,7 @@ def two_sum(a, b):
 
 
 @inner
-def two_product(a, b):
+def two_product(a: float, b: float) -> tuple[float, float]:
     """The product a · b as the rounded product and its exact error."""
     product = a * b
     cut = SPLITTER * a
@@ -39,7 +42,7 @@ def two_product(a, b):
 
 
 @inner
-def add_float(expansion, count, value):
+def add_float(expansion: Float, count: int, value: float) -> int:
     """Add a float to the first `count` parts of an expansion, in place; the new count."""
     kept = 0
     carry = value
@@ -55,7 +58,7 @@ def add_float(expansion, count, value):
 
 
 @inner
-def add_product(expansion, count, a, b):
+def add_product(expansion: Float, count: int, a: float, b: float) -> int:
     """Add a · b to an expansion, in place; the new count."""
     product, error = two_product(a, b)
     count = add_float(expansion, count, error)
@@ -63,7 +66,7 @@ def add_product(expansion, count, a, b):
 
 
 @inner
-def sign(expansion, count):
+def sign(expansion: Float, count: int) -> int:
     """Sign −1, 0 or 1 of an expansion: that of its largest part."""
     if count == 0:
         return 0
@@ -71,12 +74,14 @@ def sign(expansion, count):
 
 
 @inner
-def rounded(expansion, count):
+def rounded(expansion: Float, count: int) -> tuple[float, float]:
     """An expansion as a float and the rest of it, good to 2⁻¹⁰⁰ of the value."""
     high = 0.0
     for k in range(count):
         high += expansion[k]
-    rest = expansion[: count + 1].copy()
+    rest = np.empty(count + 1)
+    for k in range(count):
+        rest[k] = expansion[k]
     left = add_float(rest, count, -high)
     low = 0.0
     for k in range(left):
@@ -85,7 +90,9 @@ def rounded(expansion, count):
 
 
 @inner
-def sign_of_cross_products(a, a_count, b, b_count, c, c_count, d, d_count):
+def sign_of_cross_products(
+    a: Float, a_count: int, b: Float, b_count: int, c: Float, c_count: int, d: Float, d_count: int
+) -> int:
     """Sign of a · b − c · d for four expansions."""
     total = np.empty(2 * (a_count * b_count + c_count * d_count) + 1)
     count = 0
@@ -96,3 +103,26 @@ def sign_of_cross_products(a, a_count, b, b_count, c, c_count, d, d_count):
         for j in range(d_count):
             count = add_product(total, count, -c[i], d[j])
     return sign(total, count)
+
+
+@inner
+def cross(
+    a: float, a_low: float, b: float, b_low: float, c: float, c_low: float, d: float, d_low: float
+) -> tuple[float, float, float]:
+    """The value a·b − c·d: rounded, the rest, and |a·b| + |c·d|; off by 2⁻¹⁰² of that."""
+    left, left_low = two_product(a, b)
+    right, right_low = two_product(c, d)
+    high, low = two_sum(left, -right)
+    low += (left_low + (a * b_low + a_low * b)) - (right_low + (c * d_low + c_low * d))
+    total = high + low
+    return total, low - (total - high), abs(left) + abs(right)
+
+
+@inner
+def quotient(a: float, a_low: float, b: float, b_low: float) -> tuple[float, float]:
+    """A / b of double-doubles as a rounded float64 and the rest."""
+    guess = a / b
+    back, back_low = two_product(guess, b)
+    rest = (((a - back) - back_low) + (a_low - guess * b_low)) / b
+    value = guess + rest
+    return value, rest - (value - guess)

@@ -4,14 +4,16 @@ A packet is RTCRayHit8 of Embree 4: rows of eight numbers, float32 or 32-bit int
 comes in as a number, since a function that knew one by heart could not be kept on disk.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.compiling import compiled, inner
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float
 
 WIDTH = 8
 """Rays of a packet. Sixteen are no faster where vector registers hold eight float32 numbers."""
@@ -51,10 +53,12 @@ ALL = -1
 """All bits: of Embree's features, of the mask of a ray; and as an index, none."""
 
 
-def _call_address(typing_context, address, valid, scene, rays, arguments):
+def _call_address(
+    typing_context: Any, address: Any, valid: Any, scene: Any, rays: Any, arguments: Any
+) -> Any:
     """Call the function at an address as ``void f(void *, void *, void *, void *)``."""
 
-    def generate(context, builder, signature, values):
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         pointer = ir.IntType(8).as_pointer()
         function = ir.FunctionType(ir.VoidType(), [pointer] * 4).as_pointer()
         builder.call(
@@ -69,35 +73,58 @@ def _call_address(typing_context, address, valid, scene, rays, arguments):
 _call: Any = intrinsic(_call_address)
 
 
+class Packets(NamedTuple):
+    """A scene of Embree, and room for the packets that are cast at it.
+
+    Attributes:
+        intersect: Address of ``rtcIntersect8``.
+        scene: Address of the scene.
+        packet: (SPACE,) the packet and its arguments.
+    """
+
+    intersect: int
+    scene: int
+    packet: NDArray[np.int32]
+
+
 @inner
-def new_packet(flags):
-    """Room for a packet and its arguments, all set that is the same for all packets of a scene.
+def packets_for(intersect: int, scene: int, flags: int) -> Packets:
+    """Packets, all set in them that is the same for all of a scene.
 
     The flags are COHERENT or SCATTERED.
     """
     room = np.zeros(SPACE + ALIGNMENT // 4, np.int32)
     start = (-room.ctypes.data % ALIGNMENT) // 4
     packet = room[start : start + SPACE]
-    packet[MASK : MASK + WIDTH] = ALL
-    packet[INSTANCE : INSTANCE + WIDTH] = ALL
-    packet[VALID : VALID + WIDTH] = ALL
+    for k in range(WIDTH):
+        packet[MASK + k] = packet[INSTANCE + k] = packet[VALID + k] = ALL
     packet[ARGUMENTS], packet[ARGUMENTS + 1] = flags, ALL
-    return packet
+    return Packets(intersect, scene, packet)
 
 
 @inner
-def component(value):
+def component(value: float) -> float:
     """A component of a direction as Embree gets it."""
     return value if abs(value) >= LEAST_COMPONENT else 0.0
 
 
 @inner
-def find(intersect, scene, packet, x, y, dx, dy, reach, beams, faces):
+def find(
+    packets: Packets,
+    x: float,
+    y: float,
+    dx: Float,
+    dy: Float,
+    reach: float,
+    beams: int,
+    faces: NDArray[np.int32],
+) -> None:
     """Find the triangle, or −1, that each beam from (x, y) meets first within reach.
 
     Whole packets are read from dx and dy and written to faces, so these are up to WIDTH − 1
     numbers longer than there are beams.
     """
+    packet = packets.packet
     numbers = packet.view(np.float32)
     rays = packet.ctypes.data
     for k in range(WIDTH):
@@ -111,17 +138,21 @@ def find(intersect, scene, packet, x, y, dx, dy, reach, beams, faces):
             packet[GEOMETRY + k] = ALL
         for k in range(beams - start, WIDTH):
             packet[VALID + k] = 0
-        _call(intersect, rays + 4 * VALID, scene, rays, rays + 4 * ARGUMENTS)
+        _call(packets.intersect, rays + 4 * VALID, packets.scene, rays, rays + 4 * ARGUMENTS)
         for k in range(WIDTH):
             faces[start + k] = packet[TRIANGLE + k] if packet[GEOMETRY + k] != ALL else -1
 
 
 @compiled
-def find_faces(intersect, scene, x, y, dx, dy, reach):
+def find_faces(
+    intersect: int, scene: int, x: float, y: float, dx: Float, dy: Float, reach: float
+) -> NDArray[np.int32]:
     """The triangles (beams,) that beams (dx, dy) from (x, y) meet first within reach, or −1."""
     beams = len(dx)
     wide_dx, wide_dy = np.zeros(beams + WIDTH - 1), np.zeros(beams + WIDTH - 1)
-    wide_dx[:beams], wide_dy[:beams] = dx, dy
+    for i in range(beams):
+        wide_dx[i], wide_dy[i] = dx[i], dy[i]
     faces = np.empty(beams + WIDTH - 1, np.int32)
-    find(intersect, scene, new_packet(COHERENT), x, y, wide_dx, wide_dy, reach, beams, faces)
+    packets = packets_for(intersect, scene, COHERENT)
+    find(packets, x, y, wide_dx, wide_dy, reach, beams, faces)
     return faces[:beams]

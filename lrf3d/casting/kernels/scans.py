@@ -1,57 +1,141 @@
-"""Scans, compiled: from poses to ranges and walls."""
+"""Scans among the walls, compiled: from a pose to ranges and walls, every decision exact."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.casting.kernels.compiling import compiled, inner
+from lrf3d.casting.kernels.buffer import ROOM, Fan, per_step_of
 from lrf3d.casting.kernels.fan import trace
-from lrf3d.casting.kernels.measure import PADDING, measure
+from lrf3d.casting.kernels.predicates import (
+    LANES,
+    Beam,
+    Wall,
+    compare_limit,
+    length,
+    lengths,
+    wall_at,
+)
+from lrf3d.casting.kernels.tree import PlainTree, Tree
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import range_finder
+
+turn = inner(range_finder.turn)
+
+PADDING = LANES - 1
+"""How many numbers beyond the last beam `lengths` may read and write."""
+
+
+class Laser(NamedTuple):
+    """What kernels take of a range finder.
+
+    Attributes:
+        fan: (2, beams) cosines and sines of the beams' angles.
+        middle: The angle in the middle of the fan [rad].
+        half: The angle from there to the last beam [rad].
+        range_min: Nearest distance that is measured [m].
+        range_max: Farthest distance that is measured [m].
+    """
+
+    fan: Float
+    middle: float
+    half: float
+    range_min: float
+    range_max: float
+
+
+PlainLaser = tuple[Float, float, float, float, float]
+"""A laser as Python passes it: numba takes ten times as long to tell the type of a named tuple."""
 
 
 @compiled
 def cast_scan(
-    boxes, links, walls, index, fan, x, y, theta, middle, half, range_min, range_max
-):  # fmt: skip
+    plain_tree: PlainTree, plain_laser: PlainLaser, x: float, y: float, theta: float
+) -> tuple[Float, Int]:
     """Cast one scan; the ranges and walls, one of each for a beam."""
-    ranges = np.empty(fan.shape[1])
-    hit = np.empty(fan.shape[1], np.int64)
-    _turn_and_cast(
-        boxes, links, walls, index, fan, x, y, theta, middle, half, range_min, range_max,
-        ranges, hit,
-    )  # fmt: skip
+    tree, laser = Tree(*plain_tree), Laser(*plain_laser)
+    beams = laser.fan.shape[1]
+    ranges, hit = np.empty(beams), np.empty(beams, np.int64)
+    dx, dy = np.zeros(beams + PADDING), np.zeros(beams + PADDING)
+    fan = aim(laser, x, y, theta, dx, dy)
+    trace(tree, fan, laser.range_max, hit)
+    measure(tree, fan, laser, ranges, hit)
     return ranges, hit
 
 
 @compiled
 def cast_scans(
-    boxes, links, walls, index, fan, poses, middle, half, range_min, range_max, ranges, hits
-):  # fmt: skip
+    plain_tree: PlainTree, plain_laser: PlainLaser, poses: Float, ranges: Float, hits: Int
+) -> None:
     """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty."""
-    own = np.empty(fan.shape[1], np.int64)
+    tree, laser = Tree(*plain_tree), Laser(*plain_laser)
+    beams = laser.fan.shape[1]
+    own = np.empty(beams, np.int64)
+    dx, dy = np.zeros(beams + PADDING), np.zeros(beams + PADDING)
     for k in range(len(poses)):
         hit = hits[k] if len(hits) > 0 else own
-        _turn_and_cast(
-            boxes, links, walls, index, fan, poses[k, 0], poses[k, 1], poses[k, 2], middle, half,
-            range_min, range_max, ranges[k], hit,
-        )  # fmt: skip
+        fan = aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
+        trace(tree, fan, laser.range_max, hit)
+        measure(tree, fan, laser, ranges[k], hit)
 
 
 @inner
-def _turn_and_cast(
-    boxes, links, walls, index, fan, x, y, theta, middle, half, range_min, range_max, ranges, hit
-):  # fmt: skip
-    """Turn the fan to the heading, in the very steps of `beam_directions`; cast it."""
-    beams = fan.shape[1]
+def aim(laser: Laser, x: float, y: float, theta: float, dx: Float, dy: Float) -> Fan:
+    """The fan at a pose; dx and dy are filled with its directions."""
     cos, sin = math.cos(theta), math.sin(theta)
-    dx = np.zeros(beams + PADDING)
-    dy = np.zeros(beams + PADDING)
+    fan, beams = laser.fan, laser.fan.shape[1]
     for i in range(beams):
-        dx[i] = cos * fan[0, i] - sin * fan[1, i]
-        dy[i] = sin * fan[0, i] + cos * fan[1, i]
-    turn_x, turn_y = math.cos(middle), math.sin(middle)
-    trace(
-        boxes, links, walls, index, x, y, dx, dy, cos * turn_x - sin * turn_y,
-        sin * turn_x + cos * turn_y, half, range_max, hit,
-    )  # fmt: skip
-    measure(walls, index, x, y, dx, dy, range_min, range_max, ranges, hit)
+        dx[i], dy[i] = turn(fan[0, i], fan[1, i], cos, sin)
+    ahead_x, ahead_y = turn(math.cos(laser.middle), math.sin(laser.middle), cos, sin)
+    return Fan(x, y, dx, dy, ahead_x, ahead_y, laser.half, per_step_of(beams, laser.half))
+
+
+@inner
+def measure(tree: Tree, fan: Fan, laser: Laser, ranges: Float, hit: Int) -> None:
+    """Turn the rows that the beams hit into ranges and indices of walls.
+
+    The fan's directions have PADDING numbers more than there are beams, that may be anything.
+    """
+    range_min, range_max = laser.range_min, laser.range_max
+    ox, oy, dx, dy = fan.x, fan.y, fan.dx, fan.dy
+    beams = len(ranges)
+    values = np.empty(beams + PADDING)
+    stop = 0
+    while stop < beams:
+        # Neighbouring beams on one wall share its area, and the loop over them is vectorised.
+        start, row = stop, hit[stop]
+        while stop < beams and hit[stop] == row:
+            stop += 1
+        if row < 0:
+            for i in range(start, stop):
+                ranges[i] = np.inf
+            continue
+        wall = wall_at(tree.walls, row)
+        lengths(ox, oy, dx[start:], dy[start:], wall, stop - start, values[start:])
+        for i in range(start, stop):
+            # Half an ulp is no reason to be out of range: near a limit t is compared exactly.
+            t = values[i]
+            ranges[i], hit[i] = t, tree.rows[row]
+            if range_min * ROOM < t < range_max / ROOM:
+                continue
+            beam = Beam(ox, oy, dx[i], dy[i])
+            if not t >= 0.0:
+                t = length(beam, wall)
+            ranges[i] = _limited(t, range_min, range_max, beam, wall)
+            if not math.isfinite(ranges[i]):
+                hit[i] = -1
+
+
+@inner
+def _limited(t: float, range_min: float, range_max: float, beam: Beam, wall: Wall) -> float:
+    """The rounded t within the limits, +inf above them and −inf below, decided exactly."""
+    if t >= range_max / ROOM:
+        if compare_limit(range_max, beam, wall) > 0:
+            return np.inf
+        return min(t, range_max)
+    if t <= range_min * ROOM:
+        if compare_limit(range_min, beam, wall) < 0:
+            return -np.inf
+        return max(t, range_min)
+    return t

@@ -10,16 +10,29 @@ that pass edges by more than about 1e-15 rad.
 import numpy as np
 
 from lrf3d.casting.kernels.buffer import ROOM
-from lrf3d.casting.kernels.compiling import compiled, inner
-from lrf3d.casting.kernels.tree import STACK
+from lrf3d.casting.kernels.tree import STACK, Tree
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+
+Vector = tuple[float, float, float]
 
 
 @compiled
-def cast_solid(boxes, links, corners, rows, origin, beams, reach, distances, hits):
+def cast_solid(
+    tree: Tree,
+    corners: Float,
+    origin: Float,
+    beams: Float,
+    reach: float,
+    distances: Float,
+    hits: Int,
+) -> None:
     """Fill in distances (n,) and triangles (n,) that beams (n, 3) from an origin (3,) meet first.
 
-    Of triangles at the same distance it is the first. Some may be found beyond reach [m].
+    Corners (m, 3, 3) are those of the triangles, in the order of the tree that stands over them in
+    plan. Of triangles at the same distance it is the first. Some may be found beyond reach [m].
     """
+    boxes, links, _, rows = tree
     stack = np.empty(STACK, np.int64)
     nears = np.empty(STACK)
     for i in range(len(beams)):
@@ -55,7 +68,7 @@ def cast_solid(boxes, links, corners, rows, origin, beams, reach, distances, hit
 
 
 @inner
-def _near(box, x, y, dx, dy):
+def _near(box: Float, x: float, y: float, dx: float, dy: float) -> float:
     """How far away at least a beam meets a box in plan, or infinity where it passes by."""
     near, far = 0.0, np.inf
     for axis in range(2):
@@ -72,14 +85,13 @@ def _near(box, x, y, dx, dy):
 
 
 @inner
-def _meet(corners, origin, dx, dy, dz):
+def _meet(corners: Float, origin: Float, dx: float, dy: float, dz: float) -> float:
     """The distance at which a beam meets a triangle, infinite where it does not."""
-    ax, ay, az = corners[0, 0] - origin[0], corners[0, 1] - origin[1], corners[0, 2] - origin[2]
-    bx, by, bz = corners[1, 0] - origin[0], corners[1, 1] - origin[1], corners[1, 2] - origin[2]
-    cx, cy, cz = corners[2, 0] - origin[0], corners[2, 1] - origin[1], corners[2, 2] - origin[2]
-    ab = _side(ax, ay, az, bx, by, bz, dx, dy, dz)
-    bc = _side(bx, by, bz, cx, cy, cz, dx, dy, dz)
-    ca = _side(cx, cy, cz, ax, ay, az, dx, dy, dz)
+    ax, ay, az = a = _seen(corners[0], origin)
+    bx, by, bz = b = _seen(corners[1], origin)
+    cx, cy, cz = c = _seen(corners[2], origin)
+    d = dx, dy, dz
+    ab, bc, ca = _side(a, b, d), _side(b, c, d), _side(c, a, d)
     if not ((ab >= 0.0 and bc >= 0.0 and ca >= 0.0) or (ab <= 0.0 and bc <= 0.0 and ca <= 0.0)):
         return np.inf
     ex, ey, ez = bx - ax, by - ay, bz - az
@@ -98,6 +110,13 @@ def _meet(corners, origin, dx, dy, dz):
 
 
 @inner
-def _side(ax, ay, az, bx, by, bz, dx, dy, dz):
+def _seen(corner: Float, origin: Float) -> Vector:
+    """A corner as seen from the origin."""
+    return corner[0] - origin[0], corner[1] - origin[1], corner[2] - origin[2]
+
+
+@inner
+def _side(a: Vector, b: Vector, d: Vector) -> float:
     """On which side of the edge from a to b the beam passes: the sign of d · (a × b)."""
+    (ax, ay, az), (bx, by, bz), (dx, dy, dz) = a, b, d
     return dx * (ay * bz - az * by) + dy * (az * bx - ax * bz) + dz * (ax * by - ay * bx)

@@ -9,10 +9,18 @@ empty, and all beams between the two end on the same wall.
 So every few beams one is cast, and between those that differ the one in the middle, and so on.
 """
 
-from lrf3d.casting.kernels.compiling import inner
-from lrf3d.casting.kernels.embree_proof import prove
-from lrf3d.casting.kernels.packets import find
-from lrf3d.casting.kernels.predicates import FILTER
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.casting.kernels.buffer import Fan
+from lrf3d.casting.kernels.embree_proof import Known, prove
+from lrf3d.casting.kernels.packets import WIDTH, Packets, find
+from lrf3d.casting.kernels.predicates import FILTER, Beam, Wall, wall_at
+from lrf3d.casting.kernels.scans import PADDING
+from lrf3d.compiling import inner
+from lrf3d.geometry import Float, Int
 
 OPEN = -3
 """What stands for the wall of a beam of which nothing is known yet."""
@@ -31,8 +39,49 @@ LEAST_STEP, WIDEST_GAP = 1e-9, 0.5
 """Angles [rad] from beam to beam that rounding cannot turn round, and of a gap that is flat."""
 
 
+BEHIND = max(PADDING, WIDTH - 1)
+"""How many numbers beyond the last beam those may touch that work on several at once."""
+
+
+class Room(NamedTuple):
+    """Room for the numbers of a scan; so many beams, and BEHIND where whole packets are taken.
+
+    Attributes:
+        dx: Directions of all beams.
+        dy: The same.
+        cast_dx: Directions of those that are cast.
+        cast_dy: The same.
+        faces: Triangles that these meet.
+        picked: (beams,) which beams they are.
+        found: (beams,) the rows of walls that they hit.
+    """
+
+    dx: Float
+    dy: Float
+    cast_dx: Float
+    cast_dy: Float
+    faces: NDArray[np.int32]
+    picked: Int
+    found: Int
+
+
 @inner
-def stride_for(beams, half, range_max, width):
+def room_for(beams: int) -> Room:
+    """Room for a scan of so many beams."""
+    wide = beams + BEHIND
+    return Room(
+        np.zeros(wide),
+        np.zeros(wide),
+        np.zeros(wide),
+        np.zeros(wide),
+        np.empty(wide, np.int32),
+        np.empty(beams, np.int64),
+        np.empty(beams, np.int64),
+    )
+
+
+@inner
+def stride_for(beams: int, half: float, range_max: float, width: float) -> int:
     """How many beams to go from one that is cast to the next: 1, where no beam can be spared."""
     step = 2.0 * half / (beams - 1) if beams > 1 else 0.0
     for stride in STRIDES:
@@ -43,34 +92,41 @@ def stride_for(beams, half, range_max, width):
 
 
 @inner
-def find_sparing(
-    intersect, scene, packet, walls, clear, owners, width, stride, x, y, scene_x, scene_y, reach,
-    half, range_max, dx, dy, room, faces, picked, found, hit,
-):  # fmt: skip
-    """Find the rows of walls that beams hit, or −1; tell how many are UNSURE.
+def find_all(
+    packets: Packets, known: Known, fan: Fan, range_max: float, stride: int, room: Room, hit: Int
+) -> int:
+    """Find the rows of walls that beams hit, or −1; how many are UNSURE.
 
-    There is room (2, beams and more) for the directions of the beams that are cast; picked and
-    found (beams,) are room for which they are and what they hit.
+    Where the stride is 1 all beams are cast.
     """
+    local = known.local
+    # Taken out of their tuples once: each time costs as much as some beams.
+    x, y, dx, dy, walls = fan.x, fan.y, fan.dx, fan.dy, known.tree.walls
+    scene_x, scene_y = (x - local.x) * local.unit, (y - local.y) * local.unit
+    reach = (range_max + local.beyond) * local.unit
     beams = len(hit)
-    near_dx, near_dy = room[0], room[1]
-    hit[:] = OPEN
+    faces, picked, found = room.faces, room.picked, room.found
+    if stride == 1:
+        find(packets, scene_x, scene_y, dx, dy, reach, beams, faces)
+        return prove(known, faces, x, y, dx, dy, range_max, hit)
+    cast_dx, cast_dy = room.cast_dx, room.cast_dy
+    for i in range(beams):
+        hit[i] = OPEN
     count = 0
     for i in range(0, beams - 1, stride):
         picked[count] = i
         count += 1
     picked[count] = beams - 1
     count += 1
+    step = 2.0 * fan.half / (beams - 1)
     unsure = 0
     gap = stride
     while True:
         if count > 0:
             for k in range(count):
-                near_dx[k], near_dy[k] = dx[picked[k]], dy[picked[k]]
-            find(intersect, scene, packet, scene_x, scene_y, near_dx, near_dy, reach, count, faces)
-            unsure += prove(
-                walls, clear, owners, faces, x, y, range_max, near_dx, near_dy, found[:count]
-            )
+                cast_dx[k], cast_dy[k] = dx[picked[k]], dy[picked[k]]
+            find(packets, scene_x, scene_y, cast_dx, cast_dy, reach, count, faces)
+            unsure += prove(known, faces, x, y, cast_dx, cast_dy, range_max, found[:count])
             for k in range(count):
                 hit[picked[k]] = found[k]
         if gap == 1:
@@ -80,8 +136,17 @@ def find_sparing(
             stop = min(start + gap, beams - 1)
             if hit[start + 1] != OPEN:
                 continue
-            if _nothing_between(walls, width, x, y, dx, dy, half, start, stop, hit):
-                hit[start + 1 : stop] = hit[start]
+            row = hit[start]
+            one, other = Beam(x, y, dx[start], dy[start]), Beam(x, y, dx[stop], dy[stop])
+            if (
+                row >= 0
+                and hit[stop] == row
+                and _nothing_between(
+                    wall_at(walls, row), one, other, step * (stop - start), local.width
+                )
+            ):
+                for i in range(start + 1, stop):
+                    hit[i] = row
             elif start + gap // 2 < stop:
                 picked[count] = start + gap // 2
                 count += 1
@@ -89,16 +154,12 @@ def find_sparing(
 
 
 @inner
-def _nothing_between(walls, width, x, y, dx, dy, half, start, stop, hit):
-    """Whether two beams end on one wall, and nothing fits between them and it."""
-    row = hit[start]
-    if row < 0 or hit[stop] != row:
-        return False
-    ax, ay = walls[row, 0] - x, walls[row, 1] - y
-    ex, ey = walls[row, 2] - walls[row, 0], walls[row, 3] - walls[row, 1]
+def _nothing_between(wall: Wall, one: Beam, other: Beam, angle: float, width: float) -> bool:
+    """Whether nothing of a width fits between two beams, with an angle between, and their wall."""
+    ax, ay = wall.px - one.ox, wall.py - one.oy
+    ex, ey = wall.qx - wall.px, wall.qy - wall.py
     left, right = ax * ey, ay * ex
     area = abs(left - right) + FILTER * (abs(left) + abs(right))
-    slope = max(abs(dx[start] * ey - dy[start] * ex), abs(dx[stop] * ey - dy[stop] * ex))
+    slope = max(abs(one.dx * ey - one.dy * ex), abs(other.dx * ey - other.dy * ex))
     # The triangle's height over the longer of the two beams, times slope.
-    angle = 2.0 * half / (len(hit) - 1) * (stop - start)
     return area * angle * SPARE < width * slope

@@ -1,8 +1,17 @@
-"""Building a tree of boxes over walls, compiled: each node is cut where it is cheapest."""
+"""Tree: walls in a tree of boxes, so that a scan visits only what its beams can meet.
+
+Boxes are split where the surface-area heuristic finds it cheapest (in the plane: half the
+perimeter of a box is in proportion to the beams that meet it). Unlike the cells of a grid, boxes
+take worlds of any density and scale, and a wall lies in one leaf however long it is.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.compiling import compiled, inner
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
 
 BINS = 16
 """Places tried for a cut; more make a tree that is hardly better."""
@@ -24,13 +33,54 @@ STACK = 256
 """Boxes that may wait on the way through a tree: three for each of at most 40 + 31 levels."""
 
 
+class Tree(NamedTuple):
+    """Boxes over walls.
+
+    Attributes:
+        boxes: (m, 4) smallest x, y and largest x, y [m] of each node; node 0 is the root.
+        links: (m, 2) for a leaf the row of its first wall and how many it holds; for a node
+            above others the first of its children, which lie side by side, and minus how many.
+        walls: (n, 4) ends of the walls [m] in the order of the leaves.
+        rows: (n,) which wall of the world each of them is.
+    """
+
+    boxes: Float
+    links: NDArray[np.int32]
+    walls: Float
+    rows: NDArray[np.int32]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the tree [bytes], walls included."""
+        return sum(array.nbytes for array in self)
+
+
+PlainTree = tuple[Float, NDArray[np.int32], Float, NDArray[np.int32]]
+"""A tree as Python passes it to be cast at; see `lrf3d.casting.kernels.scans.PlainLaser`."""
+
+
+def build_tree(segments: Float, index: NDArray[np.int32] | None = None) -> Tree:
+    """Build the tree over segments (n, 4); index names them where they are a part of a world."""
+    segments = np.ascontiguousarray(segments, dtype=np.float64)
+    count = len(segments)
+    order = np.arange(count, dtype=np.int32)
+    capacity = 1 if count <= SMALL else 2 * count
+    boxes = np.empty((capacity, 4))
+    links = np.zeros((capacity, 2), dtype=np.int32)
+    used = _build(segments, order, boxes, links)
+    names = order if index is None else index[order]
+    return Tree(boxes[:used].copy(), links[:used].copy(), segments[order], names)
+
+
 @compiled
-def build(segments, order, boxes, links):
+def _build(
+    segments: Float, order: NDArray[np.int32], boxes: Float, links: NDArray[np.int32]
+) -> int:
     """Sort `order` into leaves and fill boxes and links; the number of nodes."""
     stack = np.empty((STACK, 4), dtype=np.int64)
     _bound(segments, order, 0, len(order), boxes[0])
     used = 1
-    stack[0] = 0, 0, len(order), 0
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, len(order), 0
     top = 1
     weight = np.empty(BINS, dtype=np.int64)
     bin_box = np.empty((BINS, 4))
@@ -38,7 +88,7 @@ def build(segments, order, boxes, links):
     cuts = np.empty(CHILDREN + 1, dtype=np.int64)
     while top > 0:
         top -= 1
-        node, start, stop, level = stack[top]
+        node, start, stop, level = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
         leaf = SMALL if len(links) == 1 else LEAF
         cuts[0], cuts[1] = start, stop
         parts = 1
@@ -67,17 +117,27 @@ def build(segments, order, boxes, links):
         links[node, 1] = -parts
         for k in range(parts):
             _bound(segments, order, cuts[k], cuts[k + 1], boxes[used + k])
-            stack[top] = used + k, cuts[k], cuts[k + 1], level + 1
+            stack[top, 0], stack[top, 1], stack[top, 2] = used + k, cuts[k], cuts[k + 1]
+            stack[top, 3] = level + 1
             top += 1
         used += parts
     return used
 
 
 @inner
-def _cut(segments, order, start, stop, weight, bin_box, cost):
+def _cut(
+    segments: Float,
+    order: NDArray[np.int32],
+    start: int,
+    stop: int,
+    weight: Int,
+    bin_box: Float,
+    cost: Float,
+) -> int:
     """Order the walls by the cheapest cut of their middles; the first row behind the cut."""
-    low = np.array([np.inf, np.inf])
-    high = -low
+    low, high, box = np.empty(2), np.empty(2), np.empty(4)
+    for axis in range(2):
+        low[axis], high[axis] = np.inf, -np.inf
     for row in range(start, stop):
         for axis in range(2):
             middle = segments[order[row], axis] + segments[order[row], axis + 2]
@@ -89,22 +149,21 @@ def _cut(segments, order, start, stop, weight, bin_box, cost):
         if not high[axis] > low[axis]:
             continue
         scale = BINS / (high[axis] - low[axis])
-        weight[:] = 0
-        bin_box[:, :2] = np.inf
-        bin_box[:, 2:] = -np.inf
+        for b in range(BINS):
+            weight[b] = 0
+            _empty(bin_box[b])
         for row in range(start, stop):
             wall = segments[order[row]]
             b = min(BINS - 1, int((wall[axis] + wall[axis + 2] - low[axis]) * scale))
             weight[b] += 1
             _widen(bin_box[b], wall)
-        box = np.array([np.inf, np.inf, -np.inf, -np.inf])
+        _empty(box)
         below = 0
         for b in range(BINS - 1):
             below += weight[b]
             _join(box, bin_box[b])
             cost[b] = below * _half_perimeter(box) if below > 0 else np.inf
-        box[:2] = np.inf
-        box[2:] = -np.inf
+        _empty(box)
         above = 0
         for b in range(BINS - 1, 0, -1):
             above += weight[b]
@@ -129,12 +188,17 @@ def _cut(segments, order, start, stop, weight, bin_box, cost):
 
 
 @inner
-def _half_perimeter(box):
-    return (box[2] - box[0]) + (box[3] - box[1])
+def _half_perimeter(box: Float) -> float:
+    return float((box[2] - box[0]) + (box[3] - box[1]))
 
 
 @inner
-def _widen(box, wall):
+def _empty(box: Float) -> None:
+    box[0], box[1], box[2], box[3] = np.inf, np.inf, -np.inf, -np.inf
+
+
+@inner
+def _widen(box: Float, wall: Float) -> None:
     box[0] = min(box[0], wall[0], wall[2])
     box[1] = min(box[1], wall[1], wall[3])
     box[2] = max(box[2], wall[0], wall[2])
@@ -142,7 +206,7 @@ def _widen(box, wall):
 
 
 @inner
-def _join(box, other):
+def _join(box: Float, other: Float) -> None:
     box[0] = min(box[0], other[0])
     box[1] = min(box[1], other[1])
     box[2] = max(box[2], other[2])
@@ -150,8 +214,7 @@ def _join(box, other):
 
 
 @inner
-def _bound(segments, order, start, stop, box):
-    box[:2] = np.inf
-    box[2:] = -np.inf
+def _bound(segments: Float, order: NDArray[np.int32], start: int, stop: int, box: Float) -> None:
+    _empty(box)
     for row in range(start, stop):
         _widen(box, segments[order[row]])

@@ -29,10 +29,3 @@ vec4 raised(vec3 place, float metres) {
 bool shown(vec3 place, vec2 side, float metres) {
     return metres > 1e3 || dot(eye.xy - place.xy, side) >= 0.0;
 }
-
-// A number in 0…1 for a cell, without a sine.
-float chance(vec2 cell) {
-    vec2 mixed = fract(cell * vec2(0.1031, 0.1137));
-    mixed += dot(mixed, mixed.yx + 33.33);
-    return fract((mixed.x + mixed.y) * mixed.x);
-}

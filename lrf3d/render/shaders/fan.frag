@@ -4,5 +4,6 @@ uniform float strength;
 out vec4 colour;
 void main() {
     float left = clamp(1.0 - range / reach, 0.0, 1.0);
-    colour = vec4(0.98, 0.25, 0.18, strength * left * sqrt(left));
+    // The power FAN_CURVE of the look, which is 1.5, at a fifth of the cost of pow.
+    colour = vec4(FAN_COLOUR, strength * left * sqrt(left));
 }

@@ -4,5 +4,5 @@ uniform float now;
 out vec4 colour;
 void main() {
     if (time > now) discard;
-    colour = vec4(hazed(vec3(0.14, 0.48, 0.90), world), 0.95);
+    colour = vec4(hazed(TRAIL_COLOUR, world), 0.95);
 }

@@ -1,16 +1,32 @@
 in vec3 way;
-in float height;
+in vec2 texel;
 in float under;
+flat in float layer;
 flat in vec3 wall;
-flat in vec3 skirting;
-flat in vec4 foot;
+flat in vec3 light;
+uniform sampler2DArray picture;
 out vec4 colour;
+
+// The logarithm to the base of 2, rounded: read off the exponent, which costs far less than log2.
+int doublings(float value) {
+    return (floatBitsToInt(1.41421356 * value) >> 23) - 127;
+}
+
 void main() {
-    vec3 result = height <= foot.x ? skirting : wall;
-    float near = foot.z * height;
-    result *= 1.0 - foot.y / (1.0 + near + 0.5 * near * near);
-    float shaded = clamp(under / (fwidth(under) + 0.04) + 0.5, 0.0, 1.0);
-    result *= mix(1.0, foot.w, shaded);
+    // Texels to a pixel; a copy as coarse as that, and one blurred along the wall for the rest.
+    vec2 coarse = max(fwidth(texel), 1e-4);
+    // Seen from above, it may be half as coarse as a pixel is high: frames of windows stay sharp.
+    float fit = clamp(coarse.x, 0.5 * coarse.y, coarse.y);
+    int level = max(doublings(max(fit, coarse.x / float(1 << (SLANTS - 1)))), 0);
+    int slant = clamp(doublings(coarse.x) - level, 0, SLANTS - 1);
+    // Seen from near, edges between texels are one pixel wide.
+    vec2 edge = floor(texel + 0.5);
+    vec2 at = edge + clamp((texel - edge) / min(coarse, 1.0), -0.5, 0.5);
+    float copy = layer + (layer < float(WINDOWED) ? 0.0 : float(slant));
+    vec4 painted = textureLod(picture, vec3(at / SIZE, copy), float(level));
+    // The rim of the sun's light is some centimetres wide.
+    float shadowed = clamp(under / (fwidth(under) + RIM) + 0.5, 0.0, 1.0);
+    vec3 result = (wall * painted.a + painted.rgb) * mix(light, SKYLIGHT, shadowed);
     float far = dot(way, way);
     colour = vec4(mix(result, haze.rgb, far / (1.0 + far)), 1.0);
 }

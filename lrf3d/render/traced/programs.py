@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.geometry import Float
-from lrf3d.render.traced import fragments
+from lrf3d.render.traced import shading
 
 _NEAR = 0.25
 """Depth [m] before which lines are cut, as their shader does."""
@@ -80,20 +80,20 @@ def _rows(clip: Float, depth: Float, *rest: Float) -> Float:
 def _flat(rows: Float, uniforms: Uniforms) -> Triangles:
     local = np.column_stack([rows[:, :2], np.zeros(len(rows)), np.ones(len(rows))])
     clip = _project((local @ uniforms["place"].T)[:, :3], uniforms)
-    return Triangles(fragments.FLAT, _rows(clip, clip[:, 2], rows[:, 2:6]), np.zeros(2))
+    return Triangles(shading.FLAT, _rows(clip, clip[:, 2], rows[:, 2:6]), np.zeros(2))
 
 
 def _fan(rows: Float, uniforms: Uniforms) -> Triangles:
     clip = _project(rows[:, :3], uniforms)
     fixed = np.array([uniforms["reach"], uniforms["strength"]])
-    return Triangles(fragments.FAN, _rows(clip, clip[:, 2], rows[:, 3]), fixed)
+    return Triangles(shading.FAN, _rows(clip, clip[:, 2], rows[:, 3]), fixed)
 
 
 def _blob(rows: Float, uniforms: Uniforms) -> Triangles:
     x, y, radius, darkness = uniforms["blob"]
     place = np.column_stack([rows * radius + [x, y], np.zeros(len(rows))])
     clip, depth = _project(place, uniforms), _raised(place, 0.005, uniforms)
-    return Triangles(fragments.BLOB, _rows(clip, depth, rows), np.array([darkness, 0.0]))
+    return Triangles(shading.BLOB, _rows(clip, depth, rows), np.array([darkness, 0.0]))
 
 
 def _trail(rows: Float, uniforms: Uniforms) -> Triangles:
@@ -101,7 +101,7 @@ def _trail(rows: Float, uniforms: Uniforms) -> Triangles:
     place = np.column_stack([place, np.full(len(rows), uniforms["lift"])])
     clip, depth = _project(place, uniforms), _raised(place, 0.01, uniforms)
     fixed = np.array([uniforms["now"], 0.0])
-    return Triangles(fragments.TRAIL, _rows(clip, depth, rows[:, 4], place), fixed)
+    return Triangles(shading.TRAIL, _rows(clip, depth, rows[:, 4], place), fixed)
 
 
 def _robot(rows: Float, uniforms: Uniforms) -> Triangles:
@@ -110,7 +110,7 @@ def _robot(rows: Float, uniforms: Uniforms) -> Triangles:
     clip = _project(place, uniforms)
     normal = rows[:, 3:6] @ matrix[:3, :3].T
     corners = _rows(clip, clip[:, 2], place, normal, rows[:, 6:9])
-    return Triangles(fragments.ROBOT, corners, np.zeros(2))
+    return Triangles(shading.ROBOT, corners, np.zeros(2))
 
 
 def _lines(rows: Float, uniforms: Uniforms) -> Triangles:
@@ -134,7 +134,7 @@ def _lines(rows: Float, uniforms: Uniforms) -> Triangles:
     a[~_shown(here, side, uniforms), 2] = _BEHIND
     # How far off its middle a line is, is even in the picture and not in the scene.
     corners = _rows(a, depth, rows[:, 7:11], off * a[:, 2])
-    return Triangles(fragments.LINE, corners, np.array([width, 0.0]))
+    return Triangles(shading.LINE, corners, np.array([width, 0.0]))
 
 
 _PROGRAMS: dict[str, Callable[[Float, Uniforms], Triangles]] = {

@@ -5,13 +5,14 @@ corner is tested with, then what its program interpolates.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.compiling import compiled, inner
-from lrf3d.render.traced.facades import clamp
-from lrf3d.render.traced.fragments import MOST, fragment
-from lrf3d.render.traced.shading import as_byte
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float
+from lrf3d.render.traced.shading import MOST, as_byte, clamp, fragment
 
 FIXED = 4
 """Numbers of a row before what is interpolated."""
@@ -22,17 +23,55 @@ _NEAR = 0.05
 ROUNDED = 1e-3
 """By how much rows are looked at past where an edge is reckoned to cross them [pixels]."""
 
+Edge = tuple[float, float, float, float, float]
+
+
+class Canvas(NamedTuple):
+    """What triangles are drawn on, and how.
+
+    Attributes:
+        colours: (h, w, s, 3) of all samples.
+        near: (h, w, s) one over their depths.
+        box: Left, top, width and height of the part that is drawn in [pixels].
+        places: (s, 2) where in a pixel its samples lie.
+        test: Whether what lies behind is left out.
+        opaque: Whether what is drawn hides what comes later.
+    """
+
+    colours: NDArray[np.uint8]
+    near: NDArray[np.float32]
+    box: tuple[int, int, int, int]
+    places: Float
+    test: bool
+    opaque: bool
+
+
+class Program(NamedTuple):
+    """What gives the pixels of a triangle their colours: see `fragments.fragment`."""
+
+    number: int
+    fixed: Float
+    eye: Float
+    light: Float
+
 
 @inner
-def blend(colours, row, column, sample, r, g, b, alpha):
+def blend(
+    colours: NDArray[np.uint8],
+    row: int,
+    column: int,
+    sample: int,
+    colour: tuple[float, float, float],
+    alpha: float,
+) -> None:
     """Lay a colour over a sample."""
-    for channel, value in enumerate((r, g, b)):
+    for channel, value in enumerate(colour):
         under = colours[row, column, sample, channel] / 255.0
         colours[row, column, sample, channel] = as_byte(under + (value - under) * alpha)
 
 
 @inner
-def cut(corners, first, columns, room):
+def cut(corners: Float, first: int, columns: int, room: Float) -> int:
     """Fill room with what of a triangle lies before the eye; gives its number of corners."""
     count = 0
     for k in range(3):
@@ -53,7 +92,7 @@ def cut(corners, first, columns, room):
 
 
 @inner
-def edge(a, b, sign):
+def edge(a: Float, b: Float, sign: float) -> Edge:
     """The edge from corner a to b: a point of it, its direction and −1 where both were swapped.
 
     Two triangles that share an edge get the same numbers, so that no pixel falls between them.
@@ -64,23 +103,25 @@ def edge(a, b, sign):
 
 
 @inner
-def side(edge, x, y):
+def side(edge: Edge, x: float, y: float) -> float:
     """On which side of an edge a place is: more than 0 inside, and by how much."""
     px, py, dx, dy, turn = edge
     return turn * (dx * (y - py) - dy * (x - px))
 
 
 @inner
-def owns(edge, inside):
+def owns(edge: Edge, inside: float) -> bool:
     """Whether a place belongs to the triangle: on the edge itself to the one on its left."""
     return inside > 0.0 or (inside == 0.0 and edge[4] > 0.0)
 
 
 @inner
 def fill(
-    program, a, b, c, extra, box, test, opaque, cull, places, fixed, eye, light, colours, near, at
-):
+    a: Float, b: Float, c: Float, cull: bool, canvas: Canvas, program: Program, at: Float
+) -> None:
     """Fill a triangle; of a corner come x, y [pixels], 1/w, 1/depth and the rest over w."""
+    colours, near, box, places, test, opaque = canvas
+    extra = len(a) - FIXED
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     # The picture is drawn turned over, so that faces seen from before run clockwise in it.
     if area == 0.0 or not np.isfinite(area) or (cull and area > 0.0):
@@ -131,21 +172,21 @@ def fill(
                     w = u * a[2] + v * b[2] + t * c[2]
                     for k in range(extra):
                         at[k] = (u * a[FIXED + k] + v * b[FIXED + k] + t * c[FIXED + k]) / w
-                    r, g, bl, alpha = fragment(program, at, w, fixed, eye, light)
+                    r, g, bl, alpha = fragment(
+                        program.number, at, w, program.fixed, program.eye, program.light
+                    )
                 if alpha <= 0.0:
                     break
-                blend(colours, row, column, sample, r, g, bl, alpha)
+                blend(colours, row, column, sample, (r, g, bl), alpha)
                 if opaque:
                     near[row, column, sample] = inverse
 
 
 @compiled
-def draw_triangles(
-    program, corners, box, test, opaque, cull, places, fixed, eye, light, colours, near
-):
-    """Draw triangles, rows (3 t, 4 + n) of corners, in a box of the picture."""
+def draw_triangles(corners: Float, cull: bool, canvas: Canvas, program: Program) -> None:
+    """Draw triangles, rows (3 t, 4 + n) of corners; cull leaves out those seen from behind."""
     columns = corners.shape[1]
-    extra = columns - FIXED
+    box = canvas.box
     room = np.empty((4, columns))
     at = np.zeros(MOST)
     for first in range(0, len(corners), 3):
@@ -160,28 +201,17 @@ def draw_triangles(
             for column in range(FIXED, columns):
                 corner[column] *= w
         for k in range(1, count - 1):
-            fill(
-                program,
-                room[0],
-                room[k],
-                room[k + 1],
-                extra,
-                box,
-                test,
-                opaque,
-                cull,
-                places,
-                fixed,
-                eye,
-                light,
-                colours,
-                near,
-                at,
-            )
+            fill(room[0], room[k], room[k + 1], cull, canvas, program, at)
 
 
 @compiled
-def draw_points(points, box, test, colours, near):
+def draw_points(
+    points: Float,
+    box: tuple[int, int, int, int],
+    test: bool,
+    colours: NDArray[np.uint8],
+    near: NDArray[np.float32],
+) -> None:
     """Draw points (n, 7): x, y [pixels], depth, diameter [pixels] and colour."""
     samples = colours.shape[2]
     for k in range(len(points)):
@@ -204,33 +234,17 @@ def draw_points(points, box, test, colours, near):
                 for sample in range(samples):
                     if test and 1.0 / depth < near[row, column, sample]:
                         continue
-                    blend(
-                        colours,
-                        row,
-                        column,
-                        sample,
-                        points[k, 4] * shade,
-                        points[k, 5] * shade,
-                        points[k, 6] * shade,
-                        cover,
-                    )
+                    colour = points[k, 4] * shade, points[k, 5] * shade, points[k, 6] * shade
+                    blend(colours, row, column, sample, colour, cover)
 
 
 @compiled
-def draw_panel(panel, left, top, colours):
+def draw_panel(panel: NDArray[np.uint8], left: int, top: int, colours: NDArray[np.uint8]) -> None:
     """Lay a panel (h, w, 4) uint8 over the picture, its upper left corner at a pixel."""
     height, width, samples = colours.shape[:3]
     for row in range(max(top, 0), min(top + panel.shape[0], height)):
         for column in range(max(left, 0), min(left + panel.shape[1], width)):
             pixel = panel[row - top, column - left]
             for sample in range(samples):
-                blend(
-                    colours,
-                    row,
-                    column,
-                    sample,
-                    pixel[0] / 255.0,
-                    pixel[1] / 255.0,
-                    pixel[2] / 255.0,
-                    pixel[3] / 255.0,
-                )
+                colour = pixel[0] / 255.0, pixel[1] / 255.0, pixel[2] / 255.0
+                blend(colours, row, column, sample, colour, pixel[3] / 255.0)

@@ -20,9 +20,6 @@ from lrf3d.render.traced.grounds import Grounds
 from lrf3d.render.traced.programs import corners_of, points_of
 from lrf3d.render.traced.surfaces import Surfaces
 
-_WALLS = ("facade", "walls")
-"""Programs of what Embree is asked about."""
-
 _NO_LAND = (0.5, 0.5, 0.5, 1.0)
 """Colour of the ground past its pictures, and width of the change [m], until they are named."""
 
@@ -61,8 +58,6 @@ class TracedRenderer:
 
     def begin(self, scene: Any) -> None:
         """Start a picture."""
-        if self._surfaces is None:
-            self._surfaces = Surfaces(_wall_triangles(scene))
         self._box, self._over = self._whole, False
         self._shared, self._robots = {}, []
 
@@ -78,8 +73,13 @@ class TracedRenderer:
     def draw(self, primitive: Primitive, uniforms: Uniforms) -> None:
         """Draw a primitive with uniforms for its program; what is solid waits for the rays."""
         name = primitive.program
-        if name in _WALLS or name in ("sky", "ground", "beyond"):
+        if name in ("walls", "sky", "ground", "beyond"):
             self._shared = {**self._shared, **uniforms}
+        if name == "walls" and self._surfaces is None:
+            assert isinstance(primitive, PartedPrimitive) and primitive.texture is not None
+            corners = primitive.vertices[primitive.triangles.ravel()].reshape(-1, 3, 13)
+            levels = primitive.texture.levels
+            self._surfaces = Surfaces(corners, levels, indoor=uniforms["indoor"] > 0.5)
         if not primitive.count:
             return
         if name == "ground":
@@ -91,7 +91,7 @@ class TracedRenderer:
         elif name == "points":
             points = points_of(_vertices(primitive), uniforms, self._box)
             raster.draw_points(points, self._box, not self._over, self._flat, self._flat_near)
-        elif not (name in _WALLS or name in ("sky", "beyond")):
+        elif name not in ("walls", "sky", "beyond"):
             middle = sampling.MIDDLE
             self._draw_triangles(primitive, uniforms, middle, self._flat, self._flat_near)
 
@@ -122,11 +122,17 @@ class TracedRenderer:
         assert self._surfaces is not None
         surfaces, places, width = self._surfaces, self._places, self._whole[2]
         camera = _camera(self._shared, self._whole)
-        scene = (surfaces.faces, *self._grounds.table(), _light(self._shared))
+        scenery = shading.Scenery(
+            surfaces.faces,
+            surfaces.painted,
+            surfaces.painted_levels,
+            *self._grounds.table(),
+            _light(self._shared),
+        )
         origins, directions = self._rays
         shading.aim_pixels(camera, width, origins, directions)
         hits = surfaces.nearest(origins, directions)
-        shading.shade_pixels(camera, hits, *scene, self._sampled, self._sampled_near, self._seen)
+        shading.shade_pixels(camera, hits, scenery, self._sampled, self._sampled_near, self._seen)
         if len(places) == 1:
             return
         edges = sampling.find_edges(self._seen, surfaces.faces)
@@ -134,7 +140,7 @@ class TracedRenderer:
         sampling.aim_samples(camera, edges, width, places, origins, directions)
         hits = surfaces.nearest(origins, directions)
         sampling.shade_samples(
-            camera, edges, places, hits, *scene, self._sampled, self._sampled_near
+            camera, edges, places, hits, scenery, self._sampled, self._sampled_near
         )
 
     def _draw_triangles(
@@ -147,20 +153,10 @@ class TracedRenderer:
     ) -> None:
         drawn = corners_of(primitive.program, _vertices(primitive), uniforms)
         known = {**self._shared, **uniforms}
-        raster.draw_triangles(
-            drawn.program,
-            drawn.corners,
-            self._box,
-            not self._over,
-            not primitive.blend and not self._over,
-            primitive.cull,
-            places,
-            drawn.fixed,
-            np.array(known["eye"]),
-            _light(known),
-            colours,
-            near,
-        )
+        test = not self._over
+        canvas = raster.Canvas(colours, near, self._box, places, test, test and not primitive.blend)
+        program = raster.Program(drawn.program, drawn.fixed, np.array(known["eye"]), _light(known))
+        raster.draw_triangles(drawn.corners, primitive.cull, canvas, program)
 
     def _draw_label(self, primitive: Primitive, uniforms: Uniforms) -> None:
         left, top = uniforms["box"][:2]
@@ -176,16 +172,6 @@ def _vertices(primitive: Primitive) -> Float:
     if primitive.elements is not None:
         rows = rows[primitive.elements]
     return rows[: primitive.count].astype(np.float64)
-
-
-def _wall_triangles(scene: Any) -> NDArray[np.float32]:
-    """The triangles (t, 3, 15) of all walls and roofs of a scene."""
-    found = [np.zeros((0, 15), np.float32)]
-    for mesh in scene.meshes:
-        for primitive in mesh.primitives:
-            if isinstance(primitive, PartedPrimitive):
-                found.append(primitive.vertices[primitive.triangles.ravel()])
-    return np.concatenate(found).reshape(-1, 3, 15)
 
 
 def _camera(uniforms: Uniforms, box: Box) -> Float:

@@ -3,10 +3,11 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.compiling import compiled, inner
-from lrf3d.render.traced.facades import EXTENT, KIND, NORMAL, OFFSET
-from lrf3d.render.traced.shading import as_byte, see
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float
+from lrf3d.render.traced.shading import COLOUR, NORMAL, OFFSET, Scenery, as_byte, see
 
 SAMPLE_PLACES = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 """Where in a pixel its four samples lie, as graphics cards have it."""
@@ -15,7 +16,7 @@ MIDDLE = np.array([[0.5, 0.5]])
 
 
 @inner
-def one_surface(first, second, faces):
+def one_surface(first: int, second: int, faces: Float) -> bool:
     """Whether two things seen go on into each other without an edge."""
     if first == second:
         return True
@@ -24,12 +25,12 @@ def one_surface(first, second, faces):
     a, b = faces[first], faces[second]
     along = a[NORMAL] * b[NORMAL] + a[NORMAL + 1] * b[NORMAL + 1] + a[NORMAL + 2] * b[NORMAL + 2]
     level = abs(a[OFFSET] - math.copysign(1.0, along) * b[OFFSET]) < 1e-3
-    same = a[KIND] == b[KIND] and a[EXTENT] == b[EXTENT]
-    return same and level and abs(along) > 0.999999
+    same = a[COLOUR] == b[COLOUR] and a[COLOUR + 1] == b[COLOUR + 1]
+    return bool(same and level and abs(along) > 0.999999)
 
 
 @compiled
-def find_edges(seen, faces):
+def find_edges(seen: NDArray[np.int32], faces: Float) -> NDArray[np.int32]:
     """Numbers (n,) of the pixels at which something else begins."""
     height, width = seen.shape
     found = np.empty(height * width, np.int32)
@@ -50,7 +51,14 @@ def find_edges(seen, faces):
 
 
 @compiled
-def aim_samples(camera, pixels, width, places, origins, directions):
+def aim_samples(
+    camera: Float,
+    pixels: NDArray[np.int32],
+    width: int,
+    places: Float,
+    origins: NDArray[np.float32],
+    directions: NDArray[np.float32],
+) -> None:
     """Fill the rays (n s, 3) through the samples of pixels (n,)."""
     for k in range(len(pixels)):
         row, column = pixels[k] // width, pixels[k] % width
@@ -66,8 +74,14 @@ def aim_samples(camera, pixels, width, places, origins, directions):
 
 @compiled
 def shade_samples(
-    camera, pixels, places, hits, faces, texels, levels, grounds, light, colours, near
-):
+    camera: Float,
+    pixels: NDArray[np.int32],
+    places: Float,
+    hits: NDArray[np.int32],
+    scenery: Scenery,
+    colours: NDArray[np.uint8],
+    near: NDArray[np.float32],
+) -> None:
     """Shade every sample of pixels (n,) by itself."""
     width = colours.shape[1]
     for k in range(len(pixels)):
@@ -78,11 +92,7 @@ def shade_samples(
                 row + places[sample, 1],
                 hits[k * len(places) + sample],
                 camera,
-                faces,
-                texels,
-                levels,
-                grounds,
-                light,
+                scenery,
             )
             colours[row, column, sample, 0] = as_byte(r)
             colours[row, column, sample, 1] = as_byte(g)
@@ -91,7 +101,12 @@ def shade_samples(
 
 
 @compiled
-def resolve(sampled, sampled_near, flat, flat_near):
+def resolve(
+    sampled: NDArray[np.uint8],
+    sampled_near: NDArray[np.float32],
+    flat: NDArray[np.uint8],
+    flat_near: NDArray[np.float32],
+) -> None:
     """Fill one sample a pixel (h, w, 1, 3) with the mean of several, with the first's depth."""
     height, width, samples = sampled_near.shape
     for row in range(height):

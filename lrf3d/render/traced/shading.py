@@ -1,5 +1,7 @@
 """What a ray from the eye sees, compiled: faces, the ground and the sky, with the haze between.
 
+The triangles of all that moves get their colours here, too, as their fragment shaders give them.
+
 A camera is a row of twelve numbers: the eye, and the direction of the ray through a pixel's place
 (x, y), which is linear in both: at (0, 0), and what x and y add. Directions have a length of 1
 along the axis of the camera, so that a distance along a ray is a depth.
@@ -14,21 +16,37 @@ before: where its texels start, its width and its height.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.compiling import compiled, inner
-from lrf3d.render.traced.facades import (
-    ALONG,
-    KIND,
-    NORMAL,
-    OFFSET,
-    UNDER,
-    UP,
-    clamp,
-    face_colour,
-    mix,
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.scene.facades import SLANTS, WINDOWED
+from lrf3d.scene.look import (
+    FAN_COLOUR,
+    FAN_CURVE,
+    GLOW,
+    GROUND_SHARPNESS,
+    SHADOW_COLOUR,
+    SHADOW_RIM,
+    SKYLIGHT,
+    TRAIL_COLOUR,
+    ZENITH,
+    ZENITH_INDOOR,
 )
+
+NORMAL, OFFSET, ALONG, UP, UNDER, COLOUR, LIGHT, BACK, LAYER, COLUMNS = (
+    0, 3, 4, 8, 12, 16, 19, 22, 25, 26,
+)  # fmt: skip
+"""Columns of the table of faces."""
+
+FLAT, FAN, LINE, TRAIL, BLOB, ROBOT = range(6)
+"""Programs, named like the files in ``render/shaders``."""
+
+MOST = 9
+"""The most numbers that a program interpolates."""
 
 GROUND, SKY = -1, -2
 """What a pixel sees that sees no face; faces are numbered from 0."""
@@ -36,15 +54,113 @@ GROUND, SKY = -1, -2
 SUN, HAZE, INDOOR, BEYOND = 0, 3, 7, 8
 """Columns of the light."""
 
-RIM, LEAST_LIT = 0.04, 100.0
-"""Width of the edge of sunlight on a face [m], and how far a face without shadow is lit."""
+LEAST_LIT = 100.0
+"""How far a face without shadow is lit [m]."""
 
-SHARPER = -0.6
-"""By how much finer copies of the ground are taken: streets are seen at a slant."""
+SHARPER = -GROUND_SHARPNESS
+"""By how much coarser copies of the ground are taken."""
+
+BLUE, SUN_RIM = tuple(SKYLIGHT.tolist()), SHADOW_RIM
+"""What light is left in the shadow, and the width of its edge [m]."""
+
+
+class Scenery(NamedTuple):
+    """All that a ray can see, and the light on it.
+
+    Attributes:
+        faces: (f, COLUMNS) walls and roofs, see :func:`~lrf3d.render.traced.surfaces.face_table`.
+        painted: (t,) all copies of the texture of walls, one after the other.
+        painted_levels: (n, 3) where each copy starts, its width and height.
+        texels: (u,) all copies of the pictures of the ground, one after the other.
+        levels: (l, 3) where each copy starts, its width and height.
+        grounds: (g, 10) the pictures of the ground.
+        light: (12,) sun, haze and land.
+    """
+
+    faces: Float
+    painted: NDArray[np.uint8]
+    painted_levels: Int
+    texels: NDArray[np.uint8]
+    levels: Int
+    grounds: Float
+    light: Float
 
 
 @inner
-def hazed(r, g, b, dx, dy, dz, light):
+def clamp(value: float, low: float, high: float) -> float:
+    """A value, kept between two others."""
+    return min(max(value, low), high)
+
+
+@inner
+def mix(first: float, second: float, share: float) -> float:
+    """What lies between two values, at a share of the way."""
+    return first + (second - first) * share
+
+
+@inner
+def sharp(place: float, coarse: float) -> float:
+    """A place on a texture [texels] that makes edges one pixel wide where they are magnified."""
+    edge = math.floor(place + 0.5)
+    return edge + clamp((place - edge) / min(coarse, 1.0), -0.5, 0.5)
+
+
+@inner
+def painted_at(
+    along: float,
+    up: float,
+    along_step: float,
+    up_step: float,
+    layer: int,
+    painted: NDArray[np.uint8],
+    levels: Int,
+) -> tuple[float, float, float, float]:
+    """What is painted on a wall at a place [texels], and how much of the wall shows.
+
+    Steps are texels to a pixel, as in the shader ``walls.frag``.
+    """
+    along_step, up_step = max(along_step, 1e-4), max(up_step, 1e-4)
+    fit = clamp(along_step, 0.5 * up_step, up_step)
+    finest = max(math.floor(math.log2(max(fit, along_step / (1 << (SLANTS - 1)))) + 0.5), 0.0)
+    if layer >= WINDOWED:
+        slant = math.floor(math.log2(along_step) + 0.5) - finest
+        layer += int(clamp(slant, 0.0, SLANTS - 1.0))
+    number = min(int(finest), len(levels) - 1)
+    start, width, height = levels[number, 0], levels[number, 1], levels[number, 2]
+    start += layer * width * height * 4
+    scale = 1.0 / (1 << number)
+    x = sharp(along, along_step) * scale - 0.5
+    y = sharp(up, up_step) * scale - 0.5
+    left, low = math.floor(x), math.floor(y)
+    x, y = x - left, y - low
+    # The texture repeats.
+    first, second = int(left) % width, int(left + 1) % width
+    below, above = int(low) % height * width, int(low + 1) % height * width
+    a, b = start + 4 * (below + first), start + 4 * (below + second)
+    c, d = start + 4 * (above + first), start + 4 * (above + second)
+    a_share, b_share = (1.0 - x) * (1.0 - y) / 255.0, x * (1.0 - y) / 255.0
+    c_share, d_share = (1.0 - x) * y / 255.0, x * y / 255.0
+    r = a_share * painted[a] + b_share * painted[b] + c_share * painted[c] + d_share * painted[d]
+    g = a_share * painted[a + 1] + b_share * painted[b + 1]
+    g += c_share * painted[c + 1] + d_share * painted[d + 1]
+    bl = a_share * painted[a + 2] + b_share * painted[b + 2]
+    bl += c_share * painted[c + 2] + d_share * painted[d + 2]
+    wall = a_share * painted[a + 3] + b_share * painted[b + 3]
+    wall += c_share * painted[c + 3] + d_share * painted[d + 3]
+    return r, g, bl, wall
+
+
+@inner
+def along_face(face: Float, column: int, x: float, y: float, z: float) -> float:
+    """A value that changes evenly over a face, at a place or, less its constant, over a way."""
+    value: float = face[column] * x + face[column + 1] * y + face[column + 2] * z
+    return value
+
+
+@inner
+def hazed(
+    r: float, g: float, b: float, dx: float, dy: float, dz: float, light: Float
+) -> tuple[float, float, float]:
     """A colour seen over a way (dx, dy, dz) [m] through the haze."""
     far = (dx * dx + dy * dy + dz * dz) * light[HAZE + 3] * light[HAZE + 3]
     share = far / (1.0 + far)
@@ -56,7 +172,7 @@ def hazed(r, g, b, dx, dy, dz, light):
 
 
 @inner
-def sky_colour(dx, dy, dz, light):
+def sky_colour(dx: float, dy: float, dz: float, light: Float) -> tuple[float, float, float]:
     """The sky in a direction."""
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     dx, dy, dz = dx / length, dy / length, dz / length
@@ -65,15 +181,17 @@ def sky_colour(dx, dy, dz, light):
     glow = max(dx * light[SUN] + dy * light[SUN + 1] + dz * light[SUN + 2], 0.0)
     glow *= glow
     glow = 0.16 * (1.0 - indoor) * glow * (glow * glow) * (glow * glow)
-    r = mix(light[HAZE], mix(0.33, 0.60, indoor), share) + glow
-    g = mix(light[HAZE + 1], mix(0.53, 0.66, indoor), share) + 0.93 * glow
-    b = mix(light[HAZE + 2], mix(0.85, 0.74, indoor), share) + 0.80 * glow
+    r = mix(light[HAZE], mix(ZENITH[0], ZENITH_INDOOR[0], indoor), share) + GLOW[0] * glow
+    g = mix(light[HAZE + 1], mix(ZENITH[1], ZENITH_INDOOR[1], indoor), share) + GLOW[1] * glow
+    b = mix(light[HAZE + 2], mix(ZENITH[2], ZENITH_INDOOR[2], indoor), share) + GLOW[2] * glow
     return r, g, b
 
 
 @inner
-def ground_colour(x, y, step, texels, levels, grounds, light):
+def ground_colour(x: float, y: float, step: float, scenery: Scenery) -> tuple[float, float, float]:
     """The ground at a place; step is the square of the metres a pixel, along the longer way."""
+    texels, levels = scenery.texels, scenery.levels
+    grounds, light = scenery.grounds, scenery.light
     for number in range(len(grounds)):
         ground = grounds[number]
         if ground[0] <= x <= ground[2] and ground[1] <= y <= ground[3]:
@@ -91,7 +209,15 @@ def ground_colour(x, y, step, texels, levels, grounds, light):
 
 
 @inner
-def picture_colour(x, y, step, sharper, texels, levels, ground):
+def picture_colour(
+    x: float,
+    y: float,
+    step: float,
+    sharper: float,
+    texels: NDArray[np.uint8],
+    levels: Int,
+    ground: Float,
+) -> tuple[float, float, float]:
     """A picture of the ground at a place, from the copy whose texels are as large as pixels."""
     u, v = (x - ground[4]) * ground[6], (y - ground[5]) * ground[7]
     first, count = int(ground[8]), int(ground[9])
@@ -122,46 +248,52 @@ def picture_colour(x, y, step, sharper, texels, levels, ground):
 
 
 @inner
-def see(px, py, hit, camera, faces, texels, levels, grounds, light):
+def see(
+    px: float, py: float, hit: int, camera: Float, scenery: Scenery
+) -> tuple[float, float, float, float, int]:
     """Colour, one over the depth, and what is seen at a place (px, py) of the picture [pixels]."""
+    light = scenery.light
     dx = camera[3] + px * camera[6] + py * camera[9]
     dy = camera[4] + px * camera[7] + py * camera[10]
     dz = camera[5] + px * camera[8] + py * camera[11]
     down = -camera[2] / dz if dz * camera[2] < 0.0 else np.inf
     if hit >= 0:
-        face = faces[hit]
+        face = scenery.faces[hit]
         nx, ny, nz = face[NORMAL], face[NORMAL + 1], face[NORMAL + 2]
         slope = nx * dx + ny * dy + nz * dz
         gap = face[OFFSET] - nx * camera[0] - ny * camera[1] - nz * camera[2]
         depth = gap / slope if slope != 0.0 else np.inf
         if 0.0 < depth <= down * 1.000001:
-            facing = 1.0 if slope < 0.0 else -1.0
             x, y, z = depth * dx, depth * dy, depth * dz
-            along = face[ALONG] * (camera[0] + x) + face[ALONG + 1] * (camera[1] + y)
-            along += face[ALONG + 2] * (camera[2] + z) + face[ALONG + 3]
-            up = face[UP] * (camera[0] + x) + face[UP + 1] * (camera[1] + y)
-            up += face[UP + 2] * (camera[2] + z) + face[UP + 3]
-            under = face[UNDER] * (camera[0] + x) + face[UNDER + 1] * (camera[1] + y)
-            under += face[UNDER + 2] * (camera[2] + z) + face[UNDER + 3]
+            wx, wy, wz = camera[0] + x, camera[1] + y, camera[2] + z
+            along = along_face(face, ALONG, wx, wy, wz) + face[ALONG + 3]
+            up = along_face(face, UP, wx, wy, wz) + face[UP + 3]
+            under = along_face(face, UNDER, wx, wy, wz) + face[UNDER + 3]
             along_step = up_step = under_step = 0.0
-            if face[KIND] < 1.0 or under > -LEAST_LIT:
-                for way in (6, 9):
-                    turn = (nx * camera[way] + ny * camera[way + 1] + nz * camera[way + 2]) / slope
-                    sx = depth * (camera[way] - turn * dx)
-                    sy = depth * (camera[way + 1] - turn * dy)
-                    sz = depth * (camera[way + 2] - turn * dz)
-                    along_step += abs(
-                        face[ALONG] * sx + face[ALONG + 1] * sy + face[ALONG + 2] * sz
-                    )
-                    up_step += abs(face[UP] * sx + face[UP + 1] * sy + face[UP + 2] * sz)
-                    under_step += abs(
-                        face[UNDER] * sx + face[UNDER + 1] * sy + face[UNDER + 2] * sz
-                    )
-            shaded = clamp(under / (under_step + RIM) + 0.5, 0.0, 1.0)
-            bright = nx * light[SUN] + ny * light[SUN + 1] + nz * light[SUN + 2]
-            r, g, b = face_colour(
-                face, facing, along, up, along_step, up_step, facing * bright, light[INDOOR], shaded
+            for way in (6, 9):
+                turn = (nx * camera[way] + ny * camera[way + 1] + nz * camera[way + 2]) / slope
+                sx = depth * (camera[way] - turn * dx)
+                sy = depth * (camera[way + 1] - turn * dy)
+                sz = depth * (camera[way + 2] - turn * dz)
+                along_step += abs(along_face(face, ALONG, sx, sy, sz))
+                up_step += abs(along_face(face, UP, sx, sy, sz))
+                under_step += abs(along_face(face, UNDER, sx, sy, sz))
+            r, g, b, wall = painted_at(
+                along,
+                up,
+                along_step,
+                up_step,
+                int(face[LAYER]),
+                scenery.painted,
+                scenery.painted_levels,
             )
+            shadowed = 0.0
+            if under > -LEAST_LIT:
+                shadowed = clamp(under / (under_step + SUN_RIM) + 0.5, 0.0, 1.0)
+            side = LIGHT if slope < 0.0 else BACK
+            r = (r + face[COLOUR] * wall) * mix(face[side], BLUE[0], shadowed)
+            g = (g + face[COLOUR + 1] * wall) * mix(face[side + 1], BLUE[1], shadowed)
+            b = (b + face[COLOUR + 2] * wall) * mix(face[side + 2], BLUE[2], shadowed)
             r, g, b = hazed(r, g, b, x, y, z, light)
             return r, g, b, 1.0 / depth, hit
     if np.isfinite(down):
@@ -174,7 +306,7 @@ def see(px, py, hit, camera, faces, texels, levels, grounds, light):
         sx, sy = down * (camera[9] - turn * dx), down * (camera[10] - turn * dy)
         y_step = sx * sx + sy * sy
         step = max(x_step, y_step)
-        r, g, b = ground_colour(camera[0] + x, camera[1] + y, step, texels, levels, grounds, light)
+        r, g, b = ground_colour(camera[0] + x, camera[1] + y, step, scenery)
         r, g, b = hazed(r, g, b, x, y, z, light)
         return r, g, b, 1.0 / down, GROUND
     r, g, b = sky_colour(dx, dy, dz, light)
@@ -182,13 +314,15 @@ def see(px, py, hit, camera, faces, texels, levels, grounds, light):
 
 
 @inner
-def as_byte(value):
+def as_byte(value: float) -> np.uint8:
     """A colour value of 0…1 as 0…255."""
     return np.uint8(clamp(value, 0.0, 1.0) * 255.0 + 0.5)
 
 
 @compiled
-def aim_pixels(camera, width, origins, directions):
+def aim_pixels(
+    camera: Float, width: int, origins: NDArray[np.float32], directions: NDArray[np.float32]
+) -> None:
     """Fill the rays (n, 3) through the middles of the pixels of a picture."""
     for k in range(len(origins)):
         x, y = k % width + 0.5, k // width + 0.5
@@ -198,15 +332,20 @@ def aim_pixels(camera, width, origins, directions):
 
 
 @compiled
-def shade_pixels(camera, hits, faces, texels, levels, grounds, light, colours, near, seen):
+def shade_pixels(
+    camera: Float,
+    hits: NDArray[np.int32],
+    scenery: Scenery,
+    colours: NDArray[np.uint8],
+    near: NDArray[np.float32],
+    seen: NDArray[np.int32],
+) -> None:
     """Shade all pixels: colours (h, w, s, 3), one over depths (h, w, s), what is seen (h, w)."""
     height, width, samples = near.shape
     for row in range(height):
         for column in range(width):
             hit = hits[row * width + column]
-            r, g, b, inverse, what = see(
-                column + 0.5, row + 0.5, hit, camera, faces, texels, levels, grounds, light
-            )
+            r, g, b, inverse, what = see(column + 0.5, row + 0.5, hit, camera, scenery)
             seen[row, column] = what
             red, green, blue = as_byte(r), as_byte(g), as_byte(b)
             for sample in range(samples):
@@ -214,3 +353,45 @@ def shade_pixels(camera, hits, faces, texels, levels, grounds, light, colours, n
                 colours[row, column, sample, 1] = green
                 colours[row, column, sample, 2] = blue
                 near[row, column, sample] = inverse
+
+
+@inner
+def fragment(
+    program: int, at: Float, w: float, fixed: Float, eye: Float, light: Float
+) -> tuple[float, float, float, float]:
+    """Colour and opacity of a triangle's pixel, as its shader has them; no opacity is nothing.
+
+    w is one over the depth: what is to be even in the picture comes in multiplied by the depth.
+    """
+    if program == FLAT:
+        return at[0], at[1], at[2], at[3]
+    if program == FAN:
+        left = clamp(1.0 - at[0] / fixed[0], 0.0, 1.0)
+        return FAN_COLOUR[0], FAN_COLOUR[1], FAN_COLOUR[2], fixed[1] * math.pow(left, FAN_CURVE)
+    if program == LINE:
+        cover = clamp(0.5 * fixed[0] + 0.5 - abs(at[4] * w), 0.0, 1.0)
+        return at[0], at[1], at[2], at[3] * cover
+    if program == TRAIL:
+        if at[0] > fixed[0]:
+            return 0.0, 0.0, 0.0, 0.0
+        r, g, b = TRAIL_COLOUR
+        r, g, b = hazed(r, g, b, at[1] - eye[0], at[2] - eye[1], at[3] - eye[2], light)
+        return r, g, b, 0.95
+    if program == BLOB:
+        share = clamp((math.hypot(at[0], at[1]) - 0.45) / 0.55, 0.0, 1.0)
+        r, g, b = SHADOW_COLOUR
+        return r, g, b, fixed[0] * (1.0 - share * share * (3.0 - 2.0 * share))
+    # The robot: place, normal, colour.
+    x, y, z = eye[0] - at[0], eye[1] - at[1], eye[2] - at[2]
+    away = 1.0 / math.sqrt(x * x + y * y + z * z)
+    long = 1.0 / math.sqrt(at[3] * at[3] + at[4] * at[4] + at[5] * at[5])
+    nx, ny, nz = at[3] * long, at[4] * long, at[5] * long
+    sx, sy, sz = light[SUN], light[SUN + 1], light[SUN + 2]
+    hx, hy, hz = sx + x * away, sy + y * away, sz + z * away
+    half = 1.0 / math.sqrt(hx * hx + hy * hy + hz * hz)
+    lit = 0.56 + 0.36 * max(nx * sx + ny * sy + nz * sz, 0.0) + 0.06 * nz
+    shine = max((nx * hx + ny * hy + nz * hz) * half, 0.0) ** 32
+    rim = 1.0 - clamp((nx * x + ny * y + nz * z) * away, 0.0, 1.0)
+    plus = 0.22 * shine + 0.07 * rim * rim * rim
+    r, g, b = hazed(at[6] * lit + plus, at[7] * lit + plus, at[8] * lit + plus, -x, -y, -z, light)
+    return r, g, b, 1.0

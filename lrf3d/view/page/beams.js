@@ -2,17 +2,7 @@
 
 import { THREE } from "nicegui-scene";
 
-const SINGLE_BEAMS = 46;
-const FARTHEST_COLOUR = 30; // Range [m] from which hit points have their last colour.
-const RAMP = [
-  [1.0, 0.93, 0.5],
-  [1.0, 0.7, 0.2],
-  [1.0, 0.42, 0.14],
-  [0.9, 0.2, 0.3],
-  [0.68, 0.2, 0.62],
-];
-const CLEAR = 0.02; // How far before the wall points and trace stand [m].
-const TRACE = 0.03; // Half the height of the trace [m].
+import { paintOf } from "./stage.js";
 
 const FADING = {
   vertexShader: `
@@ -36,11 +26,12 @@ const DOTS = {
   vertexShader: `
     attribute vec3 tint;
     uniform float focus;
+    uniform vec3 sizes;
     varying vec3 paint;
     void main() {
       paint = tint;
       vec4 seen = modelViewMatrix * vec4(position, 1.0);
-      gl_PointSize = clamp(0.07 * focus / -seen.z, 2.5, 12.0);
+      gl_PointSize = clamp(sizes.x * focus / -seen.z, sizes.y, sizes.z);
       gl_Position = projectionMatrix * seen;
     }`,
   fragmentShader: `
@@ -53,7 +44,8 @@ const DOTS = {
 };
 
 export class BeamsMesh {
-  constructor(scene, { angles, rangeMax, height, reach }) {
+  constructor(scene, { angles, rangeMax, height, reach }, look) {
+    this.look = look;
     this.angles = angles;
     this.rangeMax = rangeMax;
     this.reach = reach;
@@ -64,23 +56,25 @@ export class BeamsMesh {
     this.away = new Float32Array(count);
 
     this.fan = buffers({ position: [3, 3 * (count - 1)], range: [1, 3 * (count - 1)] });
-    this.fanMesh = new THREE.Mesh(this.fan, fading(reach, 0.42, 1.5, [0.98, 0.25, 0.18]));
+    this.fanMesh = new THREE.Mesh(this.fan, fading(reach, look.fan));
 
-    const step = Math.max(1, Math.round(count / SINGLE_BEAMS));
+    const step = Math.max(1, Math.round(count / look.beams.drawn));
     this.single = [];
     for (let i = Math.floor(((count - 1) % step) / 2); i < count; i += step) this.single.push(i);
     this.lines = buffers({
       position: [3, 2 * this.single.length],
       range: [1, 2 * this.single.length],
     });
-    const lines = new THREE.LineSegments(this.lines, fading(reach, 0.62, 1.0, [1.0, 0.3, 0.22]));
+    const lines = new THREE.LineSegments(this.lines, fading(reach, look.beams));
 
     this.dots = buffers({ position: [3, count], tint: [3, count] });
-    this.dotPaint = new THREE.ShaderMaterial({ ...DOTS, uniforms: { focus: { value: 700 } } });
+    const sizes = new THREE.Vector3(...look.points.sizes);
+    const uniforms = { focus: { value: 700 }, sizes: { value: sizes } };
+    this.dotPaint = new THREE.ShaderMaterial({ ...DOTS, uniforms });
     const dots = new THREE.Points(this.dots, this.dotPaint);
 
     this.trace = buffers({ position: [3, 6 * (count - 1)] });
-    const paint = new THREE.MeshBasicMaterial({ color: 0xff451f, side: THREE.DoubleSide });
+    const paint = new THREE.MeshBasicMaterial({ color: paintOf(look.trace.colour), side: THREE.DoubleSide });
     const trace = new THREE.Mesh(this.trace, paint);
 
     for (const mesh of [this.fanMesh, lines, dots, trace]) {
@@ -93,9 +87,10 @@ export class BeamsMesh {
     scene.add(this.group);
   }
 
-  // How strong the fan is: less where it would cover the picture.
-  set strength(value) {
-    this.fanMesh.material.uniforms.strength.value = value;
+  // The fan is weaker where the robot's eyes look through it.
+  set ahead(on) {
+    const { strength, ahead } = this.look.fan;
+    this.fanMesh.material.uniforms.strength.value = strength * (on ? ahead : 1);
   }
 
   // Show a scan taken at a pose, from where the robot stands now.
@@ -148,12 +143,13 @@ export class BeamsMesh {
   showDots(ranges, robot) {
     const place = this.dots.attributes.position.array;
     const tint = this.dots.attributes.tint.array;
-    const farthest = Math.min(this.rangeMax, FARTHEST_COLOUR);
+    const { points, trace } = this.look;
+    const farthest = Math.min(this.rangeMax, points.farthest);
     let hits = 0;
     ranges.forEach((range, beam) => {
       if (!Number.isFinite(range)) return;
-      this.put(place, 3 * hits, beam, robot, this.away[beam] - 2 * CLEAR);
-      tint.set(ramp(range / farthest), 3 * hits);
+      this.put(place, 3 * hits, beam, robot, this.away[beam] - 2 * trace.gap);
+      tint.set(between(points.colours, range / farthest), 3 * hits);
       hits += 1;
     });
     this.dots.setDrawRange(0, hits);
@@ -163,18 +159,19 @@ export class BeamsMesh {
   showTrace(joined, robot) {
     const place = this.trace.attributes.position.array;
     const [a, b] = [new Float32Array(3), new Float32Array(3)];
+    const { gap, half } = this.look.trace;
     let corner = 0;
     for (let i = 0; i + 1 < this.angles.length; i++) {
       if (!joined[i]) continue;
-      this.put(a, 0, i, robot, this.away[i] - CLEAR);
-      this.put(b, 0, i + 1, robot, this.away[i + 1] - CLEAR);
+      this.put(a, 0, i, robot, this.away[i] - gap);
+      this.put(b, 0, i + 1, robot, this.away[i + 1] - gap);
       for (const [end, up] of [
-        [a, -TRACE],
-        [b, -TRACE],
-        [b, TRACE],
-        [a, -TRACE],
-        [b, TRACE],
-        [a, TRACE],
+        [a, -half],
+        [b, -half],
+        [b, half],
+        [a, -half],
+        [b, half],
+        [a, half],
       ]) {
         place.set([end[0], end[1], up], 3 * corner);
         corner += 1;
@@ -209,7 +206,7 @@ function changed(geometry) {
   for (const attribute of Object.values(geometry.attributes)) attribute.needsUpdate = true;
 }
 
-function fading(reach, strength, curve, colour) {
+function fading(reach, { strength, curve, colour }) {
   return new THREE.ShaderMaterial({
     ...FADING,
     uniforms: {
@@ -224,8 +221,9 @@ function fading(reach, strength, curve, colour) {
   });
 }
 
-function ramp(share) {
-  const at = Math.min(1, Math.max(0, share)) * (RAMP.length - 1);
-  const low = Math.min(RAMP.length - 2, Math.floor(at));
-  return RAMP[low].map((value, i) => value + (at - low) * (RAMP[low + 1][i] - value));
+// The colour at a share of the way through a row of colours.
+function between(colours, share) {
+  const at = Math.min(1, Math.max(0, share)) * (colours.length - 1);
+  const low = Math.min(colours.length - 2, Math.floor(at));
+  return colours[low].map((value, i) => value + (at - low) * (colours[low + 1][i] - value));
 }

@@ -1,19 +1,20 @@
 // The inset: the world from above with the map as it grows, the trail, the beams and the robot.
 
-const WHOLE = 140; // Largest world [m] that is shown whole; in a larger one the inset follows.
-const WINDOW = 110; // What is shown of a larger one [m].
+import { css } from "./stage.js";
+
 const MARGIN = 1.08;
 
 export class Inset {
-  constructor(canvas, { low, high, houses, walls }) {
+  constructor(canvas, { low, high, houses, walls, look }) {
+    this.look = look;
     this.canvas = canvas;
     this.ratio = Math.min(window.devicePixelRatio, 2);
     this.side = canvas.clientWidth || 260;
     canvas.width = canvas.height = this.side * this.ratio;
     this.draw = canvas.getContext("2d");
     const largest = Math.max(high[0] - low[0], high[1] - low[1], 4) * MARGIN;
-    this.whole = largest <= WHOLE;
-    this.scale = this.side / (this.whole ? largest : WINDOW);
+    this.whole = largest <= look.inset.whole;
+    this.scale = this.side / (this.whole ? largest : look.inset.followed);
     this.middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
     this.houses = new Path2D();
     for (const house of houses) {
@@ -45,21 +46,21 @@ export class Inset {
   }
 
   show(robot, { places, jumps }, legs, beams, scanning, movers) {
-    const { draw, ratio, side, scale } = this;
+    const { draw, ratio, side, scale, look } = this;
     const [x, y] = this.whole ? this.middle : [robot.x, robot.y];
     const pixel = 1 / scale;
     draw.setTransform(1, 0, 0, 1, 0, 0);
-    draw.fillStyle = "#f4f6f9";
+    draw.fillStyle = css(look.inset.paper);
     draw.fillRect(0, 0, side * ratio, side * ratio);
     const by = ratio * scale;
     draw.setTransform(by, 0, 0, -by, ratio * (side / 2 - scale * x), ratio * (side / 2 + scale * y));
-    draw.fillStyle = "#b9c0ca";
+    draw.fillStyle = css(look.inset.stone);
     draw.fill(this.houses, "evenodd");
-    draw.strokeStyle = "#b3b9c2";
+    draw.strokeStyle = css(look.inset.stone);
     draw.lineWidth = pixel;
     draw.stroke(this.walls);
     if (scanning) this.drawFan(robot, beams);
-    draw.strokeStyle = "#2979e0";
+    draw.strokeStyle = css(look.trail.colour);
     draw.lineWidth = 1.6 * pixel;
     draw.beginPath();
     for (let i = 0; i <= legs && 2 * i < places.length; i++) {
@@ -90,7 +91,7 @@ export class Inset {
     draw.setTransform(ratio, 0, 0, ratio, 0, 0);
     draw.font = '12px "DejaVu Sans", "Segoe UI", system-ui, sans-serif';
     const wide = draw.measureText(text).width;
-    draw.fillStyle = "rgba(244,246,249,0.8)";
+    draw.fillStyle = css(this.look.inset.paper, 0.8);
     draw.fillRect(0, side - 24, wide + 16, 24);
     draw.fillStyle = "#3c4654";
     draw.fillText(text, 8, side - 8);
@@ -99,8 +100,8 @@ export class Inset {
   drawFan(robot, { ends, reach }) {
     const { draw } = this;
     const fade = draw.createRadialGradient(robot.x, robot.y, 0, robot.x, robot.y, reach);
-    fade.addColorStop(0, "rgba(250,64,46,0.5)");
-    fade.addColorStop(1, "rgba(250,64,46,0)");
+    fade.addColorStop(0, css(this.look.fan.colour, 0.5));
+    fade.addColorStop(1, css(this.look.fan.colour, 0));
     draw.fillStyle = fade;
     draw.beginPath();
     draw.moveTo(robot.x, robot.y);
@@ -116,10 +117,10 @@ export class Inset {
     draw.rotate(robot.theta);
     draw.scale(9 * pixel, 9 * pixel);
     draw.beginPath();
-    for (const [x, y] of [[1.1, 0], [-0.8, 0.75], [-0.4, 0], [-0.8, -0.75]]) draw.lineTo(x, y);
+    for (const [x, y] of this.look.robot.dart) draw.lineTo(x, y);
     draw.closePath();
-    draw.fillStyle = "#fa750f";
-    draw.strokeStyle = "#1f2430";
+    draw.fillStyle = css(this.look.robot.colour);
+    draw.strokeStyle = css(this.look.robot.rim);
     draw.lineWidth = 0.16;
     draw.fill();
     draw.stroke();

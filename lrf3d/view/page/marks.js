@@ -2,10 +2,7 @@
 
 import { THREE } from "nicegui-scene";
 
-const WIDTH = 0.11; // Width of the trail [m], at the least.
-const HEIGHT = 0.02; // Its height over the ground [m].
-const BAND = [0.62, 0.86]; // Heights between which the map is drawn [m]: above the beams.
-const PROUD = 0.05; // How far the bands stand out of their lines [m], so that no wall hides them.
+import { paintOf } from "./stage.js";
 
 // Draw a mark over all that stands, or among it again.
 function raise(mesh, over, order) {
@@ -16,19 +13,21 @@ function raise(mesh, over, order) {
 }
 
 export class Trail {
-  constructor(scene) {
-    this.paint = new THREE.MeshBasicMaterial({ color: 0x2979e0, side: THREE.DoubleSide });
+  constructor(scene, look) {
+    this.look = look;
+    const color = paintOf(look.colour);
+    this.paint = new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide });
     this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), this.paint);
     this.mesh.frustumCulled = false;
     scene.add(this.mesh);
-    this.width = WIDTH;
+    this.width = look.width;
     this.set([]);
   }
 
   // Lay the trail over everything, so wide [m]; or on the ground, with no width given.
   lift(width) {
     raise(this.mesh, Boolean(width), 10);
-    this.width = Math.max(WIDTH, width ?? 0);
+    this.width = Math.max(this.look.width, width ?? 0);
     this.fill(0);
     this.cut = 0;
   }
@@ -72,7 +71,7 @@ export class Trail {
     const [dx, dy] = [-(y - y0) * half, (x - x0) * half];
     const [a, b] = [[x0 - dx, y0 - dy], [x - dx, y - dy]];
     const [c, d] = [[x + dx, y + dy], [x0 + dx, y0 + dy]];
-    const corners = [a, b, c, a, c, d].flatMap((place) => [...place, HEIGHT]);
+    const corners = [a, b, c, a, c, d].flatMap((place) => [...place, this.look.height]);
     this.mesh.geometry.attributes.position.array.set(corners, 18 * leg);
   }
 
@@ -91,19 +90,20 @@ export class Trail {
 }
 
 export class MapBands {
-  constructor(scene) {
+  constructor(scene, look) {
+    this.look = look;
     const paint = new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide });
     this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), paint);
     this.mesh.frustumCulled = false;
     scene.add(this.mesh);
-    this.proud = PROUD;
+    this.proud = look.width / 2;
     this.shown = [[], []];
   }
 
   // Lay the map over everything, so wide [m]; or along the walls, with no width given.
   lift(width) {
     raise(this.mesh, Boolean(width), 11);
-    this.proud = Math.max(PROUD, (width ?? 0) / 2);
+    this.proud = Math.max(this.look.width, width ?? 0) / 2;
     this.show(...this.shown);
   }
 
@@ -119,7 +119,7 @@ export class MapBands {
       const [x1, y1, x2, y2] = segments.slice(4 * i, 4 * i + 4);
       const long = Math.hypot(x2 - x1, y2 - y1) || 1;
       const [dx, dy] = [(-(y2 - y1) / long) * proud, ((x2 - x1) / long) * proud];
-      const [low, high] = BAND;
+      const [low, high] = this.look.band;
       const [a, b] = [[x1 + dx, y1 + dy], [x2 + dx, y2 + dy]];
       const [c, d] = [[x2 - dx, y2 - dy], [x1 - dx, y1 - dy]];
       const faces = [

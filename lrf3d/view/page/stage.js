@@ -3,25 +3,34 @@
 
 import { THREE, GLTFLoader } from "nicegui-scene";
 
-const SKY = { top: 0x5c84c8, haze: 0xd4e0ee, low: 0xd4e0ee };
-const ROOM = { top: 0xdfe4e8, haze: 0xccd2d9, low: 0xccd2d9 };
 const FAR = 4000;
 const ROBOT = 0.75; // Width of the robot [m].
 const MARKED = 30; // A robot of fewer pixels than this has a marker,
 const MARKER = 26; // about as wide as this.
 
+// A colour of screens, red, green and blue in 0…1.
+export function paintOf([red, green, blue]) {
+  return new THREE.Color().setRGB(red, green, blue, THREE.SRGBColorSpace);
+}
+
+// The same for a canvas, with its opacity.
+export function css(colour, opacity = 1) {
+  return `rgba(${colour.map((value) => Math.round(255 * value)).join(",")},${opacity})`;
+}
+
 export class Stage {
-  constructor(place, { indoor, size }) {
+  constructor(place, { indoor, size, look }) {
     this.renderer = new THREE.WebGLRenderer({ antialias: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     place.appendChild(this.renderer.domElement);
     this.canvas = this.renderer.domElement;
     this.scene = new THREE.Scene();
     this.size = size;
-    const colours = indoor ? ROOM : SKY;
-    this.haze = new THREE.FogExp2(colours.haze, indoor ? 0.004 : Math.min(0.0032, 0.7 / size));
-    this.scene.background = new THREE.Color(colours.haze);
-    this.sky = skyDome(colours);
+    this.look = look;
+    const haze = paintOf(look.haze);
+    this.haze = new THREE.FogExp2(haze, indoor ? 0.004 : Math.min(0.0032, 0.7 / size));
+    this.scene.background = haze;
+    this.sky = skyDome(paintOf(look.zenith), haze);
     this.sky.visible = !indoor;
     this.indoor = indoor;
     this.scene.add(this.sky);
@@ -58,8 +67,8 @@ export class Stage {
     const model = root.getObjectByName("robot");
     const upright = new THREE.Group();
     upright.add(model);
-    this.marker = marker();
-    this.robot.add(upright, blob(), this.marker);
+    this.marker = marker(this.look.robot);
+    this.robot.add(upright, blob(this.look.shadow), this.marker);
     this.scene.add(this.robot);
   }
 
@@ -82,16 +91,15 @@ export class Stage {
 }
 
 // A dome whose colour goes from the haze at the horizon to the blue overhead.
-function skyDome({ top, haze, low }) {
+function skyDome(zenith, haze) {
   const dome = new THREE.SphereGeometry(FAR * 0.9, 32, 24);
   dome.rotateX(Math.PI / 2);
   const places = dome.attributes.position;
   const colours = new Float32Array(3 * places.count);
-  const [blue, pale, ground] = [top, haze, low].map((value) => new THREE.Color(value));
   const colour = new THREE.Color();
   for (let i = 0; i < places.count; i++) {
     const up = places.getZ(i) / (FAR * 0.9);
-    colour.copy(pale).lerp(up > 0 ? blue : ground, Math.min(1, Math.abs(up) * 1.8));
+    colour.copy(haze).lerp(zenith, Math.min(1, Math.max(0, up) * 1.8));
     colour.toArray(colours, 3 * i);
   }
   dome.setAttribute("color", new THREE.BufferAttribute(colours, 3));
@@ -107,14 +115,13 @@ function skyDome({ top, haze, low }) {
 }
 
 // A dart over the robot, half as wide as its scale.
-function marker() {
-  const outline = new THREE.Shape();
-  outline.moveTo(1.1, 0).lineTo(-0.8, 0.75).lineTo(-0.4, 0).lineTo(-0.8, -0.75).closePath();
+function marker({ colour, rim, dart }) {
+  const outline = new THREE.Shape(dart.map(([x, y]) => new THREE.Vector2(x, y)));
   const paint = { depthTest: false, transparent: true, side: THREE.DoubleSide };
   const group = new THREE.Group();
   for (const [color, scale, order] of [
-    [0x1f2430, 1.25, 20],
-    [0xfa750f, 1.0, 21],
+    [paintOf(rim), 1.25, 20],
+    [paintOf(colour), 1.0, 21],
   ]) {
     const mesh = new THREE.Mesh(
       new THREE.ShapeGeometry(outline),
@@ -129,13 +136,13 @@ function marker() {
 }
 
 // The soft shadow under the robot.
-function blob() {
+function blob(colour) {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 64;
   const draw = canvas.getContext("2d");
   const shade = draw.createRadialGradient(32, 32, 8, 32, 32, 32);
-  shade.addColorStop(0, "rgba(0,0,0,0.6)");
-  shade.addColorStop(1, "rgba(0,0,0,0)");
+  shade.addColorStop(0, css(colour, 0.6));
+  shade.addColorStop(1, css(colour, 0));
   draw.fillStyle = shade;
   draw.fillRect(0, 0, 64, 64);
   const material = new THREE.MeshBasicMaterial({

@@ -1,0 +1,260 @@
+"""Charts of results: rows of panels, each drawn from the rows of a table by the names of figures.
+
+`scatter` shows rows by two of their figures, such as time and error, or what is measured over what
+is varied; `bars` shows one figure of each row.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
+
+from benchmarks.result import Row, duration, figure_of
+from benchmarks.timing import Timing
+from lrf3d.render.chart import HEAD, SPINE, Name, Sheet, say_where_empty, write_names
+from lrf3d.render.page import FAINT, INK
+
+OWN = "#d6361f"
+"""Colour of what lrf3d does by default."""
+
+COLOURS = ("#2f6fb3", "#2a9187", "#7a3fb0", "#e8890c", "#b25fa8", "#68727f", "#8a6d1f")
+"""Colours of the others, in their order."""
+
+DASHES = (0, (4, 2))
+"""Dashes of what stands beside the main line."""
+
+PANEL, TALL, SHORT = 4.6, 3.5, 2.5
+"""Width of a panel, and heights of panels in rows of up to three and of more [inches]."""
+
+GAP, FOOT, TITLES = 0.9, 0.95, 0.35
+"""Room left of a panel, below a row and above it [inches]."""
+
+MOST_WIDE = 3
+"""Panels that a picture is wide at most; more in a row are narrower."""
+
+SHELF = 0.13
+"""Height of the shelf for rows without an error, as a part of the axis."""
+
+EXACT_BAND = "#fdf1e3"
+"""Colour of that shelf."""
+
+LEAST_APART = 0.15
+"""Labels of values nearer to the next than this part of an axis would run into each other."""
+
+RING = "ring: what lrf3d does by default"
+"""What the line below a headline says where rows are marked as defaults."""
+
+Panel = Callable[[Axes], None]
+
+
+def draw(rows: Sequence[Sequence[Panel]], titles: tuple[str, str] = ("", "")) -> Figure:
+    """Draw rows of panels under a headline and the smaller line below it."""
+    # A lone panel is as wide as two, or a page would blow it up.
+    columns = min(MOST_WIDE, max(2, *map(len, rows)))
+    wide = columns * (GAP + PANEL) + 0.3
+    tall = [TALL if len(row) <= MOST_WIDE else SHORT for row in rows]
+    head = HEAD if any(titles) else 0.0
+    sheet = Sheet(wide, head + sum(tall) + (FOOT + TITLES) * len(rows) - 0.25, titles)
+    top = sheet.size[1] - head
+    for row, height in zip(rows, tall, strict=True):
+        each = (wide - 0.3) / len(row)
+        for column, panel in enumerate(row):
+            bottom = top - TITLES - height
+            axes = sheet.panel(GAP + column * each, bottom, each - GAP, height)
+            panel(axes)
+            say_where_empty(axes)
+        top -= TITLES + height + FOOT
+    return sheet.figure
+
+
+def scatter(
+    axes: Axes,
+    rows: Sequence[Row],
+    *,
+    x: str,
+    y: str,
+    by: str,
+    title: str = "",
+    labels: tuple[str, str] = ("", ""),
+    note: str | Callable[[Row], str] = "",
+    dashed: str = "",
+    colours: Mapping[str, str] | None = None,
+    floors: Mapping[str, float] | None = None,
+    top: float | None = None,
+) -> None:
+    """Show rows by two figures, on logarithmic axes; the rows of one family are joined by a line.
+
+    Rows whose y is 0 stand on a shelf below the axis, which says "exact". Bars of a time are its
+    quartiles. A ring is what lrf3d does by default.
+
+    Args:
+        axes: Where to draw.
+        rows: The rows; those that lack a figure are left out.
+        x: Name of the figure to the right.
+        y: Name of the figure upwards.
+        by: Name of the figure that says which family a row is of.
+        title: What the panel shows.
+        labels: What the axes show.
+        note: What small words stand beside each point: the name of a figure, or what writes it.
+        dashed: Name of another figure upwards, drawn dashed.
+        colours: Colours of families.
+        floors: Values of x that no row goes below, by their names.
+        top: Height of a linear y axis from 0.
+    """
+    axes.set_title(title, loc="left", color=INK, fontsize=11, weight="bold")
+    axes.set_xlabel(labels[0], color=FAINT, fontsize=9)
+    axes.set_ylabel(labels[1], color=FAINT, fontsize=9)
+    whole, rows = rows, [row for row in rows if _has(row, x) and _has(row, y)]
+    if not rows:
+        return
+    _x_axis(axes, [figure_of(row, x) for row in rows], list((floors or {}).values()))
+    others = [row for row in whole if dashed and _has(row, dashed)]
+    heights = [_number(row, y) for row in rows] + [_number(row, dashed) for row in others]
+    height = _y_axis(axes, heights, isinstance(figure_of(rows[0], y), Timing), top)
+    own = next((row[by] for row in rows if row.get("default")), None)
+    free = iter(COLOURS * len(rows))
+    names, notes = [], []
+    for family in dict.fromkeys(row[by] for row in rows):
+        colour = (colours or {}).get(family) or (OWN if family == own else next(free))
+        mine = [row for row in rows if row[by] == family]
+        places = [(_number(row, x), height(_number(row, y))) for row in mine]
+        across, above = zip(*places, strict=True)
+        wide = 1.8 if family == own else 1.1
+        axes.plot(across, above, color=colour, lw=wide, alpha=0.7, zorder=3)
+        axes.scatter(across, above, s=42, color=colour, edgecolor="white", lw=0.9,
+                     zorder=5)  # fmt: skip
+        for row, (right, up) in zip(mine, places, strict=True):
+            if isinstance(time := figure_of(row, x), Timing):
+                axes.plot([time.low, time.high], [up] * 2, color=colour, lw=3.2, alpha=0.3)
+            if row.get("default"):
+                axes.scatter([right], [up], s=150, facecolor="none", edgecolor=INK, lw=1.4)
+            if note:
+                beside = note(row) if callable(note) else f"{figure_of(row, note)}"
+                notes.append(Name(beside, right, up, FAINT, note=True))
+        more = sorted((_number(row, x), height(_number(row, dashed)))
+                      for row in others if row[by] == family)  # fmt: skip
+        axes.plot([x for x, _ in more], [y for _, y in more], color=colour, lw=1.1, ls=DASHES)
+        at = next((k for k, row in enumerate(mine) if row.get("default")), -1)
+        names.append(Name(family, *places[at], colour, bold=family == own))
+    for words, value in (floors or {}).items():
+        axes.axvline(value, color=FAINT, lw=1.0, ls=DASHES)
+        axes.text(value, axes.get_ylim()[1], f"{words} ", rotation=90, va="top", ha="right",
+                  fontsize=8, color=FAINT)  # fmt: skip
+    write_names(axes, names + notes)
+
+
+def bars(
+    axes: Axes,
+    rows: Sequence[Row],
+    *,
+    name: Callable[[Row], str],
+    value: str,
+    title: str = "",
+    label: str = "",
+    scale: float = 1.0,
+    log: bool = False,
+    colour: Callable[[Row], str] = lambda row: OWN,
+) -> None:
+    """Show one figure of each row, multiplied by a scale, as bars one above the other."""
+    axes.set_title(title, loc="left", color=INK, fontsize=11, weight="bold")
+    axes.set_xlabel(label, color=FAINT, fontsize=9)
+    if not rows:
+        return
+    values = [scale * figure_of(row, value) for row in rows]
+    for place, (row, number) in enumerate(zip(rows, values, strict=True)):
+        axes.barh(place, number, 0.65, color=colour(row), zorder=3)
+        words = f" {number:,.0f}" if log else f" {number:.2g}"
+        axes.text(max(number, 0.0), place, words, va="center", fontsize=8.5, color=FAINT)
+    # Long names would run into the panel beside this one.
+    names = [name(row).replace(", ", ",\n") for row in rows]
+    axes.set_yticks(range(len(rows)), names, fontsize=8.5)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    if log:
+        axes.set(xscale="log", xlim=(0.4 * min(values), 8.0 * max(values)))
+    else:
+        axes.set_xlim(min(0.0, *values), 1.2 * max(*values, 1e-3))
+
+
+def trade_offs(rows: Sequence[Row], *, things: str, **how: Any) -> list[Panel]:
+    """A panel of time and error for each thing that methods compete in."""
+    return [
+        partial(scatter, rows=[row for row in rows if row[things] == thing], title=thing, **how)
+        for thing in dict.fromkeys(row[things] for row in rows)
+    ]
+
+
+def _has(row: Row, name: str) -> bool:
+    return figure_of(row, name) is not None
+
+
+def _number(row: Row, name: str) -> float:
+    value = figure_of(row, name)
+    return value.median if isinstance(value, Timing) else float(value)
+
+
+def _x_axis(axes: Axes, values: Sequence[float | Timing], floors: Sequence[float]) -> None:
+    """Set up the axis of a time, or of values that are varied, with a label at each."""
+    times = [value for value in values if isinstance(value, Timing)]
+    axes.set_xscale("log")
+    if times:
+        low = min([*(time.low for time in times), *floors])
+        axes.set_xlim(low / 2.0, 2.6 * max([*(time.high for time in times), *floors]))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda time, _: duration(time, 6)))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        return
+    varied = sorted({float(value) for value in values})  # type: ignore[arg-type]
+    axes.set_xlim(varied[0] / 1.45, 2.2 * varied[-1])
+    axes.xaxis.set_major_locator(FixedLocator(varied))
+    axes.xaxis.set_minor_locator(NullLocator())
+    labels: list[str] = []
+    last = np.inf
+    for value in reversed(varied):
+        apart = np.log(last / value) >= LEAST_APART * np.log(varied[-1] / varied[0])
+        labels.insert(0, f"{value:,.6g}" if apart else "")
+        last = value if apart else last
+    axes.xaxis.set_ticklabels(labels)
+
+
+def _y_axis(
+    axes: Axes, values: Sequence[float], times: bool, top: float | None
+) -> Callable[[float], float]:
+    """Set up the axis, with a shelf where a value is 0, and return what places values on it."""
+    if top is not None:
+        axes.set_ylim(0.0, top)
+        return lambda value: value
+    some = [value for value in values if value > 0.0] or [0.1, 1.0]
+    low, high = np.log10(min(some)), np.log10(max(some))
+    room = 0.12 * max(high - low, 1.0)
+    exact = min(values) <= 0.0
+    shelf = SHELF * (high - low + 3.0 * room) if exact else 0.0
+    bottom, end = low - room, high + 2.0 * room
+    axes.set_ylim(bottom - shelf, end)
+    step = max(1, int(np.ceil((end - bottom) / 8.0)))
+    powers = [float(power) for power in range(int(np.ceil(bottom)), int(end) + 1, step)]
+    if len(powers) < 2:
+        # Less than two powers of ten: labels at 1, 2 and 5 of each.
+        finer = np.log10(np.outer(10.0 ** np.arange(-15, 12), [1.0, 2.0, 5.0])).ravel()
+        powers = [float(power) for power in finer if bottom <= power <= end]
+    middle = bottom - 0.5 * shelf
+    if exact:
+        axes.axhspan(bottom - shelf, bottom, color=EXACT_BAND, lw=0, zorder=0.5)
+        axes.axhline(bottom, color=SPINE, lw=0.8, zorder=0.6)
+        powers = [middle, *powers]
+
+    def label(y: float, _: object) -> str:
+        if exact and y < bottom:
+            return "exact"
+        if times:
+            return duration(10.0**y, 6)
+        if end - bottom > 5.0:
+            return f"$10^{{{round(y)}}}$"
+        return f"{10.0**y:,.3g}" if y < 6.0 else f"{10.0 ** (y - 6.0):.3g} M"
+
+    axes.yaxis.set_major_locator(FixedLocator(powers))
+    axes.yaxis.set_major_formatter(FuncFormatter(label))
+    return lambda value: float(np.log10(value)) if value > 0.0 else middle

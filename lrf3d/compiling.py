@@ -1,0 +1,223 @@
+"""How kernels are compiled: once, kept on disk, without Python's lock while they run.
+
+A kernel is a typed Python function over numbers and arrays that numba makes machine code of. None
+may ever get ``fastmath``: it would reorder the error-free sums of casting.
+
+Numba's own cache looks only at the file that a kernel stands in, and so runs a stale kernel where
+a function that it calls has changed in another file. Here machine code is kept under a stamp of
+what the kernel computes: its bytecode and constants, and those of every function that it calls. A
+stale kernel cannot be found, and one whose comments alone have changed is not compiled again.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from pickle import loads
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType, NoneType
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from numba import types
+from numba.core.caching import FunctionCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.dispatcher import Dispatcher
+from numba.core.serialize import dumps
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+_LINKED_NUMBA = (0, 68)
+"""The version of numba whose inner parts `_InnerLibrary` knows. With others inner kernels are
+compiled as numba does by itself, which takes longer and computes the same."""
+
+_FIXED_PACKAGES = {"llvmlite", "math", "numba", "numpy"}
+"""Packages of which kernels may use what they like; the version of numba is part of each key."""
+
+
+def compiled(function: Kernel) -> Kernel:
+    """For functions that Python calls."""
+    kernel = _kernel(function)
+    kernel._cache = _KernelCache(function)
+    # Kernels that call this one take it in like an inner one.
+    twin: Any = inner(function)
+    if twin is not function:
+        kernel.get_call_template, kernel.get_overload = twin.get_call_template, twin.get_overload
+    made: Kernel = kernel
+    return made
+
+
+def inner(function: Kernel) -> Kernel:
+    """For functions that only kernels call: they become part of these, and are nothing alone."""
+    known = numba.version_info.short == _LINKED_NUMBA
+    options = {"pipeline_class": _InnerCompiler} if known else {}
+    kernel: Kernel = _kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+    return kernel
+
+
+def _kernel(function: Callable[..., Any], **options: Any) -> Any:
+    kernel: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
+    if kernel is not function:  # As it is where NUMBA_DISABLE_JIT is set.
+        resolve = kernel.get_call_template
+        # Otherwise numba compiles a kernel anew for each literal number that it is called with.
+        kernel.get_call_template = lambda args, names: resolve(
+            tuple(types.unliteral(arg) for arg in args), names
+        )
+    return kernel
+
+
+class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """The code of an inner kernel: linked with that of those that it calls, and left as it is.
+
+    By itself numba optimises the code of each function and makes machine code of it, and does so
+    again in each function that calls it.
+    """
+
+    def finalize(self) -> None:
+        """Link what is called; numba's own method goes on to optimise and to emit."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+    @property
+    def codegen(self) -> "_InnerLibrary":
+        """What gets the Python objects that a function uses: inner kernels use none."""
+        return self
+
+    def set_env(self, name: str, env: object) -> None:
+        """Drop them."""
+
+
+class _InnerCompiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler, which puts the code of a function into a library of the above kind."""
+
+    def __init__(self, typing: Any, target: Any, library: None, *rest: Any) -> None:
+        super().__init__(typing, target, _InnerLibrary(target.codegen(), "inner"), *rest)
+
+
+class _KernelCache(FunctionCache):  # type: ignore[misc]
+    """Numba's cache of a function, with a file for each stamp, signature and processor.
+
+    What the name of a file stands for never changes, so that processes which compile at the same
+    time cannot mix their machine code.
+    """
+
+    _cache_file: Any
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """The machine code for a signature; None where the kernel has to be compiled."""
+        # There is no stamp before: a kernel may call others that its file defines further down.
+        if self._cache_file is not self:
+            self._cache_file = self
+            self._stamp = stamp_of(self._py_func)
+        found = super().load_overload(signature, target_context)
+        if found is None:
+            _announce()
+        return found
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Keep the machine code for a signature, where there is room for it."""
+        with suppress(OSError):
+            super().save_overload(signature, data)
+
+    def load(self, key: str) -> Any:
+        """What numba has saved for a key, or None."""
+        with suppress(OSError):
+            return loads(self._path(key).read_bytes())
+        return None
+
+    def save(self, key: str, data: Any) -> None:
+        """Write what numba saves for a key, and remove what was saved for other stamps."""
+        path = self._path(key)
+        part = path.with_suffix(f".{os.getpid()}")
+        part.write_bytes(dumps(data))
+        part.replace(path)
+        for old in path.parent.glob(f"{self._name_of_kernel()}-*.nbc"):
+            if f"-{self._stamp}-" not in old.name:
+                old.unlink(missing_ok=True)
+
+    def _index_key(self, signature: Any, codegen: Any) -> str:
+        kinds = ", ".join(_kind(kind) for kind in signature)
+        return sha256(repr((numba.__version__, codegen.magic_tuple(), kinds)).encode()).hexdigest()
+
+    def _name_of_kernel(self) -> str:
+        python = f"py{sys.version_info[0]}{sys.version_info[1]}"
+        name = f"{self._py_func.__module__}.{self._py_func.__qualname__}.{python}"
+        return name.replace("<locals>", "locals")
+
+    def _path(self, key: str) -> Path:
+        return Path(self._cache_path) / f"{self._name_of_kernel()}-{self._stamp}-{key[:16]}.nbc"
+
+
+def _kind(kind: Any) -> str:
+    """A type of numba with the fields of named tuples, which kernels take apart by their names."""
+    if isinstance(kind, types.BaseTuple):
+        fields = getattr(kind, "fields", range(len(kind)))
+        parts = (f"{name}: {_kind(part)}" for name, part in zip(fields, kind, strict=True))
+        return f"({', '.join(parts)})"
+    return str(kind)
+
+
+@cache
+def _announce() -> None:
+    """Print on a terminal, once in each process, why the first use takes long."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        print("lrf3d: compiling kernels, once after an install or update ...", file=sys.stderr)
+
+
+def stamp_of(function: FunctionType) -> str:
+    """A text that changes when what a function computes changes, or what any that it calls does.
+
+    Raises:
+        TypeError: A kernel uses something whose changes could not be seen.
+    """
+    digest = sha256()
+    seen: set[FunctionType] = set()
+
+    def add(value: Any, user: str) -> None:
+        if isinstance(value, Dispatcher):
+            digest.update(repr(sorted(value.targetoptions.items())).encode())
+            value = value.py_func
+        value = getattr(value, "_defn", value)  # Of an intrinsic, which writes machine code itself.
+        if isinstance(value, FunctionType):
+            digest.update(f"{value.__module__}.{value.__qualname__}\n".encode())
+            if value not in seen:
+                seen.add(value)
+                add_code(value.__code__, value)
+                for cell in value.__closure__ or ():
+                    add(cell.cell_contents, value.__qualname__)
+        elif isinstance(value, tuple):
+            digest.update(f"{len(value)}\n".encode())
+            for part in value:
+                add(part, user)
+        elif isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype} {value.shape}\n".encode() + value.tobytes())
+        elif isinstance(value, ModuleType) and value.__name__.split(".")[0] in _FIXED_PACKAGES:
+            digest.update(f"{value.__name__}\n".encode())
+        elif isinstance(value, type):
+            fields = getattr(value, "_fields", ())
+            digest.update(f"{value.__module__}.{value.__qualname__} {fields}\n".encode())
+        elif isinstance(value, str | float | int | NoneType | np.generic | BuiltinFunctionType):
+            digest.update(f"{value!r}\n".encode())
+        else:
+            raise TypeError(f"kernel {user} uses {value!r}: import the number or function itself")
+
+    def add_code(code: CodeType, of: FunctionType) -> None:
+        # Neither where the code stands nor its docstring changes what it computes.
+        digest.update(code.co_code + " ".join((*code.co_names, *code.co_freevars)).encode())
+        for constant in code.co_consts:
+            if isinstance(constant, CodeType):
+                add_code(constant, of)
+            elif constant != of.__doc__:
+                digest.update(f"{constant!r}\n".encode())
+        for name in code.co_names:
+            if name in of.__globals__:
+                add(of.__globals__[name], of.__qualname__)
+
+    add(function, function.__qualname__)
+    return digest.hexdigest()[:16]

@@ -1,0 +1,218 @@
+"""The messages of a ROS 2 bag: a .mcap or .db3 file, or the folder of a bag with its metadata.
+
+Reading is rosbags' work (extra ``ros``). Only the types named here are ever read, by the
+definitions that rosbags brings along: those in a file are not followed. What a bag may unpack to is
+bounded, for a few kilobytes can hold gigabytes of zeros.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
+from lrf3d.input import check_ordinary
+from lrf3d.io.laser_log import BadLine
+from lrf3d.io.packed import BLOCK, LARGEST_RATIO, UNSUSPICIOUS
+
+SCAN = "sensor_msgs/msg/LaserScan"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseStamped"
+UNSURE_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
+"""The types of messages that are read."""
+
+STATIC_FRAMES = "/tf_static"
+"""The topic of transforms that hold at all times."""
+
+FOREIGN = 90
+"""Letters of another's message that are passed on."""
+
+LARGEST_CHUNK = 1 << 27
+"""Bytes that a chunk of an MCAP file may unpack to: recorders write chunks of some megabytes."""
+
+LONGEST_METADATA = 1 << 17
+"""Bytes of metadata that are read: those of a bag cut into a thousand files, in two seconds."""
+
+
+class Message(NamedTuple):
+    """A message of a bag: its number from 1, its topic and type, and what it says."""
+
+    number: int
+    topic: str
+    kind: str
+    said: Any
+
+
+class Bag:
+    """An open bag."""
+
+    def __init__(self, path: Path, reader: Any, typestore: Any) -> None:
+        self.path = path
+        self._reader = reader
+        self._typestore = typestore
+        self.topics: dict[str, str] = {
+            connection.topic: connection.msgtype
+            for connection in reader.connections
+            if connection.msgtype in TYPES and connection.ext.serialization_format == "cdr"
+        }
+
+    def messages(self, topics: set[str]) -> Iterator[Message | BadLine]:
+        """The messages of some topics in the order of the bag, or why one cannot be read."""
+        wanted = [
+            c for c in self._reader.connections if c.topic in topics and c.topic in self.topics
+        ]
+        for number, (connection, _, data) in enumerate(self._messages(wanted), 1):
+            try:
+                said = self._typestore.deserialize_cdr(data, connection.msgtype)
+            except Exception as error:
+                yield BadLine(number, _short(error), "message")
+                continue
+            yield Message(number, connection.topic, connection.msgtype, said)
+
+    def _messages(self, wanted: list[Any]) -> Iterator[Any]:
+        if not wanted:
+            return
+        try:
+            yield from self._reader.messages(wanted)
+        except Lrf3dError:
+            raise
+        except Exception as error:
+            raise _damaged(self.path, error) from None
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[Bag]:
+    """Open a bag for reading.
+
+    Raises:
+        InputError: There is no such bag, or it is damaged.
+        MissingLibraryError: rosbags is not installed.
+    """
+    try:
+        from rosbags.rosbag2 import Reader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise missing_rosbags(path) from None
+    if path.is_dir():
+        if not (path / "metadata.yaml").exists():
+            raise InputError(f"{path}: a folder without metadata.yaml or run.npz, expected a log")
+        for part in path.iterdir():
+            if part.name == "metadata.yaml" or not part.is_dir():
+                check_ordinary(part, what="a file of a ROS 2 bag")
+    else:
+        check_ordinary(path, what="a ROS 2 bag")
+    typestore = get_typestore(Stores.ROS2_HUMBLE)
+    # What a damaged file does to a reader is anyone's guess: any exception says that it is one.
+    with bounded_unpacking():
+        try:
+            check_metadata(path)
+            check_packed_files(path)
+            reader = Reader(path)
+            reader.open()
+        except Lrf3dError:
+            raise
+        except Exception as error:
+            raise _damaged(path, error) from None
+        try:
+            if reader.compression_mode == "message":
+                raise InputError(
+                    f"{path}: each message is compressed; decompress it with ros2 bag convert"
+                )
+            yield Bag(path, reader, typestore)
+        finally:
+            reader.close()
+
+
+def missing_rosbags(path: Path) -> MissingLibraryError:
+    """The error that says how to get rosbags."""
+    return MissingLibraryError(f"{path}: ROS bags need rosbags; pip install 'lrf3d[ros]'")
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path}: not a ROS 2 bag or damaged ({_short(error)})")
+
+
+def _short(error: Exception) -> str:
+    """What another's error says, in one line."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= FOREIGN else text[: FOREIGN - 1] + "…"
+
+
+@contextmanager
+def bounded_unpacking() -> Iterator[None]:
+    """Let rosbags unpack a chunk to the size that it is said to have, and no farther.
+
+    rosbags looks at the size only when all is unpacked. Its table of decompressors hands them
+    the size; while this holds, those in it heed it.
+    """
+    from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
+
+    before = dict(DECOMPRESSORS)
+    DECOMPRESSORS.update({kind: _unpack_lz4 for kind in before if kind == "lz4"})
+    DECOMPRESSORS.update({kind: _unpack_zstd for kind in before if kind == "zstd"})
+    try:
+        yield
+    finally:
+        DECOMPRESSORS.update(before)
+
+
+def check_metadata(folder: Path) -> None:
+    """See that what a folder says of its bag is not longer than takes a second to read.
+
+    Raises:
+        InputError: It is.
+    """
+    path = folder / "metadata.yaml"
+    if path.is_file() and path.stat().st_size > LONGEST_METADATA:
+        raise InputError(
+            f"{path}: longer than {LONGEST_METADATA:,} bytes; read its files one by one"
+        )
+
+
+def check_packed_files(folder: Path) -> None:
+    """See that files of a bag that are packed as a whole do not unpack to far more than they are.
+
+    Raises:
+        InputError: One of them does.
+    """
+    for path in sorted(folder.glob("*.zstd")):
+        allowed, total = max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size), 0
+        with _zstd().open(path, "rb") as stream:
+            while block := stream.read(BLOCK):
+                total += len(block)
+                if total > allowed:
+                    raise InputError(
+                        f"{path}: unpacks to over {LARGEST_RATIO} times its size, which no bag"
+                        " does; unpack it first if it is one"
+                    )
+
+
+def _unpack_lz4(data: bytes, size: int) -> bytes:
+    from lz4.frame import LZ4FrameDecompressor
+
+    return _unpack(LZ4FrameDecompressor(), data, size)
+
+
+def _unpack_zstd(data: bytes, size: int) -> bytes:
+    return _unpack(_zstd().ZstdDecompressor(), data, size)
+
+
+def _unpack(decompressor: Any, data: bytes, size: int) -> bytes:
+    if size > LARGEST_CHUNK:
+        raise ValueError(f"a chunk of {size:,} bytes, at most {LARGEST_CHUNK:,} are read")
+    # A byte more than there should be is enough to see that there are too many.
+    raw = decompressor.decompress(data, max_length=size + 1)
+    parts = [raw]
+    while raw and not decompressor.eof and sum(map(len, parts)) <= size:
+        raw = decompressor.decompress(b"", max_length=size + 1)
+        parts.append(raw)
+    return b"".join(parts)
+
+
+def _zstd() -> Any:
+    """The library that rosbags unpacks with."""
+    from rosbags.rosbag2 import storage_mcap
+
+    return vars(storage_mcap)["zstd"]

@@ -1,0 +1,318 @@
+"""The journal of a run: what was scanned so far, so that a crash loses no more than a moment.
+
+A file that is only ever added to. A line says what it is, a JSON object what the run is made of:
+the run's fingerprint, by which a recording knows whether it is the same run. Then come chunks of
+scans, each with its length and a checksum before it and on the disk before the next is begun. Where
+the file breaks off or is damaged, the chunks before that place are whole.
+
+A chunk holds, for c scans of n beams:
+
+==================  =======================================================================
+state               JSON: the state of the random numbers after the last scan, and the map
+                    snapshots among these scans with their numbers of segments
+by snapshot         segments (m, 4), objects (m,), points (m,)
+times, poses        (c,), (c, 3)
+ranges, truth       (c, n) each
+walls               (c, n)
+==================  =======================================================================
+"""
+
+import hashlib
+import json
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import FunctionType
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.errors import InputError, OutputError
+from lrf3d.laser.noise import DeterministicNoise
+from lrf3d.mapping import LineMap
+from lrf3d.steering import ControlledDrive, RecordedDrive
+
+if TYPE_CHECKING:
+    from lrf3d.simulation import Simulation
+
+
+MAGIC = b"lrf3d journal 1\n"
+
+_LENGTH = struct.Struct("<QI")
+"""Length and checksum [zlib.crc32] of what follows."""
+
+_COUNTS = struct.Struct("<QQQ")
+"""First scan, number of scans, and length of the state [bytes] of a chunk."""
+
+COLUMNS: dict[str, tuple[type[Any], str]] = {
+    "times": (np.float64, ""),
+    "poses": (np.float64, "pose"),
+    "ranges": (np.float64, "beams"),
+    "truth": (np.float64, "beams"),
+    "walls": (np.int64, "beams"),
+}
+"""What each scan has, in this order: the type, and how many of it."""
+
+Array = NDArray[Any]
+
+
+def column_shape(name: str, scans: int, beams: int) -> tuple[int, ...]:
+    """The shape of a column of a number of scans."""
+    return {"": (scans,), "pose": (scans, 3), "beams": (scans, beams)}[COLUMNS[name][1]]
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Where a whole chunk of a journal lies.
+
+    Args:
+        first: Its first scan.
+        scans: How many it holds.
+        begin: Where its columns begin in the file.
+        end: Where it ends.
+        sums: The checksum of each column, in their order.
+        rng: State of the random numbers after its last scan.
+        stages: The map snapshots among its scans: number of scans and map of each.
+    """
+
+    first: int
+    scans: int
+    begin: int
+    end: int
+    sums: tuple[int, ...]
+    rng: dict[str, Any]
+    stages: dict[int, LineMap]
+
+
+class Journal:
+    """A journal that is open to be added to.
+
+    Args:
+        path: The file.
+        fingerprint: What the run is made of; a journal of another run is begun anew.
+        beams: Beams of a scan.
+        keep: Whether what is there is kept, as far as it is whole and of the same run.
+    """
+
+    def __init__(self, path: Path, fingerprint: dict[str, str], beams: int, *, keep: bool) -> None:
+        self.path, self.beams = path, beams
+        self.chunks: list[Chunk] = []
+        # The finished run holds the same, and may not depend on the order.
+        header = json.dumps(fingerprint, sort_keys=True).encode()
+        mode = "r+b" if keep and path.exists() else "w+b"
+        self._file: IO[bytes] = path.open(mode)
+        begin = MAGIC + _LENGTH.pack(len(header), zlib.crc32(header)) + header
+        self._begin = len(begin)
+        if mode == "r+b" and read_fingerprint(self._file) == fingerprint:
+            self._begin = self._file.tell()
+            self._read_chunks()
+        else:
+            self._file.seek(0)
+            self._file.write(begin)
+        self._file.seek(self._end)
+        self._file.truncate()
+        self._sync()
+
+    @property
+    def scans(self) -> int:
+        """How many scans it holds."""
+        return self.chunks[-1].first + self.chunks[-1].scans if self.chunks else 0
+
+    @property
+    def _end(self) -> int:
+        """Where the last whole chunk ends."""
+        return self.chunks[-1].end if self.chunks else self._begin
+
+    def add(
+        self, columns: dict[str, Array], rng: dict[str, Any], stages: dict[int, LineMap]
+    ) -> None:
+        """Add a chunk of scans; when this returns, it is on the disk."""
+        sizes = {stage: len(line_map) for stage, line_map in stages.items()}
+        state = json.dumps({"rng": rng, "stages": sizes}).encode()
+        first, scans = self.scans, len(columns["times"])
+        parts = [_COUNTS.pack(first, scans, len(state)), state]
+        for line_map in stages.values():
+            parts += [_bytes(line_map.segments), _bytes(line_map.objects), _bytes(line_map.points)]
+        before = sum(map(len, parts))
+        rows = [_bytes(columns[name]) for name in COLUMNS]
+        parts += rows
+        checksum = 0
+        for part in parts:
+            checksum = zlib.crc32(part, checksum)
+        # What an interrupt left of a chunk is written over.
+        place, size = self._file.seek(self._end), sum(map(len, parts))
+        self._file.write(_LENGTH.pack(size, checksum))
+        for part in parts:
+            self._file.write(part)
+        self._sync()
+        begin = place + _LENGTH.size + before
+        end = place + _LENGTH.size + size
+        sums = tuple(map(zlib.crc32, rows))
+        self.chunks.append(Chunk(first, scans, begin, end, sums, rng, dict(stages)))
+
+    def column(self, name: str, *, first: int = 0) -> Iterator[Array]:
+        """A column, chunk by chunk, from the chunk with a scan on.
+
+        Raises:
+            OutputError: The file no longer holds what was written to it.
+        """
+        dtype, place = np.dtype(COLUMNS[name][0]), list(COLUMNS).index(name)
+        # Another handle, so that reading does not move where is written.
+        try:
+            reading = self.path.open("rb")
+        except FileNotFoundError:
+            raise self._changed() from None
+        with reading as file:
+            for chunk in self.chunks:
+                if chunk.first + chunk.scans <= first:
+                    continue
+                begin = chunk.begin
+                for other, (other_type, _) in COLUMNS.items():
+                    shape = column_shape(other, chunk.scans, self.beams)
+                    if other == name:
+                        break
+                    begin += int(np.prod(shape)) * np.dtype(other_type).itemsize
+                file.seek(begin)
+                data = file.read(int(np.prod(shape)) * dtype.itemsize)
+                if zlib.crc32(data) != chunk.sums[place]:
+                    raise self._changed()
+                yield np.frombuffer(data, dtype).reshape(shape)
+
+    def _changed(self) -> OutputError:
+        return OutputError(
+            f"{self.path}: another program has changed it; run again, into a folder of its own"
+        )
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _sync(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def _read_chunks(self) -> None:
+        """Find the chunks that are whole."""
+        while (chunk := self._read_chunk(self._end)) is not None:
+            self.chunks.append(chunk)
+
+    def _read_chunk(self, place: int) -> Chunk | None:
+        """The chunk at a place in the file, or None where it is not whole."""
+        payload = read_checked(self._file)
+        if payload is None or len(payload) < _COUNTS.size:
+            return None
+        first, scans, length = _COUNTS.unpack_from(payload)
+        at = _COUNTS.size + length
+        state = json.loads(payload[_COUNTS.size : at])
+        stages = {}
+        for stage, size in state["stages"].items():
+            segments = np.frombuffer(payload, np.float64, 4 * size, at).reshape(size, 4)
+            objects = np.frombuffer(payload, np.int64, size, at + 32 * size)
+            points = np.frombuffer(payload, np.int64, size, at + 40 * size)
+            # Copies, so that a map does not hold all of the chunk.
+            stages[int(stage)] = LineMap(segments.copy(), objects.copy(), points.copy())
+            at += 48 * size
+        if first != self.scans:
+            return None
+        begin, sums = at, []
+        for name, (dtype, _) in COLUMNS.items():
+            size = int(np.prod(column_shape(name, scans, self.beams))) * np.dtype(dtype).itemsize
+            sums.append(zlib.crc32(payload[begin : begin + size]))
+            begin += size
+        if begin != len(payload):
+            return None
+        begin, end = place + _LENGTH.size + at, place + _LENGTH.size + len(payload)
+        return Chunk(first, scans, begin, end, tuple(sums), state["rng"], stages)
+
+
+def read_fingerprint(file: IO[bytes]) -> dict[str, str] | None:
+    """What the run of a journal is made of; None where the file is no journal."""
+    if file.read(len(MAGIC)) != MAGIC:
+        return None
+    header = read_checked(file)
+    return None if header is None else dict(json.loads(header))
+
+
+def read_checked(file: IO[bytes]) -> bytes | None:
+    """What comes next, or None where it breaks off or its checksum is wrong."""
+    head = file.read(_LENGTH.size)
+    if len(head) < _LENGTH.size:
+        return None
+    length, checksum = _LENGTH.unpack(head)
+    if length > os.fstat(file.fileno()).st_size:
+        return None
+    payload = file.read(length)
+    return payload if len(payload) == length and zlib.crc32(payload) == checksum else None
+
+
+def _bytes(array: Array) -> bytes:
+    return np.ascontiguousarray(array).tobytes()
+
+
+def fingerprint_of(simulation: "Simulation") -> dict[str, str]:
+    """What a simulation is made of: a digest or a name of each part."""
+    world, drive = simulation.world, simulation.drive
+    if isinstance(drive, RecordedDrive):
+        drive_parts: list[Any] = [drive.trajectory.times, drive.trajectory.poses]
+    else:
+        assert isinstance(drive, ControlledDrive)
+        drive_parts = [_name_of(drive.controller), drive.start, drive.interval, drive.radius]
+    movers = [
+        part
+        for mover in simulation.movers
+        for part in (mover.outline, mover.height, mover.poses.times, mover.poses.poses)
+    ]
+    return {
+        "world": _digest(world.segments, world.objects, world.heights, world.colours, world.name),
+        "range finder": _digest(simulation.lrf),
+        "drive": _digest(*drive_parts),
+        "scans": str(simulation.scans),
+        "movers": _digest(*movers),
+        "caster": type(simulation.sensor.caster).__name__,
+        "noise": _name_of(simulation.sensor.noise),
+        "mapper": _name_of(simulation.mapper),
+        "seed": _digest(json.dumps(_plain(simulation.rng), sort_keys=True)),
+    }
+
+
+def _plain(rng: np.random.Generator) -> dict[str, Any]:
+    """The state of random numbers in JSON's types.
+
+    Raises:
+        InputError: JSON cannot hold it.
+    """
+    state = dict(rng.bit_generator.state)
+    try:
+        json.dumps(state)
+    except TypeError:
+        kind = type(rng.bit_generator).__name__
+        raise InputError(
+            f"rng with {kind}: its state cannot be saved; use numpy.random.default_rng"
+        ) from None
+    return state
+
+
+def _name_of(part: Any) -> str:
+    """The repr of a part, or its class if the repr holds no more than its address."""
+    while isinstance(part, DeterministicNoise):
+        part = part.change
+    # A plug-in that is guarded is the plug-in itself.
+    part = getattr(part, "__wrapped__", part)
+    if isinstance(part, type | FunctionType):
+        return f"{part.__module__}:{part.__qualname__}"
+    text = repr(part)
+    kind = f"{type(part).__module__}:{type(part).__qualname__}"
+    return kind if " at 0x" in text else f"{kind} {text}"
+
+
+def _digest(*parts: Any) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        array = isinstance(part, np.ndarray)
+        said = part.tobytes() if array else repr(part).encode()
+        digest.update(len(said).to_bytes(8, "little") + said)
+    return digest.hexdigest()[:16]

@@ -1,0 +1,86 @@
+"""Reading logs: the name of a file or a folder selects the reader."""
+
+from pathlib import Path
+
+from lrf3d.errors import InputError
+from lrf3d.input import own_name
+from lrf3d.io.laser_log import LaserLog
+from lrf3d.world import world_names
+
+CARMEN_ENDINGS = (".log", ".log.gz", ".clf", ".clf.gz")
+"""Endings of CARMEN logs; the last two are what the University of Freiburg calls them."""
+
+BAG_ENDINGS = (".mcap", ".db3")
+"""Endings of the files of ROS 2 bags."""
+
+POSES = ("auto", "truth", "tf", "odom")
+"""Where the poses of a log may come from."""
+
+
+def is_run(name: str) -> bool:
+    """Whether a name is that of a run, a ``.npz`` or a folder, and not of a world.
+
+    As everywhere, a built-in world comes before a folder that is called the same.
+    """
+    if name in world_names():
+        return False
+    return Path(name).is_dir() or Path(name).suffix.lower() == ".npz"
+
+
+def load_log(
+    path: str | Path,
+    *,
+    largest_range: float | None = None,
+    poses: str = "auto",
+    scan_topic: str | None = None,
+) -> LaserLog:
+    """Read the scans of a log; the ending of its name gives the format.
+
+    Args:
+        path: A CARMEN log, packed with gzip or not; a ROS 2 bag, as .mcap, .db3 or a folder; or
+            a run.npz or its folder.
+        largest_range: CARMEN: readings from here on are no return [m]; what the log says, or 50,
+            if not given.
+        poses: Where the poses come from: ``auto`` for what the format trusts most, or ``truth``,
+            ``tf`` or ``odom``.
+        scan_topic: Bags: the topic of the scans; ``/scan``, or the first there is, where not
+            given.
+
+    Raises:
+        InputError: The file cannot be read, is of no known format, or holds no scan.
+        MissingLibraryError: A bag needs rosbags, which is not installed.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> lrf3d.export_run(run, "carmen", "drive.log")
+        >>> log = lrf3d.load_log("drive.log")
+        >>> len(log.scans), log.scans[0].pose.x
+        (2, 1.0)
+    """
+    path = Path(path)
+    if poses not in POSES:
+        raise InputError(f"poses from {poses!r}: expected one of {', '.join(POSES)}")
+    if "\0" in str(path):
+        raise InputError(f"{path}: not a file name; remove its NUL character")
+    ending = path.name.lower()
+    if ending.endswith(CARMEN_ENDINGS):
+        from lrf3d.io.carmen import load_carmen
+
+        return load_carmen(path, largest_range=largest_range, poses=poses)
+    if ending.endswith(".npz") or (path / "run.npz").exists():
+        from lrf3d.io.run_file import load_run
+
+        if poses not in ("auto", "truth"):
+            raise InputError(f"{path}: no poses from {poses} in it; a run has only true poses")
+        run = load_run(path)
+        # Not called like the run, so that its map does not take the place of the run's own.
+        name = own_name(path.resolve().parent if path.name == "run.npz" else path)
+        return LaserLog(f"{name}_map", list(run.scans), source="the run")
+    if ending.endswith(BAG_ENDINGS) or path.is_dir():
+        from lrf3d.io.ros_bag import load_bag
+
+        return load_bag(path, poses=poses, scan_topic=scan_topic)
+    known = ", ".join((*CARMEN_ENDINGS, *BAG_ENDINGS, ".npz"))
+    raise InputError(f"{path}: not a log by its name; expected a folder or an ending of {known}")

@@ -1,0 +1,326 @@
+"""Recording: a simulation is written to a run.npz scan by scan, and can be resumed.
+
+Until ``run.npz`` is complete, two other files stand beside it: ``run.journal``, with the scans so
+far (see `journal`), and ``run.checkpoint``, with the state of the mapper after some of them. To
+resume, the mapper is given the scans since the checkpoint again, or all of them if it has none; the
+result is the same, byte for byte, as without the interruption. However many scans there are, only a
+few megabytes of them are in memory.
+"""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lrf3d.errors import InputError, OutputError
+from lrf3d.input import check_ordinary
+from lrf3d.interrupts import noting
+from lrf3d.io.journal import COLUMNS, Array, Journal, column_shape, fingerprint_of, read_fingerprint
+from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
+from lrf3d.io.run_file import head_columns, load_run, map_columns, mover_columns
+from lrf3d.laser import LaserScan
+from lrf3d.mapping import LineMap
+from lrf3d.output import beside, locked
+from lrf3d.pose import Pose
+from lrf3d.run import Run, Stages, run_bytes
+from lrf3d.steering import ControlledDrive
+from lrf3d.world.cameras import FilmPlan
+
+if TYPE_CHECKING:
+    from lrf3d.simulation import Simulation, Step
+
+CHUNK_BYTES = 1 << 22
+"""About how much of a run is held in memory before it is written [bytes]."""
+
+CHECKPOINT_SCANS = 1 << 14
+"""Scans from one checkpoint to the next: mapping them again takes some seconds."""
+
+Progress = Callable[[int, int], None]
+
+
+def record(
+    simulation: "Simulation",
+    path: str | Path,
+    *,
+    resume: bool = False,
+    film: FilmPlan | None = None,
+    progress: Progress = lambda done, total: None,
+) -> Run:
+    """Run a simulation into a file, in constant memory and safe from crashes.
+
+    Args:
+        simulation: The simulation, at its beginning.
+        path: The file; its ending is ``.npz``.
+        resume: Go on where a run of the same simulation into this file was stopped; where none
+            was, begin. Without it, what was left of one is given up.
+        film: How the run is filmed if nothing else is given, instead of the simulation's
+            plan; it is kept beside the run.
+        progress: Called with the scans that are done and all.
+
+    Returns:
+        The run, whose large arrays are mapped from the file.
+
+    Raises:
+        InputError: Nobody says when the simulation ends, the file has another ending, what is to
+            be resumed is another run, or another process writes to the file.
+        OutputError: The file cannot be written.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> simulation = lrf3d.Simulation(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> run = lrf3d.record(simulation, "run.npz")
+        >>> len(run), len(lrf3d.load_run("run.npz"))
+        (2, 2)
+    """
+    path = Path(path)
+    if film is not None:
+        simulation.film = film
+    if path.suffix != ".npz":
+        raise InputError(f"{path}: expected a name that ends in .npz")
+    total = simulation.total
+    _check_room(path, run_bytes(total, simulation.lrf.beams))
+    fingerprint = fingerprint_of(simulation)
+    with _writing(path):
+        return _record(simulation, path, total, fingerprint, resume, progress)
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Keep other processes from a run and from what lies beside it until it is whole."""
+    with locked(beside(path), path):
+        for name in (path, path.with_suffix(".journal"), path.with_suffix(".checkpoint")):
+            # After hours of work it would be too late to see that it cannot be replaced.
+            if name.exists():
+                check_ordinary(name, what="a file of an earlier run")
+        yield
+
+
+def _record(
+    simulation: "Simulation",
+    path: Path,
+    total: int,
+    fingerprint: dict[str, str],
+    resume: bool,
+    progress: Progress,
+) -> Run:
+    journal_path, checkpoint = path.with_suffix(".journal"), path.with_suffix(".checkpoint")
+    if resume and _finished(path, fingerprint):
+        # It may have been stopped when only these were still to be taken away.
+        return _tidied(path, journal_path, checkpoint)
+    if resume:
+        _check_same(journal_path, fingerprint)
+    try:
+        journal = Journal(journal_path, fingerprint, simulation.lrf.beams, keep=resume)
+        kept = noting(lambda: f"{journal.scans} of {total} scans kept; go on with --resume")
+        with kept, closing(journal):
+            recorder = _Recorder(simulation, journal, checkpoint, Stages(total))
+            if resume:
+                recorder.catch_up()
+            else:
+                checkpoint.unlink(missing_ok=True)
+            recorder.run(lambda done: progress(done, total))
+            recorder.write(path, json.dumps(fingerprint, sort_keys=True))
+    except OSError as error:
+        if isinstance(error, OutputError) or error.errno is None:
+            raise
+        reason = error.strerror or str(error)
+        raise OutputError(
+            f"{journal_path}: cannot be written: {reason}; make room or choose another place"
+        ) from error
+    return _tidied(path, journal_path, checkpoint)
+
+
+def _tidied(path: Path, *beside: Path) -> Run:
+    """The finished run, when what was beside it until then is taken away."""
+    for each in beside:
+        each.unlink(missing_ok=True)
+    return load_run(path)
+
+
+def _check_room(path: Path, size: int) -> None:
+    """See that a file finds room on its disk.
+
+    Raises:
+        OutputError: It does not.
+    """
+    try:
+        free = shutil.disk_usage(path.parent).free
+    except OSError:
+        # A folder that is not there is reported where the file is made.
+        return
+    if size > free:
+        raise OutputError(
+            f"{path}: would take {1e-9 * size:,.1f} GB, {1e-9 * free:,.1f} GB are free; take fewer"
+            " scans or beams, or choose another place"
+        )
+
+
+class _Recorder:
+    """What is recorded but not yet written."""
+
+    def __init__(
+        self, simulation: "Simulation", journal: Journal, checkpoint: Path, stages: Stages
+    ) -> None:
+        self.simulation, self.journal, self.checkpoint = simulation, journal, checkpoint
+        self.stages = stages
+        beams = simulation.lrf.beams
+        scans = max(1, CHUNK_BYTES // (8 * (4 + 3 * beams)))
+        scans = min(scans, stages.scans)
+        self._columns: dict[str, Array] = {
+            name: np.empty(column_shape(name, scans, beams), dtype)
+            for name, (dtype, _) in COLUMNS.items()
+        }
+        self._room = scans
+        # The first scan that waits, how many do, and the random numbers after the last of them:
+        # set at once, so that an interrupt finds them alike.
+        self._waiting: tuple[int, int, dict[str, Any]] = 0, 0, {}
+        self._maps: dict[int, LineMap] = {}
+        self._checked = 0
+
+    def run(self, progress: Callable[[int], None]) -> None:
+        """Run to the end; what came before an interrupt is written."""
+        try:
+            for step in self.simulation:
+                self._add(step)
+                progress(step.index + 1)
+        except (Exception, KeyboardInterrupt):
+            # A drive that ended at a wall, or a user's error, leaves what was before it.
+            self._flush()
+            raise
+        self._flush()
+
+    def catch_up(self) -> None:
+        """Bring the simulation to where the journal ends."""
+        simulation, journal = self.simulation, self.journal
+        if not journal.chunks:
+            return
+        self._checked = self._restore_mapper()
+        steered = isinstance(simulation.drive, ControlledDrive)
+        # A trajectory does not depend on scans, so it need not be given those that are mapped.
+        simulation.done = 0 if steered else self._checked
+        columns = [journal.column(name, first=simulation.done) for name in COLUMNS]
+        for times, poses, ranges, _, walls in zip(*columns, strict=True):
+            first = self._first_of(simulation.done)
+            walls = np.where(np.isfinite(ranges), walls, -1)
+            for row in range(simulation.done - first, len(times)):
+                scan = LaserScan.unchecked(
+                    simulation.lrf, Pose(*poses[row].tolist()), ranges[row].copy(), walls[row]
+                ).at_time(float(times[row]))
+                simulation.take(scan, mapped=simulation.done < self._checked)
+        simulation.rng.bit_generator.state = journal.chunks[-1].rng
+        self._waiting = journal.scans, 0, {}
+
+    def write(self, path: Path, fingerprint: str) -> None:
+        """Write the finished run, streaming."""
+        journal, simulation = self.journal, self.simulation
+        scans, beams = journal.scans, simulation.lrf.beams
+        maps: dict[int, LineMap] = {}
+        for chunk in journal.chunks:
+            maps.update(chunk.stages)
+        # A controller may end before all scans are done.
+        if scans - 1 not in maps and isinstance(line_map := simulation.map, LineMap):
+            maps[scans - 1] = line_map
+        columns = [
+            Column(name, column_shape(name, scans, beams), dtype, journal.column(name))
+            for name, (dtype, _) in COLUMNS.items()
+        ]
+        write_npz(
+            path,
+            [
+                *head_columns(simulation.world, simulation.lrf, simulation.film),
+                *mover_columns(simulation.movers),
+                *columns,
+                *map_columns(maps, list(maps.values())),
+                Column.of("origin", np.array(fingerprint)),
+            ],
+        )
+
+    def _first_of(self, scan: int) -> int:
+        """First scan of the chunk that holds a scan."""
+        return next(c.first for c in self.journal.chunks if scan < c.first + c.scans)
+
+    def _add(self, step: "Step") -> None:
+        first, row, _ = self._waiting
+        columns = self._columns
+        columns["times"][row], columns["poses"][row] = step.time, step.pose
+        columns["ranges"][row], columns["truth"][row] = step.scan.ranges, step.true_scan.ranges
+        columns["walls"][row] = step.true_scan.walls
+        if self.stages.holds(step.index) and isinstance(line_map := step.map, LineMap):
+            self._maps[step.index] = line_map
+        self._waiting = first, row + 1, dict(self.simulation.rng.bit_generator.state)
+        if row + 1 == self._room:
+            self._flush()
+            if self.journal.scans - self._checked >= CHECKPOINT_SCANS:
+                self._keep_mapper()
+
+    def _flush(self) -> None:
+        first, count, rng = self._waiting
+        # An interrupt may come when they are in the journal already, and then flushes once more.
+        if count and self.journal.scans == first:
+            columns = {name: column[:count] for name, column in self._columns.items()}
+            maps = {stage: kept for stage, kept in self._maps.items() if stage < first + count}
+            self.journal.add(columns, rng, maps)
+        self._waiting, self._maps = (self.journal.scans, 0, {}), {}
+
+    def _keep_mapper(self) -> None:
+        """Write the state of the mapper, if it can return one."""
+        state = getattr(self.simulation.mapper, "state", None)
+        if not callable(state):
+            return
+        self._checked = self.journal.scans
+        arrays = {f"mapper_{name}": np.asarray(value) for name, value in state().items()}
+        arrays["scans"] = np.array(self._checked)
+        arrays["journal"] = np.array(self._name())
+        write_npz(self.checkpoint, [Column.of(name, array) for name, array in arrays.items()])
+
+    def _restore_mapper(self) -> int:
+        """Give the mapper what it had learnt; gives how many scans it knows then."""
+        mapper: Any = self.simulation.mapper
+        if not callable(getattr(mapper, "restore", None)):
+            return 0
+        try:
+            arrays = read_arrays(self.checkpoint)
+            scans = int(arrays.pop("scans"))
+            if scans > self.journal.scans or str(arrays.pop("journal")) != self._name():
+                return 0
+        except (*DAMAGES, KeyError):
+            # Without it, all scans are mapped again.
+            return 0
+        mapper.restore({name.removeprefix("mapper_"): value for name, value in arrays.items()})
+        return scans
+
+    def _name(self) -> str:
+        """By what a checkpoint knows its journal."""
+        with self.journal.path.open("rb") as file:
+            return json.dumps(read_fingerprint(file), sort_keys=True)
+
+
+def _finished(path: Path, fingerprint: Mapping[str, str]) -> bool:
+    """Whether a file is the finished run already."""
+    if not path.exists():
+        return False
+    try:
+        return str(read_arrays(path)["origin"]) == json.dumps(fingerprint, sort_keys=True)
+    except (*DAMAGES, KeyError):
+        return False
+
+
+def _check_same(path: Path, fingerprint: Mapping[str, str]) -> None:
+    """See that a journal, if there is one, is of this run."""
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        other = read_fingerprint(file)
+    if other is not None and other != fingerprint:
+        parts = sorted(
+            name for name in {*fingerprint, *other} if fingerprint.get(name) != other.get(name)
+        )
+        raise InputError(
+            f"{path}: of another run, whose {', '.join(parts)} differ; give the same settings, or"
+            " leave out --resume to begin anew"
+        )

@@ -1,0 +1,304 @@
+"""run.npz: a run on disk, as plain NumPy arrays; reading it never unpickles anything.
+
+The arrays, for k scans of n beams and s map snapshots:
+
+====================  =================================================================
+version               the version of this format, 1
+world_name            name of the world
+segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
+                      object_names (o,) and colours (o, 3) beside them
+camera_names (c,)     names of the cameras that stand in the world; cameras (c, 7) their
+                      position and target x, y, z [m] and angle of view [degrees]
+lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
+film_view             name of the camera that the run is filmed from, and film_playback the seconds
+                      of the run in a second of the film, if nothing else is given; missing
+                      in older files, which are filmed from ``chase`` at 1
+mover_heights (m,)    heights [m] of the dynamic obstacles; missing, like the next four, if there
+                      were none, and in older files
+mover_corners (m,)    how many corners each outline has; mover_outlines (…, 2) the corners [m] of
+                      all, in their own frames
+mover_stops (m,)      how many poses each path has; mover_times (…,) [s] and mover_poses (…, 3)
+                      those of all
+scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
+times (k,)            time of each scan [s]
+poses (k, 3)          x, y [m], theta [rad] of each scan
+ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
+truth (k, n)          true ranges [m]
+walls (k, n)          the wall that each beam hit, or −1
+stages (s,)           index of the last scan in each map snapshot; empty without a LineMap
+map_sizes (s,)        number of segments of each snapshot
+map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
+                      map_points likewise
+origin                what the run was made of, as JSON: for the world, the laser, the drive and
+                      so on a digest or a name each, by which ``--resume`` knows its own; missing
+                      where a run was saved from memory
+====================  =================================================================
+
+The file is a plain .npz, which ``numpy.load`` reads as well. Its arrays are not packed and begin
+at multiples of 64 bytes, so that `load_run` maps the large ones and a run of any length can be
+looked at. Where a program was stopped, a journal lies in its place: see `recording`.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.input import check_ordinary
+from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.mapping import LineMap
+from lrf3d.robot import Trajectory
+from lrf3d.run import Run
+from lrf3d.world import World
+from lrf3d.world.cameras import FilmPlan, FixedCamera
+
+if TYPE_CHECKING:
+    from lrf3d.casting.mover import Mover
+
+VERSION = 1
+
+KINDS = {
+    **dict.fromkeys(("version", "objects", "walls", "stages", "map_sizes"), "iu"),
+    **dict.fromkeys(("map_objects", "map_points", "mover_corners", "mover_stops"), "iu"),
+    **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
+}
+"""What kinds of values an array may have, as NumPy names them; all others have floats."""
+
+
+def save_run(run: Run, path: str | Path) -> None:
+    """Write a run to a file whole or not at all.
+
+    Raises:
+        OutputError: The file cannot be written.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> lrf3d.save_run(run, "run.npz")
+        >>> len(lrf3d.load_run("run.npz"))
+        2
+    """
+    write_npz(
+        path,
+        [
+            *head_columns(run.world, run.lrf, run.film),
+            *mover_columns(run.movers),
+            Column.of("times", run.trajectory.times),
+            Column.of("poses", run.trajectory.poses),
+            Column.of("ranges", run.ranges),
+            Column.of("truth", run.truth),
+            Column.of("walls", run.walls),
+            *map_columns(run.stages, run.maps),
+        ],
+    )
+
+
+def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Column]:
+    """What is known of a run before its first scan."""
+    arrays = {
+        "version": np.array(VERSION),
+        "world_name": np.array(world.name),
+        "segments": world.segments,
+        "objects": world.objects,
+        "heights": world.heights,
+        "object_names": np.array(world.object_names, dtype=np.str_),
+        "colours": world.colours,
+        "camera_names": np.array([camera.name for camera in world.cameras], dtype=np.str_),
+        "cameras": np.array(
+            [(*c.position, *c.target, c.field_deg) for c in world.cameras], dtype=np.float64
+        ).reshape(-1, 7),
+        "lrf": np.array(
+            [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
+        ),
+        "scan_duration": np.array(lrf.scan_duration),
+        "film_view": np.array(film.view),
+        "film_playback": np.array(film.playback),
+    }
+    return [Column.of(name, array) for name, array in arrays.items()]
+
+
+def mover_columns(movers: "Sequence[Mover]") -> list[Column]:
+    """What moved beside the robot; nothing where nothing did."""
+    if not movers:
+        return []
+    arrays = {
+        "mover_heights": np.array([mover.height for mover in movers]),
+        "mover_corners": np.array([len(mover.outline) for mover in movers]),
+        "mover_outlines": np.concatenate([mover.outline for mover in movers]),
+        "mover_stops": np.array([len(mover.poses) for mover in movers]),
+        "mover_times": np.concatenate([mover.poses.times for mover in movers]),
+        "mover_poses": np.concatenate([mover.poses.poses for mover in movers]),
+    }
+    return [Column.of(name, array) for name, array in arrays.items()]
+
+
+def map_columns(stages: Iterable[int], maps: Sequence[LineMap]) -> list[Column]:
+    """The columns of the map snapshots."""
+    none = LineMap.empty()
+    arrays = {
+        "stages": np.array(list(stages), dtype=np.int64),
+        "map_sizes": np.array([len(line_map) for line_map in maps], dtype=np.int64),
+        "map_segments": np.concatenate([none.segments, *(part.segments for part in maps)]),
+        "map_objects": np.concatenate([none.objects, *(part.objects for part in maps)]),
+        "map_points": np.concatenate([none.points, *(part.points for part in maps)]),
+    }
+    return [Column.of(name, array) for name, array in arrays.items()]
+
+
+def load_run(path: str | Path) -> Run:
+    """Read a run from a file or from the folder that ``lrf3d run`` wrote it to.
+
+    Arrays over 64 MiB are memory-mapped, so that a run may be larger than the memory.
+
+    Raises:
+        InputError: The file is missing, damaged or not a run of lrf3d.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> lrf3d.save_run(run, "run.npz")
+        >>> lrf3d.load_run("run.npz").trajectory.length
+        1.0
+    """
+    path = run_path(path)
+    try:
+        arrays = read_arrays(path)
+        if int(arrays["version"]) != VERSION:
+            raise InputError(
+                f"{path}: version {int(arrays['version'])} of the run format, this lrf3d reads"
+                f" version {VERSION}; run the simulation again"
+            )
+        return _run(arrays)
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
+    except KeyError as error:
+        raise InputError(f"{path}: not a run of lrf3d, it holds no {error}") from None
+    except DAMAGES as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: not a run of lrf3d or damaged ({reason})") from None
+
+
+def run_path(path: str | Path) -> Path:
+    """The file of a run that is given by its name or by its folder.
+
+    Raises:
+        InputError: There is no run; the message says what is there instead.
+    """
+    path = Path(path)
+    folder, file = (path, path / "run.npz") if path.is_dir() else (path.parent, path)
+    if os.path.lexists(file):
+        check_ordinary(file, what="a run.npz")
+        return file
+    mend = "`lrf3d run WORLD` writes one"
+    if file.with_suffix(".journal").exists():
+        raise InputError(
+            f"{file}: no such file; the run was stopped; the same `lrf3d run` with --resume ends it"
+        )
+    for name, what in _OTHERS.items():
+        if folder == path and (folder / name).is_file():
+            raise InputError(f"{folder}: the folder of {what}, with no run.npz in it; {mend}")
+    raise InputError(f"{file}: no such file; {mend}")
+
+
+_OTHERS = {
+    "sweep.parquet": "a sweep",
+    "metadata.yaml": "a ROS 2 bag",
+    "map.geojson": "a map that was made from a log",
+}
+"""What a folder is that holds such a file and no run."""
+
+
+def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
+    # Runs that were kept before there were such cameras have none.
+    names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 7)))
+    return tuple(
+        FixedCamera(str(name), (x, y, z), (u, v, w), field)
+        for name, (x, y, z, u, v, w, field) in zip(names, rows.tolist(), strict=True)
+    )
+
+
+def _film(arrays: dict[str, Any]) -> FilmPlan:
+    if "film_view" not in arrays:
+        # Written before runs held it, when films were as fast as the drive.
+        return FilmPlan("chase", 1.0)
+    return FilmPlan(str(arrays["film_view"]), float(arrays["film_playback"]))
+
+
+def _movers(arrays: dict[str, Any]) -> "tuple[Mover, ...]":
+    if "mover_heights" not in arrays:
+        return ()
+    # The compiler that comes with casting is not waited for where nothing moves.
+    from lrf3d.casting.mover import Mover
+
+    outlines = np.split(arrays["mover_outlines"], np.cumsum(arrays["mover_corners"])[:-1])
+    ends = np.cumsum(arrays["mover_stops"])[:-1]
+    paths = zip(
+        np.split(arrays["mover_times"], ends), np.split(arrays["mover_poses"], ends), strict=True
+    )
+    return tuple(
+        Mover(outline, Trajectory(times, poses), height)
+        for outline, (times, poses), height in zip(
+            outlines, paths, arrays["mover_heights"].tolist(), strict=True
+        )
+    )
+
+
+def _run(arrays: dict[str, Any]) -> Run:
+    for name, array in arrays.items():
+        # Of no values there may be any kind: an empty list of names has that of numbers.
+        if array.size and array.dtype.kind not in KINDS.get(name, "f"):
+            raise ValueError(f"{name} holds {array.dtype}, which a run does not")
+    scans = len(arrays["times"]), int(arrays["lrf"][2])
+    if arrays["poses"].shape != (scans[0], 3):
+        raise ValueError(f"poses of shape {arrays['poses'].shape}, expected {(scans[0], 3)}")
+    for name in ("ranges", "truth", "walls"):
+        if arrays[name].shape != scans:
+            raise ValueError(f"{name} of shape {arrays[name].shape}, expected {scans}")
+    world = World(
+        arrays["segments"],
+        arrays["objects"],
+        arrays["heights"],
+        str(arrays["world_name"]),
+        object_names=tuple(str(name) for name in arrays["object_names"]),
+        colours=arrays["colours"],
+        cameras=_cameras(arrays),
+    )
+    angle_min, angle_max, beams, range_min, range_max, height = arrays["lrf"].tolist()
+    lrf = LaserRangeFinder(
+        angle_min,
+        angle_max,
+        int(beams),
+        range_min,
+        range_max,
+        height,
+        float(arrays.get("scan_duration", 0.0)),
+    )
+    bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
+    maps = tuple(
+        LineMap(
+            arrays["map_segments"][first:last],
+            arrays["map_objects"][first:last],
+            arrays["map_points"][first:last],
+        )
+        for first, last in pairwise(bounds)
+    )
+    return Run(
+        world,
+        lrf,
+        Trajectory(arrays["times"], arrays["poses"]),
+        arrays["ranges"],
+        arrays["truth"],
+        arrays["walls"],
+        tuple(arrays["stages"].tolist()),
+        maps,
+        _movers(arrays),
+        _film(arrays),
+    )

@@ -1,0 +1,193 @@
+"""How well the robot is localised on a known map, over many seeds.
+
+A scenario enters, driven once; the errors of the extended Kalman filter and its consistency leave.
+Each seed draws its own start, noise of the ranges and noise of the odometry.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import as_completed
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from lrf3d.cores import process_pool
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import ProportionalNoise, RangeNoise
+from lrf3d.localization import (
+    Localiser,
+    OdometryNoise,
+    PoseEstimate,
+    Track,
+    localise,
+    odometry_increments,
+)
+from lrf3d.localization.lines import KnownLines
+from lrf3d.pose import Pose
+from lrf3d.run import Run
+
+Progress = Callable[[int, int], None]
+
+MAPS = ("walls", "map")
+"""What is known: the true walls, or the map that the run built."""
+
+USUAL_RANGE = 10.0
+"""How far off [m] a wall is when most of the points that a map is fitted to are measured."""
+
+CONFIDENCE = 0.95
+"""Share of the averages over the seeds that a consistent filter has within the bounds."""
+
+FREEDOMS = 3
+"""Numbers in a pose."""
+
+
+@dataclass(frozen=True, eq=False)
+class LocalisationTask:
+    """A drive that was simulated, to be followed by odometry and scans alone.
+
+    Args:
+        run: The drive, with the true ranges.
+        sigma: Noise of the ranges [m] at range_max.
+        odometry: Noise of each step; the start is as uncertain as one step.
+        known: ``walls`` for the true walls, ``map`` for the map of the run.
+        strategy: Which lines are compared: ``unions-first`` or ``all``.
+
+    Raises:
+        InputError: What is known is neither of the two.
+    """
+
+    run: Run
+    sigma: float
+    odometry: OdometryNoise = field(default_factory=OdometryNoise)
+    known: str = "walls"
+    strategy: str = "unions-first"
+
+    def __post_init__(self) -> None:
+        if self.known not in MAPS:
+            raise InputError(f"known {self.known!r}: expected one of {', '.join(MAPS)}")
+
+    def known_lines(self) -> KnownLines:
+        """The map that the robot is localised on."""
+        if self.known == "walls":
+            return KnownLines.from_world(self.run.world)
+        deviation = self.sigma * USUAL_RANGE / self.run.lrf.range_max
+        return KnownLines.from_map(self.run.map, deviation=deviation)
+
+    def follow(self, seed: int) -> Track:
+        """The track of one seed."""
+        rng = np.random.default_rng(seed)
+        run, noise = self.run, ProportionalNoise(self.sigma)
+        poses = run.trajectory.poses
+        start = PoseEstimate(Pose(*poses[0].tolist()), np.zeros((3, 3)))
+        covariance = self.odometry.covariance
+        # The start is off as a step of odometry is, and known to be.
+        start = start.moved(self.odometry(np.zeros((1, 3)), rng)[0], covariance)
+        # Eq. 7 has no floor: with one, near walls would be trusted less than they deserve.
+        localiser = Localiser(
+            self.known_lines(),
+            start,
+            range_noise=RangeNoise.from_sigma(self.sigma, 0.0, run.lrf.range_max),
+            odometry_noise=self.odometry,
+            strategy=self.strategy,
+        )
+        steps = self.odometry(odometry_increments(poses), rng)
+        scans = (noise(run.true_scan(index), rng) for index in range(len(run)))
+        return localise(localiser, scans, steps)
+
+
+@dataclass(frozen=True, eq=False)
+class LocalisationScore:
+    """Errors over seeds (s) and scans (k), and what the filter said of them.
+
+    Args:
+        errors: (s, k, 3) estimated less true pose: x, y [m], theta [rad].
+        nees: (s, k) squared errors in units of the covariance.
+        lines: (s, k) pairs of lines taken in.
+        comparisons: (s, k) comparisons of lines.
+    """
+
+    errors: Float
+    nees: Float
+    lines: Int
+    comparisons: Int
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Where the NEES, averaged over the seeds, of a consistent filter lies 95 % of the time."""
+        from scipy.stats import chi2
+
+        seeds = len(self.nees)
+        tail = 0.5 * (1.0 - CONFIDENCE)
+        averages = chi2(FREEDOMS * seeds)
+        return float(averages.ppf(tail)) / seeds, float(averages.ppf(1.0 - tail)) / seeds
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        distance = np.hypot(self.errors[..., 0], self.errors[..., 1])
+        averages = self.nees.mean(axis=0)
+        low, high = self.bounds
+        return {
+            "seeds": len(self.nees),
+            "scans": self.nees.shape[1],
+            "mean_position_error_m": float(distance.mean()),
+            "rms_position_error_m": float(np.sqrt((distance**2).mean())),
+            "share_of_errors_above_5_cm": float((distance > 0.05).mean()),
+            "largest_position_error_m": float(distance.max()),
+            "mean_heading_error_deg": float(np.degrees(np.abs(self.errors[..., 2]).mean())),
+            "nees": {
+                "mean": float(self.nees.mean()),
+                "bounds_of_average_over_seeds": [low, high],
+                "scans_within_bounds": float(((averages >= low) & (averages <= high)).mean()),
+                "scans_above": float((averages > high).mean()),
+                "scans_below": float((averages < low).mean()),
+            },
+            "lines_a_scan": float(self.lines.mean()),
+            "comparisons_a_scan": float(self.comparisons.mean()),
+        }
+
+
+def score_localisation(
+    task: LocalisationTask,
+    *,
+    seeds: int = 100,
+    workers: int | None = 1,
+    progress: Progress = lambda done, total: None,
+) -> LocalisationScore:
+    """Follow a drive with many seeds.
+
+    Args:
+        task: The drive.
+        seeds: How many seeds, from 0.
+        workers: Processes to share the seeds; one a core where None, and none besides this one
+            where 1. The figures do not depend on it.
+        progress: Called with the seeds that are done and all.
+
+    Raises:
+        InputError: There is not one seed.
+    """
+    if seeds < 1:
+        raise InputError(f"{seeds} seeds: expected at least 1")
+    # What was measured when the map was built is not needed, and would only be copied around.
+    run = task.run
+    task = replace(task, run=replace(run, stages=run.stages[-1:], maps=run.maps[-1:]))
+    tracks: dict[int, Track] = {}
+    workers = min(seeds, os.cpu_count() or 1 if workers is None else workers)
+    if workers == 1:
+        for seed in range(seeds):
+            tracks[seed] = task.follow(seed)
+            progress(len(tracks), seeds)
+    else:
+        with process_pool(workers) as pool:
+            waiting = {pool.submit(task.follow, seed): seed for seed in range(seeds)}
+            for done in as_completed(waiting):
+                tracks[waiting[done]] = done.result()
+                progress(len(tracks), seeds)
+    truth, ordered = run.trajectory.poses, [tracks[seed] for seed in range(seeds)]
+    return LocalisationScore(
+        np.array([track.errors(truth) for track in ordered]),
+        np.array([track.nees(truth) for track in ordered]),
+        np.array([track.lines for track in ordered]),
+        np.array([track.comparisons for track in ordered]),
+    )

@@ -1,0 +1,153 @@
+"""Mapping a recorded log: the even scans build the map, the odd ones test it.
+
+A log enters; the map and its figures leave, and the files of both.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from lrf3d.io import LaserLog
+from lrf3d.laser import LaserScan
+from lrf3d.laser.noise import SIGMA
+from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.scoring import LogScore, score_log
+from lrf3d.text import counted
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class MappedLog:
+    """A log and the map that its even scans gave.
+
+    Args:
+        log: The log.
+        mode: Mode of the mapper.
+        sigma: The noise [m] that the mapper reckoned with.
+        map: The map.
+        score: How well it foretells the odd scans.
+        milliseconds: (k,) what taking in each scan took.
+        mapped: The scans that the map was built from.
+    """
+
+    log: LaserLog
+    mode: str
+    sigma: float
+    map: LineMap
+    score: LogScore
+    milliseconds: tuple[float, ...]
+    mapped: list[LaserScan]
+
+    def summary(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        return {
+            "name": self.log.name,
+            "mode": self.mode,
+            "sigma_m": self.sigma,
+            "log": {
+                "scans": len(self.log),
+                "beams": len(self.log.scans[0].ranges),
+                "poses": self.log.source,
+                "bad_lines": self.log.bad_count,
+                "first_bad_lines": [
+                    {bad.kind: bad.number, "reason": bad.reason} for bad in self.log.bad_lines
+                ],
+            },
+            "map": {"segments": len(self.map), "unions": self.map.object_count},
+            "score": self.score.as_dict(),
+            "milliseconds_a_scan": float(np.mean(self.milliseconds)),
+            "median_milliseconds_a_scan": float(np.median(self.milliseconds)),
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """The figures in a few lines for people."""
+        score = self.score
+        beams = counted(len(self.log.scans[0].ranges), "beam")
+        what = self.log.bad_lines[0].kind if self.log.bad_lines else "line"
+        bad = counted(self.log.bad_count, f"bad {what}")
+        rows = [("log", f"{counted(len(self.log), 'scan')} of {beams}, {bad}")]
+        rows += [("", str(bad)) for bad in self.log.bad_lines]
+        rows.append(("poses", self.log.source))
+        rows += [
+            (
+                "map",
+                f"{self.map.counts}, {score.length:.0f} m long",
+            ),
+        ]
+        if score.returns:
+            explained = f"{_share(score.explained)} of {score.returns} returns explained"
+            error = f"median range error {_metres(score.median_range_error)}"
+            violated = f"{_share(score.violation)} violated"
+            rows.append(("odd scans", f"{explained}, {violated}, {error}"))
+        rows.append(
+            (
+                "time",
+                f"{np.mean(self.milliseconds):.2f} ms a scan,"
+                f" median {np.median(self.milliseconds):.2f} ms",
+            )
+        )
+        return rows
+
+
+def map_log(
+    log: LaserLog,
+    *,
+    mode: str = "robust",
+    sigma: float = SIGMA,
+    all_scans: bool = False,
+    progress: Progress = lambda done, total: None,
+) -> MappedLog:
+    """Build a map from the even scans of a log, counted from 0, and test it on the odd ones.
+
+    Args:
+        log: The log.
+        mode: Mode of the mapper.
+        sigma: Noise of the ranges at the farthest that is measured [m].
+        all_scans: Build it from all scans instead, and test it on none.
+        progress: Called with the scans that are done and all.
+
+    Raises:
+        InputError: The mapper knows no such mode, or the noise makes no sense.
+    """
+    mapper = LineMapper(mode, sigma=sigma)
+    even, odd = (log.scans, []) if all_scans else (log.scans[::2], log.scans[1::2])
+    # What is compiled at the first scan is no part of what a scan takes.
+    mapper.local_map(even[0])
+    milliseconds = []
+    for done, scan in enumerate(even, 1):
+        begin = perf_counter()
+        mapper.update(scan)
+        milliseconds.append(1e3 * (perf_counter() - begin))
+        progress(done, len(even))
+    score = score_log(mapper.map, odd)
+    return MappedLog(log, mode, sigma, mapper.map, score, tuple(milliseconds), even)
+
+
+def draw_mapped_log(mapped: MappedLog, path: Path) -> None:
+    """Draw the map of a log over the points that it was built from, to a file.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    from lrf3d.render.figures import draw_map
+
+    draw_map(
+        mapped.map,
+        path,
+        points=np.vstack([scan.points() for scan in mapped.mapped]),
+        poses=np.array([scan.pose for scan in mapped.mapped]),
+        title=mapped.log.name,
+    )
+
+
+def _metres(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.3f} m"
+
+
+def _share(value: float) -> str:
+    return "–" if np.isnan(value) else f"{100.0 * value:.1f} %"

@@ -1,8 +1,0 @@
-"""Runs and recorded logs on disk."""
-
-from lrf3d.logs.laser_log import BadLine, LaserLog
-from lrf3d.logs.reading import load_log
-from lrf3d.logs.recording import record
-from lrf3d.logs.run_file import load_run, save_run
-
-__all__ = ["BadLine", "LaserLog", "load_log", "load_run", "record", "save_run"]

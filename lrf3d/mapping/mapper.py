@@ -1,0 +1,132 @@
+"""LineMapper: unites the local map of each scan with the global map (section 3.1)."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import is_finite
+from lrf3d.laser import LaserScan
+from lrf3d.laser.noise import FLOOR, SIGMA
+from lrf3d.mapping.line_map import LineMap
+from lrf3d.mapping.paper.mapper import EndPointMerging, PaperMapper
+from lrf3d.mapping.paper.split_merge import SplitMergeExtractor
+from lrf3d.mapping.robust.constants import BEND, MOST_EXPLAINED
+from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+from lrf3d.mapping.robust.mapper import RobustMapper
+from lrf3d.mapping.robust.walls import Rule
+
+MODES = ("paper", "robust")
+
+
+class LineMapper:
+    """Builds a global map of line segments, grouped into objects, from scans at known poses.
+
+    Args:
+        mode: ``robust``, or ``paper`` for section 3 of the paper to the letter.
+        gap: Two following points farther apart than this [m] are of two clusters.
+        split: Paper mode: a polyline is split where a point is farther off than this [m];
+            0.1 m and three deviations of the noise at half of range_max if not given.
+        merge_length: T of Eq. 9 [m], 0.1 if not given; in robust mode the largest gap within
+            a wall, 0.5.
+        merge_distance: R of Eq. 9 [m]; 0.1 m and one deviation of the noise at half of
+            range_max if not given. In robust mode how far two views of a wall may lie apart
+            beside what noise explains, 0.1.
+        sigma: Standard deviation of the range noise at range_max [m] (Eq. 7).
+        floor: Robust mode: standard deviation of a range at no distance [m].
+        min_points: Segments of the map with fewer points than this are kept back until more
+            points of them are seen; 2 in paper mode and 4 in robust mode if not given.
+
+    Raises:
+        InputError: There is no such mode, or a threshold is not a positive number.
+
+    Examples:
+        >>> import lrf3d
+        >>> world = lrf3d.World([[3, -5, 3, 5], [3, 5, -3, 5]])
+        >>> scan = lrf3d.EmbreeCaster(world).cast(lrf3d.LaserRangeFinder(), (0, 0, 0))
+        >>> mapper = lrf3d.LineMapper()
+        >>> mapper.update(scan)
+        >>> len(mapper.map)
+        2
+        >>> mapper.map.segments.round(2).tolist()
+        [[3.0, -4.99, 3.0, 5.0], [3.0, 5.0, -0.03, 5.0]]
+    """
+
+    def __init__(
+        self,
+        mode: str = "robust",
+        *,
+        gap: float = 2.5,
+        split: float | None = None,
+        merge_length: float | None = None,
+        merge_distance: float | None = None,
+        sigma: float = SIGMA,
+        floor: float = FLOOR,
+        min_points: int | None = None,
+    ) -> None:
+        if mode not in MODES:
+            raise InputError(f"mapper mode {mode!r}: expected one of {', '.join(MODES)}")
+        paper = mode == "paper"
+        if not (is_finite(sigma) and sigma >= 0.0):
+            raise InputError(f"mapper: sigma is {sigma}, expected metres, at least 0")
+        split = 0.1 + 1.5 * sigma if split is None else split
+        length = (0.1 if paper else 0.5) if merge_length is None else merge_length
+        usual = 0.1 + (0.5 * sigma if paper else 0.0)
+        distance = usual if merge_distance is None else merge_distance
+        for name, value in (
+            ("gap", gap),
+            ("split", split),
+            ("merge_length", length),
+            ("merge_distance", distance),
+            ("floor", floor),
+        ):
+            if not (is_finite(value) and value > 0.0):
+                raise InputError(f"mapper: {name} is {value}, expected a positive number of metres")
+        least = min_points if min_points is not None else (2 if paper else 4)
+        self._settings = (
+            f"{mode!r}, {gap=}, {split=}, {merge_length=}, {merge_distance=}, {sigma=}, {floor=},"
+            f" {min_points=}"
+        )
+        self.mode = mode
+        self._extract: SplitMergeExtractor | LikelihoodExtractor
+        self._mapper: PaperMapper | RobustMapper
+        if paper:
+            self._extract = SplitMergeExtractor(gap, split)
+            self._mapper = PaperMapper(self._extract, EndPointMerging(length, distance), least)
+        else:
+            self._extract = LikelihoodExtractor(gap, sigma, floor)
+            # Compiled code is made for floats alone.
+            length, distance = float(length), float(distance)
+            rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
+            self._mapper = RobustMapper(self._extract, rule, least)
+
+    def __repr__(self) -> str:
+        return f"LineMapper({self._settings})"
+
+    def update(self, scan: LaserScan) -> None:
+        """Unite the map with what a scan shows."""
+        self._mapper.update(scan)
+
+    def local_map(self, scan: LaserScan) -> LineMap:
+        """The local map of one scan alone: each polyline is an object."""
+        return self._extract(scan).as_map(np.array(scan.pose[:2]))
+
+    def state(self) -> dict[str, NDArray[np.generic]]:
+        """All that the mapper has learnt, as plain arrays by their names.
+
+        A mapper of the same settings that takes them back by `restore` goes on to the last bit.
+        """
+        return self._mapper.state()
+
+    def restore(self, state: Mapping[str, NDArray[np.generic]]) -> None:
+        """Go on from what a mapper of the same settings had learnt."""
+        self._mapper.restore(state)
+
+    @property
+    def map(self) -> LineMap:
+        """The global map after all scans so far.
+
+        In robust mode it is computed when it is read, and kept until the next update.
+        """
+        return self._mapper.map

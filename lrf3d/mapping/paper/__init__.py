@@ -1,0 +1,1 @@
+"""The paper's mapper: section 3 of Teslić et al. to the letter."""

@@ -1,0 +1,243 @@
+"""All tuning constants of the default mapper, in the order in which a scan meets them.
+
+Each has its unit and its reason, and says what less or more of it does where that is known. The
+settings that users choose are arguments of :class:`lrf3d.LineMapper`. Lengths are in metres; a
+deviation is one standard deviation of a range under the noise model, so that what is counted in
+deviations follows the noise and needs no tuning for another range finder.
+"""
+
+import numpy as np
+
+# --- Extraction: clusters of returns ---
+
+GRAZING_ANGLE = np.radians(8.0)
+"""[rad] Walls met at a smaller angle than this cannot be told from a gap any more."""
+
+CLUSTER_DEVIATIONS = 4.0
+"""[deviations] How much farther apart than the beams' spacing allows two returns of a cluster may
+lie: the noise of both is added to the gap."""
+
+# --- Extraction: the division of a cluster into walls ---
+
+WALL_COST = 20.0
+"""[χ²] Cost of a further wall: noise on one wall of some hundred points, divided at its best place,
+gains less than this but once in thousands of times. The refit of the map's walls uses it too."""
+
+OUTLIER_COST = 12.0
+"""[χ²] Cost of a point on no wall: as much as one 3.5 standard deviations off."""
+
+LEAST_POINTS = 3
+"""[points] Fewest points of a wall: two fit any line."""
+
+PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
+"""[χ²] How much worse than the best a division may be and still lead to a better one later: what
+the points behind it could cost that are too few for a wall of their own. Exact: no tuning."""
+
+MOST_OPEN = 1024
+"""[places] Most places where a wall may still begin that are weighed for a point, so that the work
+grows with the points and not with their square. On a wall all of its points stay such places;
+scanners with about a thousand beams have fewer on one wall. On longer ones the older half is
+thinned out, and a wall may then begin a few of many thousand beams beside its corner."""
+
+# --- Extraction: segments of a scan's walls ---
+
+LEAST_INCIDENCE = 0.05
+"""[cosine] Smallest incidence that a weight is computed with: along grazing beams other errors than
+that of the range decide. Weights of returns on walls of the map use it too."""
+
+WEAKEST_DIRECTION = 0.15
+"""[rad] A segment whose direction is known to no better than this is not taken into the map."""
+
+END_DEVIATIONS = 5.0
+"""[deviations] How far a noisy end is moved along its beam onto its wall at most: a beam that all
+but runs along the wall would carry it far off."""
+
+SCAN_CORNER_SINE = 0.2
+"""[sine] Turn below which two neighbouring walls of a scan have no corner: their lines cross at an
+arbitrary place."""
+
+SCAN_CORNER_BEAMS = 3
+"""[beams] How many beams apart two walls of a scan may end and still share a corner."""
+
+SCAN_CORNER_STEPS = 1.5
+"""[steps] How far the corner may lie from the two ends, as a multiple of how far they lie apart."""
+
+SCAN_CORNER_DEVIATIONS = 4.0
+"""[deviations] What the noise adds to how far the two ends lie apart."""
+
+# --- Merging: which two segments are one wall ---
+
+SAME_DIRECTION = 0.5
+"""[cosine] Largest angle between two segments that may be one wall. Far more than noise explains;
+the offsets of the ends decide."""
+
+MERGE_DEVIATIONS = 3.0
+"""[deviations] How many standard deviations of its place a segment may lie beside a wall."""
+
+BEND = 0.4
+"""[share of merge_distance] How far a wall may bend where it is continued: two views of a wall
+differ by the error of the poses, but next to each other they share it. More bridges slight
+bends of a wall into one."""
+
+MOST_EXPLAINED = 1.0
+"""[m] Largest offset that noise may explain when walls are merged: a short far segment explains
+almost any."""
+
+MERGE_CELL = 4.0
+"""[m] Size of a cell of the grid that finds partners: a few of the reach of merging and a fraction
+of a wall. It changes speed only."""
+
+# --- The beams that are kept ---
+
+SAME_PLACE = 0.23
+"""[m] Scans from nearer to each other than this, and alike in heading, see about the same, and only
+the first is kept. Less keeps more beams: a map then costs more time and memory."""
+
+SAME_HEADING = np.radians(9.0)
+"""[rad] Headings that are alike."""
+
+REMEMBERED_SCANS = 1 << 16
+"""[scans] How many scans, the latest, the duplicate filter remembers: hours of a drive, in a few
+megabytes."""
+
+# --- Refinement: hits and free-space violations ---
+
+ROUNDS = 2
+"""[rounds] How often walls are refit and merged again: what the first round cuts free, the second
+merges."""
+
+PIECE = 0.1
+"""[m] Length of a piece of a wall, within which its evidence is counted."""
+
+FOLLOWED = 2.0
+"""[m] How far a wall is followed beyond what single scans showed of it, to what single beams
+hit."""
+
+FREE_DEPTH = 0.2
+"""[m] A beam that goes no farther than this behind a wall is no free-space violation: poses and
+edges are a little wrong."""
+
+HIT_DEVIATIONS = 3.0
+"""[deviations] What the noise adds to how far a return may lie off a wall that its beam hit, and
+how far a beam must go on behind a wall to violate it."""
+
+CONTINUATION_STRICTNESS = 0.5
+"""[share] How far off a return may lie that makes a wall longer, as a part of what is usual."""
+
+CONTINUATION_PENALTY = 2.0
+"""[share] By how much of what is usual a return counts as farther off a wall that it would make
+longer, so that walls that were seen there come first."""
+
+DEEPEST_HIT = 5.0
+"""[share] How far a hit may lie from the wall along its beam, as a multiple of how far it may lie
+off: beams that all but run along a wall hit it anywhere."""
+
+# --- Refinement: refitting the segments of a wall ---
+
+VIOLATION_WEIGHT = 0.07
+"""[hits] What a free-space violation weighs against a hit: poses and edges are a little wrong, so a
+wall that one beam in fifteen hit is still more than nothing."""
+
+OPEN_WEIGHT = 0.5
+"""[hits] What a free-space violation weighs at a piece without hits."""
+
+DUPLICATE_WEIGHT = 0.2
+"""[hits] What a beam weighs that hit another wall more nearly: a second copy of a wall is not
+kept."""
+
+UNSEEN_COST = 0.1
+"""[hits] Cost of each piece of wall, so that walls end where their hits do."""
+
+CHANGE_COST = 5.0
+"""[hits] Cost of a gap's begin and of its end: less would cut walls for stray beams."""
+
+MAP_DEVIATION = 0.025
+"""[m] No piece of a map is known better than this, however many beams hit it: what they share, the
+errors of poses, does not average out. Less divides straight walls, more straightens bent ones."""
+
+LEAST_SPREAD = 0.01
+"""[m²] Mean square spread of its points along a wall below which a segment keeps the wall's
+direction: shorter ones know none."""
+
+SHORT_WALL = 0.5
+"""[m] Walls shorter than this need twice min_points hits: clutter makes short ones of any few
+returns."""
+
+# --- Refinement: gaps that are bridged and corners that are closed ---
+
+LONGEST_GAP = 3.0
+"""[m] Longest gap of a wall that is bridged where no beam crossed it: behind a longer one there may
+as well be a recess that beams could not look into."""
+
+CORNER_REACH = 0.3
+"""[m] Two walls meet where their lines cross no farther than this from an end of each."""
+
+CORNER_TRIM = 0.1
+"""[m] An end is taken back to a corner by no more than this: beams hit the wall beyond it."""
+
+CORNER_SINE = 0.25
+"""[sine] Turn below which two walls have no corner: their lines cross at an arbitrary place."""
+
+# --- Object association: links between walls ---
+
+TOUCH = 0.1
+"""[m] Walls that come nearer than this touch: no beam between them need be trusted."""
+
+ABUTS = 0.5
+"""[m] Longest link that may run before a wall which goes on to both sides of it: what abuts on it
+is seen up to almost there, and what is seen no nearer merely stands before it."""
+
+ABUTS_SIDE = 0.3
+"""[m] How far a wall reaches beside a link if it goes on there."""
+
+FACING = 1.0
+"""[m] Longest link between the faces of two walls, across a niche: where such walls are farther
+apart, a bottom that joins them is wide enough to be seen."""
+
+FACING_SINE = 0.5
+"""[sine] Angle by which a link runs before a wall that it leads to the face of."""
+
+SHORT_LINK = 3.0
+"""[m] Longest link that may run before a wall: less than a lane between buildings. More joins
+buildings across lanes, less leaves corners of a building apart."""
+
+HIDDEN_LINK = 4.0
+"""[m] Longest link along which a wall may go on, unseen, to the face of another: a corner that
+something hid."""
+
+HIDDEN_SINE = 0.1
+"""[sine] Angle by which such a link may stray before the wall that it continues."""
+
+LONGEST_LINK = 15.0
+"""[m] Longest link behind two walls: as deep as most buildings are."""
+
+BEHIND_SINE = 0.3
+"""[sine] Angle by which a link may run before a wall and still count as behind it."""
+
+LINK_DEVIATIONS = 2.0 * HIT_DEVIATIONS
+"""[deviations] How far the end of a wall and the face before it may be off together."""
+
+LINK_END = 0.5 * PIECE
+"""[m] How much of a link's ends is left out: no end of a wall is known better than half a piece,
+and beams that go by it go on as far as they like."""
+
+STRAY_BEAMS = 1
+"""[beams] How many may cross a short link: noise that lets one through is rare, but links are
+many."""
+
+CORNER_BEAMS = 8
+"""[beams] How many may reach into the corner behind a short link: by more the corner was seen, and
+what joins there was seen too."""
+
+NICHE_DEPTH = 0.5
+"""[share] How deep such a corner may be, as a part of the link's length."""
+
+SIGHT_PLACES = (0.1, 0.5, 0.9)
+"""[share] Where on two walls the lines of sight between them begin and end, as parts of their
+lengths."""
+
+SEVERAL_WALLS = 3
+"""[walls] From this number of walls on, an object is joined to another such by two long links."""
+
+SECOND_LINK = 1.0
+"""[m] How much longer the second of the two may be: a much longer one leads past more walls."""

@@ -1,0 +1,329 @@
+"""Extraction: from one scan to its fitted wall segments, as one compiled pass.
+
+Enter a scan's beams and ranges; leave the walls in the world's directions around the laser, with
+the moments of their points. A gap that knows the spacing of the beams and the noise parts two
+clusters: a wall that is met at no less than a grazing angle never falls apart, however far it is.
+Each cluster is divided into the likeliest walls; a full circle has no seam.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.laser import LaserScan, RangeNoise
+from lrf3d.laser.noise import USUAL_RANGE
+from lrf3d.mapping.robust.beams import range_deviation
+from lrf3d.mapping.robust.constants import (
+    CLUSTER_DEVIATIONS,
+    END_DEVIATIONS,
+    GRAZING_ANGLE,
+    LEAST_INCIDENCE,
+    LEAST_POINTS,
+    SCAN_CORNER_BEAMS,
+    SCAN_CORNER_DEVIATIONS,
+    SCAN_CORNER_SINE,
+    SCAN_CORNER_STEPS,
+    WEAKEST_DIRECTION,
+)
+from lrf3d.mapping.robust.grid import order_of
+from lrf3d.mapping.robust.segmentation import fit_wall, segment_cluster
+from lrf3d.mapping.segment_table import SegmentTable
+
+
+class LocalWalls(NamedTuple):
+    """The walls of one scan.
+
+    Args:
+        ends: (n, 4) segments [m], seen from their left.
+        moments: (n, 6) moments of their points.
+        labels: (n, 2) count of points and cluster of each.
+    """
+
+    ends: Float
+    moments: Float
+    labels: Int
+
+
+@inner
+def sorted_returns(
+    theta: float,
+    angles: Float,
+    ranges: Float,
+    range_max: float,
+    noise: RangeNoise,
+    gap: float,
+) -> tuple[Float, Float, Float, Bool]:  # pragma: no cover
+    """Beams, ranges and deviations of the returns by rising angle, and which hang together.
+
+    The last of the returns hangs together with the first only where the scan closes a circle.
+    """
+    count = len(angles)
+    rising = True
+    for i in range(count - 1):
+        if angles[i + 1] < angles[i]:
+            rising = False
+            break
+    order = np.arange(count) if rising else order_of(angles)
+    circle = False
+    if count >= 3:
+        # A scan of 360° whose last beam looks where its first does gives that beam once.
+        span = angles[order[-1]] - angles[order[0]]
+        step = span / (count - 1)
+        left = 2.0 * np.pi - span
+        circle = left < 1.5 * step
+        if left < 0.5 * step:
+            order = order[:-1]
+            count -= 1
+    beams = np.empty((count, 2))
+    reaches = np.empty(count)
+    deviations = np.empty(count)
+    turns = np.empty(count)
+    places = np.empty(count, np.int64)
+    kept = 0
+    for place in range(count):
+        i = order[place]
+        reach = ranges[i]
+        if reach > 0.0 and reach <= range_max and reach < np.inf:
+            angle = theta + angles[i]
+            beams[kept, 0] = np.cos(angle)
+            beams[kept, 1] = np.sin(angle)
+            reaches[kept] = reach
+            deviations[kept] = range_deviation(noise, reach)
+            turns[kept] = angles[i]
+            places[kept] = place
+            kept += 1
+    joined = np.zeros(kept, np.bool_)
+    for i in range(kept):
+        k = (i + 1) % kept
+        if k == i or (k == 0 and not circle):
+            continue
+        if (places[i] + 1) % count != places[k]:
+            continue
+        turn = abs(turns[k] - turns[i])
+        turn = min(turn, 2.0 * np.pi - turn)
+        near, far = min(reaches[i], reaches[k]), max(reaches[i], reaches[k])
+        step = np.sqrt(max(near * near + far * far - 2.0 * near * far * np.cos(turn), 0.0))
+        # On a wall met at no less than the grazing angle two beams return points no farther
+        # apart than this; noise adds to it. A wider gap than the given one always parts.
+        reach = gap
+        if turn < GRAZING_ANGLE:
+            reach = min(gap, near * np.sin(turn) / np.sin(GRAZING_ANGLE - turn))
+        blur = CLUSTER_DEVIATIONS * np.sqrt(deviations[i] ** 2 + deviations[k] ** 2)
+        joined[i] = step <= reach + blur
+    return beams[:kept], reaches[:kept], deviations[:kept], joined
+
+
+@compiled
+def extract_walls(
+    theta: float,
+    angles: Float,
+    ranges: Float,
+    range_max: float,
+    noise: RangeNoise,
+    gap: float,
+    local: LocalWalls,
+) -> int:  # pragma: no cover
+    """Find the walls of a scan.
+
+    Args:
+        theta: Heading of the laser [rad].
+        angles: (n,) angles of the beams from the heading [rad].
+        ranges: (n,) measured ranges [m]; what is no number above 0 is no return.
+        range_max: Farthest range [m] that counts.
+        noise: The noise of the ranges.
+        gap: The gap [m] that parts two clusters however far they are.
+        local: (≥ n // 3 rows) is filled with the walls.
+
+    Returns:
+        How many there are.
+    """
+    ends, moments, labels = local
+    beams, reaches, deviations, joined = sorted_returns(
+        theta, angles, ranges, range_max, noise, gap
+    )
+    count = len(reaches)
+    found = clusters = 0
+    if count == 0:
+        return 0
+    # Begin behind a break, so that no cluster runs over the end of the list.
+    begin = 0
+    while begin < count and joined[begin]:
+        begin += 1
+    closed = begin == count
+    begin = 0 if closed else begin + 1
+    walls = np.empty((count // LEAST_POINTS + 1, 2), np.int64)
+    first = 0
+    run_beams = np.empty((count, 2))
+    run_ranges = np.empty(count)
+    run_deviations = np.empty(count)
+    while first < count:
+        size = 0
+        while first + size < count:
+            place = (begin + first + size) % count
+            run_beams[size, 0], run_beams[size, 1] = beams[place, 0], beams[place, 1]
+            run_ranges[size] = reaches[place]
+            run_deviations[size] = deviations[place]
+            size += 1
+            if not joined[place] and not closed:
+                break
+        first += size
+        if size < LEAST_POINTS:
+            continue
+        parts = segment_cluster(run_beams[:size], run_ranges[:size], run_deviations[:size], walls)
+        if closed and parts > 1:
+            # One object all round: begin anew at a corner, so that no wall is cut in two.
+            turn = walls[1, 0]
+            for i in range(count):
+                place = (turn + i) % count
+                run_beams[i, 0], run_beams[i, 1] = beams[place, 0], beams[place, 1]
+                run_ranges[i], run_deviations[i] = reaches[place], deviations[place]
+            parts = segment_cluster(run_beams, run_ranges, run_deviations, walls)
+        size_found = _polyline(
+            run_beams[:size],
+            run_ranges[:size],
+            run_deviations[:size],
+            walls[:parts],
+            ends[found:],
+            moments[found:],
+            labels[found:],
+        )
+        for row in range(found, found + size_found):
+            labels[row, 1] = clusters
+        if size_found:
+            clusters += 1
+        found += size_found
+    return found
+
+
+@inner
+def _polyline(
+    beams: Float,
+    ranges: Float,
+    deviations: Float,
+    walls: Int,
+    ends: Float,
+    moments: Float,
+    labels: Int,
+) -> int:  # pragma: no cover
+    """Segments of one cluster's walls (m, 2), joined at corners where two of them meet."""
+    inverses = np.empty((len(walls), 2))
+    spans = np.empty((len(walls), 2), np.int64)
+    rows = 0
+    for wall in range(len(walls)):
+        first, last = walls[wall, 0], walls[wall, 1]
+        x, y = fit_wall(
+            beams[first : last + 1], ranges[first : last + 1], deviations[first : last + 1]
+        )
+        _measure(beams, ranges, deviations, first, last, x, y, moments[rows])
+        size = np.sqrt(x * x + y * y)
+        nx, ny = x / size, y / size
+        spread = moments[rows, 3] * ny * ny + moments[rows, 5] * nx * nx
+        spread -= 2.0 * moments[rows, 4] * nx * ny
+        if not spread * WEAKEST_DIRECTION**2 > 1.0:
+            continue
+        inverses[rows, 0], inverses[rows, 1] = x, y
+        spans[rows, 0], spans[rows, 1] = first, last
+        labels[rows, 0] = last - first + 1
+        for k in range(2):
+            beam = spans[rows, k]
+            # A noisy end goes along its beam onto the wall; near-parallel ones stay put.
+            slope = beams[beam, 0] * x + beams[beam, 1] * y
+            reach = ranges[beam]
+            if slope > 0.0 and abs(1.0 / slope - reach) <= END_DEVIATIONS * deviations[beam]:
+                reach = 1.0 / slope
+            ends[rows, 2 * k] = reach * beams[beam, 0]
+            ends[rows, 2 * k + 1] = reach * beams[beam, 1]
+        rows += 1
+    for row in range(rows - 1):
+        one, other = inverses[row], inverses[row + 1]
+        turn = one[0] * other[1] - one[1] * other[0]
+        lengths = np.sqrt((one[0] ** 2 + one[1] ** 2) * (other[0] ** 2 + other[1] ** 2))
+        last, first = spans[row, 1], spans[row + 1, 0]
+        if abs(turn) < SCAN_CORNER_SINE * lengths or first - last > SCAN_CORNER_BEAMS:
+            continue
+        x, y = (other[1] - one[1]) / turn, (one[0] - other[0]) / turn
+        ax, ay, bx, by = ends[row, 2], ends[row, 3], ends[row + 1, 0], ends[row + 1, 1]
+        step = np.hypot(ax - bx, ay - by) + SCAN_CORNER_DEVIATIONS * deviations[last]
+        reach = SCAN_CORNER_STEPS * step
+        if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
+            ends[row, 2], ends[row, 3], ends[row + 1, 0], ends[row + 1, 1] = x, y, x, y
+    return rows
+
+
+@inner
+def _measure(
+    beams: Float,
+    ranges: Float,
+    deviations: Float,
+    first: int,
+    last: int,
+    x: float,
+    y: float,
+    moments: Float,
+) -> None:  # pragma: no cover
+    """Fill in moments (6,) of the points of a wall n/c = (x, y), each with its own variance."""
+    size = np.sqrt(x * x + y * y)
+    total = mx = my = xx = xy = yy = 0.0
+    for i in range(first, last + 1):
+        incidence = max(abs(beams[i, 0] * x + beams[i, 1] * y) / size, LEAST_INCIDENCE)
+        weight = 1.0 / (deviations[i] * incidence) ** 2
+        px, py = ranges[i] * beams[i, 0], ranges[i] * beams[i, 1]
+        # The running mean and the scatter about it, which no offset makes inexact.
+        total += weight
+        dx, dy = px - mx, py - my
+        share = weight / total
+        mx += share * dx
+        my += share * dy
+        spread = weight * (1.0 - share)
+        xx += spread * dx * dx
+        xy += spread * dx * dy
+        yy += spread * dy * dy
+    moments[0], moments[1], moments[2] = total, mx, my
+    moments[3], moments[4], moments[5] = xx, xy, yy
+
+
+@dataclass(frozen=True, slots=True)
+class LikelihoodExtractor:
+    """Clusters that know the beams' spacing, divided into the likeliest walls under the noise.
+
+    Args:
+        gap: A gap wider than this [m] always parts two clusters.
+        sigma: Standard deviation of the range noise at range_max [m] (Eq. 7).
+        floor: Standard deviation of a range at no distance [m].
+    """
+
+    gap: float
+    sigma: float
+    floor: float
+
+    def noise(self, scan: LaserScan) -> RangeNoise:
+        """The noise that a scan's ranges have (Eq. 7, and the floor)."""
+        range_max = scan.range_max if scan.range_max < np.inf else USUAL_RANGE
+        return RangeNoise.from_sigma(self.sigma, self.floor, range_max)
+
+    def walls(self, scan: LaserScan) -> LocalWalls:
+        """Walls of a scan, in the world's directions around the laser's place."""
+        most = len(scan.ranges) // LEAST_POINTS
+        ends, moments = np.empty((most, 4)), np.empty((most, 6))
+        local = LocalWalls(ends, moments, np.empty((most, 2), np.int64))
+        theta, range_max = float(scan.pose.theta), float(scan.range_max)
+        angles, ranges = _plain(scan.angles), _plain(scan.ranges)
+        count = extract_walls(
+            theta, angles, ranges, range_max, self.noise(scan), float(self.gap), local
+        )
+        return LocalWalls(ends[:count], moments[:count], local.labels[:count])
+
+    def __call__(self, scan: LaserScan) -> SegmentTable:
+        """The local map of a scan, in the world's directions around the laser's place."""
+        ends, moments, labels = self.walls(scan)
+        return SegmentTable(ends, moments, labels[:, 0], labels[:, 1])
+
+
+def _plain(values: Float) -> Float:
+    """The values as an array of the one kind that the compiled code is made for."""
+    if values.flags.c_contiguous and values.flags.writeable:
+        return values
+    return np.array(values)

@@ -1,0 +1,240 @@
+"""Grid: a hashed grid of square cells that finds which segments come near which.
+
+Each cell holds a linked list of the segments that pass through it. Nothing but the arrays of one
+:class:`Grid` is written, so that inserting and asking run in compiled loops without Python.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+
+EMPTY = -(2**62)
+"""Key of a slot that no cell has taken."""
+
+
+class Grid(NamedTuple):
+    """A hash table of cells, each with a list of rows.
+
+    Args:
+        keys: (slots,) the cell that has each slot; slots is a power of two.
+        heads: (slots,) the first entry of each cell's list, −1 where it is empty.
+        rows: (entries,) the row of each entry.
+        following: (entries,) the next entry of the same cell, −1 at the end.
+        used: (3,) entries and slots that were taken, and the first entry that was given back.
+    """
+
+    keys: Int
+    heads: Int
+    rows: Int
+    following: Int
+    used: Int
+
+    @classmethod
+    def of_size(cls, entries: int) -> "Grid":
+        """An empty grid with room for some entries (a power of two)."""
+        return cls(
+            np.full(2 * entries, EMPTY),
+            np.full(2 * entries, -1),
+            np.empty(entries, np.int64),
+            np.empty(entries, np.int64),
+            np.array([0, 0, -1]),
+        )
+
+
+@inner
+def slot_of(grid: Grid, x: int, y: int) -> int:  # pragma: no cover
+    """The slot of a cell, or the free one that it would take."""
+    key = (x << 31) + y
+    mask = len(grid.keys) - 1
+    mixed = key * 0x9E3779B97F4A7C1
+    slot = (mixed ^ (mixed >> 29)) & mask
+    while grid.keys[slot] != key and grid.keys[slot] != EMPTY:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@compiled
+def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:  # pragma: no cover
+    """Put a row's segment (4,) into the cells [m] it passes through; False where room ran out.
+
+    Cells that hold the row already are passed over, so that a segment that grew can be put in
+    again.
+    """
+    x1, y1, x2, y2 = segment[0], segment[1], segment[2], segment[3]
+    steps = int(max(abs(x2 - x1), abs(y2 - y1)) / cell) + 1
+    for step in range(steps):
+        ax, ay = x1 + (x2 - x1) * step / steps, y1 + (y2 - y1) * step / steps
+        bx, by = x1 + (x2 - x1) * (step + 1) / steps, y1 + (y2 - y1) * (step + 1) / steps
+        for x in range(int(np.floor(min(ax, bx) / cell)), int(np.floor(max(ax, bx) / cell)) + 1):
+            for y in range(
+                int(np.floor(min(ay, by) / cell)), int(np.floor(max(ay, by) / cell)) + 1
+            ):
+                slot = slot_of(grid, x, y)
+                entry = grid.heads[slot]
+                while entry >= 0 and grid.rows[entry] != row:
+                    entry = grid.following[entry]
+                if entry >= 0:
+                    continue
+                entry = grid.used[2]
+                if entry >= 0:
+                    grid.used[2] = grid.following[entry]
+                elif grid.used[0] < len(grid.rows) and grid.used[1] < len(grid.rows):
+                    entry = grid.used[0]
+                    grid.used[0] += 1
+                else:
+                    return False
+                if grid.keys[slot] == EMPTY:
+                    grid.keys[slot] = (x << 31) + y
+                    grid.used[1] += 1
+                grid.rows[entry] = row
+                grid.following[entry] = grid.heads[slot]
+                grid.heads[slot] = entry
+    return True
+
+
+@inner
+def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:  # pragma: no cover
+    """Take a row out of the cells [m] that its segment (4,) passes through."""
+    x1, y1, x2, y2 = segment[0], segment[1], segment[2], segment[3]
+    steps = int(max(abs(x2 - x1), abs(y2 - y1)) / cell) + 1
+    for step in range(steps):
+        ax, ay = x1 + (x2 - x1) * step / steps, y1 + (y2 - y1) * step / steps
+        bx, by = x1 + (x2 - x1) * (step + 1) / steps, y1 + (y2 - y1) * (step + 1) / steps
+        for x in range(int(np.floor(min(ax, bx) / cell)), int(np.floor(max(ax, bx) / cell)) + 1):
+            for y in range(
+                int(np.floor(min(ay, by) / cell)), int(np.floor(max(ay, by) / cell)) + 1
+            ):
+                slot = slot_of(grid, x, y)
+                before, entry = -1, grid.heads[slot]
+                while entry >= 0 and grid.rows[entry] != row:
+                    before, entry = entry, grid.following[entry]
+                if entry < 0:
+                    continue
+                if before < 0:
+                    grid.heads[slot] = grid.following[entry]
+                else:
+                    grid.following[before] = grid.following[entry]
+                grid.following[entry] = grid.used[2]
+                grid.used[2] = entry
+
+
+@inner
+def near(
+    grid: Grid, segment: Float, reach: float, cell: float, stamps: Int, stamp: int, found: Int
+) -> int:  # pragma: no cover
+    """Collect every row with a segment within reach [m] of a segment (4,), each once.
+
+    Args:
+        grid: The grid.
+        segment: (4,) the segment.
+        reach: How far others may lie [m].
+        cell: Size of a cell [m].
+        stamps: (rows,) the last search that met each row; is written.
+        stamp: The number of this search.
+        found: (rows,) is filled with the rows; some may lie farther off, and some may be gone.
+
+    Returns:
+        How many there are.
+    """
+    x1, y1, x2, y2 = segment[0], segment[1], segment[2], segment[3]
+    steps = int(max(abs(x2 - x1), abs(y2 - y1)) / cell) + 1
+    count = 0
+    for step in range(steps):
+        ax, ay = x1 + (x2 - x1) * step / steps, y1 + (y2 - y1) * step / steps
+        bx, by = x1 + (x2 - x1) * (step + 1) / steps, y1 + (y2 - y1) * (step + 1) / steps
+        left, right = min(ax, bx) - reach, max(ax, bx) + reach
+        low, high = min(ay, by) - reach, max(ay, by) + reach
+        for x in range(int(np.floor(left / cell)), int(np.floor(right / cell)) + 1):
+            for y in range(int(np.floor(low / cell)), int(np.floor(high / cell)) + 1):
+                entry = grid.heads[slot_of(grid, x, y)]
+                while entry >= 0:
+                    row = grid.rows[entry]
+                    if stamps[row] != stamp:
+                        stamps[row] = stamp
+                        found[count] = row
+                        count += 1
+                    entry = grid.following[entry]
+    return count
+
+
+@inner
+def pairs_within(segments: Float, reach: float) -> Int:  # pragma: no cover
+    """Pairs (k, 2) of rows of segments (n, 4), the greater first, that come within reach [m].
+
+    Some may lie farther apart.
+    """
+    count = len(segments)
+    room = 64
+    while room < 8 * count:
+        room *= 2
+    grid = _empty(room)
+    row = 0
+    while row < count:
+        if insert(grid, row, segments[row], reach):
+            row += 1
+        else:
+            room *= 2
+            grid = _empty(room)
+            row = 0
+    stamps = np.full(count, -1)
+    found = np.empty(count, np.int64)
+    pairs = np.empty((64, 2), np.int64)
+    kept = 0
+    for row in range(count):
+        for k in range(near(grid, segments[row], reach, reach, stamps, row, found)):
+            other = found[k]
+            if other >= row:
+                continue
+            if kept == len(pairs):
+                pairs = with_more_room(pairs)
+            pairs[kept, 0], pairs[kept, 1] = row, other
+            kept += 1
+    return pairs[:kept]
+
+
+@inner
+def _empty(room: int) -> Grid:  # pragma: no cover
+    """An empty grid with room for some entries (a power of two), in compiled code."""
+    keys, heads = np.empty(2 * room, np.int64), np.empty(2 * room, np.int64)
+    for slot in range(2 * room):
+        keys[slot], heads[slot] = EMPTY, -1
+    used = np.empty(3, np.int64)
+    used[0], used[1], used[2] = 0, 0, -1
+    return Grid(keys, heads, np.empty(room, np.int64), np.empty(room, np.int64), used)
+
+
+@inner
+def with_more_room(pairs: Int) -> Int:  # pragma: no cover
+    """Pairs (k, 2) with as many rows behind them, which may hold anything."""
+    larger = np.empty((2 * len(pairs), 2), np.int64)
+    for k in range(len(pairs)):
+        larger[k, 0], larger[k, 1] = pairs[k, 0], pairs[k, 1]
+    return larger
+
+
+@inner
+def order_of(values: Float) -> Int:  # pragma: no cover
+    """The rows of values (n,) by rising value, equal ones in their order: a merge sort.
+
+    Numba's own takes longer to compile than most mappers run.
+    """
+    count = len(values)
+    order, merged = np.arange(count), np.empty(count, np.int64)
+    width = 1
+    while width < count:
+        for start in range(0, count, 2 * width):
+            middle, stop = min(start + width, count), min(start + 2 * width, count)
+            left, right = start, middle
+            for k in range(start, stop):
+                if right == stop or (left < middle and values[order[left]] <= values[order[right]]):
+                    merged[k] = order[left]
+                    left += 1
+                else:
+                    merged[k] = order[right]
+                    right += 1
+        order, merged = merged, order
+        width *= 2
+    return order

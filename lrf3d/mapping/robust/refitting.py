@@ -1,0 +1,171 @@
+"""Refitting: the parts of a wall that are real, and the straight segments that they are made of.
+
+Enter the hits and free-space violations at each piece of the walls; leave new walls. A part is
+real where the beams that hit it outweigh those that went through it or hit a nearer wall; it is
+split where its points bend by more than a map can be trusted.
+"""
+
+import numpy as np
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.constants import (
+    CHANGE_COST,
+    DUPLICATE_WEIGHT,
+    LEAST_SPREAD,
+    MAP_DEVIATION,
+    OPEN_WEIGHT,
+    UNSEEN_COST,
+    VIOLATION_WEIGHT,
+    WALL_COST,
+)
+
+
+@compiled
+def real_pieces(counts: Int) -> Int:  # pragma: no cover
+    """Which pieces (n,) of a wall are real, by the cheapest run of states along it.
+
+    A real piece is charged for each of its free-space violations, one that is not for each of its
+    hits, and each change from one to the other costs something too.
+    """
+    count = len(counts)
+    # Before the wall, on it, in a gap of it, behind it: where it begins and where it ends is free.
+    costs, following = np.empty(4), np.empty(4)
+    costs[0], costs[1], costs[2], costs[3] = 0.0, 0.0, np.inf, np.inf
+    came = np.zeros((count, 4), np.int64)
+    for i in range(count):
+        for state in range(4):
+            following[state], came[i, state] = costs[state], state
+        if costs[0] < following[1]:
+            following[1], came[i, 1] = costs[0], 0
+        if costs[2] + CHANGE_COST < following[1]:
+            following[1], came[i, 1] = costs[2] + CHANGE_COST, 2
+        if costs[1] + CHANGE_COST < following[2]:
+            following[2], came[i, 2] = costs[1] + CHANGE_COST, 1
+        if costs[1] < following[3]:
+            following[3], came[i, 3] = costs[1], 1
+        hits, violations, nearer = counts[i, 0], counts[i, 1], counts[i, 2]
+        weight = VIOLATION_WEIGHT if hits else OPEN_WEIGHT
+        for state in range(4):
+            following[state] += hits
+        following[1] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
+        costs, following = following, costs
+    states = np.zeros(count, np.int64)
+    state = 0
+    for other in range(1, 4):
+        if costs[other] < costs[state]:
+            state = other
+    for i in range(count - 1, -1, -1):
+        states[i] = state == 1
+        state = came[i, state]
+    return states
+
+
+@inner
+def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
+    """Split pieces (n, 6) of a wall into straight segments: fills in where each ends."""
+    count = len(sums)
+    total = np.zeros((count + 1, 6))
+    for i in range(count):
+        w = sums[i, 0]
+        # No piece of a map is known better than this, however many beams hit it.
+        factor = 1.0 / (1.0 + w * MAP_DEVIATION * MAP_DEVIATION)
+        for k in range(6):
+            total[i + 1, k] = total[i, k] + factor * sums[i, k]
+    best = np.full(count + 1, np.inf)
+    best[0] = 0.0
+    origin = np.zeros(count + 1, np.int64)
+    for last in range(1, count + 1):
+        for first in range(last):
+            w = total[last, 0] - total[first, 0]
+            cost = best[first] + WALL_COST
+            if w > 0.0:
+                s = (total[last, 1] - total[first, 1]) / w
+                d = (total[last, 2] - total[first, 2]) / w
+                ss = (total[last, 3] - total[first, 3]) - w * s * s
+                sd = (total[last, 4] - total[first, 4]) - w * s * d
+                dd = (total[last, 5] - total[first, 5]) - w * d * d
+                if ss > 0.0:
+                    dd -= sd * sd / ss
+                cost += max(dd, 0.0)
+            if cost < best[last]:
+                best[last] = cost
+                origin[last] = first
+    found = 0
+    last = count
+    while last > 0:
+        breaks[found] = last
+        found += 1
+        last = origin[last]
+    for i in range(found // 2):
+        breaks[i], breaks[found - 1 - i] = breaks[found - 1 - i], breaks[i]
+    return found
+
+
+@compiled
+def refit_segments(
+    ends: Float,
+    first: Int,
+    counts: Int,
+    sums: Float,
+) -> tuple[Float, Float, Int]:  # pragma: no cover
+    """The real parts of walls (m, 4), refit to their hits.
+
+    Returns:
+        (k, 4) their ends [m], (k, 6) their moments, (k, 3) wall, hits and free-space violations.
+    """
+    parts = np.empty((len(counts), 4))
+    moments = np.empty((len(counts), 6))
+    labels = np.empty((len(counts), 3), np.int64)
+    breaks = np.empty(len(counts) + 1, np.int64)
+    found = 0
+    for wall in range(len(ends)):
+        low, high = first[wall], first[wall + 1]
+        states = real_pieces(counts[low:high])
+        pieces = high - low
+        x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
+        length = np.hypot(x2 - x1, y2 - y1)
+        ux, uy = (x2 - x1) / length, (y2 - y1) / length
+        i = 0
+        while i < pieces:
+            if not states[i]:
+                i += 1
+                continue
+            begin = i
+            while i < pieces and states[i]:
+                i += 1
+            number = split_pieces(sums[low + begin : low + i], breaks)
+            start = begin
+            for part in range(number):
+                stop = begin + breaks[part]
+                hits = violations = 0
+                total = np.zeros(6)
+                for k in range(low + start, low + stop):
+                    hits += counts[k, 0]
+                    violations += counts[k, 1]
+                    for column in range(6):
+                        total[column] += sums[k, column]
+                a, b = start / pieces * length, stop / pieces * length
+                start = stop
+                w = total[0]
+                if w <= 0.0:
+                    continue
+                s, d = total[1] / w, total[2] / w
+                ss = max(total[3] - w * s * s, 1e-12)
+                sd = total[4] - w * s * d
+                dd = max(total[5] - w * d * d, 0.0)
+                slope = 0.0
+                if ss > w * LEAST_SPREAD:
+                    slope = sd / ss
+                da, db = d + slope * (a - s), d + slope * (b - s)
+                parts[found, 0], parts[found, 1] = x1 + a * ux - da * uy, y1 + a * uy + da * ux
+                parts[found, 2], parts[found, 3] = x1 + b * ux - db * uy, y1 + b * uy + db * ux
+                moments[found, 0] = w
+                moments[found, 1] = x1 + s * ux - d * uy
+                moments[found, 2] = y1 + s * uy + d * ux
+                moments[found, 3] = ss * ux * ux - 2 * sd * ux * uy + dd * uy * uy
+                moments[found, 4] = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
+                moments[found, 5] = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux
+                labels[found, 0], labels[found, 1], labels[found, 2] = wall, hits, violations
+                found += 1
+    return parts[:found], moments[:found], labels[:found]

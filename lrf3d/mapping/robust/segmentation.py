@@ -1,0 +1,143 @@
+"""Segmentation: the best division of a cluster into straight walls, by dynamic programming.
+
+Along a wall with the normal n at the distance c, the inverse range is linear in the direction of
+the beam: 1/r = (n_x·cos φ + n_y·sin φ)/c. With the variance s²/r⁴ of 1/r, the maximum-likelihood
+line of any run of beams is a linear least-squares fit of two numbers, which running sums give in
+a few operations; so every division of a cluster can be weighed, and the cheapest one be taken.
+"""
+
+import numpy as np
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.constants import (
+    LEAST_POINTS,
+    MOST_OPEN,
+    OUTLIER_COST,
+    PRUNED_COST,
+    WALL_COST,
+)
+
+
+@compiled
+def segment_cluster(
+    beams: Float, ranges: Float, deviations: Float, walls: Int
+) -> int:  # pragma: no cover
+    """Divide a cluster into walls.
+
+    Args:
+        beams: (n, 2) unit vectors of the beams, in the order in which they turn.
+        ranges: (n,) measured ranges [m].
+        deviations: (n,) standard deviations of the ranges [m].
+        walls: (≥ n // LEAST_POINTS, 2) is filled with the first and the last point of each wall;
+            points between are on none.
+
+    Returns:
+        How many walls there are.
+    """
+    count = len(ranges)
+    sums = np.zeros((count + 1, 6))
+    for i in range(count):
+        cos, sin = beams[i, 0], beams[i, 1]
+        square = ranges[i] * ranges[i]
+        # The inverse range and its fit are both scaled by r², which keeps the numbers near 1.
+        weight = square * square / (deviations[i] * deviations[i])
+        inverse = 1.0 / ranges[i]
+        sums[i + 1, 0] = sums[i, 0] + weight * cos * cos
+        sums[i + 1, 1] = sums[i, 1] + weight * cos * sin
+        sums[i + 1, 2] = sums[i, 2] + weight * sin * sin
+        sums[i + 1, 3] = sums[i, 3] + weight * cos * inverse
+        sums[i + 1, 4] = sums[i, 4] + weight * sin * inverse
+        sums[i + 1, 5] = sums[i, 5] + weight * inverse * inverse
+    best = np.zeros(count + 1)
+    origin = np.zeros(count + 1, np.int64)
+    # Where a wall may still begin; a beginning that has become too dear is struck off for good.
+    open_first = np.empty(count + 1, np.int64)
+    opened = 0
+    for last in range(1, count + 1):
+        # The last point lies on no wall …
+        cheapest = best[last - 1] + OUTLIER_COST
+        choice = -1
+        # … or it ends a wall that begins behind the point `first`.
+        if last >= LEAST_POINTS:
+            open_first[opened] = last - LEAST_POINTS
+            opened += 1
+        s0, s1, s2 = sums[last, 0], sums[last, 1], sums[last, 2]
+        s3, s4, s5 = sums[last, 3], sums[last, 4], sums[last, 5]
+        kept = 0
+        for place in range(opened):
+            first = open_first[place]
+            cc = s0 - sums[first, 0]
+            cs = s1 - sums[first, 1]
+            ss = s2 - sums[first, 2]
+            ci = s3 - sums[first, 3]
+            si = s4 - sums[first, 4]
+            determinant = cc * ss - cs * cs
+            misfit = 0.0
+            if determinant > 1e-14 * cc * ss:
+                explained = (ss * ci * ci - 2.0 * cs * ci * si + cc * si * si) / determinant
+                misfit = max(s5 - sums[first, 5] - explained, 0.0)
+                cost = best[first] + misfit + WALL_COST
+                if cost < cheapest:
+                    cheapest = cost
+                    choice = first
+            # Points that are added only raise the misfit, so a beginning that costs more
+            # without its wall than the best division does is never chosen later.
+            if best[first] + misfit <= cheapest + PRUNED_COST:
+                open_first[kept] = first
+                kept += 1
+        opened = kept if kept < MOST_OPEN else _thinned(open_first, kept, choice)
+        best[last] = cheapest
+        origin[last] = choice
+    found = 0
+    last = count
+    while last > 0:
+        if origin[last] < 0:
+            last -= 1
+        else:
+            walls[found, 0] = origin[last]
+            walls[found, 1] = last - 1
+            found += 1
+            last = origin[last]
+    for i in range(found // 2):
+        for k in range(2):
+            walls[i, k], walls[found - 1 - i, k] = walls[found - 1 - i, k], walls[i, k]
+    return found
+
+
+@inner
+def _thinned(places: Int, count: int, choice: int) -> int:  # pragma: no cover
+    """Strike off every second of the older half of places, but for the choice; how many stay."""
+    kept = 0
+    for place in range(count):
+        if place >= count // 2 or place % 2 == 0 or places[place] == choice:
+            places[kept] = places[place]
+            kept += 1
+    return kept
+
+
+@compiled
+def fit_wall(
+    beams: Float, ranges: Float, deviations: Float
+) -> tuple[float, float]:  # pragma: no cover
+    """The wall n/c [1/m] that fits ranges (n,) along beams (n, 2) best: 1/r = (n/c)·beam."""
+    cc = cs = ss = ci = si = 0.0
+    # In the frame of the middle beam the two unknowns are all but uncorrelated, so that a wall
+    # seen under a tiny angle loses no digits.
+    ahead = beams[len(ranges) // 2]
+    for i in range(len(ranges)):
+        cos = beams[i, 0] * ahead[0] + beams[i, 1] * ahead[1]
+        sin = beams[i, 1] * ahead[0] - beams[i, 0] * ahead[1]
+        square = ranges[i] * ranges[i]
+        weight = square * square / (deviations[i] * deviations[i])
+        cc += weight * cos * cos
+        cs += weight * cos * sin
+        ss += weight * sin * sin
+        ci += weight * cos / ranges[i]
+        si += weight * sin / ranges[i]
+    determinant = cc * ss - cs * cs
+    if determinant <= 0.0:
+        return ahead[0] * ci / cc, ahead[1] * ci / cc
+    along = (ss * ci - cs * si) / determinant
+    aside = (cc * si - cs * ci) / determinant
+    return along * ahead[0] - aside * ahead[1], along * ahead[1] + aside * ahead[0]

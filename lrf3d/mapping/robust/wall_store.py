@@ -1,0 +1,117 @@
+"""WallStore: the walls of a growing map, in arrays that grow in place.
+
+An update costs what it changes, however large the map is: a grid finds the partners of new walls.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.constants import MERGE_CELL
+from lrf3d.mapping.robust.grid import Grid, insert
+from lrf3d.mapping.robust.walls import Rule, Touched, Walls, add_walls, unite_walls
+from lrf3d.mapping.segment_table import SegmentTable
+
+LEAST_ROWS = 256
+"""Rows that a new store has room for."""
+
+
+class WallStore:
+    """The walls of a map, merged as they come in."""
+
+    def __init__(self, rule: Rule, *, cell: float = MERGE_CELL) -> None:
+        self._rule, self._cell = rule, cell
+        self._walls, self._touched = Walls.of_size(LEAST_ROWS), Touched.of_size(LEAST_ROWS)
+        self._grid = Grid.of_size(4 * LEAST_ROWS)
+        self._free: list[int] = []
+        self._top = self._updates = 0
+
+    def add(self, ends: Float, moments: Float, points: Int, place: tuple[float, float]) -> None:
+        """Merge the walls of one scan with those of the map.
+
+        Args:
+            ends: (n, 4) segments around the laser [m].
+            moments: (n, 6) their moments.
+            points: (n,) their counts of points.
+            place: Where the laser is [m].
+        """
+        if not len(ends):
+            return
+        self._updates += 1
+        self._touched.number[0] = 0
+        try:
+            free = self._take(len(ends))
+            # Compiled code takes a column without gaps.
+            points = np.ascontiguousarray(points)
+            add_walls(self._walls, self._touched, free, ends, moments, points, place, self._updates)
+            self._unite(free)
+        finally:
+            # An update that is interrupted leaves free rows as well.
+            rows = self._touched.rows[: self._touched.number[0]]
+            self._free += rows[self._walls.points[rows] == 0].tolist()
+
+    def _unite(self, fresh: Int) -> None:
+        """Merge fresh rows with all that they fit, in a grid that is large enough."""
+        waiting, turn = np.append(fresh, 0), np.array([0, len(fresh)])
+        while not unite_walls(
+            self._walls,
+            self._touched,
+            self._grid,
+            waiting,
+            turn,
+            self._updates,
+            self._rule,
+            self._cell,
+        ):
+            self._regrid(2 * len(self._grid.rows))
+
+    def _take(self, count: int) -> Int:
+        """Free rows (count,)."""
+        reused = min(count, len(self._free))
+        rows = self._free[len(self._free) - reused :]
+        del self._free[len(self._free) - reused :]
+        fresh = count - reused
+        while self._top + fresh > len(self._walls.points):
+            self._walls, self._touched = self._walls.doubled(), self._touched.doubled()
+        rows.extend(range(self._top, self._top + fresh))
+        self._top += fresh
+        return np.array(rows)
+
+    def _regrid(self, entries: int) -> None:
+        """Put all walls into a new, larger grid."""
+        grid = Grid.of_size(entries)
+        for row in np.flatnonzero(self._walls.points[: self._top]).tolist():
+            if not insert(grid, row, self._walls.ends[row], self._cell):
+                return self._regrid(2 * entries)
+        self._grid = grid
+
+    def table(self) -> SegmentTable:
+        """The walls as they are now, each an object of its own."""
+        walls = self._walls.take(np.flatnonzero(self._walls.points[: self._top]))
+        return SegmentTable(*walls, np.arange(len(walls.points)))
+
+    def state(self) -> dict[str, Any]:
+        """All that the store is, as plain arrays by their names; `restore` takes them back."""
+        walls = self._walls.take(slice(self._top))
+        searches = int(self._touched.number[1])
+        return {
+            **{f"wall_{name}": column for name, column in walls._asdict().items()},
+            **{f"grid_{name}": column for name, column in self._grid._asdict().items()},
+            "wall_free": np.array(self._free, dtype=np.int64),
+            "wall_counts": np.array([self._top, self._updates, searches], dtype=np.int64),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Be the store whose state is given."""
+        self._top, self._updates, searches = state["wall_counts"].tolist()
+        rows = LEAST_ROWS
+        while rows < self._top:
+            rows *= 2
+        self._walls, self._touched = Walls.of_size(rows), Touched.of_size(rows)
+        for name, column in self._walls._asdict().items():
+            column[: self._top] = state[f"wall_{name}"]
+        self._touched.number[1] = searches
+        self._grid = Grid(*(state[f"grid_{name}"].copy() for name in Grid._fields))
+        self._free = state["wall_free"].tolist()

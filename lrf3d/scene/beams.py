@@ -1,0 +1,233 @@
+"""The beams of a scan as they are drawn: the fan, single beams, hit points and the trace on walls.
+
+All arrays are in the film's frame.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Bool, Float, Int, Single
+from lrf3d.laser import LaserScan, beam_directions
+from lrf3d.scene.look import (
+    BEAM_COLOUR,
+    BEAM_STRENGTH,
+    BEAMS_DRAWN,
+    FARTHEST_COLOUR,
+    RANGE_COLOURS,
+    TRACE_COLOUR,
+    TRACE_STRENGTH,
+)
+
+_JOINED_GAP = 0.6
+"""Neighbouring hits farther apart [m] than this, of which no wall is known, are not joined."""
+
+_WEDGE = 0.1
+"""Widest triangle of the fan [rad]: its chord is off the circle by a thousandth of the range."""
+
+LINE_SIZES = (3, 3, 1, 4, 2)
+"""Floats of a corner of a line: here, there, turn, colour, side of the wall."""
+
+POINT_SIZES = (3, 3, 2)
+"""Floats of a hit point: position, colour, side of the wall."""
+
+Carry = Callable[[Float, Bool, float], Float]
+"""Moves ends (beams, 2), of which some are loose (beams,), since a time [s] to where they are."""
+
+
+def _stay(ends: Float, loose: Bool, since: float) -> Float:
+    return ends
+
+
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """One scan, ready to be drawn.
+
+    Args:
+        apex: (2,) where the beams come from [m].
+        ends: (beams, 2) where they end as seen from the apex [m].
+        ranges: (beams,) how far that is [m].
+        points: (hits, 2) the reflection points [m].
+        point_ranges: (hits,) their measured ranges [m].
+        joined: (beams − 1,) whether the beam and the next ended on one wall.
+        hits: (beams,) which beams returned.
+        sides: (hits, 2) where the face of the wall looks that each point lies on; 0 where no wall
+            is known.
+        beam_angle: Angle from one beam to the next [rad].
+    """
+
+    apex: Float
+    ends: Float
+    ranges: Float
+    points: Float
+    point_ranges: Float
+    joined: Bool
+    hits: Bool
+    sides: Float
+    beam_angle: float
+
+    @classmethod
+    def from_scan(
+        cls, scan: LaserScan, walls: Float, objects: Int, apex: Float, carry: Carry = _stay
+    ) -> "Beams":
+        """Make beams of a scan whose pose, like walls (n, 4) and apex (2,), is in the film's frame.
+
+        The apex is where the robot stands now, a little past the pose of the scan: the beams then
+        follow the robot while the points stay on their walls, and move with what moves: ends
+        that lie on no known wall are carried on.
+        """
+        origin = np.array([scan.pose.x, scan.pose.y])
+        # A beam without return goes as far as it can be measured; one too near ends at once.
+        far = scan.range_max if np.isfinite(scan.range_max) else 100.0
+        ranges = np.where(scan.hits, scan.ranges, np.where(scan.ranges < 0.0, 0.0, far))
+        ends = origin + ranges[:, None] * beam_directions(scan.pose.theta, scan.angles)
+        known = scan.walls >= 0
+        ends = carry(ends, scan.hits & ~known, scan.time)
+        close = np.hypot(*(ends[1:] - ends[:-1]).T) < _JOINED_GAP
+        same = np.where(known[1:] & known[:-1], scan.walls[1:] == scan.walls[:-1], close)
+        joined = scan.hits[1:] & scan.hits[:-1] & same
+        points = ends[scan.hits]
+        sides = _sides(origin, points, walls, scan.walls[scan.hits])
+        if np.hypot(*(apex - origin)) > 1e-6:
+            if known.any():
+                near = np.isin(objects, np.unique(objects[scan.walls[known]]))
+                ends = _seen_from(apex, ends, walls[near])
+            else:
+                apex = origin
+        reached = np.hypot(*(ends - apex).T)
+        step = float(scan.angles[1] - scan.angles[0]) if len(scan.angles) > 1 else 0.0
+        measured = scan.ranges[scan.hits]
+        return cls(apex, ends, reached, points, measured, joined, scan.hits, sides, step)
+
+    def fan(self, height: float) -> Single:
+        """Triangles (3 · n, 4) of the fan: position and range of each corner [m]."""
+        both_open = ~self.hits[:-1] & ~self.hits[1:]
+        # Between two beams that ended on different walls the fan goes as far as the shorter.
+        kind = np.where(self.joined, 1, np.where(both_open, 2, 0))
+        start = _wedges(kind, self.beam_angle)
+        stop = np.append(start[1:], len(kind))
+        near = np.minimum(self.ranges[start], self.ranges[stop])[:, None]
+        whole = (kind[start] > 0)[:, None]
+        first, second = self.ends[start], self.ends[stop]
+        first = np.where(whole, first, self._at(first, near, self.ranges[start]))
+        second = np.where(whole, second, self._at(second, near, self.ranges[stop]))
+        rows = np.zeros((len(first), 3, 4), np.float32)
+        rows[:, 0, :2] = self.apex
+        rows[:, 1, :2] = first
+        rows[:, 2, :2] = second
+        rows[:, :, 2] = height
+        rows[:, 1, 3] = np.hypot(*(first - self.apex).T)
+        rows[:, 2, 3] = np.hypot(*(second - self.apex).T)
+        return rows.reshape(-1, 4)
+
+    def lines(self, height: float, reach: float) -> Single:
+        """Single beams as line quads, paler with the range [m] and gone at the reach [m]."""
+        chosen = drawn_beams(len(self.ends))
+        ranges = np.minimum(self.ranges[chosen], reach)
+        ends = self._at(self.ends[chosen], ranges[:, None], self.ranges[chosen])
+        start = np.broadcast_to(self.apex, ends.shape)
+        alpha = np.column_stack(
+            [np.full(len(ends), BEAM_STRENGTH), BEAM_STRENGTH * (1.0 - ranges / reach)]
+        )
+        return line_quads(start, ends, np.full((len(ends), 3), BEAM_COLOUR), alpha, height)
+
+    def trace(self, height: float) -> Single:
+        """The line on the walls where the scan hit them, as line quads."""
+        index = np.cumsum(self.hits) - 1
+        first = np.flatnonzero(self.joined)
+        start, end = self.points[index[first]], self.points[index[first + 1]]
+        colours = np.full((len(start), 3), TRACE_COLOUR)
+        opaque = np.full((len(start), 2), TRACE_STRENGTH)
+        return line_quads(start, end, colours, opaque, height, self.sides[index[first]])
+
+    def dots(self, height: float, range_max: float) -> Single:
+        """Hit points (hits, 8): position [m], colour by range and side of the wall."""
+        farthest = min(range_max, FARTHEST_COLOUR)
+        place = np.clip(self.point_ranges / farthest, 0.0, 1.0) * (len(RANGE_COLOURS) - 1)
+        rows = np.zeros((len(self.points), 8), np.float32)
+        rows[:, :2] = self.points
+        rows[:, 2] = height
+        rows[:, 6:8] = self.sides
+        for channel in range(3):
+            rows[:, 3 + channel] = np.interp(
+                place, np.arange(len(RANGE_COLOURS)), RANGE_COLOURS[:, channel]
+            )
+        return rows
+
+    def _at(self, ends: Float, wanted: Float, ranges: Float) -> Float:
+        """Points at wanted ranges (n, 1) on the way from the apex to ends (n, 2)."""
+        return self.apex + (ends - self.apex) * (wanted / np.maximum(ranges, 1e-9)[:, None])
+
+
+def drawn_beams(count: int) -> Int:
+    """Which of a number of beams are drawn as single lines, evenly over the scan."""
+    step = max(1, round(count / BEAMS_DRAWN))
+    return np.arange((count - 1) % step // 2, count, step)
+
+
+def line_quads(
+    start: Float,
+    end: Float,
+    colours: Float,
+    alpha: Float,
+    height: float,
+    sides: Float | None = None,
+) -> Single:
+    """Lines (n, 2) to (n, 2) as two triangles (6 · n, 13) each: here, there, turn, colour, side.
+
+    A line as wide as some pixels has soft edges also where a picture is not smoothed. ``alpha``
+    (n, 2) is the opacity at both ends; ``sides`` (n, 2) is where the faces look that lines lie on.
+    """
+    rows = np.zeros((len(start), 6, 13), np.float32)
+    # Corner, whether at the end, and the side seen on the way from there to the other end.
+    for corner, (at_end, turn) in enumerate([(0, 1), (0, -1), (1, 1), (0, 1), (1, 1), (1, -1)]):
+        here, there = (end, start) if at_end else (start, end)
+        rows[:, corner, 0:2] = here
+        rows[:, corner, 3:5] = there
+        rows[:, corner, 6] = turn * (1 + at_end)
+        rows[:, corner, 10] = alpha[:, at_end]
+    rows[:, :, 2] = height
+    rows[:, :, 5] = height
+    rows[:, :, 7:10] = colours[:, None, :]
+    if sides is not None:
+        rows[:, :, 11:13] = sides[:, None, :]
+    return rows.reshape(-1, 13)
+
+
+def _wedges(kind: Int, beam_angle: float) -> Int:
+    """The beams that triangles of the fan begin at: beams that end on one wall share some.
+
+    Many narrow triangles take longer to draw than a few wide ones of the same area.
+    """
+    if not len(kind):
+        return np.zeros(0, dtype=np.int64)
+    most = max(1, int(_WEDGE / beam_angle)) if beam_angle > 0.0 else 1
+    changes = np.append(True, (kind[1:] != kind[:-1]) | (kind[1:] == 0))
+    begins = np.flatnonzero(changes)
+    place = np.arange(len(kind)) - begins[np.cumsum(changes) - 1]
+    return np.flatnonzero(changes | (place % most == 0))
+
+
+def _sides(origin: Float, points: Float, walls: Float, numbers: Int) -> Float:
+    """Normals (n, 2) of walls by number, towards the origin of the beams; 0 for a number of −1."""
+    if not len(walls):
+        return np.zeros_like(points)
+    along = walls[numbers, 2:] - walls[numbers, :2]
+    normal = np.column_stack([-along[:, 1], along[:, 0]])
+    toward = np.sign(np.einsum("ij,ij->i", normal, origin - walls[numbers, :2]))
+    return np.asarray(normal * np.where(numbers >= 0, toward, 0.0)[:, None])
+
+
+def _seen_from(apex: Float, ends: Float, walls: Float) -> Float:
+    """The ends (m, 2), drawn nearer where one of the walls (n, 4) hides them from the apex (2,)."""
+    way = ends - apex
+    offset = walls[:, :2] - apex
+    along = walls[:, 2:] - walls[:, :2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = way[:, 0, None] * along[:, 1] - way[:, 1, None] * along[:, 0]
+        share = (offset[:, 0] * along[:, 1] - offset[:, 1] * along[:, 0]) / crossing
+        place = (offset[:, 0] * way[:, 1, None] - offset[:, 1] * way[:, 0, None]) / crossing
+    blocked = (share > 0.0) & (share < 0.995) & (place >= 0.0) & (place <= 1.0)
+    nearest = np.min(np.where(blocked, share, 1.0), axis=1, initial=1.0)
+    return np.asarray(apex + way * nearest[:, None])

@@ -1,0 +1,363 @@
+"""Cameras: where a film is seen from, as a function of its time alone.
+
+A camera does not remember frames: every process that draws a part of a film sees the same.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import shapely
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
+
+from lrf3d.geometry import Float
+from lrf3d.scene.look import FAN_SHARE_AHEAD
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.timeline import Timeline
+from lrf3d.world.cameras import FixedCamera, check_view
+
+_LAND = 2500.0
+"""How far the ground reaches at the least [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A look at the scene, in the film's frame.
+
+    Args:
+        eye: (3,) where the eye is [m].
+        target: (3,) what stands in the middle of the picture [m].
+        field: Angle of view from the bottom to the top [rad].
+        up: (3,) what is up in the picture.
+        near: Distance [m] from which on things are drawn.
+        clear: Whether the air is without haze, as for bird's-eye cameras.
+        fan: How strong the fan of beams is drawn; less where it would cover the picture.
+        shows_map: Whether the map is laid over the scene.
+    """
+
+    eye: Float
+    target: Float
+    field: float
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    near: float = 0.2
+    clear: bool = False
+    fan: float = 1.0
+    shows_map: bool = False
+
+    @property
+    def key(self) -> tuple[bytes, bytes, float]:
+        """What distinguishes this look from others of its camera."""
+        return self.eye.tobytes(), self.target.tobytes(), self.field
+
+    @property
+    def horizon(self) -> float:
+        """Height in the picture, −1…1 from the bottom up, under which there is no sky."""
+        ahead = self.target - self.eye
+        level = float(np.hypot(ahead[0], ahead[1]))
+        if level < 1e-6 * abs(float(ahead[2])):
+            return np.inf
+        # The ground ends before the horizon: by so much the sky is seen below it.
+        dip = np.arctan2(abs(float(self.eye[2])), _LAND)
+        angle = np.arctan2(-float(ahead[2]), level) - dip
+        if angle >= 0.5 * np.pi:
+            return np.inf
+        return float(np.tan(angle) / np.tan(0.5 * self.field)) - 0.01
+
+    @property
+    def pose(self) -> Float:
+        """The matrix (4, 4) that takes the camera's frame, which looks along −z, to the film's."""
+        back = self.eye - self.target
+        back = back / np.linalg.norm(back)
+        right = np.cross(np.array(self.up), back)
+        right = right / np.linalg.norm(right)
+        matrix = np.eye(4)
+        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = right, np.cross(back, right), back
+        matrix[:3, 3] = self.eye
+        return matrix
+
+
+class SmoothPath:
+    """The robot's path, smoothed over time, for cameras that follow it."""
+
+    STEP = 0.04
+    """Time of the film between the points [s] that the path is computed at."""
+    SMOOTH = 0.7
+    """Time of the film [s] over which turns are smoothed: what looks calm does not hang on how
+    fast the run is played."""
+
+    def __init__(self, timeline: Timeline) -> None:
+        step = self.STEP * timeline.playback
+        count = int(np.ceil((timeline.end - timeline.start) / step)) + 2
+        self.times: Float = timeline.start + step * np.arange(count, dtype=np.float64)
+        poses = timeline.poses(self.times)
+        self.places = poses[:, :2] - timeline.origin
+        self.width = self.SMOOTH / self.STEP
+        self.headings = gaussian_filter1d(np.unwrap(poses[:, 2]), self.width, mode="nearest")
+        self._smooth = gaussian_filter1d(self.places, self.width, axis=0, mode="nearest")
+
+    def place(self, time: float) -> Float:
+        """The smoothed place (2,) at a time [s]."""
+        return np.array([np.interp(time, self.times, axis) for axis in self._smooth.T])
+
+
+class Camera(Protocol):
+    """Anything that says where a film is seen from."""
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run, for a picture of an aspect (width over height)."""
+        ...
+
+
+class Chase:
+    """Follows the robot from behind, smoothly, and never from inside or behind a wall.
+
+    Among houses the eye comes nearer where a wall is in its way; in rooms, which have no ceiling,
+    it looks over the wall.
+    """
+
+    BACK = 3.7
+    """How far behind the robot the eye is [m]."""
+    HEIGHT = 1.95
+    """Height of the eye [m]."""
+    BELOW = np.radians(12.0)
+    """Angle at which the robot is seen under the middle of the picture [rad]."""
+    FIELD = np.radians(50.0)
+    CLEARANCE = 0.30
+    """Distance [m] that the eye keeps from walls."""
+    NEAREST = 0.1
+    """What is left of the way back [m] at the least; then the eye looks from above."""
+    AIM = 0.3
+    """Height of the robot's middle [m]."""
+    AWAY = 5.0
+    """How far the eye is from the robot in rooms [m]."""
+    LEAST, MOST = np.radians(31.0), np.radians(76.0)
+    """How steeply it then looks at it [rad]."""
+    LOW = 1.2
+    """Walls up to this height [m] do not hide the robot from the eye."""
+
+    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+        self._path = SmoothPath(timeline)
+        self._indoor = structures.indoor
+        self._over = float(structures.heights.max(initial=0.0)) + 0.15
+        width = self._path.width
+        free = self._free_way(structures)
+        # The least over the filter's reach comes first: its mean is then never past a wall.
+        reach = int(2.0 * width)
+        least = minimum_filter1d(free, 2 * reach + 1, mode="nearest")
+        self._back = gaussian_filter1d(least, width, mode="nearest", truncate=2.0)
+
+    def _free_way(self, structures: Structures) -> Float:
+        """How far (k,) the eye can go back from the robot at each point [m]."""
+        path = self._path
+        backward = -np.column_stack([np.cos(path.headings), np.sin(path.headings)])
+        sideways = np.column_stack([-backward[:, 1], backward[:, 0]])
+        free = np.full(len(path.times), self.BACK)
+        tall = structures.segments[structures.heights > self.LOW]
+        tree = shapely.STRtree(shapely.linestrings(tall.reshape(-1, 2, 2)))
+        for side in (-self.CLEARANCE, 0.0, self.CLEARANCE):
+            ends = path.places + (self.BACK + self.CLEARANCE) * backward + side * sideways
+            ways = shapely.linestrings(np.stack([path.places, ends], axis=1))
+            point, wall = tree.query(ways, predicate="intersects")
+            cuts = shapely.intersection(ways[point], tree.geometries[wall])
+            gap = shapely.distance(shapely.points(path.places[point]), cuts)
+            np.minimum.at(free, point, gap - 1.5 * self.CLEARANCE)
+        return np.asarray(np.maximum(free, self.NEAREST))
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        x, y, heading, back = (
+            float(np.interp(time, self._path.times, values))
+            for values in (*self._path.places.T, self._path.headings, self._back)
+        )
+        forward = np.array([np.cos(heading), np.sin(heading), 0.0])
+        place = np.array([x, y, 0.0])
+        if self._indoor:
+            steep = np.clip(np.arctan2(self._over - self.AIM, back), self.LEAST, self.MOST)
+            away, height = self.AWAY * np.cos(steep), self.AIM + self.AWAY * np.sin(steep)
+        else:
+            # The nearer the eye, the higher it is and the steeper it looks.
+            away, height = back, self.HEIGHT + 0.9 * (1.0 - back / self.BACK)
+        eye = place - away * forward + [0.0, 0.0, height]
+        down = np.arctan2(height - self.AIM, away) - self.BELOW
+        target = eye + np.cos(down) * forward - [0.0, 0.0, np.sin(down)]
+        return Look(eye, target, float(self.FIELD))
+
+
+class Top:
+    """Looks down on the whole world, or follows the robot where the world is large."""
+
+    FIELD = np.radians(3.0)
+    """Nearly parallel rays: walls then do not lean over the map."""
+    WHOLE = 220.0
+    """Largest world [m] that is seen whole."""
+    WINDOW = 70.0
+    """Shorter side [m] of what is seen of a larger one."""
+    MARGIN = 1.06
+    """What is seen around the world, as a factor."""
+
+    def __init__(
+        self,
+        timeline: Timeline,
+        structures: Structures,
+        covered: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        self._timeline = timeline
+        self._covered = covered
+        ends = structures.segments.reshape(-1, 2)
+        if not len(ends):
+            ends = np.array([[-1.0, -1.0], [1.0, 1.0]])
+        self._low: Float = ends.min(axis=0)
+        self._high: Float = ends.max(axis=0)
+        self._tallest = float(structures.heights.max(initial=0.0))
+        self._path = SmoothPath(timeline)
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        size = self._high - self._low
+        if float(size.max()) <= self.WHOLE:
+            # The panel stands in a corner: the world goes right of it or below, whichever
+            # leaves it larger.
+            wide, high = self._covered
+            right = max(size[1], size[0] / (aspect - wide)) if wide < aspect else np.inf
+            below = max(size[1] / (1.0 - high), size[0] / aspect)
+            window = self.MARGIN * min(right, below)
+            shift = (-wide, 0.0) if right < below else (0.0, high)
+            middle = 0.5 * (self._low + self._high) + 0.5 * window * np.array(shift)
+        else:
+            middle, window = self._path.place(time), self.WINDOW / min(1.0, aspect)
+        away = 0.5 * window / np.tan(0.5 * self.FIELD) + self._tallest
+        eye = np.array([*middle, away])
+        return Look(
+            eye,
+            np.array([*middle, 0.0]),
+            float(self.FIELD),
+            up=(0.0, 1.0, 0.0),
+            near=0.5 * (away - self._tallest),
+            clear=True,
+            shows_map=True,
+        )
+
+
+class Orbit:
+    """Goes slowly round the robot, from high above, and higher where a house is in between."""
+
+    FIELD = np.radians(42.0)
+    TURN = np.radians(9.0)
+    """Angle per second of the film [rad/s]."""
+    STEEPEST = np.radians(80.0)
+    """How steeply it looks down at the most [rad]."""
+    MARGIN = np.radians(4.0)
+    """How far above the edge of a roof it keeps [rad]."""
+
+    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+        self._path = SmoothPath(timeline)
+        self._timeline = timeline
+        tallest = float(structures.heights.max(initial=0.0))
+        height = 8.0 if structures.indoor else max(30.0, 1.7 * tallest)
+        # High enough to look down into a street between its houses.
+        level = (0.9 if structures.indoor else 0.62) * height
+        self._away = float(np.hypot(height, level))
+        least = float(np.arctan2(height, level))
+        needed = self._free_angles(structures, level)
+        width = self._path.width
+        # The most over the filter's reach comes first: its mean is then never too low.
+        most = maximum_filter1d(needed, 2 * int(2.0 * width) + 1, mode="nearest")
+        smooth = gaussian_filter1d(most, width, mode="nearest", truncate=2.0)
+        self._angles = np.clip(smooth, least, self.STEEPEST)
+
+    def _free_angles(self, structures: Structures, level: float) -> Float:
+        """How steeply (k,) the eye must look down at each time to see the robot [rad]."""
+        places, turns = self._path.places, self._turns(self._path.times)
+        sides = np.column_stack([np.cos(turns), np.sin(turns)])
+        ways = shapely.linestrings(np.stack([places, places + level * sides], axis=1))
+        tree = shapely.STRtree(shapely.linestrings(structures.segments.reshape(-1, 2, 2)))
+        point, wall = tree.query(ways, predicate="intersects")
+        cuts = shapely.intersection(ways[point], tree.geometries[wall])
+        gap = np.maximum(shapely.distance(shapely.points(places[point]), cuts), 1e-3)
+        angles = np.zeros(len(places))
+        np.maximum.at(angles, point, np.arctan2(structures.heights[wall], gap) + self.MARGIN)
+        return angles
+
+    def _turns(self, times: Float) -> Float:
+        """Where the eye stands round the robot at times [rad]."""
+        passed = (times - self._timeline.start) / self._timeline.playback
+        return np.asarray(self.TURN * passed - 2.2)
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        turn = self._turns(np.array([time]))[0]
+        steep = float(np.interp(time, self._path.times, self._angles))
+        middle = np.array([*self._path.place(time), 0.5])
+        side = np.array([np.cos(turn) * np.cos(steep), np.sin(turn) * np.cos(steep), np.sin(steep)])
+        return Look(middle + self._away * side, middle, float(self.FIELD))
+
+
+class First:
+    """Looks ahead from the top of the robot."""
+
+    FIELD = np.radians(62.0)
+
+    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+        self._timeline = timeline
+        self._height = timeline.run.lrf.height + 0.22
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        x, y, theta = self._timeline.poses(np.array([time]))[0]
+        origin = self._timeline.origin
+        eye = np.array([x - origin[0], y - origin[1], self._height])
+        ahead = np.array([np.cos(theta), np.sin(theta), -0.10])
+        return Look(eye, eye + ahead, float(self.FIELD), fan=FAN_SHARE_AHEAD)
+
+
+CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
+    "chase": Chase,
+    "first": First,
+    "orbit": Orbit,
+    "top": Top,
+}
+
+
+class Fixed:
+    """Stands where the world says, and looks where it says."""
+
+    def __init__(self, camera: FixedCamera, origin: Float) -> None:
+        place = np.array([*origin, 0.0])
+        eye, target = np.array(camera.position) - place, np.array(camera.target) - place
+        ahead = target - eye
+        # Straight down or up there is no side that is up but the north.
+        level = np.hypot(ahead[0], ahead[1]) > 1e-6 * abs(ahead[2])
+        up = (0.0, 0.0, 1.0) if level else (0.0, 1.0, 0.0)
+        self._look = Look(eye, target, float(np.radians(camera.field_deg)), up=up)
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look, at any time."""
+        return self._look
+
+
+def make_camera(
+    view: str,
+    timeline: Timeline,
+    structures: Structures,
+    covered: tuple[float, float] = (0.0, 0.0),
+) -> Camera:
+    """Make the camera of a name.
+
+    Args:
+        view: The name.
+        timeline: The run.
+        structures: What stands in its world.
+        covered: Width and height of the upper left corner that a panel covers, in heights of the
+            picture: from above, the world is shown beside it.
+
+    Raises:
+        InputError: There is no camera of that name.
+    """
+    world = timeline.run.world
+    check_view(view, world.cameras)
+    if view == "top":
+        return Top(timeline, structures, covered)
+    if view in CAMERAS:
+        return CAMERAS[view](timeline, structures)
+    return Fixed(next(c for c in world.cameras if c.name == view), timeline.origin)

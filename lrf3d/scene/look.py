@@ -1,0 +1,172 @@
+"""The constants of the look, for all pictures: colours, light, and sizes of what is drawn.
+
+Colours are red, green, blue in 0…1, as a screen shows them.
+"""
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int
+from lrf3d.world import World
+
+SUN = np.array([0.33, -0.37, 0.868])
+"""Direction to the sun, of unit length: high, so that shadows leave streets some light."""
+
+SKYLIGHT = 0.68 * np.array([0.95, 0.98, 1.06])
+"""What light is left where the sun is hidden."""
+
+PLASTER = np.array(
+    [
+        [0.80, 0.74, 0.62],
+        [0.70, 0.50, 0.43],
+        [0.74, 0.77, 0.74],
+        [0.78, 0.66, 0.50],
+        [0.62, 0.68, 0.74],
+        [0.84, 0.80, 0.73],
+        [0.65, 0.60, 0.53],
+        [0.76, 0.58, 0.46],
+        [0.68, 0.74, 0.68],
+    ]
+)
+"""Façades of a town: warm plasters, bricks and two cool greys, none next to its like."""
+
+PAINT = np.array(
+    [
+        [0.87, 0.86, 0.82],
+        [0.64, 0.74, 0.80],
+        [0.83, 0.72, 0.56],
+        [0.70, 0.78, 0.66],
+        [0.80, 0.64, 0.60],
+        [0.72, 0.70, 0.80],
+    ]
+)
+"""Walls and things in rooms: pale paint."""
+
+HAZE, HAZE_INDOOR = (0.83, 0.88, 0.935), (0.80, 0.825, 0.85)
+HALF_HAZE, HALF_HAZE_INDOOR = 190.0, 120.0
+"""Colour of what is far away, and the distance [m] at which half of what is seen is haze."""
+
+ZENITH, ZENITH_INDOOR = (0.33, 0.53, 0.85), (0.60, 0.66, 0.74)
+GLOW = (1.0, 0.93, 0.80)
+"""Colours of the sky overhead, and of the air round the sun."""
+
+SHADOW_RIM = 0.04
+"""Width of the rim of the sun's light on a wall [m]."""
+
+GROUND_SHARPNESS = 0.6
+"""By how much finer copies of the ground's picture are taken: streets are seen at a slant."""
+
+SHADOW_COLOUR = (0.02, 0.03, 0.05)
+"""What the robot and dynamic obstacles darken the ground with."""
+
+BEAMS_DRAWN = 46
+"""About how many single beams are drawn: more would run into one red."""
+
+BEAM_COLOUR, BEAM_STRENGTH = (1.0, 0.30, 0.22), 0.62
+"""Colour of a single beam, and its opacity at the robot."""
+
+FAN_COLOUR, FAN_CURVE = (0.98, 0.25, 0.18), 1.5
+FAN_STRENGTH, FAN_STRENGTH_INDOOR = 0.37, 0.30
+"""Colour of the fan of beams, the power of what is left of its reach that it fades with, and its
+opacity at the robot."""
+
+FAN_SHARE_AHEAD = 0.45
+"""How much of that opacity is left where the robot's eyes look through the fan."""
+
+REACH = 42.0
+"""Range [m] at which beams have faded to nothing: farther, they would only tint the street."""
+
+RANGE_COLOURS = np.array(
+    [
+        [1.00, 0.93, 0.50],
+        [1.00, 0.70, 0.20],
+        [1.00, 0.42, 0.14],
+        [0.90, 0.20, 0.30],
+        [0.68, 0.20, 0.62],
+    ]
+)
+"""Colours of hit points from near to far."""
+
+FARTHEST_COLOUR = 30.0
+"""Range [m] from which hit points have their last colour."""
+
+POINT_SIZE, POINT_PIXELS = 0.10, (3.0, 10.0)
+"""Diameter of a hit point [m], and the smallest and largest in a picture of 720 lines [pixels]."""
+
+TRACE_COLOUR, TRACE_STRENGTH = (1.0, 0.27, 0.12), 0.95
+"""Colour and opacity of the line on the walls where a scan hit them."""
+
+TRACE_HEIGHT, TRACE_GAP = 0.06, 0.02
+"""Height of that line where it is a ribbon, and how far it stands before its wall [m]."""
+
+TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.14, 0.48, 0.90), 0.11, 0.015
+"""Colour of the robot's trail, and its width and height over the ground [m]."""
+
+MAP_BAND, MAP_WIDTH = (0.62, 0.86), 0.10
+"""Heights between which the map is a band along the walls, above the beams, and its width [m]: it
+stands out of its line to both sides, so that no wall hides it."""
+
+PAPER, STONE = (0.965, 0.970, 0.980), (0.70, 0.725, 0.76)
+ROBOT, ROBOT_RIM = (0.98, 0.46, 0.06), (0.12, 0.14, 0.18)
+"""Colours of the inset: paper and houses, and the robot as a dart with its rim."""
+
+INSET_WHOLE, INSET_FOLLOWED = 140.0, 110.0
+"""The largest world [m] that the inset shows whole, and what it shows of a larger one."""
+
+DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
+"""Outline (4, 2) of the robot as seen from above, heading along x."""
+
+MOVERS = np.array([[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]])
+"""What moves beside the robot: strong, and none is the robot's orange."""
+
+_HUE_STEP = 0.6180339887
+"""The golden ratio's fraction of a turn: neighbours in number lie far apart in hue."""
+
+
+_TONES, _CHROMA = np.array([0.48, 0.65, 0.56]), 0.17
+"""Lightness and colourfulness in Oklch of the objects of maps: legible on white, none shouts."""
+
+_LMS_FROM_LAB = np.array(
+    [
+        [1.0, 0.3963377774, 0.2158037573],
+        [1.0, -0.1055613458, -0.0638541728],
+        [1.0, -0.0894841775, -1.2914855480],
+    ]
+)
+_RGB_FROM_LMS = np.array(
+    [
+        [4.0767416621, -3.3077115913, 0.2309699292],
+        [-1.2684380046, 2.6097574011, -0.3413193965],
+        [-0.0041960863, -0.7034186147, 1.7076147010],
+    ]
+)
+
+
+def object_colours(world: World, *, indoor: bool) -> Float:
+    """Colours (objects, 3) of a world's objects: its own, or one from a palette by number."""
+    palette = PAINT if indoor else PLASTER
+    numbers = np.arange(world.object_count)
+    chosen = palette[numbers % len(palette)].copy()
+    # A slow drift in brightness keeps two houses of one colour from looking the same.
+    chosen *= (0.94 + 0.10 * np.modf(numbers * _HUE_STEP)[0])[:, None]
+    given = np.full((world.object_count, 3), np.nan)
+    rows = min(len(world.colours), world.object_count)
+    given[:rows] = world.colours[:rows]
+    return np.clip(np.where(np.isnan(given), chosen, given), 0.0, 1.0)
+
+
+def object_tints(objects: Int) -> Float:
+    """Colours (n, 3) of the objects of a map, strong on white, the same for the same number."""
+    number = np.asarray(objects, dtype=np.float64)
+    # Hues a golden step apart never come round; three tones part those that come near.
+    hue = 2.0 * np.pi * (0.73 - number * _HUE_STEP)
+    lightness = _TONES[number.astype(np.int64) % len(_TONES)]
+    return _oklch_to_rgb(lightness, np.full(len(number), _CHROMA), hue)
+
+
+def _oklch_to_rgb(lightness: Float, chroma: Float, hue: Float) -> Float:
+    """Screen colours (n, 3) of Oklch (Ottosson, 2020), where all hues look equally bright."""
+    lab = np.column_stack([lightness, chroma * np.cos(hue), chroma * np.sin(hue)])
+    linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
+    curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
+    colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
+    return colours

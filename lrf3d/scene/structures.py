@@ -1,0 +1,180 @@
+"""What the walls of a world make up: buildings with a roof, and walls that stand free.
+
+Enters: a world and where the robot drove. Leaves: arrays of what is in sight, in the film's own
+frame.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lrf3d.geometry import Bool, Float, Int, directions
+from lrf3d.run import Run
+from lrf3d.scene.look import object_colours
+from lrf3d.scene.sight import Sight
+from lrf3d.world import World
+
+INDOOR_HEIGHT = 3.5
+"""Walls up to here [m] are those of rooms: a storey; they get no windows and no sun."""
+
+_PROBE = 0.005
+"""How far beside a wall [m] its inside is felt for: less than any wall is thick."""
+
+
+@dataclass(frozen=True, eq=False)
+class Structures:
+    """The walls of a world in the film's frame, and the solids that they close round.
+
+    Args:
+        segments: (n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left.
+        objects: (n,) the object that each wall belongs to.
+        heights: (n,) heights [m].
+        colours: (n, 3) red, green, blue in 0…1.
+        seeds: (n,) a number in 0…1 for each wall, the same for all walls of an object.
+        closed: (n,) whether the wall belongs to a solid and so has one visible side.
+        solids: (k,) polygons of the solids.
+        solid_objects: (k,) the object that each solid is.
+        solid_heights: (k,) heights of their roofs [m].
+        solid_colours: (k, 3) colours of their walls.
+        indoor: Whether this is the inside of a house.
+        origin: (2,) where the origin of the film's frame lies in the world [m].
+    """
+
+    segments: Float
+    objects: Int
+    heights: Float
+    colours: Float
+    seeds: Float
+    closed: Bool
+    solids: NDArray[Any]
+    solid_objects: Int
+    solid_heights: Float
+    solid_colours: Float
+    indoor: bool
+    origin: Float
+
+    @classmethod
+    def from_run(cls, run: Run) -> "Structures":
+        """Find the solids of a run's world; outlines that it drove inside of are not."""
+        return cls.from_world(run.world, run.trajectory.poses[:, :2])
+
+    @classmethod
+    def from_world(cls, world: World, path: Float | None = None) -> "Structures":
+        """Find the solids of a world; an outline around a robot's path (k, 2) is not one.
+
+        What cannot be seen from the path is left out; all is there where no path is given.
+        """
+        sight = Sight.of(world, path)
+        world, origin = sight.world, sight.origin
+        segments = world.segments - np.tile(origin, 2)
+        path = np.zeros((0, 2)) if path is None else path - origin
+        indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT)
+        areas = _areas(segments, world.objects, world.object_count)
+        areas[_entered(areas, path) | _holds_others(areas, segments, world.objects)] = None
+        closed = np.zeros(len(segments), dtype=bool)
+        facing = segments.copy()
+        order = np.argsort(world.objects, kind="stable")
+        starts = np.searchsorted(world.objects[order], np.arange(world.object_count + 1))
+        for number in np.flatnonzero(~shapely.is_missing(areas)):
+            walls = order[starts[number] : starts[number + 1]]
+            left, right = _sides(areas[number], segments[walls])
+            closed[walls] = left != right
+            turned = walls[right & ~left]
+            facing[turned] = segments[turned][:, [2, 3, 0, 1]]
+        colours = object_colours(world, indoor=indoor)
+        found = np.flatnonzero(~shapely.is_missing(areas))
+        tops = np.zeros(world.object_count)
+        np.maximum.at(tops, world.objects, world.heights)
+        return cls(
+            segments=facing,
+            objects=world.objects,
+            heights=world.heights,
+            colours=colours[world.objects].reshape(-1, 3),
+            seeds=np.modf(world.objects * 0.7548776662 + 0.11)[0],
+            closed=closed,
+            solids=areas[found],
+            solid_objects=found,
+            solid_heights=tops[found],
+            solid_colours=colours[found].reshape(-1, 3),
+            indoor=indoor,
+            origin=origin,
+        )
+
+    def within(self, low: Float, high: Float) -> "Structures":
+        """The walls and solids that reach into a box from low (2,) to high (2,) [m]."""
+        least = np.minimum(self.segments[:, :2], self.segments[:, 2:])
+        most = np.maximum(self.segments[:, :2], self.segments[:, 2:])
+        walls = ((least <= high) & (most >= low)).all(axis=1)
+        bounds = shapely.bounds(self.solids).reshape(-1, 4)
+        solids = ((bounds[:, :2] <= high) & (bounds[:, 2:] >= low)).all(axis=1)
+        return Structures(
+            segments=self.segments[walls],
+            objects=self.objects[walls],
+            heights=self.heights[walls],
+            colours=self.colours[walls],
+            seeds=self.seeds[walls],
+            closed=self.closed[walls],
+            solids=self.solids[solids],
+            solid_objects=self.solid_objects[solids],
+            solid_heights=self.solid_heights[solids],
+            solid_colours=self.solid_colours[solids],
+            indoor=self.indoor,
+            origin=self.origin,
+        )
+
+
+def _areas(segments: Float, objects: NDArray[Any], count: int) -> NDArray[Any]:
+    """The polygon (count,) that each object's walls close round, or None where they do not."""
+    areas = np.full(count, None, dtype=object)
+    if not len(segments):
+        return areas
+    # Ends a millimetre apart are one corner: files round their coordinates.
+    lines = shapely.linestrings(np.round(segments, 3).reshape(-1, 2, 2))
+    order = np.argsort(objects, kind="stable")
+    groups = shapely.multilinestrings(lines[order], indices=objects[order], out=areas.copy())
+    built = shapely.build_area(groups)
+    # Each wall of a solid is a part of its outline; a wall that is not leaves the object open.
+    whole = shapely.length(shapely.boundary(built)) >= 0.99 * shapely.length(groups)
+    solid = whole & (shapely.area(built) > 1e-4)
+    areas[solid] = built[solid]
+    return areas
+
+
+def _entered(areas: NDArray[Any], path: Float) -> Bool:
+    """Which areas (k,) the robot was inside of."""
+    tree = shapely.STRtree(areas)
+    _, hit = tree.query(shapely.points(path), predicate="within")
+    entered = np.zeros(len(areas), dtype=bool)
+    entered[hit] = True
+    return entered
+
+
+def _holds_others(areas: NDArray[Any], segments: Float, objects: NDArray[Any]) -> Bool:
+    """Which areas (k,) have all of another object inside: rooms and yards, not houses."""
+    holds = np.zeros(len(areas), dtype=bool)
+    if not len(segments):
+        return holds
+    middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
+    point, area = shapely.STRtree(areas).query(middles, predicate="within")
+    other = objects[point] != area
+    pairs, counts = np.unique(
+        np.column_stack([objects[point[other]], area[other]]), axis=0, return_counts=True
+    )
+    walls = np.bincount(objects, minlength=len(areas))
+    whole = counts == walls[pairs[:, 0]] if len(pairs) else np.zeros(0, dtype=bool)
+    holds[pairs[whole, 1]] = True
+    return holds
+
+
+def _sides(area: Any, walls: Float) -> tuple[Bool, Bool]:
+    """Whether the area lies on the left and on the right of the walls (n, 4)."""
+    middles = 0.5 * (walls[:, :2] + walls[:, 2:])
+    along = directions(walls)
+    left = _PROBE * np.column_stack([-along[:, 1], along[:, 0]])
+    shapely.prepare(area)
+    inside_left = shapely.contains_xy(area, middles + left)
+    inside_right = shapely.contains_xy(area, middles - left)
+    return inside_left, inside_right

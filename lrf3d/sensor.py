@@ -1,0 +1,137 @@
+"""Sensor: what a robot measures from a pose at a time: a true scan is cast, and noise is added."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.casting.mover import Mover
+from lrf3d.casting.timed import Caster, timed
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
+from lrf3d.pose import Pose
+from lrf3d.robot import Trajectory
+from lrf3d.world import World
+
+CASTERS: dict[str, Callable[[World], Caster]] = {"embree": EmbreeCaster, "planar": PlanarCaster}
+"""Casters by their names."""
+
+
+class Sensor:
+    """A laser range finder among walls and dynamic obstacles, with its noise.
+
+    Args:
+        world: The walls.
+        lrf: The laser range finder.
+        caster: What casts the beams: ``embree``, ``planar``, or an object with ``cast``.
+        noise: What makes measured scans of true ones.
+        movers: The dynamic obstacles.
+        path: The way that the robot takes while its beams turn; if not given, all beams of a
+            scan are sent at once.
+
+    Raises:
+        InputError: There is no such caster, or a scan takes longer than the time to the next.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        lrf: LaserRangeFinder,
+        *,
+        caster: Caster | str,
+        noise: Noise,
+        movers: Sequence[Mover] = (),
+        path: Trajectory | None = None,
+    ) -> None:
+        self.lrf, self.caster, self.noise = lrf, caster_of(caster, world), noise
+        # A caster of the user's need not cast scans together.
+        self._together: Any = None if movers or path else getattr(self.caster, "scan_batch", None)
+        self._cast = timed(self.caster, lrf, path, movers)
+
+    def measure(
+        self, pose: Float, time: float, rng: np.random.Generator
+    ) -> tuple[LaserScan, LaserScan]:
+        """The true and the measured scan from a pose (3,) at a time [s].
+
+        Raises:
+            InputError: The noise returns no scan.
+        """
+        true_scan = self._cast.cast_at(self.lrf, pose, time)
+        scan = self.noise(true_scan, rng)
+        self._check(scan)
+        return true_scan, scan
+
+    def measure_batch(
+        self, poses: Float, times: Float, rng: np.random.Generator
+    ) -> tuple[Float, Float, Int]:
+        """Measured and true ranges and walls, (k, beams) each, from poses (k, 3) at times (k,) [s].
+
+        They are those of `measure`, one after the other; among walls alone the beams of all scans
+        are cast together.
+        """
+        if self._together is not None:
+            truth, walls = self._together(self.lrf, poses)
+            if self.noise == ProportionalNoise(0.0):
+                return truth, truth, walls
+            scans = [
+                LaserScan.unchecked(self.lrf, Pose(*pose), *row).at_time(time)
+                for pose, time, *row in zip(
+                    poses.tolist(), times.tolist(), truth, walls, strict=True
+                )
+            ]
+        else:
+            scans = [
+                self._cast.cast_at(self.lrf, pose, time)
+                for pose, time in zip(poses, times.tolist(), strict=True)
+            ]
+            truth = np.array([scan.ranges for scan in scans])
+            walls = np.array([scan.walls for scan in scans])
+        measured = np.empty_like(truth)
+        for row, true_scan in zip(measured, scans, strict=True):
+            scan = self.noise(true_scan, rng)
+            self._check(scan)
+            row[:] = scan.ranges
+        return measured, truth, walls
+
+    def _check(self, scan: Any) -> None:
+        """See that a noise has returned a scan.
+
+        Raises:
+            InputError: It has not.
+        """
+        if not isinstance(scan, LaserScan) or len(scan.ranges) != self.lrf.beams:
+            raise InputError(
+                f"noise {self.noise!r} returned {_shown(scan)}; expected a LaserScan of"
+                f" {self.lrf.beams} beams"
+            )
+        # NaN is the least where there is one, and −inf is a beam that is nearer than range_min.
+        if not scan.ranges.min() >= 0.0:
+            wrong = ~(scan.ranges >= 0.0) & (scan.ranges != -np.inf)
+            if wrong.any():
+                beam = int(np.argmax(wrong))
+                raise InputError(
+                    f"noise {self.noise!r} returned the range {scan.ranges[beam]:g} m of beam"
+                    f" {beam}; expected 0 or more, inf for no return, -inf for one too near"
+                )
+
+
+def _shown(scan: Any) -> str:
+    """What a noise has returned, in a few words."""
+    if isinstance(scan, LaserScan):
+        return f"one of {len(scan.ranges)}"
+    return "None" if scan is None else f"a {type(scan).__name__}"
+
+
+def caster_of(caster: Caster | str, world: World) -> Caster:
+    """What casts the beams in a world, by its name or as it was given.
+
+    Raises:
+        InputError: There is no such caster.
+    """
+    if not isinstance(caster, str):
+        return caster
+    if caster not in CASTERS:
+        raise InputError(f"caster {caster!r}: expected one of {', '.join(CASTERS)}")
+    return CASTERS[caster](world)

@@ -1,1 +1,0 @@
-"""Studies: whole experiments, from a scenario to files."""

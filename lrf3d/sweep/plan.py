@@ -1,0 +1,230 @@
+"""Plan: every run of a grid, with a key and a seed that come from what it holds.
+
+A grid enters; places, each a world with its drive and range finder, and the runs at them leave.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.robot import Trajectory
+from lrf3d.robot.free_space import Side
+from lrf3d.scenario import Scenario
+from lrf3d.scenario_file import read_scenario_file, scenario_of
+from lrf3d.simulation import line_mapper
+from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, Grid, SettingValue, setting
+from lrf3d.sweep.task import Order, Place
+from lrf3d.world import World
+from lrf3d.world.model import size_warning
+
+COLUMNS = {MODE: "mode", SIGMA: "sigma_m", BEAMS: "beams"}
+"""Columns of the table for the settings that every sweep lists; others keep their names."""
+
+KEY_DIGITS = 32
+"""Hexadecimal digits of a key: 128 bits, of which no two are the same by chance."""
+
+FORMAT = 1
+"""Counts up when the same run would give other figures, so that old ones are not mixed in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A combination of settings in a world.
+
+    Args:
+        world: Name of the world.
+        place: Digest of the place where its runs are made.
+        columns: What the table holds of it, by column.
+    """
+
+    world: str
+    place: str
+    columns: dict[str, SettingValue]
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRun:
+    """A run: what to do, the number of its cell and that of its seed."""
+
+    order: Order
+    cell: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All runs of a grid.
+
+    Args:
+        grid: What is varied.
+        places: The places by their digests.
+        cells: The combinations.
+        runs: The runs, in the order of the table.
+    """
+
+    grid: Grid
+    places: dict[str, Place]
+    cells: tuple[Cell, ...]
+    runs: tuple[PlannedRun, ...]
+
+    def described(self, run: PlannedRun) -> dict[str, SettingValue]:
+        """What the table holds of a run before it is made."""
+        cell = self.cells[run.cell]
+        return {
+            "key": run.order.key,
+            "world": cell.world,
+            **cell.columns,
+            "seed": run.seed,
+            "noise_seed": run.order.seed,
+        }
+
+    @property
+    def worlds(self) -> list[str]:
+        """The names of the worlds."""
+        return list(dict.fromkeys(cell.world for cell in self.cells))
+
+    @property
+    def axes(self) -> dict[str, tuple[SettingValue, ...]]:
+        """The values of what is varied, by column."""
+        return {column_of(name): values for name, values in self.grid.axes.items()}
+
+
+def column_of(name: str) -> str:
+    """The column of a setting."""
+    return COLUMNS.get(name, name)
+
+
+def make_plan(
+    grid: Grid,
+    *,
+    collision: Callable[[str], None] | None = None,
+    where: Side | None = None,
+    say: Callable[[str], None] = lambda message: None,
+    warn: Callable[[str], None] = lambda message: None,
+) -> Plan:
+    """Plan all runs of a grid: worlds are read, routes found and drives driven once each.
+
+    Args:
+        grid: What is varied.
+        collision: Called with what is wrong with a drive into a wall, which then goes on.
+        where: The side of the walls on which routes are planned; by the world if not given.
+        say: Called with where the routes are planned.
+        warn: Called with what is odd about the size of a world, and what figures will not show.
+
+    Raises:
+        InputError: A world, a setting or a drive is invalid.
+        CollisionError: A drive would run into a wall.
+    """
+    places: dict[str, Place] = {}
+    cells: list[Cell] = []
+    runs: list[PlannedRun] = []
+    for name in grid.worlds:
+        file = read_scenario_file(name)
+        known = next((cell for cell in cells if cell.world == file.world.name), None)
+        if known is not None:
+            raise InputError(f"{name}: another world of the sweep is called {known.world}, too")
+        warning = size_warning(file.world)
+        if warning is not None:
+            warn(f"{name}: {warning}")
+        drives = _Drives(file.world, grid.every, collision, where, warn)
+        for values in grid.combinations:
+            scenario = scenario_of(file, [setting(*each) for each in values.items()])
+            seen, place = drives.place(scenario)
+            # A threshold that cannot be is better known now than on a worker.
+            mode = line_mapper(scenario.noise, **scenario.mapper).mode
+            usual: dict[str, SettingValue] = {
+                "mode": mode,
+                "sigma_m": scenario.sigmas[0],
+                "beams": scenario.lrf.beams,
+            }
+            varied = {column_of(key): value for key, value in values.items()}
+            places.setdefault(seen, place)
+            cells.append(Cell(scenario.name, seen, {**usual, **varied}))
+            runs += [_run(scenario, seen, len(cells) - 1, seed) for seed in range(grid.seeds)]
+        for side in sorted(drives.planned):
+            say(f"{name}: the route is planned {side} the walls")
+    return Plan(grid, places, tuple(cells), tuple(runs))
+
+
+def _run(scenario: Scenario, seen: str, cell: int, seed: int) -> PlannedRun:
+    noise, mapper = scenario.noise, dict(scenario.mapper)
+    # What a noise says of itself names its kind; its numbers alone do not.
+    key = digest((FORMAT, scenario.name, seen, repr(noise), mapper, seed))[:KEY_DIGITS]
+    # All mappers and all noises are given one draw, so that they can be compared run by run.
+    return PlannedRun(Order(key, noise, mapper, seed_of((seen, seed))), cell, seed)
+
+
+class _Drives:
+    """The drives through one world, each driven once."""
+
+    def __init__(
+        self,
+        world: World,
+        every: int,
+        collision: Callable[[str], None] | None,
+        where: Side | None,
+        warn: Callable[[str], None],
+    ) -> None:
+        self._walls = digest((world.segments, world.objects, world.heights))
+        self._every, self._collision, self._where = every, collision, where
+        self._warn = warn
+        self.planned: set[str] = set()
+        self._driven: dict[str, Trajectory] = {}
+
+    def place(self, scenario: Scenario) -> tuple[str, Place]:
+        """The place of a scenario, and its digest."""
+        robot = (
+            scenario.start, scenario.route, scenario.poses, scenario.speed,
+            scenario.scan_interval, scenario.radius,
+        )  # fmt: skip
+        # A route that is found goes where the walls are seen from.
+        asked = digest((robot, scenario.lrf.range_max if scenario.route is None else None))
+        if asked not in self._driven:
+            routed = scenario.with_route(where=self._where)
+            if routed.planned is not None:
+                self.planned.add(routed.planned)
+            drive = routed.trajectory(on_collision=self._collision)
+            used = slice(None, None, self._every)
+            if len(drive) > 1 and len(drive.times[used]) == 1:
+                self._warn(
+                    f"{scenario.name}: one scan in {self._every} leaves one of {len(drive)}, whose"
+                    " map is all that is scored; use more with a smaller --every"
+                )
+            self._driven[asked] = Trajectory(drive.times[used], drive.poses[used])
+        trajectory = self._driven[asked]
+        seen = digest(
+            (self._walls, scenario.lrf, scenario.movers, scenario.radius, trajectory.times,
+             trajectory.poses)
+        )  # fmt: skip
+        return seen, Place(scenario, trajectory)
+
+
+def digest(value: Any) -> str:
+    """A digest (64 hexadecimal digits) of arrays, dataclasses, mappings, rows and plain values."""
+    text = json.dumps(_plain(value), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def seed_of(value: Any) -> int:
+    """A seed of 63 bits for numpy's SeedSequence, from what a value holds."""
+    return int(digest(value)[:16], 16) >> 1
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        # Fixed order of bytes, so that machines of either kind agree; −0 is 0.
+        kind = "<f8" if value.dtype.kind == "f" else "<i8"
+        ordered = np.ascontiguousarray(value + 0, dtype=kind)
+        return ["array", value.shape, hashlib.sha256(ordered.tobytes()).hexdigest()]
+    if is_dataclass(value):
+        return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(each) for each in value]
+    return value

@@ -1,0 +1,407 @@
+"""Users' own mappers, controllers and noises."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d import CollisionError, InputError, LaserRangeFinder, Simulation, World
+from lrf3d.cli import main
+from lrf3d.cli.plugins import load_plugin
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
+LRF = LaserRangeFinder(beams=61, range_max=20.0)
+
+MODULE = """
+import numpy as np
+from dataclasses import replace
+
+class Points:
+    def __init__(self):
+        self.count = 0
+    def update(self, scan):
+        self.count += int(scan.hits.sum())
+    def report(self, run, folder):
+        (folder / "points.txt").write_text(str(self.count))
+        return {"points": self.count}
+
+class Straight:
+    def command(self, time, pose, scan):
+        return (1.0, 0.0) if scan.ranges[30] > 1.5 else None
+
+class Needy:
+    def __init__(self, size):
+        pass
+    def update(self, scan):
+        pass
+
+def longer(scan):
+    return replace(scan, ranges=scan.ranges + 0.25)
+
+def drawn(scan, rng):
+    return replace(scan, ranges=scan.ranges + rng.normal(0.0, 0.1, len(scan.ranges)))
+
+straight = Straight()
+number = 3
+"""
+
+WORLD = """\
+[[object]]
+name = "walls"
+points = [[0, 0], [10, 0], [10, 8], [0, 8]]
+closed = true
+
+[robot]
+start = [2, 2, 0]
+route = [[8, 2]]
+scan_interval = 0.5
+
+[laser]
+beams = 61
+range_max = 20.0
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "own_parts.py").write_text(MODULE)
+    (tmp_path / "box.toml").write_text(WORLD)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield tmp_path
+    sys.modules.pop("own_parts", None)
+
+
+def run(folder, *arguments):
+    command = [sys.executable, "-m", "lrf3d", "run", "box.toml", "--no-video", "--json"]
+    return subprocess.run(
+        [*command, *arguments], capture_output=True, text=True, cwd=folder, timeout=120
+    )
+
+
+def test_a_mapper_a_controller_and_a_noise_are_named_on_the_command_line(folder):
+    named = ["--mapper", "own_parts:Points", "--controller", "own_parts:straight"]
+    done = run(folder, *named, "--noise", "own_parts:longer", "--scans", "50")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    # 8 m to the wall, half a metre a step, a quarter of a metre added to what is seen.
+    assert summary["drive"]["scans"] == 15
+    assert summary["mapper"] == "own_parts:Points" and summary["mode"] is None
+    assert summary["map"] is summary["score"] is summary["storage"] is None
+    assert summary["report"] == {"points": 15 * 61}
+    out = folder / "out" / "box"
+    assert (out / "points.txt").read_text() == str(15 * 61)
+    assert not (out / "map.geojson").exists()
+    again = run(folder, *named, "--noise", "own_parts:longer", "--scans", "50", "--resume")
+    assert json.loads(again.stdout)["report"] == {"points": 15 * 61}
+    kept = lrf3d.load_run(out)
+    assert np.allclose(kept.ranges - kept.truth, 0.25)
+    assert kept.trajectory.poses[-1, 0] == pytest.approx(9.0)
+
+
+def test_a_long_drive_goes_there_and_back_until_it_is_long_enough(folder):
+    done = run(folder, "--scans", "60")
+    assert done.returncode == 0, done.stderr
+    poses = lrf3d.load_run(folder / "out" / "box").trajectory.poses
+    assert len(poses) == 60 and np.diff(np.sign(np.diff(poses[:, 0]))).any()
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    assert steps.max() < 1.51 and poses[:, 0].min() > 1.99 and poses[:, 0].max() < 8.01
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "said"),
+    [
+        ("mapper", "own_parts", "module:object"),
+        ("mapper", ":Points", "module:object"),
+        ("mapper", "nowhere:Points", "no module 'nowhere'"),
+        ("mapper", "own_parts:Point", "did you mean Points?"),
+        ("mapper", "own_parts:Straight", "no method update"),
+        ("mapper", "own_parts:Needy", "without arguments"),
+        ("controller", "own_parts:Points", "no method command"),
+        ("noise", "own_parts:number", "no function"),
+        ("mapper", "broken:Points", "cannot be imported (SyntaxError"),
+        ("mapper", "missing.py:Points", "no module 'missing.py'"),
+    ],
+)
+def test_what_cannot_be_used_is_told_in_one_line(folder, kind, name, said):
+    (folder / "broken.py").write_text("def (")
+    with pytest.raises(InputError) as caught:
+        load_plugin(kind, name).make()
+    message = str(caught.value)
+    assert said in message and message.startswith(f"--{kind} {name}") and "\n" not in message
+
+
+def test_nothing_is_imported_that_the_user_does_not_name(folder):
+    (folder / "own_parts.py").write_text("raise SystemExit('imported')")
+    (folder / "box.toml").write_text(WORLD + '\n[mapper]\nmode = "own_parts:Points"\n')
+    done = run(folder)
+    assert done.returncode == 1 and "own_parts" in done.stderr and "imported" not in done.stderr
+
+
+def test_a_noise_is_a_function_of_a_scan_with_or_without_random_numbers(folder):
+    for name, least, most in (("longer", 0.25, 0.25), ("drawn", 0.001, 0.5)):
+        noise = load_plugin("noise", f"own_parts:{name}").make()
+        step = next(iter(Simulation(ROOM, [[2, 2, 0]], LRF, noise=noise, rng=1)))
+        error = np.abs(step.scan.ranges - step.true_scan.ranges)
+        assert error.max() >= least - 1e-9 and error.max() <= most + 1e-9
+    for bad in (3, lambda: None, lambda a, b, c: a):
+        with pytest.raises(InputError, match="noise"):
+            Simulation(ROOM, [[2, 2, 0]], noise=bad)
+
+
+def test_a_mapper_without_update_is_refused():
+    with pytest.raises(InputError, match="update"):
+        Simulation(ROOM, [[2, 2, 0]], mapper=object())
+
+
+def test_a_controller_drives_exact_arcs_for_as_long_as_the_user_looks():
+    class Round:
+        def command(self, time, pose, scan):
+            return 1.0, 0.5
+
+    steps = []
+    for step in Simulation(ROOM, Round(), LRF, start=(5, 2, 0), scan_interval=0.1):
+        steps.append(step)
+        if len(steps) == 127:
+            break
+    places = np.array([step.pose[:2] for step in steps])
+    assert np.hypot(*(places - (5.0, 4.0)).T) == pytest.approx(np.full(127, 2.0))
+    assert steps[-1].time == pytest.approx(12.6) and steps[-1].scan.time == steps[-1].time
+
+
+@pytest.mark.parametrize("command", [3.0, (1.0,), (1.0, np.nan), "ab"])
+def test_a_command_that_is_none_is_refused_with_its_time(command):
+    class Bad:
+        def command(self, time, pose, scan):
+            return command
+
+    with pytest.raises(InputError, match="t = 0 s"):
+        list(Simulation(ROOM, Bad(), LRF, start=(5, 2, 0), scans=3))
+
+
+def test_a_robot_with_a_radius_does_not_drive_through_walls():
+    class Ahead:
+        def command(self, time, pose, scan):
+            return 1.0, 0.0
+
+    settings = {"start": (5.0, 2.0, 0.0), "scans": 100, "scan_interval": 0.1}
+    steps = []
+    with pytest.raises(CollisionError, match="wall 1"):
+        for step in Simulation(ROOM, Ahead(), LRF, radius=0.3, **settings):
+            steps.append(step)
+    assert 9.5 < steps[-1].pose.x < 9.7
+    assert len(list(Simulation(ROOM, Ahead(), LRF, **settings))) == 100
+
+
+def test_a_wall_is_met_between_two_scans_of_a_round_drive():
+    class Round:
+        def command(self, time, pose, scan):
+            return 2.0 * np.pi * 2.5 / 10.0, 2.0 * np.pi / 10.0
+
+    # In ten seconds the robot is back where it began, 0.2 m off the wall at the far side.
+    settings = {"start": (7.3, 2.0, np.pi / 2), "scans": 2, "scan_interval": 10.0}
+    walls = World(np.array([[2.1, 0.0, 2.1, 9.0]]))
+    assert len(list(Simulation(walls, Round(), LRF, radius=0.1, **settings))) == 2
+    with pytest.raises(CollisionError, match=r"wall 0 at t = 4\.\d+ s near \(2\.\d+, "):
+        list(Simulation(walls, Round(), LRF, radius=0.3, **settings))
+
+
+def test_scans_that_take_time_need_to_know_the_way():
+    class Still:
+        def command(self, time, pose, scan):
+            return 0.0, 0.0
+
+    with pytest.raises(InputError, match="scan_duration"):
+        Simulation(ROOM, Still(), LaserRangeFinder(scan_duration=0.05))
+
+
+@pytest.fixture
+def examples(monkeypatch):
+    monkeypatch.setattr(sys, "path", [str(EXAMPLES), *sys.path])
+
+
+@pytest.mark.parametrize(("world", "scans"), [("corridor", 900), ("paper_room", 450)])
+def test_the_wall_follower_follows_walls_and_runs_into_none(examples, world, scans):
+    from wall_follower import WallFollower
+
+    class Nothing:
+        def update(self, scan):
+            pass
+
+    scenario = lrf3d.load_scenario(world)
+    start = scenario.start if scenario.start is not None else scenario.poses[0]
+    settings = {"start": start, "scan_interval": 0.1, "scans": scans, "radius": scenario.radius}
+    near, poses = [], []
+    for step in Simulation(
+        scenario.world, WallFollower(), scenario.lrf, mapper=Nothing(), **settings
+    ):
+        poses.append(step.pose)
+        near.append(step.true_scan.ranges.min())
+    assert len(poses) == scans
+    assert np.hypot(*np.diff(np.array(poses)[:, :2], axis=0).T).sum() > 0.02 * scans
+    assert np.median(near[100:]) == pytest.approx(0.8, abs=0.2)
+
+
+def test_the_occupancy_grid_maps_a_room_and_reports(examples, tmp_path):
+    from occupancy_grid import OccupancyGrid
+    from PIL import Image
+
+    noise = lrf3d.ProportionalNoise(0.02)
+    drive = lrf3d.follow_route([[2, 2], [8, 2], [8, 6]], speed=1.0, dt=0.5)
+    grid = OccupancyGrid()
+    run = lrf3d.simulate(ROOM, drive, LRF, noise=noise, mapper=grid, rng=0)
+    report = grid.report(run, tmp_path)
+    assert report["precision"] > 0.99 and report["recall"] > 0.95
+    assert len(grid.cells(taken=False)) * 0.01 == pytest.approx(70.0, abs=10.0)
+    with Image.open(tmp_path / "grid.png") as picture:
+        assert 95 < picture.size[0] < 110 and 75 < picture.size[1] < 90
+
+
+def test_the_example_prints_both_mappers(examples, capsys):
+    from occupancy_grid import main
+
+    scenario = EXAMPLES.parent / "worlds" / "corridor.toml"
+    main(scenario)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["mapper", "OccupancyGrid", "LineMapper"]
+    for line in lines[1:]:
+        precision, recall = map(float, line.split()[-2:])
+        assert precision > 0.95 and recall > 0.95
+
+
+MISTAKES = """
+from dataclasses import replace
+
+class Mapper:
+    def update(self, scan):
+        raise ValueError("two\\nlines")
+
+class Unmade:
+    def __init__(self): raise RuntimeError("no")
+    def update(self, scan): pass
+
+class Reporter:
+    def update(self, scan): pass
+    def report(self, run, folder): return {"share": float("nan")}
+
+class Driver:
+    def command(self, time): return 1.0, 0.0
+
+def nothing(scan, rng): return None
+def shorter(scan): return replace(scan, angles=[0.0], ranges=[1.0], walls=None)
+def broken(scan, rng): return {}["key"]
+def blurred(scan): return replace(scan, ranges=scan.ranges * float("nan"))
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "said"),
+    [
+        ("mapper", "Mapper", r"ValueError: two lines \(mistakes\.py, line 6\)"),
+        ("mapper", "Unmade", "cannot be made without arguments .RuntimeError: no"),
+        ("mapper", "Reporter", "report returned .*expected a dict of texts and finite numbers"),
+        ("controller", "Driver", "TypeError: Driver.command.. takes 2 positional arguments"),
+        ("noise", "nothing", "returned None; expected a LaserScan of 181 beams"),
+        ("noise", "shorter", "returned one of 1; expected a LaserScan of 181 beams"),
+        ("noise", "blurred", "returned the range nan m of beam 0; expected 0 or more"),
+        ("noise", "broken", r"KeyError: 'key' \(mistakes\.py, line 21\)"),
+    ],
+)
+def test_what_a_plug_in_raises_is_one_line_with_its_name(
+    kind, name, said, tmp_path, monkeypatch, capsys
+):
+    (tmp_path / "mistakes.py").write_text(MISTAKES)
+    monkeypatch.chdir(tmp_path)
+    arguments = ["paper_room", "--no-video", "--scans", "3", "--caster", "planar"]
+    named = [f"--{kind}", f"mistakes.py:{name}"]
+    monkeypatch.setattr(sys, "argv", ["lrf3d", "run", *arguments, *named])
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.delitem(sys.modules, "mistakes", raising=False)
+    with pytest.raises(SystemExit) as end:
+        main()
+    out, err = capsys.readouterr()
+    assert end.value.code == 1 and out == "" and err.count("\n") == 1
+    assert f"--{kind} mistakes.py:{name}" in err and re.search(said, err)
+
+
+def test_files_of_one_name_are_each_loaded_themselves(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "twin_parts.py").write_text(f"def where(scan): return {folder!r}\n")
+    a, b = (load_plugin("noise", f"{tmp_path / f}/twin_parts.py:where") for f in ("a", "b"))
+    assert (a.found(None), b.found(None)) == ("a", "b")
+    assert load_plugin("noise", f"{tmp_path}/b/twin_parts.py:where").found is b.found
+    for module in (a.found.__module__, b.found.__module__):
+        monkeypatch.delitem(sys.modules, module)
+
+
+SHADOWING = """
+from dataclasses import dataclass
+import statistics
+from beside_parts import offset
+
+@dataclass
+class Counts:
+    total: int = 0
+    def update(self, scan):
+        self.total += offset
+"""
+
+
+def test_a_file_takes_no_installed_modules_place_and_finds_those_beside_it(folder):
+    parts = folder / "parts"
+    parts.mkdir()
+    (parts / "random.py").write_text(SHADOWING)
+    (parts / "beside_parts.py").write_text("offset = 2\n")
+    # Neither is ever wanted: installed modules of these names come first.
+    for name in ("statistics", "matplotlib"):
+        (parts / f"{name}.py").write_text("raise SystemExit('taken for another')\n")
+    done = run(folder, "--mapper", "parts/random.py:Counts", "--scans", "3")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["mapper"] == "parts/random.py:Counts"
+
+
+def test_a_class_of_a_file_can_be_pickled(tmp_path, monkeypatch):
+    import pickle
+
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "random.py").write_text(
+        "class Still:\n    def command(self, t, pose, scan): pass\n"
+    )
+    found = load_plugin("controller", f"{tmp_path}/random.py:Still").found
+    assert found is not None and pickle.loads(pickle.dumps(found)) is found
+    monkeypatch.delitem(sys.modules, found.__module__)
+
+
+IN_PLACE = """
+def shifted(scan, rng):
+    scan.ranges[:] += 0.5
+    return scan
+
+class Zeroing:
+    def update(self, scan):
+        scan.ranges *= 0.0
+
+class Turning:
+    def command(self, time, pose, scan):
+        scan.angles.sort()
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [("noise", "shifted"), ("mapper", "Zeroing"), ("controller", "Turning")]
+)
+def test_a_plug_in_that_writes_in_place_is_told_to_copy(kind, name, folder):
+    (folder / "in_place.py").write_text(IN_PLACE)
+    done = run(folder, f"--{kind}", f"in_place.py:{name}", "--scans", "3")
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert f"--{kind} in_place.py:{name}: ValueError" in done.stderr
+    assert "read-only; copy what is to be changed" in done.stderr
+    assert "(in_place.py, line " in done.stderr

@@ -1,0 +1,302 @@
+import gzip
+from math import inf, pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic_run import around, box, make_run, make_world
+
+from lrf3d.errors import InputError
+from lrf3d.exporting import export_run
+from lrf3d.geometry import wrap_angle
+from lrf3d.io import BadLine, LaserLog, load_log
+from lrf3d.io.carmen import read_carmen
+from lrf3d.io.packed import BLOCK, LogLine, lines_of
+from lrf3d.laser import LaserRangeFinder
+
+
+def front(readings, pose=(1.0, -2.0, 0.5), time=3.25):
+    x, y, theta = pose
+    ranges = " ".join(map(str, readings))
+    return f"FLASER {len(readings)} {ranges} {x} {y} {theta} 9 9 9 {time} host 7.5"
+
+
+def robot(readings, *, start=-1.0, step=0.5, farthest=30.0, remissions=()):
+    ranges, strengths = " ".join(map(str, readings)), " ".join(map(str, remissions))
+    return (
+        f"ROBOTLASER1 0 {start} 2.0 {step} {farthest} 0.01 0 {len(readings)} {ranges}"
+        f" {len(remissions)} {strengths} 4 5 0.25 8 8 8 0 0 0.3 0.3 0 6.5 host 7.5"
+    )
+
+
+def write(path, *lines):
+    text = "\n".join(lines) + "\n"
+    if path.suffix == ".gz":
+        path.write_bytes(gzip.compress(text.encode("utf-8", "surrogateescape")))
+    else:
+        path.write_text(text, errors="surrogateescape")
+    return path
+
+
+def read(text):
+    lines = (LogLine(number, line) for number, line in enumerate(text.encode().split(b"\n"), 1))
+    return list(read_carmen(lines))
+
+
+def test_poses_ranges_and_times_are_as_logged(tmp_path):
+    lines = ["# a comment", "PARAM robot_width 0.6 h 0", front([1, 2.5, 81.91, 50, 0])]
+    log = load_log(write(tmp_path / "a.log", *lines, front([2, 2, 2], (0, 0, 4.0), 5)))
+    assert isinstance(log, LaserLog) and log.name == "a"
+    assert log.bad_count == 0 and log.bad_lines == ()
+    assert log.scans[0].ranges.tolist() == [1.0, 2.5, inf, inf, -inf]
+    assert log.scans[0].pose == (1.0, -2.0, 0.5)
+    assert log.scans[1].pose.theta == pytest.approx(4.0 - 2 * pi)
+    assert log.times.tolist() == [3.25, 5.0]
+    assert log.poses.shape == (2, 3)
+
+
+def test_what_is_no_return_can_be_chosen(tmp_path):
+    path = write(tmp_path / "a.log", front([7.9, 8.0, 30]))
+    assert load_log(path, largest_range=8.0).scans[0].ranges.tolist() == [7.9, inf, inf]
+    with pytest.raises(InputError, match="largest range"):
+        load_log(path, largest_range=-1.0)
+
+
+@given(st.integers(2, 400))
+def test_an_odd_fan_reaches_both_sides_and_an_even_one_leaves_the_last_out(count):
+    angles = read(front([1] * count))[0].angles
+    assert angles[0] == -pi / 2
+    if count % 2:
+        assert angles == pytest.approx(np.linspace(-pi / 2, pi / 2, count))
+    else:
+        assert angles == pytest.approx(-pi / 2 + np.arange(count) * pi / count)
+
+
+def test_the_new_message_tells_its_angles_and_its_range():
+    scan = read(robot([1, 29.9, 30.0], remissions=(5, 6)))[0]
+    assert scan.angles.tolist() == [-1.0, -0.5, 0.0]
+    assert scan.ranges.tolist() == [1.0, 29.9, inf]
+    assert scan.pose == (4.0, 5.0, 0.25) and scan.time == 6.5
+
+
+def test_a_scan_that_is_told_twice_is_read_once():
+    text = "\n".join([front([1, 2, 3]), robot([1, 2, 3]), front([4, 5, 6])])
+    assert [scan.ranges[0] for scan in read(text)] == [1.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        (front([1, 2, 3])[:-20], "words"),
+        (front([1, 2, 3]) + " 4", "words"),
+        ("FLASER", "readings"),
+        ("FLASER x 1 2", "readings"),
+        ("FLASER -3 1 2 3", "readings"),
+        ("FLASER 99999999999999999999 1", "readings"),
+        (front([1, "nan", 3]), "reading 2 is 'nan'"),
+        (front([1, 2, "-3"]), "reading 3"),
+        (front([1, "2,5", 3]), "reading 2"),
+        (front([1, 2, 3], pose=("inf", 0, 0)), "x is 'inf'"),
+        (front([1, 2, 3], pose=(0, 0, "nan")), "theta"),
+        (front([1, 2, 3], time="noon"), "time"),
+        (front([1, 2, 3], pose=("1e300", 0, 0)), "at most 1e+09"),
+        (robot([1, 2, 3], farthest="1e308"), "at most 1e+09"),
+        (robot([1, 2, 3], step=0.0), "rad apart"),
+        (robot([1, 2, 3], step="nan"), "a value is 'nan'"),
+        (robot([1, 2, 3], farthest="far"), "a value is 'far'"),
+        ("\x00\x01junk", "not a CARMEN message"),
+        ("flaser 3 1 2 3", "not a CARMEN message"),
+    ],
+)
+def test_a_bad_line_is_named_and_the_others_are_read(line, reason):
+    good = robot if line.startswith("ROBOT") else front
+    scan, bad, again = read("\n".join([good([1, 2]), line, good([3, 4])]))
+    assert bad.number == 2 and reason in bad.reason
+    assert scan.ranges[0] == 1.0 and again.ranges[0] == 3.0
+    assert "\n" not in str(bad) and len(str(bad)) < 150
+
+
+@given(st.lists(st.binary(max_size=60), max_size=30))
+def test_no_bytes_whatever_stop_the_reading(junk):
+    good = front([1, 2]).encode()
+    lines = [LogLine(number, text) for number, text in enumerate([good, *junk, good], 1)]
+    scans = [item for item in read_carmen(lines) if not hasattr(item, "reason")]
+    assert len(scans) >= 2
+
+
+def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
+    lines = [front([1, 2])] + ["FLASER 2 1"] * 100
+    log = load_log(write(tmp_path / "a.log.gz", *lines))
+    assert len(log) == 1 and log.bad_count == 100
+    assert [bad.number for bad in log.bad_lines] == [2, 3, 4, 5, 6]
+
+
+def test_a_log_without_a_scan_is_refused_in_one_line(tmp_path):
+    with pytest.raises(
+        InputError, match=r"a\.log: no laser scan .* 1 bad lines, first line 1: "
+    ) as e:
+        load_log(write(tmp_path / "a.log", "FLASER 2 1"))
+    assert "\n" not in str(e.value)
+    with pytest.raises(InputError, match="no laser scan"):
+        load_log(write(tmp_path / "b.log", ""))
+
+
+def test_what_stands_before_a_cut_in_packed_data_is_read(tmp_path):
+    rng = np.random.default_rng(0)
+    lines = [front(np.round(rng.uniform(1, 9, 90), 3)) for _ in range(400)]
+    path = write(tmp_path / "a.log.gz", *lines)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    log = load_log(path)
+    assert 100 < len(log) < 300
+    assert log.bad_count == 1 and "damaged" in log.bad_lines[0].reason
+    assert log.bad_lines[0].number == len(log) + 1
+
+
+def test_packed_or_not_is_told_by_what_is_in_the_file(tmp_path):
+    packed = write(tmp_path / "a.log.gz", front([1, 2]))
+    plain = write(tmp_path / "b.log", front([1, 2]))
+    assert len(load_log(packed.rename(tmp_path / "c.log"))) == 1
+    assert len(load_log(plain.rename(tmp_path / "d.log.gz"))) == 1
+
+
+def test_a_bomb_is_refused_early(tmp_path):
+    path = tmp_path / "bomb.log.gz"
+    path.write_bytes(gzip.compress(bytes(1 << 25)))
+    with pytest.raises(InputError, match="unpacks to over 100 times"):
+        load_log(path)
+
+
+def test_an_endless_line_is_never_held_whole(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_bytes(b"\nFLASER 2 " + b"1 " * 2 * BLOCK + b"\n\n" + front([1, 2]).encode())
+    assert [line.number for line in lines_of(path)] == [2, 4]
+    log = load_log(path)
+    assert len(log) == 1 and log.bad_count == 1
+    assert log.bad_lines[0].number == 2 and "longer" in log.bad_lines[0].reason
+
+
+@given(st.binary(max_size=200), st.integers(0, 3))
+def test_lines_come_as_they_stand_however_they_are_packed(tmp_path_factory, text, blanks):
+    text += b"\n" * blanks
+    folder = tmp_path_factory.mktemp("lines")
+    (folder / "a.log").write_bytes(b"#" + text)
+    (folder / "b.log").write_bytes(gzip.compress(b"#" + text))
+    expected = [(n, line) for n, line in enumerate((b"#" + text).split(b"\n"), 1) if line]
+    for name in ("a.log", "b.log"):
+        assert [(line.number, line.text) for line in lines_of(folder / name)] == expected
+
+
+def test_a_file_of_other_messages_is_given_up(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_bytes(b"ODOM 1\n" * 1_000_001)
+    with pytest.raises(InputError, match=r"a\.log: line 1000001: no scan in 1,000,000 lines"):
+        load_log(path)
+
+
+@pytest.mark.parametrize("name", ["no.log", "picture.png", "folder.log"])
+def test_a_file_that_is_no_log_is_refused(tmp_path, name):
+    (tmp_path / "folder.log").mkdir()
+    (tmp_path / "picture.png").write_text("")
+    with pytest.raises(InputError, match=name.replace(".", r"\.")):
+        load_log(tmp_path / name)
+
+
+@pytest.fixture(scope="module")
+def run():
+    world = make_world(box(0, 0, 10, 8), box(4.5, 3.5, 1, 1))
+    lrf = LaserRangeFinder(range_min=0.05, range_max=5.3, beams=91)
+    return make_run(world, around(5, 4, 2.5, 12, heading=np.pi / 2), lrf, sigma=0.02)
+
+
+@pytest.mark.parametrize("name", ["run.log", "run.log.gz"])
+@pytest.mark.parametrize("poses", ["auto", "odom", "truth"])
+def test_what_goes_out_comes_back_to_the_last_bit(run, name, poses, tmp_path):
+    export_run(run, "carmen", tmp_path / name)
+    log = load_log(tmp_path / name, poses=poses)
+    assert log.bad_count == 0 and np.array_equal(log.times, run.trajectory.times)
+    for before, after in zip(run.scans, log.scans, strict=True):
+        heading = wrap_angle(before.pose.theta)
+        assert after.pose[:2] == before.pose[:2]
+        assert after.pose.theta == pytest.approx(heading, abs=0 if poses == "auto" else 1e-15)
+        told = np.where(before.ranges > 5.3, inf, before.ranges)
+        assert np.array_equal(after.ranges, told)
+        assert after.angles == pytest.approx(before.angles, abs=1e-15)
+        assert after.range_max == 5.3
+    assert set(log.tracks) == {"odom", "truth"}
+    assert np.array_equal(log.tracks["odom"].times, run.trajectory.times)
+
+
+def test_a_run_is_told_in_all_four_messages_each_well_formed(run, tmp_path):
+    export_run(run, "carmen", tmp_path / "run.log", every=5)
+    lines = (tmp_path / "run.log").read_text().splitlines()
+    told = [line.split()[0] for line in lines if not line.startswith("#")]
+    assert told == ["TRUEPOS", "ODOM", "ROBOTLASER1", "FLASER"] * 3
+    items = read("\n".join(lines))
+    assert not any(isinstance(item, BadLine) for item in items)
+    old = read("\n".join(line for line in lines if line.startswith("FLASER")))
+    new = [item for item in items if hasattr(item, "ranges")]
+    for one, other in zip(old, new, strict=True):
+        assert one.pose == other.pose and one.time == other.time
+        assert np.array_equal(one.ranges[one.ranges < 5.3], other.ranges[other.ranges < 5.3])
+
+
+def test_a_fan_that_flaser_does_not_know_is_told_by_robotlaser_alone(tmp_path):
+    world, lrf = make_world(box(0, 0, 10, 8)), LaserRangeFinder(-2.0, 2.0, 31, range_max=30.0)
+    run = make_run(world, around(5, 4, 2.0, 3), lrf)
+    export_run(run, "carmen", tmp_path / "run.log")
+    assert "FLASER" not in (tmp_path / "run.log").read_text()
+    assert load_log(tmp_path / "run.log").scans[0].angles == pytest.approx(lrf.angles)
+
+
+def test_the_same_run_is_the_same_file(run, tmp_path):
+    for name in ("a.log.gz", "b.log.gz"):
+        export_run(run, "carmen", tmp_path / name)
+    assert (tmp_path / "a.log.gz").read_bytes() == (tmp_path / "b.log.gz").read_bytes()
+    with pytest.raises(InputError, match=r"ends in \.log\.gz"):
+        export_run(run, "carmen", tmp_path / "run.txt")
+    with pytest.raises(InputError, match="expected one of carmen"):
+        export_run(run, "bag", tmp_path / "run.bag")
+
+
+def test_poses_of_odometry_and_of_the_truth_are_taken_at_the_time_of_the_scan(tmp_path):
+    lines = [
+        "ODOM 1 2 0.5 0.1 0.2 0 2.0 host 2.0",
+        "TRUEPOS 5 6 0.25 0 0 0 2.0 host 2.0",
+        front([1, 2, 3], time=3.0),
+        front([1, 2, 3], time=9.0),
+        "TRUEPOS 6 7 0.75 0 0 0 4.0 host 4.0",
+        "ODOM 3 2 0.5 0.1 0.2 0 4.0 host 4.0",
+        "ODOM 9 9 9 0 0 0 4.0 host 4.0",
+    ]
+    path = write(tmp_path / "a.log", *lines)
+    assert len(load_log(path)) == 2 and load_log(path).scans[0].pose == (1.0, -2.0, 0.5)
+    odometry, truth = load_log(path, poses="odom"), load_log(path, poses="truth")
+    assert odometry.poses == pytest.approx(np.array([[2, 2, 0.5]]))
+    assert truth.poses == pytest.approx(np.array([[5.5, 6.5, 0.5]]))
+    assert odometry.source == "ODOM messages" and truth.source == "TRUEPOS messages"
+    with pytest.raises(InputError, match="no poses from tf in it; there are auto, odom, truth"):
+        load_log(path, poses="tf")
+    with pytest.raises(InputError, match="no scan within the time"):
+        load_log(write(tmp_path / "b.log", *lines[:2], lines[3]), poses="odom")
+    with pytest.raises(InputError, match="expected one of auto"):
+        load_log(path, poses="gps")
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("ODOM 1 2 0.5 0 0 0 2.0 host", "9 words"),
+        ("ODOM 1 nan 0.5 0 0 0 2.0 host 1", "y is 'nan'"),
+        ("TRUEPOS 1 2 3 0 0 0 late host 1", "time is 'late'"),
+    ],
+)
+def test_a_pose_that_is_none_is_counted_and_named(line, reason):
+    bad = read("\n".join([front([1, 2]), line]))[1]
+    assert bad.number == 2 and reason in bad.reason
+
+
+def test_what_the_new_message_says_of_its_range_holds_unless_more_is_said(tmp_path):
+    path = write(tmp_path / "a.log", robot([60.0, 79.0, 80.0], farthest=80.0))
+    assert load_log(path).scans[0].ranges.tolist() == [60.0, 79.0, inf]
+    assert load_log(path, largest_range=70.0).scans[0].ranges.tolist() == [60.0, inf, inf]

@@ -1,0 +1,403 @@
+"""Runs that are recorded scan by scan, stopped anywhere and resumed."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d import (
+    InputError,
+    LaserRangeFinder,
+    LineMap,
+    LineMapper,
+    OutputError,
+    ProportionalNoise,
+    World,
+)
+from lrf3d.io import recording
+from lrf3d.io.journal import Journal
+
+ROOM = World(
+    np.array(
+        [[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0], [4, 3, 6, 3], [6, 3, 6, 4.0]]
+    )
+)
+LRF = LaserRangeFinder(beams=61, range_max=20.0)
+SCANS = 3000
+PLACES = np.linspace(0.0, 40.0 * np.pi, SCANS)
+POSES = np.column_stack(
+    [5.0 + 3.0 * np.cos(PLACES), 5.5 + 1.5 * np.sin(PLACES), PLACES + np.pi / 2]
+)
+
+
+class Stop(Exception):
+    pass
+
+
+class Sweeping:
+    """A controller with a memory: it turns as it has seen more on the left or on the right."""
+
+    def __init__(self, scans=SCANS):
+        self.balance, self.left = 0.0, scans
+
+    def command(self, time, pose, scan):
+        ranges = np.minimum(scan.ranges, 20.0)
+        self.balance = 0.9 * self.balance + 0.01 * (ranges[31:].sum() - ranges[:30].sum())
+        self.left -= 1
+        return (0.2, self.balance) if self.left else None
+
+
+def simulation(mode="robust", drive=POSES, scans=None, mapper=None, **settings):
+    mapper = LineMapper(mode, sigma=0.1) if mapper is None else mapper
+    noise = ProportionalNoise(0.1)
+    return lrf3d.Simulation(
+        ROOM, drive, LRF, noise=noise, mapper=mapper, rng=7, scans=scans, **settings
+    )
+
+
+def stopping(at):
+    def progress(done, total):
+        if done == at:
+            raise Stop
+
+    return progress
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch):
+    monkeypatch.setattr(recording, "CHUNK_BYTES", 150_000)
+    monkeypatch.setattr(recording, "CHECKPOINT_SCANS", 500)
+
+
+@pytest.mark.parametrize("mode", ["robust", pytest.param("paper", marks=pytest.mark.slow)])
+def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, tmp_path):
+    scans = SCANS if mode == "robust" else 350
+    lrf3d.record(simulation(mode, scans=scans), tmp_path / "whole.npz")
+    whole = (tmp_path / "whole.npz").read_bytes()
+    path = tmp_path / "run.npz"
+    for at in (1, 97, 98, scans // 3, scans // 2, scans - 1, scans):
+        with pytest.raises(Stop):
+            lrf3d.record(simulation(mode, scans=scans), path, resume=True, progress=stopping(at))
+        assert not path.exists() and path.with_suffix(".journal").exists()
+    lrf3d.record(simulation(mode, scans=scans), path, resume=True)
+    assert path.read_bytes() == whole
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["run.npz", "whole.npz"]
+
+
+def test_a_recorded_run_is_the_simulated_one(tmp_path):
+    kept = lrf3d.record(simulation(scans=300), tmp_path / "run.npz")
+    noise, mapper = ProportionalNoise(0.1), LineMapper(sigma=0.1)
+    run = lrf3d.simulate(ROOM, POSES[:300], LRF, noise=noise, mapper=mapper, rng=7)
+    for name in ("ranges", "truth", "walls", "stages"):
+        assert np.array_equal(getattr(kept, name), getattr(run, name))
+    assert np.array_equal(kept.trajectory.poses, run.trajectory.poses)
+    assert len(kept.maps) == len(run.maps) == 100
+    for one, other in zip(kept.maps, run.maps, strict=True):
+        assert np.array_equal(one.segments, other.segments)
+        assert np.array_equal(one.objects, other.objects)
+
+
+def test_a_controller_and_a_mapper_without_a_state_are_told_the_scans_again(tmp_path):
+    class Plain:
+        """A mapper that makes a LineMap and cannot tell what it has learnt."""
+
+        def __init__(self):
+            self.inner = LineMapper(sigma=0.1)
+
+        def update(self, scan):
+            return self.inner.update(scan)
+
+    def made():
+        start = (5.0, 6.0, 0.0)
+        return simulation(
+            drive=Sweeping(), mapper=Plain(), scans=400, start=start, scan_interval=0.1
+        )
+
+    lrf3d.record(made(), tmp_path / "whole.npz")
+    path = tmp_path / "run.npz"
+    for at in (150, 333):
+        with pytest.raises(Stop):
+            lrf3d.record(made(), path, resume=True, progress=stopping(at))
+    run = lrf3d.record(made(), path, resume=True)
+    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+    assert np.ptp(run.trajectory.poses[:, 2]) > 0.1
+
+
+def test_a_drive_that_its_controller_ends_early_is_whole(tmp_path):
+    def made():
+        return simulation(drive=Sweeping(scans=40), scans=1000, start=(5.0, 6.0, 0.0))
+
+    run = lrf3d.record(made(), tmp_path / "run.npz")
+    assert len(run) == 40 and run.stages[-1] == 39 and len(run.map)
+    before = (tmp_path / "run.npz").read_bytes()
+    (tmp_path / "run.npz").unlink()
+    with pytest.raises(Stop):
+        lrf3d.record(made(), tmp_path / "run.npz", progress=stopping(40))
+    lrf3d.record(made(), tmp_path / "run.npz", resume=True)
+    assert (tmp_path / "run.npz").read_bytes() == before
+
+
+@pytest.mark.parametrize("damage", [-1, -1000, -90_000, -250_000])
+def test_a_journal_that_breaks_off_or_is_damaged_is_good_up_to_there(damage, tmp_path):
+    lrf3d.record(simulation(scans=600), tmp_path / "whole.npz")
+    path = tmp_path / "run.npz"
+    for torn in (True, False):
+        with pytest.raises(Stop):
+            lrf3d.record(simulation(scans=600), path, progress=stopping(550))
+        journal = path.with_suffix(".journal")
+        data = bytearray(journal.read_bytes())
+        if torn:
+            del data[damage:]
+        else:
+            data[damage] ^= 0x10
+        journal.write_bytes(data)
+        lrf3d.record(simulation(scans=600), path, resume=True)
+        assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_a_damaged_checkpoint_only_costs_time(tmp_path):
+    lrf3d.record(simulation(scans=900), tmp_path / "whole.npz")
+    path = tmp_path / "run.npz"
+    with pytest.raises(Stop):
+        lrf3d.record(simulation(scans=900), path, progress=stopping(800))
+    checkpoint = path.with_suffix(".checkpoint")
+    checkpoint.write_bytes(checkpoint.read_bytes()[:-3000])
+    lrf3d.record(simulation(scans=900), path, resume=True)
+    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_another_run_is_not_resumed_and_its_difference_is_named(tmp_path):
+    path = tmp_path / "run.npz"
+    with pytest.raises(Stop):
+        lrf3d.record(simulation(scans=200), path, progress=stopping(150))
+    for other, name in (("paper", "mapper"), ("robust", "scans")):
+        with pytest.raises(InputError, match=f"whose {name} differ"):
+            lrf3d.record(simulation(other, scans=200 + (name == "scans")), path, resume=True)
+    assert len(lrf3d.record(simulation(scans=201), path)) == 201
+
+
+def test_a_finished_run_is_not_run_again(tmp_path):
+    path = tmp_path / "run.npz"
+    lrf3d.record(simulation(scans=50), path)
+
+    class Never:
+        def update(self, scan):
+            raise AssertionError
+
+        def __repr__(self):
+            return repr(LineMapper(sigma=0.1))
+
+    Never.__module__, Never.__qualname__ = LineMapper.__module__, LineMapper.__qualname__
+    assert len(lrf3d.record(simulation(scans=50, mapper=Never()), path, resume=True)) == 50
+
+
+def test_a_mapper_of_other_things_has_no_stages(tmp_path):
+    class Counter:
+        count = 0
+
+        def update(self, scan):
+            self.count += 1
+
+    counter = Counter()
+    run = lrf3d.record(simulation(scans=20, mapper=counter), tmp_path / "run.npz")
+    assert counter.count == 20 and run.stages == () and len(run.map) == 0
+    assert len(lrf3d.load_run(tmp_path).map_after(10)) == 0
+
+
+def test_large_arrays_are_mapped_aligned_and_the_same(tmp_path, monkeypatch):
+    run = lrf3d.record(simulation(scans=300), tmp_path / "run.npz")
+    monkeypatch.setattr("lrf3d.io.npz.MAPPED", 1000)
+    mapped = lrf3d.load_run(tmp_path)
+    for name in ("ranges", "truth", "walls"):
+        array = getattr(mapped, name)
+        assert isinstance(array.base, np.memmap) and array.flags.aligned
+        assert array.ctypes.data % 64 == 0
+        assert np.array_equal(array, getattr(run, name))
+    with np.load(tmp_path / "run.npz") as plain:
+        assert np.array_equal(plain["ranges"], run.ranges)
+
+
+def test_nobody_says_when_it_ends(tmp_path):
+    endless = simulation(drive=Sweeping(), start=(5.0, 6.0, 0.0))
+    with pytest.raises(InputError, match="scans"):
+        lrf3d.record(endless, tmp_path / "run.npz")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_mapper_has_learnt_is_taken_back_to_the_last_bit():
+    for mode in ("robust", "paper"):
+        one, other = LineMapper(mode, sigma=0.1), LineMapper(mode, sigma=0.1)
+        steps = simulation(mode, mapper=one, scans=160)
+        for step in steps:
+            if step.index == 80:
+                other.restore(one.state())
+            if step.index > 80:
+                other.update(step.scan)
+        assert np.array_equal(one.map.segments, other.map.segments)
+        assert all(np.array_equal(one.state()[key], value) for key, value in other.state().items())
+
+
+KILLED = """
+import sys, lrf3d
+sys.path.insert(0, {folder!r})
+import test_recording
+test_recording.recording.CHUNK_BYTES = 150_000
+test_recording.recording.CHECKPOINT_SCANS = 500
+def progress(done, total):
+    print(done, flush=True)
+lrf3d.record(test_recording.simulation(scans=1500), sys.argv[1], resume=True, progress=progress)
+"""
+
+
+def test_a_killed_process_loses_next_to_nothing(tmp_path):
+    lrf3d.record(simulation(scans=1500), tmp_path / "whole.npz")
+    path = tmp_path / "run.npz"
+    code = KILLED.format(folder=os.path.dirname(__file__))
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, path], stdout=subprocess.PIPE, text=True
+    )
+    for line in process.stdout:
+        if int(line) >= 1000:
+            process.send_signal(signal.SIGKILL)
+            break
+    process.stdout.close()
+    assert process.wait() == -signal.SIGKILL
+    fingerprint = recording.fingerprint_of(simulation(scans=1500))
+    journal = Journal(path.with_suffix(".journal"), fingerprint, LRF.beams, keep=True)
+    assert 900 <= journal.scans < 1500
+    journal.close()
+    lrf3d.record(simulation(scans=1500), path, resume=True)
+    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_a_stream_of_steps_gives_the_run_and_keeps_no_scans():
+    steps = simulation(scans=5)
+    seen = []
+    for step in steps:
+        seen.append(step.index)
+        if len(seen) == 2:
+            break
+    seen += [step.index for step in steps]
+    assert seen == [0, 1, 2, 3, 4]
+    assert isinstance(steps.map, LineMap) and steps.done == 5
+
+
+def test_one_file_has_one_writer(tmp_path):
+    path = tmp_path / "run.npz"
+
+    def another(done, total):
+        if done == 2:
+            with pytest.raises(InputError, match=r"run\.npz: process \d+ writes here"):
+                lrf3d.record(simulation(scans=9), path)
+
+    lrf3d.record(simulation(scans=5), path, progress=another)
+    assert len(lrf3d.load_run(path)) == 5
+    assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
+
+
+@pytest.mark.parametrize("damage", ["changed", "cut", "removed"])
+def test_a_journal_that_others_change_does_not_replace_the_run(damage, tmp_path):
+    path = tmp_path / "run.npz"
+    lrf3d.record(simulation(scans=5), path)
+    before = path.read_bytes()
+    journal = path.with_suffix(".journal")
+
+    def meddle(done, total):
+        if done == total and damage == "changed":
+            data = bytearray(journal.read_bytes())
+            data[-100] ^= 1
+            journal.write_bytes(data)
+        elif done == total and damage == "cut":
+            os.truncate(journal, journal.stat().st_size // 2)
+        elif done == total:
+            journal.unlink()
+
+    with pytest.raises(OutputError, match=r"run\.journal"):
+        lrf3d.record(simulation(scans=400), path, progress=meddle)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["run.npz", "run.journal", "run.checkpoint"])
+def test_what_cannot_be_replaced_is_known_before_the_drive(name, tmp_path):
+    (tmp_path / name).mkdir()
+    with pytest.raises(InputError, match=f"{name}: a folder, expected a file of an earlier run"):
+        lrf3d.record(simulation(scans=5), tmp_path / "run.npz", progress=stopping(1))
+
+
+@pytest.mark.parametrize(
+    ("name", "array"),
+    [
+        ("segments", np.zeros((1, 4))),
+        ("lrf", np.array([1.0, 0.0, 61, 0, 20, 0.5])),
+        ("poses", np.zeros((5, 2))),
+        ("ranges", np.zeros((5, 61), dtype=np.complex128)),
+        ("walls", np.full((5, 61), "x")),
+        ("world_name", np.array(3.0)),
+    ],
+)
+def test_what_is_wrong_in_a_run_is_told_with_its_file(name, array, tmp_path):
+    path = tmp_path / "run.npz"
+    lrf3d.record(simulation(scans=5), path)
+    with np.load(path) as arrays:
+        changed = {**arrays, name: array}
+    np.savez(path, **changed)
+    with pytest.raises(InputError) as refused:
+        lrf3d.load_run(path)
+    assert str(refused.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize("moment", ["before", "within", "after"])
+def test_an_interrupt_while_a_chunk_is_written_keeps_each_scan_once(tmp_path, monkeypatch, moment):
+    path, whole = tmp_path / "run.npz", tmp_path / "whole.npz"
+    monkeypatch.setattr(recording, "CHUNK_BYTES", 15_000)
+    lrf3d.record(simulation(scans=40), whole)
+    add, sync = Journal.add, Journal._sync
+    calls = []
+
+    def interrupted(self, *arguments):
+        calls.append(1)
+        if len(calls) == 2 and moment == "within":
+            monkeypatch.setattr(Journal, "_sync", stop)
+        elif len(calls) != 2 or moment == "after":
+            add(self, *arguments)
+        if len(calls) != 2:
+            return None
+        if moment == "within":
+            return add(self, *arguments)
+        raise KeyboardInterrupt
+
+    def stop(self):
+        # What was written so far is in the file, and more may be.
+        monkeypatch.setattr(Journal, "_sync", sync)
+        self._file.write(b"and more")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Journal, "add", interrupted)
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        lrf3d.record(simulation(scans=40), path)
+    monkeypatch.setattr(Journal, "add", add)
+    journal = Journal(
+        path.with_suffix(".journal"),
+        recording.fingerprint_of(simulation(scans=40)),
+        LRF.beams,
+        keep=True,
+    )
+    kept = journal.scans
+    journal.close()
+    assert stopped.value.__notes__ == [f"{kept} of 40 scans kept; go on with --resume"]
+    assert kept == 2 * journal.chunks[0].scans
+    lrf3d.record(simulation(scans=40), path, resume=True)
+    assert path.read_bytes() == whole.read_bytes()
+    assert {file.name for file in tmp_path.iterdir()} == {"run.npz", "whole.npz"}
+
+
+def test_what_lies_beside_a_finished_run_is_taken_away_when_it_is_resumed(tmp_path):
+    path = tmp_path / "run.npz"
+    lrf3d.record(simulation(scans=5), path)
+    path.with_suffix(".checkpoint").write_bytes(b"left")
+    lrf3d.record(simulation(scans=5), path, resume=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]

@@ -1,0 +1,342 @@
+import sys
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from synthetic_run import around, box, make_run, make_world
+
+from lrf3d.errors import InputError, MissingLibraryError, OutputError
+from lrf3d.exporting import export_run
+from lrf3d.geometry import wrap_angle
+from lrf3d.io import load_log
+from lrf3d.io.bag_messages import ODOMETRY, POSE, SCAN, TRANSFORMS, bounded_unpacking
+from lrf3d.laser import LaserRangeFinder, LaserScan, Stamp
+from lrf3d.mapping import LineMapper
+
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+from rosbags.typesys import Stores, get_typestore  # noqa: E402
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+TURNS = {"upright": (0, 0, 0, 1), "upside down": (1, 0, 0, 0), "left": (0, 0, 0.5**0.5, 0.5**0.5)}
+
+
+@pytest.fixture(scope="module")
+def run():
+    world = make_world(box(0, 0, 10, 8), box(4.5, 3.5, 1, 1))
+    lrf = LaserRangeFinder(-2.0, 2.1, 91, range_min=0.05, range_max=5.3)
+    return make_run(world, around(5, 4, 2.5, 30, heading=np.pi / 2), lrf, sigma=0.02)
+
+
+@pytest.fixture(scope="module")
+def mcap(run, tmp_path_factory):
+    path = tmp_path_factory.mktemp("bag") / "run.mcap"
+    export_run(run, "mcap", path)
+    return path
+
+
+def make(kind, *values):
+    return STORE.types[kind](*values)
+
+
+def header(time, frame):
+    stamp = Stamp.of(time)
+    return make(
+        "std_msgs/msg/Header", make("builtin_interfaces/msg/Time", stamp.sec, stamp.nanosec), frame
+    )
+
+
+def transform(time, parent, child, place=(0, 0, 0), turn=(0, 0, 0, 1)):
+    moved = make(
+        "geometry_msgs/msg/Transform",
+        make("geometry_msgs/msg/Vector3", *map(float, place)),
+        make("geometry_msgs/msg/Quaternion", *map(float, turn)),
+    )
+    stamped = make("geometry_msgs/msg/TransformStamped", header(time, parent), child, moved)
+    return make(TRANSFORMS, [stamped])
+
+
+def pose(time, frame, x, y, theta):
+    place = make("geometry_msgs/msg/Point", float(x), float(y), 0.0)
+    turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))
+    return make(POSE, header(time, frame), make("geometry_msgs/msg/Pose", place, turn))
+
+
+def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0)):
+    values = np.array(ranges, dtype=np.float32)
+    return make(
+        SCAN, header(time, frame), -1.0, 1.0, 1.0, 0.0, 0.1, 0.1, 10.0, values, np.float32([])
+    )
+
+
+def write(path, *messages):
+    """Write messages (topic, time, kind, message) to a bag."""
+    with rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin.MCAP) as bag:
+        topics = {}
+        for topic, time, kind, message in messages:
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
+            bag.write(topics[topic], Stamp.of(time).nanoseconds, STORE.serialize_cdr(message, kind))
+    return path
+
+
+def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1)):
+    static = transform(0.0, "base_link", "laser", place, turn)
+    return "/tf_static", 0.0, TRANSFORMS, static
+
+
+def drives(root, base, poses, topic="/tf"):
+    """A transform a second."""
+    for time, (x, y, theta) in enumerate(poses):
+        turn = (0, 0, np.sin(theta / 2), np.cos(theta / 2))
+        yield topic, time, TRANSFORMS, transform(float(time), root, base, (x, y, 0), turn)
+
+
+def scans(*times):
+    return [("/scan", time, SCAN, scan(time)) for time in times]
+
+
+@pytest.mark.parametrize("poses", ["auto", "truth", "tf", "odom"])
+def test_what_goes_out_comes_back_to_the_bit_that_the_format_holds(run, mcap, poses):
+    log = load_log(mcap, poses=poses)
+    assert len(log) == len(run) and log.bad_count == 0
+    for before, after in zip(run.scans, log.scans, strict=True):
+        told = before.as_ros("laser")
+        assert np.array_equal(after.ranges, told.ranges.astype(np.float64))
+        assert np.array_equal(after.as_ros("laser").ranges, told.ranges)
+        assert after.as_ros("laser").header == told.header
+        assert after.pose[:2] == before.pose[:2]
+        assert abs(wrap_angle(after.pose.theta - before.pose.theta)) < 1e-15
+        assert after.angles == pytest.approx(before.angles, abs=1e-6)
+        assert after.range_max == pytest.approx(5.3, rel=1e-7)
+    assert any(np.isposinf(each.ranges).any() for each in log.scans)
+
+
+def test_the_map_of_the_bag_is_the_map_of_the_run(run, mcap):
+    ours, theirs = LineMapper(), LineMapper()
+    for one, other in zip(run.scans, load_log(mcap).scans, strict=True):
+        ours.update(one), theirs.update(other)
+    assert len(ours.map) == len(theirs.map) > 3
+    assert theirs.map.segments == pytest.approx(ours.map.segments, abs=1e-5)
+    assert np.array_equal(theirs.map.objects, ours.map.objects)
+
+
+@pytest.mark.parametrize("kind", ["mcap", "rosbag2"])
+def test_other_programs_find_what_they_need(run, kind, tmp_path):
+    path = tmp_path / ("run.mcap" if kind == "mcap" else "run_bag")
+    export_run(run, kind, path)
+    with rosbag2.Reader(path) as bag:
+        topics = {each.topic: each for each in bag.connections}
+        said = [
+            (each.topic, time, STORE.deserialize_cdr(data, each.msgtype))
+            for each, time, data in bag.messages()
+        ]
+    assert {name: each.msgtype for name, each in topics.items()} == {
+        "/scan": SCAN,
+        "/odom": ODOMETRY,
+        "/ground_truth": ODOMETRY,
+        "/tf": TRANSFORMS,
+        "/tf_static": TRANSFORMS,
+    }
+    # Whoever comes late still has to hear where the laser is mounted.
+    assert topics["/tf_static"].ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
+    assert said[0][0] == "/tf_static" and all(a[1] <= b[1] for a, b in pairwise(said))
+    scans = [message for topic, _, message in said if topic == "/scan"]
+    stamps = [each.header.stamp.sec * 10**9 + each.header.stamp.nanosec for each in scans]
+    assert stamps == [Stamp.of(time).nanoseconds for time in run.trajectory.times.tolist()]
+    for each in scans:
+        low, step, count = (
+            np.float32(value)
+            for value in (each.angle_min, each.angle_increment, len(each.ranges) - 1)
+        )
+        assert np.float32(each.angle_max) == low + count * step
+        assert each.header.frame_id == "laser" and each.scan_time == 1.0
+    edges = {
+        (each.header.frame_id, each.child_frame_id)
+        for topic, _, message in said
+        if topic.startswith("/tf")
+        for each in message.transforms
+    }
+    assert edges == {("odom", "base_link"), ("base_link", "laser")}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_bag_is_replaced_and_nothing_else_is(run, tmp_path):
+    bag = tmp_path / "run_bag"
+    export_run(run, "rosbag2", bag, every=3)
+    export_run(run, "rosbag2", bag, every=10)
+    assert len(load_log(bag)) == 3 and load_log(bag).name == "run_bag"
+    other = tmp_path / "photos"
+    other.mkdir()
+    (other / "a.jpg").write_text("")
+    with pytest.raises(OutputError, match="is not a bag"):
+        export_run(run, "rosbag2", other)
+    with pytest.raises(OutputError, match="nowhere"):
+        export_run(run, "mcap", tmp_path / "nowhere" / "run.mcap")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["photos", "run_bag"]
+    assert [path.name for path in other.iterdir()] == ["a.jpg"]
+
+
+@pytest.mark.parametrize("way", ["tf", "odom", "truth"])
+def test_the_laser_is_where_it_is_mounted(way, tmp_path):
+    poses = [(1.0, 2.0, 0.3), (3.0, 2.0, 0.3)]
+    robot = list(drives("odom", "base_link", poses)) if way == "tf" else []
+    if way != "tf":
+        topic = "/base_pose_ground_truth" if way == "truth" else "/pose"
+        robot = [(topic, t, POSE, pose(float(t), "odom", *each)) for t, each in enumerate(poses)]
+    bag = write(
+        tmp_path / "bag", mounted((0.2, -0.1, 0.5), TURNS["left"]), *robot, *scans(0.0, 0.5, 1.0)
+    )
+    log = load_log(bag)
+    shift = np.array([0.2 * np.cos(0.3) + 0.1 * np.sin(0.3), 0.2 * np.sin(0.3) - 0.1 * np.cos(0.3)])
+    for number, x in enumerate([1.0, 2.0, 3.0]):
+        assert log.poses[number] == pytest.approx([x + shift[0], 2 + shift[1], 0.3 + np.pi / 2])
+    assert (way == "tf") == log.source.startswith("/tf")
+
+
+def test_a_laser_upside_down_sees_left_what_it_tells_as_right(tmp_path):
+    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
+    bag = write(tmp_path / "bag", mounted(turn=TURNS["upside down"]), *moves, *scans(0.0))
+    seen = load_log(bag).scans[0]
+    assert seen.pose == (0.0, 0.0, 0.0) and seen.angles.tolist() == [1.0, 0.0, -1.0]
+
+
+def test_a_laser_that_is_tilted_is_refused(tmp_path):
+    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
+    tilt = (0, np.sin(0.3), 0, np.cos(0.3))
+    bag = write(tmp_path / "bag", mounted(turn=tilt), *moves, *scans(0.0))
+    with pytest.raises(InputError, match="tilted by 34°"):
+        load_log(bag)
+
+
+def test_transforms_up_to_the_map_come_before_odometry_and_behind_the_truth(tmp_path):
+    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
+    mapped = drives("map", "odom", [(10, 0, 0), (10, 0, 0)])
+    wheels = [("/odom", t, ODOMETRY, odometry(float(t), (7.0, 0.0, 0.0))) for t in range(2)]
+    bag = write(tmp_path / "bag", mounted(), *moves, *mapped, *wheels, *scans(0.5))
+    assert load_log(bag).scans[0].pose == pytest.approx((10.5, 0, 0))
+    assert load_log(bag).source == "/tf, laser in map"
+    assert load_log(bag, poses="odom").scans[0].pose == pytest.approx((7, 0, 0))
+    with pytest.raises(InputError, match="no poses from truth in it; there are tf, odom"):
+        load_log(bag, poses="truth")
+
+
+def odometry(time, where, child="base_link"):
+    told = pose(time, "odom", *where)
+    speed = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+    return make(
+        ODOMETRY,
+        told.header,
+        child,
+        make("geometry_msgs/msg/PoseWithCovariance", told.pose, np.zeros(36)),
+        make(
+            "geometry_msgs/msg/TwistWithCovariance",
+            make("geometry_msgs/msg/Twist", speed, speed),
+            np.zeros(36),
+        ),
+    )
+
+
+def test_a_fixed_joint_that_is_told_again_and_again_is_no_drive(tmp_path):
+    joint = drives("base_link", "laser", [(0.2, 0, 0)] * 3)
+    wheels = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(3)]
+    log = load_log(write(tmp_path / "bag", *joint, *wheels, *scans(1.0)))
+    assert log.source == "/odom" and log.poses[0] == pytest.approx([1.2, 0, 0])
+
+
+def test_headings_are_interpolated_the_shorter_way(tmp_path):
+    moves = drives("odom", "base_link", [(0, 0, 3.0), (1, 0, -3.0)])
+    log = load_log(write(tmp_path / "bag", mounted(), *moves, *scans(0.25)))
+    assert log.poses[0] == pytest.approx([0.25, 0, 3.0 + 0.25 * (2 * np.pi - 6.0)])
+
+
+def test_scans_without_a_pose_and_scans_that_are_none_are_counted_and_named(tmp_path):
+    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
+    broken = scan(0.5)
+    broken.angle_increment = 0.0
+    bag = write(tmp_path / "bag", mounted(), *moves, *scans(0.5, 1.5), ("/scan", 0.6, SCAN, broken))
+    log = load_log(bag)
+    assert len(log) == 1 and log.bad_count == 2
+    assert "expected at most a turn" in str(log.bad_lines[0])
+    assert str(log.bad_lines[1]).startswith("scan 2: ")
+
+
+def test_bags_that_tell_too_little_are_refused_with_what_is_missing(tmp_path):
+    with pytest.raises(InputError, match="no poses in it"):
+        load_log(write(tmp_path / "a", mounted(), *scans(0.0)))
+    moves = list(drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)]))
+    with pytest.raises(InputError, match="no topic of sensor_msgs/msg/LaserScan"):
+        load_log(write(tmp_path / "b", mounted(), *moves))
+    with pytest.raises(InputError, match="no scan within the time"):
+        load_log(write(tmp_path / "c", mounted(), *moves, *scans(2.0)))
+    with pytest.raises(InputError, match=r"no scans on /front; there are /scan"):
+        load_log(write(tmp_path / "d", mounted(), *moves, *scans(0.0)), scan_topic="/front")
+    (tmp_path / "e").mkdir()
+    with pytest.raises(InputError, match=r"metadata\.yaml"):
+        load_log(tmp_path / "e")
+    with pytest.raises(InputError, match="no such file"):
+        load_log(tmp_path / "none.mcap")
+
+
+def test_a_mount_that_is_not_told_is_said_to_be_guessed(tmp_path):
+    wheels = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(2)]
+    log = load_log(write(tmp_path / "bag", *wheels, *scans(0.5)))
+    assert log.scans[0].pose == (0.5, 0, 0) and "middle of base_link" in log.source
+
+
+def test_frames_that_hang_in_a_circle_do_not_hang_the_reader(tmp_path):
+    circle = [*drives("laser", "base_link", [(0, 0, 0), (1, 0, 0)]), mounted()]
+    with pytest.raises(InputError, match="no poses"):
+        load_log(write(tmp_path / "bag", *circle, *scans(0.5)))
+
+
+def test_without_rosbags_the_mend_is_told(run, mcap, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    with pytest.raises(MissingLibraryError, match=r"pip install 'lrf3d\[ros\]'"):
+        load_log(mcap)
+    with pytest.raises(MissingLibraryError, match=r"pip install 'lrf3d\[ros\]'"):
+        export_run(run, "mcap", tmp_path / "run.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["zstd", "lz4"])
+def test_a_chunk_is_unpacked_to_the_size_that_it_claims_and_no_farther(kind):
+    from lz4.frame import compress
+    from rosbags.rosbag2 import storage_mcap
+
+    packed = (storage_mcap.zstd.compress if kind == "zstd" else compress)(bytes(10_000_000))
+    before = storage_mcap.DECOMPRESSORS[kind]
+    with bounded_unpacking():
+        unpack = storage_mcap.DECOMPRESSORS[kind]
+        assert len(unpack(packed, 1000)) < 100_000
+        assert unpack(packed, 10_000_000) == bytes(10_000_000)
+        with pytest.raises(ValueError, match="at most"):
+            unpack(packed, 1 << 40)
+    assert storage_mcap.DECOMPRESSORS[kind] is before
+
+
+def test_metadata_without_end_are_refused(mcap, tmp_path):
+    (tmp_path / "metadata.yaml").write_text("x: y\n" * 100_000)
+    with pytest.raises(InputError, match="longer than"):
+        load_log(tmp_path)
+
+
+def test_a_range_without_end_is_no_return(tmp_path):
+    endless = scan(0.5, ranges=[1.0, 3e38, 2.0])
+    endless.range_max = float("inf")
+    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
+    log = load_log(write(tmp_path / "bag", mounted(), *moves, ("/scan", 0.5, SCAN, endless)))
+    assert log.scans[0].ranges.tolist() == [1.0, np.inf, 2.0]
+
+
+def test_a_run_before_time_0_is_refused(run, tmp_path):
+    early = SimpleNamespace(trajectory=SimpleNamespace(times=np.array([-1.0])))
+    from lrf3d.io.ros_bag_writer import write as write_run
+
+    with pytest.raises(InputError, match="cannot hold times before 0"):
+        write_run(early, tmp_path / "run.mcap")
+
+
+def test_a_scan_of_ros_is_a_scan():
+    assert isinstance(LaserScan.from_ros(scan(1.5)), LaserScan)
+    assert LaserScan.from_ros(scan(1.5)).time == 1.5

@@ -1,0 +1,87 @@
+"""Façades: one texture, and walls that lie on it."""
+
+import numpy as np
+from test_render import box
+
+from lrf3d.scene.facades import BAYS, BLANK, NARROW, PLINTH, SLANTS, TILE, WINDOWED, layers
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.walls import paint_walls, wall_faces
+from lrf3d.world import World, load_world
+
+
+def town():
+    """Houses of 3 to 60 m in length, 3 to 25 m high."""
+    sides = np.array([3.0, 7.0, 20.0, 60.0])
+    walls = [box(100.0 * i, 0.0, 100.0 * i + side, 10.0) for i, side in enumerate(sides)]
+    objects = np.repeat(np.arange(len(sides)), 4)
+    heights = np.repeat([3.0, 8.0, 12.0, 25.0], 4)
+    return Structures.from_world(World(np.concatenate(walls), objects, heights))
+
+
+def test_the_texture_is_the_same_each_time():
+    first = layers(False)
+    layers.cache_clear()
+    again = layers(False)
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    assert len(layers(True)[0]) == 2 and first[-1].shape[1] == 1
+
+
+def test_windows_repeat_without_a_seam():
+    upper = layers(False)[0][WINDOWED + 3 * SLANTS]
+    # At the borders of all bays and storeys there is nothing but the wall.
+    borders = np.concatenate([upper[::TILE].reshape(-1, 4), upper[:, ::TILE].reshape(-1, 4)])
+    assert (borders == [0, 0, 0, 255]).all()
+    assert 0.2 < (upper[..., 3] < 255).mean() < 0.6
+
+
+def test_coarser_copies_keep_the_mean_of_a_wall():
+    levels = layers(False)
+    means = [level.mean(axis=(1, 2)) for level in levels]
+    assert all(np.abs(mean - means[0]).max() < 2.0 for mean in means)
+    slants = means[0][WINDOWED:].reshape(-1, SLANTS, 4)
+    assert np.abs(slants - slants[:, :1]).max() < 1.0
+
+
+def test_pieces_of_walls_cover_what_the_walls_did():
+    structures = town()
+    faces, walls = wall_faces(structures), paint_walls(structures, shadows=False)
+
+    def area(quads):
+        side, up = quads[:, 1, :3] - quads[:, 0, :3], quads[:, 3, :3] - quads[:, 0, :3]
+        return np.linalg.norm(np.cross(side, up), axis=1)
+
+    count = len(structures.solids)
+    whole = np.bincount(faces.objects, area(faces.quads), count)
+    cut = np.bincount(walls.objects, area(walls.quads), count)
+    assert np.allclose(whole, cut, rtol=1e-5)
+
+
+def test_a_house_has_one_door_in_a_face_of_some_bays():
+    quads = paint_walls(town(), shadows=False).quads
+    ground = quads[(quads[:, 0, 8] > PLINTH) & (quads[:, 0, 2] == 0.0)]
+    start, end = ground[:, 0, 6], ground[:, 1, 6]
+    # The door stands in the first of the bays that repeat.
+    doors = np.ceil(end / BAYS - 1e-4) - np.ceil(start / BAYS - 1e-4)
+    bays = np.round(end - start)
+    assert (doors[bays == 1] == 0).all() and (bays == 1).any()
+    assert (doors[(bays > 1) & (bays <= BAYS)] == 1).all()
+    assert (np.abs(end - start - bays) < 1e-4).all()
+
+
+def test_narrow_faces_have_no_window():
+    world = World(box(0.0, 0.0, 20.0, 0.9 * NARROW), np.zeros(4, int), np.full(4, 9.0))
+    quads = paint_walls(Structures.from_world(world), shadows=False).quads
+    width = np.linalg.norm(quads[:, 1, :3] - quads[:, 0, :3], axis=1)
+    assert set(quads[width < NARROW, 0, 8]) == {BLANK, PLINTH}
+    assert (quads[width > 10.0, 0, 8] >= WINDOWED).any()
+
+
+def test_shadows_only_cut_walls_and_leave_their_pattern():
+    structures = Structures.from_world(load_world("city"))
+    plain, cut = (paint_walls(structures, shadows=shadows) for shadows in (False, True))
+    assert len(cut.quads) > len(plain.quads)
+    # Each place of a wall has the same place on the texture, whether the wall is cut or not.
+    rows = plain.quads.reshape(-1, 16)[:, [0, 1, 2, 3, 4, 6, 7, 8]]
+    known = {tuple(row) for row in np.round(rows, 3).tolist()}
+    corners = np.round(cut.quads.reshape(-1, 16)[:, [0, 1, 2, 3, 4, 6, 7, 8]], 3)
+    assert len(known & {tuple(row) for row in corners.tolist()}) > 0.95 * len(known)

@@ -1,0 +1,110 @@
+"""Worlds that are hard to draw: empty, of slivers, far away, without end; all are drawn."""
+
+import numpy as np
+import pytest
+from test_render import box, needs_gl, run_of
+
+from lrf3d.gltf import run_glb
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.mapping import LineMap
+from lrf3d.robot import Trajectory
+from lrf3d.run import Run
+from lrf3d.scene.ground import paint_ground, paint_tile
+from lrf3d.scene.sight import FARTHEST, Sight
+from lrf3d.scene.structures import Structures
+from lrf3d.view.replay import pack_run
+from lrf3d.view.scene import make_scene
+from lrf3d.world import World
+
+FAR = 1e7
+
+
+def tall(segments, objects=None, height=8.0):
+    return World(segments, objects, np.full(len(segments), height))
+
+
+HOUSE = box(0, 0, 10, 8)
+TWO = np.repeat([0, 1], 4)
+WORLDS = {
+    "no wall": World(np.empty((0, 4))),
+    "one wall": tall([[0, 5, 10, 5]]),
+    "a low wall": tall([[0, 5, 10, 5]], height=0.01),
+    "a high wall": tall([[0, 5, 10, 5]], height=1e7),
+    "sloping walls": tall([[0, 9, 70, 39], [0, 14, 70, 44]], [0, 1]),
+    "walls of no size": tall([[0, 0, 5e-324, 0], [0, 1, 0, 1 + 1e-15]], [0, 1]),
+    "two houses far apart": tall(np.vstack([HOUSE, box(300, 0, 10, 8)]), TWO),
+    "a house far off": tall(np.add(HOUSE, 90e3)),
+    "a bow tie": tall([[0, 0, 10, 10], [10, 10, 10, 0], [10, 0, 0, 10], [0, 10, 0, 0]]),
+    "a wall beyond all": tall([*HOUSE, [FAR, 0, FAR, 9]], [0] * 4 + [1]),
+    "a room and a wall beyond all": tall([*HOUSE, [FAR, 0, FAR, 9]], [0] * 4 + [1], 2.5),
+    "a corner beyond all": tall([[0, 0, 10, 0], [10, 0, FAR, 8], [FAR, 8, 0, 8], [0, 8, 0, 0]]),
+    "a wall without end": tall([*HOUSE, [-FAR, -9, FAR, -9.5]], [0] * 4 + [1]),
+    "a fence round all": tall(np.vstack([HOUSE, box(-FAR, -FAR, 2 * FAR, 2 * FAR)]), TWO),
+}
+
+
+def driven(world):
+    """A run past the house, or past where one would stand."""
+    poses = np.column_stack([np.linspace(-5, 160, 9), np.full(9, -5.0), np.zeros(9)])
+    if len(world.segments):
+        return run_of(world, 0.5 * np.arange(9), poses)
+    lrf, none = LaserRangeFinder(beams=91), np.full((9, 91), np.inf)
+    walls = np.full((9, 91), -1)
+    trajectory = Trajectory(0.5 * np.arange(9), poses)
+    return Run(world, lrf, trajectory, none, none, walls, (0,), (LineMap.empty(),))
+
+
+@needs_gl
+@pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
+def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):
+    from lrf3d.render.video import VIEWS, frame
+
+    run = driven(world)
+    for view in VIEWS:
+        for renderer in ("gl", "embree"):
+            picture = frame(run, 2.1, size=(64, 48), view=view, samples=0, renderer=renderer)
+            assert picture.shape == (48, 64, 3)
+    assert run_glb(run)[:4] == b"glTF"
+    assert make_scene(world, run.lrf, run.trajectory.poses[:, :2], title="x").glb[:4] == b"glTF"
+    assert pack_run(run)[0]
+
+
+def test_ground_without_a_house_near_is_painted():
+    houses = WORLDS["two houses far apart"]
+    tile = paint_tile(Structures.from_world(houses), np.array([120.0, -80.0]), 80.0)
+    assert tile.picture.std() < 20.0
+    assert paint_ground(Structures.from_world(WORLDS["no wall"])).picture.size
+
+
+@pytest.mark.parametrize("name", [name for name in WORLDS if "all" in name or "end" in name])
+def test_what_is_drawn_ends_where_nothing_is_seen_any_more(name):
+    run = driven(WORLDS[name])
+    structures = Structures.from_run(run)
+    places = structures.segments.reshape(-1, 2) + structures.origin
+    assert (np.abs(places) <= FARTHEST + 200.0).all()
+    # So that float32 knows millimetres where the robot is.
+    assert np.abs(structures.origin).max() < FARTHEST
+    assert paint_ground(structures).size.max() < 4.0 * FARTHEST
+    setup = make_scene(run.world, run.lrf, run.trajectory.poses[:, :2], title="x").setup
+    assert setup["size"] < 3.0 * FARTHEST
+
+
+def test_walls_in_sight_stay_as_they_are_and_others_are_cut():
+    path = np.array([[0.0, 0.0], [10.0, 0.0]])
+    world = tall(HOUSE)
+    assert Sight.of(world, path).world is world
+    assert Sight.of(world).world is world
+    walls = np.array(
+        [[0.1, 0.2, 0.3, 0.4], [-FAR, 1.0, FAR, 1.0], [FAR, 0, FAR, 1], [9e3, 0, 5, 0]]
+    )
+    seen = Sight.of(World(walls, [5, 2, 1, 0], [1.0, 2.0, 3.0, 1e6]), path).world
+    ends = [
+        [0.1, 0.2, 0.3, 0.4],
+        [-FARTHEST, 1.0, FARTHEST + 10.0, 1.0],
+        [FARTHEST + 10.0, 0.0, 5.0, 0.0],
+    ]
+    assert seen.segments[0].tolist() == ends[0]
+    assert seen.segments == pytest.approx(np.array(ends), abs=1e-6)
+    assert seen.objects.tolist() == [5, 2, 0] and seen.heights.tolist() == [1.0, 2.0, FARTHEST]
+    nothing = Sight.of(tall(np.add(HOUSE, 90e3)), path)
+    assert not len(nothing.world.segments) and nothing.origin.tolist() == [5.0, 0.0]

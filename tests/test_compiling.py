@@ -1,0 +1,131 @@
+"""What is compiled is kept on disk, and only as long as it is what the source says."""
+
+import importlib
+import io
+import os
+import sys
+
+import pytest
+
+from lrf3d import compiling
+
+PARTS = """
+from typing import NamedTuple
+from lrf3d.compiling import inner
+
+STEP = 1.0
+
+class Pair(NamedTuple):
+    first: float
+    second: float
+
+@inner
+def deepest(x: float) -> float:
+    return x + STEP
+
+@inner
+def part(x: float, number: int) -> float:
+    # Comments are no part of what is computed.
+    return deepest(x) * number
+"""
+
+WHOLE = """
+from lrf3d.compiling import compiled
+from stale_parts import Pair, part
+
+@compiled
+def whole(pair: Pair) -> float:
+    return part(pair.first, 2) + part(pair.first, 3)
+"""
+
+
+@pytest.fixture
+def load(tmp_path, monkeypatch):
+    """Write two modules as they would be after an edit, and import them as a new process would."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+    def fresh(parts=PARTS):
+        for name, text in (("stale_parts", parts), ("stale_whole", WHOLE)):
+            path = tmp_path / f"{name}.py"
+            path.write_text(text)
+            # The same time of change, which is all that numba itself looks at.
+            os.utime(path, (1e9, 1e9))
+            sys.modules.pop(name, None)
+        importlib.invalidate_caches()
+        return importlib.import_module("stale_whole"), importlib.import_module("stale_parts")
+
+    yield fresh
+    for name in ("stale_parts", "stale_whole"):
+        sys.modules.pop(name, None)
+
+
+def run(modules):
+    """What the kernel returns, and whether it was compiled for that."""
+    whole, parts = modules
+    value = whole.whole(parts.Pair(4.0, 40.0))
+    return value, bool(whole.whole.stats.cache_misses)
+
+
+def test_a_kernel_is_compiled_once_and_then_found_on_disk(load):
+    assert run(load()) == (25.0, True)
+    assert run(load()) == (25.0, False)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "value"),
+    [
+        ("x + STEP", "x - STEP", 15.0),
+        ("STEP = 1.0", "STEP = 2.0", 30.0),
+        ("* number", "+ number", 15.0),
+        ("first: float\n    second: float", "second: float\n    first: float", 205.0),
+    ],
+)
+def test_a_kernel_is_compiled_again_when_what_it_calls_has_changed(load, old, new, value):
+    run(load())
+    assert run(load(PARTS.replace(old, new))) == (value, True)
+
+
+def test_files_of_older_code_are_removed(load, tmp_path):
+    run(load())
+    run(load(PARTS.replace("STEP = 1.0", "STEP = 2.0")))
+    assert len(list(tmp_path.rglob("*.nbc"))) in (0, 1)  # NUMBA_CACHE_DIR may lie elsewhere.
+
+
+def test_a_comment_changes_nothing(load):
+    run(load())
+    assert run(load(PARTS.replace("Comments are", "Other comments\n    # are"))) == (25.0, False)
+
+
+def test_literal_numbers_make_no_kernels_of_their_own(load):
+    whole, parts = load()
+    run((whole, parts))
+    assert len(parts.part.signatures) == 1
+
+
+def test_what_cannot_be_seen_to_change_is_refused(load):
+    whole, parts = load(PARTS.replace("STEP = 1.0", "import decimal\nSTEP = decimal"))
+    with pytest.raises(TypeError, match=r"deepest uses .*decimal.*: import the number"):
+        run((whole, parts))
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_shows_once_that_kernels_are_compiled(load, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    compiling._announce.cache_clear()
+    run(load())
+    assert sys.stderr.getvalue().count("compiling kernels") == 1
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    compiling._announce.cache_clear()
+    run(load())
+    assert sys.stderr.getvalue() == ""
+
+
+def test_other_streams_stay_as_they_are(load, capsys):
+    compiling._announce.cache_clear()
+    run(load())
+    assert capsys.readouterr() == ("", "")

@@ -1,0 +1,134 @@
+"""What Scenario.run and simulate give is what ``lrf3d run`` gives."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_cli import ROOM
+from test_cli import lrf3d as program
+
+import lrf3d
+from lrf3d.laser import Chain, ConstantNoise, Quantised
+from lrf3d.laser.noise import FLOOR
+
+README = Path(__file__).parents[1] / "README.md"
+MOVER = "[[mover]]\nroute = [[2.0, 2.0], [6.0, 2.0]]\nspeed = 0.7\n"
+
+
+class Stop(Exception):
+    """Raised to stop a run."""
+
+
+def same(one, other):
+    """Whether two runs hold the same numbers, bit for bit."""
+    assert len(one) == len(other) and one.film == other.film
+    for name in ("ranges", "truth", "walls"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    np.testing.assert_array_equal(one.trajectory.poses, other.trajectory.poses)
+    assert one.stages == other.stages
+    for mine, theirs in zip(one.maps, other.maps, strict=True):
+        np.testing.assert_array_equal(mine.segments, theirs.segments)
+        np.testing.assert_array_equal(mine.objects, theirs.objects)
+
+
+@pytest.mark.parametrize("world", ["room", "city"])
+def test_a_scenario_runs_as_the_command_line_does(world, tmp_path):
+    if world == "room":
+        world = tmp_path / "room.toml"
+        world.write_text(ROOM + MOVER)
+    program("run", world, "--seed", 5, "--scans", 12, "--no-video", "--out", tmp_path / "out")
+    there = lrf3d.load_run(tmp_path / "out/run.npz")
+    scenario = lrf3d.load_scenario(world)
+    same(scenario.run(rng=5, scans=12), there)
+    same(lrf3d.simulate(scenario, rng=5, scans=12), there)
+
+
+def test_the_lines_of_the_readme_give_the_map_of_the_command_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lines = next(
+        code
+        for code in re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
+        if "save_map" in code and "render_video" in code
+    )
+    assert len(lines.splitlines()) <= 12
+    simulation = lrf3d.Scenario.simulation
+    monkeypatch.setattr(
+        lrf3d.Scenario, "simulation", lambda self, **how: simulation(self, scans=12, **how)
+    )
+    monkeypatch.setattr(lrf3d, "render_video", lambda run, path: None)
+    exec(compile(lines, "README.md", "exec"), {})
+    program("run", "city", "--seed", 0, "--scans", 12, "--no-video", "--out", tmp_path / "out")
+    assert Path("map.geojson").read_bytes() == (tmp_path / "out/map.geojson").read_bytes()
+
+
+def test_a_recording_of_the_command_line_goes_on_in_python(tmp_path):
+    scenario = lrf3d.load_scenario("paper_room")
+
+    def stopped(done, total):
+        if done == 2:
+            raise Stop
+
+    program("run", "paper_room", "--no-video", "--out", tmp_path / "out")
+    path = tmp_path / "out/run.npz"
+    whole, written = path.read_bytes(), path.stat().st_mtime_ns
+    # A finished run is the same one: it is neither refused nor written anew.
+    lrf3d.record(scenario.simulation(rng=0), path, resume=True)
+    assert path.stat().st_mtime_ns == written
+    (tmp_path / "part").mkdir()
+    with pytest.raises(Stop):
+        lrf3d.record(scenario.simulation(rng=0), tmp_path / "part/run.npz", progress=stopped)
+    program("run", "paper_room", "--resume", "--no-video", "--out", tmp_path / "part")
+    assert (tmp_path / "part/run.npz").read_bytes() == whole
+
+
+def test_the_default_mapper_reckons_with_the_noise_that_it_is_given():
+    room = lrf3d.load_world("paper_room")
+
+    def mapper(noise):
+        return repr(lrf3d.Simulation(room, [(1, 1, 0)], noise=noise).mapper)
+
+    assert "sigma=0.63" in mapper(lrf3d.ProportionalNoise(0.63))
+    assert "sigma=0.0," in mapper(None)
+    chain = Chain([ConstantNoise(0.03), lrf3d.ProportionalNoise(0.3), Quantised(0.01)])
+    assert f"sigma=0.3, floor={np.hypot(FLOOR, 0.03)}" in mapper(chain)
+    # A noise of the user's that does not say how it scatters.
+    assert mapper(lambda scan: scan) == repr(lrf3d.LineMapper())
+    assert mapper(Chain([lrf3d.ProportionalNoise(0.3), lambda scan, rng: scan])) == repr(
+        lrf3d.LineMapper()
+    )
+
+
+def test_changes_hold_for_one_run():
+    city = lrf3d.load_scenario("city")
+    drive = [(50.0, 31.0, 0.0), (51.0, 31.0, 0.0)]
+    run = city.run(drive=drive, lrf=lrf3d.LaserRangeFinder(beams=61), mode="paper", rng=0)
+    assert run.lrf.beams == 61 and len(run) == 2 and city.lrf.beams == 181
+    there = city.simulation(route=[[50, 31], [60, 31]], speed=2.0, scans=5, sigma=0.2)
+    assert there.drive.place(0)[1].tolist() == [50.0, 31.0, 0.0]
+    assert "sigma=0.2" in repr(there.mapper)
+    assert "merge_length=0.3" in repr(
+        city.simulation(drive=drive, mapper={"merge_length": 0.3}).mapper
+    )
+    with pytest.raises(lrf3d.InputError, match="no sped; did you mean speed"):
+        city.run(sped=2.0)
+    with pytest.raises(lrf3d.InputError, match="expected one of embree, planar"):
+        city.run(drive=drive, caster="radar")
+
+
+def test_a_drive_into_a_wall_is_an_error_or_reported():
+    wall = lrf3d.Scenario(lrf3d.World([[2, -1, 2, 1]]), route=np.array([[0.0, 0.0], [4.0, 0.0]]))
+    with pytest.raises(lrf3d.CollisionError):
+        wall.run(rng=0)
+    said = []
+    assert len(wall.run(rng=0, on_collision=said.append)) > 2 and "runs into wall 0" in said[0]
+
+
+def test_what_was_planned_is_what_is_driven_by_default():
+    world = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0]])
+    lrf3d.check_drive(lrf3d.follow_route(lrf3d.plan_route(world, range_max=10.0)), world, 0.35)
+
+
+def test_the_version_is_that_of_the_package():
+    said = program("--version").stdout
+    assert said == f"lrf3d {lrf3d.__version__}\n"
