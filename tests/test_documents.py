@@ -17,6 +17,8 @@ from lrf3d.cli.app import app
 from lrf3d.sweep import sweeping
 
 README = PAGES[0]
+LONG = {"film.md", "range-finder.md"}
+"""Pages whose snippets take more than ten seconds."""
 
 
 def commands(command, name="lrf3d"):
@@ -67,7 +69,11 @@ def workshop(shared, monkeypatch):
     return shared
 
 
-@pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=[pytest.mark.slow] if p.name in LONG else []) for p in PAGES[1:]],
+    ids=[str(page.relative_to(ROOT)) for page in PAGES[1:]],
+)
 def test_every_snippet_runs(page, workshop):
     printed = workshop.run(page)
     if page.name == "localisation.md":
@@ -125,6 +131,7 @@ def site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_site_fetches_nothing_from_the_net(site):
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")

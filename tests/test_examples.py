@@ -8,7 +8,11 @@ import pytest
 import lrf3d
 
 
-@pytest.mark.parametrize("name", lrf3d.__all__)
+@pytest.mark.parametrize(
+    "name",
+    # A film takes its time.
+    [pytest.param(n, marks=[pytest.mark.slow] * (n == "render_video")) for n in lrf3d.__all__],
+)
 def test_a_public_name_has_an_example_that_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     value = getattr(lrf3d, name)

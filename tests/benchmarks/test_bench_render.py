@@ -27,6 +27,7 @@ def benchmark():
     return result, heard
 
 
+@pytest.mark.slow
 @needs_gl
 def test_all_ways_to_draw_are_timed_and_the_clean_ones_err_less(benchmark):
     from benchmarks.render.benchmark import ENTRIES
@@ -46,6 +47,7 @@ def test_all_ways_to_draw_are_timed_and_the_clean_ones_err_less(benchmark):
     assert heard[-1] == (total, total)
 
 
+@pytest.mark.slow
 @needs_gl
 def test_the_report_is_json_and_the_tables_and_the_picture_hold_all(benchmark, tmp_path):
     result, _ = benchmark

@@ -55,6 +55,7 @@ def paper():
     return report, heard
 
 
+@pytest.mark.slow
 def test_every_figure_of_the_paper_is_on_the_page_and_nothing_outside(paper):
     report, heard = paper
     text = page_text(report)
@@ -75,6 +76,7 @@ def test_every_figure_of_the_paper_is_on_the_page_and_nothing_outside(paper):
     assert heard == [(step, STEPS) for step in range(1, STEPS + 1)]
 
 
+@pytest.mark.slow
 def test_every_picture_opens(paper):
     for claim in paper[0].claims:
         for picture in claim.pictures:
@@ -91,6 +93,7 @@ def test_every_picture_opens(paper):
                 Image.open(io.BytesIO(data)).verify()
 
 
+@pytest.mark.slow
 def test_every_claim_has_what_was_said_measured_and_when_it_holds(paper):
     report, _ = paper
     names = [claim.name for claim in report.claims]

@@ -77,6 +77,7 @@ def test_a_cluster_gives_what_one_process_gives_in_any_order_bit_for_bit(room, t
     assert len({row["key"] for row in rows}) == 24
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_costs_no_run_and_gives_none_twice(room, tmp_path, monkeypatch):
     plan = tiny(room, seeds=20)
     monkeypatch.setattr("lrf3d.sweep.sweeping.BATCH_SECONDS", 0.01)
@@ -156,6 +157,7 @@ def test_one_folder_has_one_writer_and_only_tables_of_sweeps(room, tmp_path):
         Store(tmp_path / "out", plan, resume=True)
 
 
+@pytest.mark.slow
 def test_a_scheduler_started_by_hand_gives_the_same(room, tmp_path):
     plan = tiny(room)
     ready = tmp_path / "scheduler.json"
@@ -339,6 +341,7 @@ def test_summary_figures_and_table_tell_every_combination(room, tmp_path):
     assert not averaged and len(curves) == 4 and curves[0].x == (0.0, 0.3)
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_files_and_prints_one_object(room, tmp_path):
     command = [
         sys.executable, "-m", "lrf3d", "sweep", room, "--sigma", "0.1", "--beams", "31", "--seeds",

@@ -148,6 +148,7 @@ def page_end(run):
     return float(unpacked(run)["keyTimes"][-1])
 
 
+@pytest.mark.slow
 @needs_browser
 def test_the_camera_follows_circles_and_is_turned_by_hand(recorded, played, chromium):
     run, _ = recorded
