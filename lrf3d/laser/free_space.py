@@ -1,0 +1,116 @@
+"""Free space: what scans saw to be free, as a grid that routes are planned through.
+
+Scans enter; a :class:`~lrf3d.world.free_cells.FreeCells` leaves.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lrf3d.compiling import compiled
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.laser.scan import LaserScan
+from lrf3d.world.free_cells import FreeCells
+
+CELL = 0.1
+"""Side of a cell [m]: a door is several cells wide."""
+
+MOST_CELLS = 4_000_000
+"""Cells of a grid; they are larger where these would not do."""
+
+SIGHT = 15.0
+"""Farthest [m] that a scan shows a cell to be free: beyond, the beams are too far apart."""
+
+MARGIN = 0.1
+"""How far before its return a beam is still free [m], beside half of a cell: the noise."""
+
+DRIVEN = 0.2
+"""Radius [m] around the poses of the scans that is free, for a robot stood there."""
+
+MOVED, TURNED = 0.25, np.deg2rad(10.0)
+"""How far apart the poses are [m], [rad] of which one scan each is looked at."""
+
+
+def distinct_poses(poses: Float) -> Int:
+    """The rows of poses (k, 3) of which each is the first in its place and heading."""
+    cells = np.floor(poses / [MOVED, MOVED, TURNED]).astype(np.int64)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    return np.sort(first)
+
+
+def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
+    """What scans saw to be free: the room before what their beams met.
+
+    A cell between two beams is free if both went on behind it. A beam without return says nothing
+    of the cells along it.
+
+    Args:
+        scans: The scans, at their poses in the world.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> from lrf3d.laser import free_cells
+        >>> lrf = lrf3d.LaserRangeFinder()
+        >>> scan = lrf3d.LaserScan((0, 0, 0), lrf.angles, np.full(181, 4.0))
+        >>> free_cells([scan]).contain(np.array([[3.0, 0.0], [-3.0, 0.0], [5.0, 0.0]])).tolist()
+        [True, False, False]
+    """
+    if not len(scans):
+        return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
+    places = np.array([scan.pose[:2] for scan in scans])
+    low, high = places.min(axis=0) - SIGHT - CELL, places.max(axis=0) + SIGHT + CELL
+    size = max(CELL, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
+    # The corner of the first cell is a whole number of cells from the origin.
+    low = np.floor(low / size) * size
+    columns, rows = np.ceil((high - low) / size).astype(int)
+    cells = np.zeros((rows, columns), dtype=np.bool_)
+    for scan in scans:
+        x, y, theta = scan.pose
+        # Some scanners hang upside down and turn the other way.
+        way = 1 if scan.angles[-1] >= scan.angles[0] else -1
+        angles, ranges = scan.angles[::way].copy(), scan.ranges[::way].copy()
+        _mark(cells, np.array([x - low[0], y - low[1], theta]), angles, ranges, size)
+    held_rows, held_columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
+    first_row, first_column = held_rows[0], held_columns[0]
+    origin = low + size * np.array([first_column, first_row])
+    held = cells[first_row : held_rows[-1] + 1, first_column : held_columns[-1] + 1]
+    return FreeCells(held, size, (float(origin[0]), float(origin[1]), 0.0))
+
+
+@compiled
+def _mark(
+    cells: Bool, pose: Float, angles: Float, ranges: Float, size: float
+) -> None:  # pragma: no cover
+    """Mark the cells (rows, columns) of a side [m] that a scan saw to be free."""
+    rows, columns = cells.shape
+    beams = len(angles)
+    px, py, theta = pose[0], pose[1], pose[2]
+    farthest = DRIVEN
+    for i in range(beams):
+        if np.isfinite(ranges[i]):
+            farthest = max(farthest, min(ranges[i], SIGHT))
+    left = max(int(np.floor((px - farthest) / size)), 0)
+    right = min(int(np.floor((px + farthest) / size)) + 1, columns)
+    bottom = max(int(np.floor((py - farthest) / size)), 0)
+    top = min(int(np.floor((py + farthest) / size)) + 1, rows)
+    for row in range(bottom, top):
+        for column in range(left, right):
+            if cells[row, column]:
+                continue
+            x, y = (column + 0.5) * size - px, (row + 0.5) * size - py
+            away = np.hypot(x, y)
+            if away <= DRIVEN:
+                cells[row, column] = True
+                continue
+            if away > farthest:
+                continue
+            # Into the turn that begins at the first beam.
+            angle = angles[0] + (np.arctan2(y, x) - theta - angles[0]) % (2.0 * np.pi)
+            after = np.searchsorted(angles, angle)
+            if after == 0 or after == beams:
+                continue
+            behind = away + MARGIN + 0.5 * size
+            one, other = ranges[after - 1], ranges[after]
+            if np.isfinite(one) and np.isfinite(other) and min(one, other) >= behind:
+                cells[row, column] = True

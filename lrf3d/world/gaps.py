@@ -1,0 +1,172 @@
+"""Gaps: mapped walls are made to meet at their corners, as the walls did that they show.
+
+The segments of a map and what is known to be free enter; walls leave that meet where a scanner
+left a gap. What a map shows ends short of each corner that no beam met, and beams and robots of a
+world made of it would slip through. Doors stay open: they are wider, and their beams are known.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int, lengths
+from lrf3d.world.free_cells import FreeCells
+
+WIDEST = 0.4
+"""Widest gap [m] that is closed: half of a door."""
+
+OVERSHOOT = 0.3
+"""How far a wall may go past the corner and be cut back [m]."""
+
+LEAST_ANGLE = np.deg2rad(15.0)
+"""Angle [rad] between walls below which they are one wall, with a gap, and no corner."""
+
+ASIDE = 0.1
+"""Farthest [m] that two ends of one wall with a gap may lie aside of each other."""
+
+STEP = 0.05
+"""Distance [m] of the places where the closing piece of a wall is looked at."""
+
+MOST_FREE = 0.25
+"""Share of the closing piece that may lie in free cells: the edges of cells are ragged."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Closing:
+    """A way to close a gap.
+
+    Args:
+        cost: The longest piece of wall that is added or cut off [m].
+        end: Number of an end of a segment: twice its row, and one more for its second end.
+        other: The end that it meets; −1 within a wall.
+        corner: Where they meet (2,); None where a piece goes from one end to the other.
+    """
+
+    cost: float
+    end: int
+    other: int
+    corner: Float | None
+
+
+def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, Int]:
+    """Make walls meet at their corners.
+
+    Args:
+        segments: (n, 4) walls of a map [m].
+        free: What is known to be free: no wall grows into it.
+
+    Returns:
+        (m, 4) walls: the n with new ends, and after them those that close straight gaps; and (m,)
+        the rows of the walls that they continue.
+    """
+    origin = np.round(segments.reshape(-1, 2).mean(axis=0)) if len(segments) else np.zeros(2)
+    ends = (segments.reshape(-1, 2, 2) - origin).reshape(-1, 2)
+    outward = _outward(ends)
+    found = sorted(
+        [*_corners(ends, outward), *_joints(ends, outward)],
+        key=lambda closing: (closing.cost, closing.end, closing.other),
+    )
+    moved, bridges, rows = ends.copy(), [], []
+    taken = np.zeros(len(ends), dtype=np.bool_)
+    for closing in found:
+        both = [closing.end] if closing.other < 0 else [closing.end, closing.other]
+        if taken[both].any():
+            continue
+        corner = ends[closing.other] if closing.corner is None else closing.corner
+        pieces = [(ends[end], corner) for end in both]
+        if free is not None and _is_free(free, pieces, origin):
+            continue
+        taken[both] = True
+        if closing.corner is None:
+            bridges.append(np.concatenate([ends[closing.end], corner]))
+            rows.append(closing.end // 2)
+        else:
+            moved[both] = corner
+    grown = moved.reshape(-1, 4)
+    grown = np.where((lengths(grown) > STEP)[:, None], grown, ends.reshape(-1, 4))
+    walls = np.vstack([grown, *bridges]) + np.tile(origin, 2)
+    return walls, np.concatenate([np.arange(len(segments)), np.array(rows, np.int64)])
+
+
+def _outward(ends: Float) -> Float:
+    """Unit vectors (2n, 2) along the segments, each out of its end."""
+    pairs = ends.reshape(-1, 2, 2)
+    along = pairs[:, 1] - pairs[:, 0]
+    unit = along / np.linalg.norm(along, axis=1, keepdims=True)
+    return np.stack([-unit, unit], axis=1).reshape(-1, 2)
+
+
+def _corners(ends: Float, outward: Float) -> list[_Closing]:
+    """Ends that meet other ends: at the corner of their lines, or straight on."""
+    from scipy.spatial import cKDTree
+
+    if not len(ends):
+        return []
+    pairs = cKDTree(ends).query_pairs(WIDEST + OVERSHOOT, output_type="ndarray")
+    pairs = pairs[pairs[:, 0] // 2 != pairs[:, 1] // 2]
+    one, other = pairs.T
+    between = ends[other] - ends[one]
+    sine = _cross(outward[one], outward[other])
+    found = []
+    distance = np.linalg.norm(between, axis=1)
+    aside = np.abs(_cross(outward[one], between))
+    ahead = np.einsum("ij,ij->i", outward[one], between)
+    facing = np.einsum("ij,ij->i", outward[one], outward[other]) < 0.0
+    bends = np.abs(sine) > np.sin(LEAST_ANGLE)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first = _cross(between, outward[other]) / sine
+        second = _cross(between, outward[one]) / sine
+    meets = bends & _may_grow(first) & _may_grow(second)
+    straight = ~bends & facing & (ahead > 0.0) & (distance <= WIDEST) & (aside <= ASIDE)
+    for k in np.flatnonzero(meets):
+        corner = ends[one[k]] + first[k] * outward[one[k]]
+        cost = max(abs(float(first[k])), abs(float(second[k])))
+        found.append(_Closing(cost, int(one[k]), int(other[k]), corner))
+    for k in np.flatnonzero(straight):
+        found.append(_Closing(float(distance[k]), int(one[k]), int(other[k]), None))
+    return found
+
+
+def _joints(ends: Float, outward: Float) -> list[_Closing]:
+    """Ends that meet another wall between its ends."""
+    import shapely
+
+    if not len(ends):
+        return []
+    tree = shapely.STRtree(shapely.linestrings(ends.reshape(-1, 2, 2)))
+    end, wall = tree.query(shapely.points(ends), predicate="dwithin", distance=WIDEST)
+    apart = end // 2 != wall
+    end, wall = end[apart], wall[apart]
+    along = outward[2 * wall + 1]
+    from_start = ends[2 * wall] - ends[end]
+    sine = _cross(outward[end], along)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        growth = _cross(from_start, along) / sine
+        place = _cross(from_start, outward[end]) / sine
+    length = np.linalg.norm(ends[2 * wall + 1] - ends[2 * wall], axis=1)
+    fits = (np.abs(sine) > np.sin(LEAST_ANGLE)) & _may_grow(growth)
+    fits &= (place > 0.0) & (place < length)
+    return [
+        _Closing(abs(float(growth[k])), int(end[k]), -1, ends[end[k]] + growth[k] * outward[end[k]])
+        for k in np.flatnonzero(fits)
+    ]
+
+
+def _may_grow(growth: Float) -> Float:
+    """Whether walls may grow by so much [m], or be cut back."""
+    return (growth >= -OVERSHOOT) & (growth <= WIDEST)
+
+
+def _cross(first: Float, second: Float) -> Float:
+    return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+
+
+def _is_free(free: FreeCells, pieces: list[tuple[Float, Float]], origin: Float) -> bool:
+    """Whether the closing pieces, each from an end to a corner, lie where beams went through."""
+    for begin, end in pieces:
+        count = int(np.hypot(*(end - begin)) / STEP) + 1
+        shares = (np.arange(count) + 0.5) / count
+        places = begin + shares[:, None] * (end - begin) + origin
+        if free.contain(places).mean() > MOST_FREE:
+            return True
+    return False
