@@ -4,7 +4,7 @@ The public names are loaded when they are first used, so that ``import lrf3d`` c
 nothing and loads no more than a program needs.
 """
 
-from importlib import import_module
+from lrf3d.lazy import loading
 
 # Importing it from typing would take as long as all that is needed to handle Ctrl-C.
 TYPE_CHECKING = False
@@ -42,43 +42,6 @@ if TYPE_CHECKING:
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Simulation, Step, simulate
     from lrf3d.world import World, load_world, save_world, world_names
-
-_HOMES = {
-    "casting": ["EmbreeCaster", "PlanarCaster", "crosscheck"],
-    "casting.mover": ["Mover"],
-    "errors": [
-        "CollisionError",
-        "InputError",
-        "Lrf3dError",
-        "MissingLibraryError",
-        "OutputError",
-        "WorldError",
-    ],
-    "exporting": ["export_run"],
-    "fleet": ["simulate_fleet"],
-    "laser": ["LaserRangeFinder", "LaserScan", "ProportionalNoise"],
-    "localization": [
-        "KnownLines",
-        "Localiser",
-        "OdometryNoise",
-        "PoseEstimate",
-        "localise",
-        "odometry_increments",
-    ],
-    "io": ["load_log", "load_run", "record", "save_run"],
-    "mapping": ["LineMap", "LineMapper", "load_map", "save_map"],
-    "pose": ["Pose"],
-    "render.video": ["render_video"],
-    "robot": ["Trajectory", "Unicycle", "check_drive", "drive", "follow_route"],
-    "robot.planner": ["plan_route"],
-    "run": ["Run"],
-    "scenario": ["Scenario"],
-    "scenario_file": ["load_scenario"],
-    "scoring": ["score_map", "score_run"],
-    "simulation": ["Simulation", "Step", "simulate"],
-    "world": ["World", "load_world", "save_world", "world_names"],
-}
-_HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "CollisionError",
@@ -132,20 +95,58 @@ __all__ = [
     "world_names",
 ]
 
-
-def __getattr__(name: str) -> object:
-    """Load a public name from its module at its first use."""
-    if name == "__version__":
-        from importlib.metadata import version
-
-        globals()[name] = version("lrf3d")
-        return globals()[name]
-    if name not in _HOME:
-        raise AttributeError(f"module 'lrf3d' has no attribute {name!r}")
-    value = getattr(import_module(f"lrf3d.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__ = loading(
+    globals(),
+    {
+        "__version__": "version",
+        "CollisionError": "errors",
+        "EmbreeCaster": "casting",
+        "InputError": "errors",
+        "KnownLines": "localization",
+        "LaserRangeFinder": "laser",
+        "LaserScan": "laser",
+        "LineMap": "mapping",
+        "LineMapper": "mapping",
+        "Localiser": "localization",
+        "Lrf3dError": "errors",
+        "MissingLibraryError": "errors",
+        "Mover": "casting.mover",
+        "OdometryNoise": "localization",
+        "OutputError": "errors",
+        "PlanarCaster": "casting",
+        "Pose": "pose",
+        "PoseEstimate": "localization",
+        "ProportionalNoise": "laser",
+        "Run": "run",
+        "Scenario": "scenario",
+        "Simulation": "simulation",
+        "Step": "simulation",
+        "Trajectory": "robot",
+        "Unicycle": "robot",
+        "World": "world",
+        "WorldError": "errors",
+        "check_drive": "robot",
+        "crosscheck": "casting",
+        "drive": "robot",
+        "export_run": "exporting",
+        "follow_route": "robot",
+        "load_log": "io",
+        "load_map": "mapping",
+        "load_run": "io",
+        "load_scenario": "scenario_file",
+        "load_world": "world",
+        "localise": "localization",
+        "odometry_increments": "localization",
+        "plan_route": "robot.planner",
+        "record": "io",
+        "render_video": "render.video",
+        "save_map": "mapping",
+        "save_run": "io",
+        "save_world": "world",
+        "score_map": "scoring",
+        "score_run": "scoring",
+        "simulate": "simulation",
+        "simulate_fleet": "fleet",
+        "world_names": "world",
+    },
+)

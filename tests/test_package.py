@@ -34,7 +34,6 @@ def test_the_public_names_are_sorted_and_all_there():
     assert lrf3d.__all__ == sorted(lrf3d.__all__)
     assert dir(lrf3d) == lrf3d.__all__
     assert all(getattr(lrf3d, name) is not None for name in lrf3d.__all__)
-    assert set(lrf3d._HOME) == set(lrf3d.__all__)
 
 
 def test_an_unknown_name_is_an_attribute_error():

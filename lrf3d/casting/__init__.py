@@ -3,8 +3,9 @@
 Casters are loaded when they are first used: dynamic obstacles need none of their compiled code.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from lrf3d.lazy import loading
 
 if TYPE_CHECKING:
     from lrf3d.casting.comparison import CrossCheck, crosscheck
@@ -13,15 +14,12 @@ if TYPE_CHECKING:
 
 __all__ = ["CrossCheck", "EmbreeCaster", "PlanarCaster", "crosscheck"]
 
-_HOMES = {
-    "CrossCheck": "comparison",
-    "EmbreeCaster": "embree",
-    "PlanarCaster": "planar",
-    "crosscheck": "comparison",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__getattr__, __dir__ = loading(
+    globals(),
+    {
+        "CrossCheck": "comparison",
+        "EmbreeCaster": "embree",
+        "PlanarCaster": "planar",
+        "crosscheck": "comparison",
+    },
+)

@@ -119,7 +119,7 @@ def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1
     """
     from lrf3d.cli.console import warn
     from lrf3d.scenario_file import read_scenario_file, scenario_of
-    from lrf3d.world.model import size_warning
+    from lrf3d.world.size import size_warning
 
     scenario = scenario_of(read_scenario_file(name).scaled(scale), settings or ())
     warning = size_warning(scenario.world)

@@ -1,11 +1,12 @@
 """LaserScan: what one turn of the laser range finder measured, and from where."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, Value, read_only, sealed
@@ -44,25 +45,43 @@ class LaserScan(Value):
     pose: Pose
     angles: Float
     ranges: Float
-    walls: Int = None  # type: ignore[assignment]
-    range_min: float = field(default=0.0, kw_only=True)
-    range_max: float = field(default=np.inf, kw_only=True)
-    time: float = field(default=0.0, kw_only=True)
-    time_increment: float = field(default=0.0, kw_only=True)
+    walls: Int
+    range_min: float
+    range_max: float
+    time: float
+    time_increment: float
 
-    def __post_init__(self) -> None:
-        angles, ranges = read_only(self.angles, "angles"), read_only(self.ranges, "ranges")
-        walls = np.full(ranges.shape, -1) if self.walls is None else self.walls
-        walls = read_only(walls, "walls", np.int64)
-        if angles.ndim != 1 or ranges.shape != angles.shape or walls.shape != angles.shape:
+    def __init__(
+        self,
+        pose: Sequence[float] | Float,
+        angles: ArrayLike,
+        ranges: ArrayLike,
+        walls: ArrayLike | None = None,
+        *,
+        range_min: float = 0.0,
+        range_max: float = np.inf,
+        time: float = 0.0,
+        time_increment: float = 0.0,
+    ) -> None:
+        beams: Float = read_only(angles, "angles")
+        measured: Float = read_only(ranges, "ranges")
+        no_walls = np.full(measured.shape, -1)
+        hit: Int = read_only(no_walls if walls is None else walls, "walls", np.int64)
+        if beams.ndim != 1 or measured.shape != beams.shape or hit.shape != beams.shape:
             raise InputError(
-                f"scan with angles {angles.shape}, ranges {ranges.shape} and walls {walls.shape}:"
+                f"scan with angles {beams.shape}, ranges {measured.shape} and walls {hit.shape}:"
                 " expected one of each for every beam"
             )
-        object.__setattr__(self, "pose", as_pose(self.pose))
-        object.__setattr__(self, "angles", angles)
-        object.__setattr__(self, "ranges", ranges)
-        object.__setattr__(self, "walls", walls)
+        self.__dict__.update(
+            pose=as_pose(pose),
+            angles=beams,
+            ranges=measured,
+            walls=hit,
+            range_min=range_min,
+            range_max=range_max,
+            time=time,
+            time_increment=time_increment,
+        )
 
     def __repr__(self) -> str:
         x, y, theta = self.pose

@@ -241,5 +241,5 @@ def widest_lines(run: Run) -> tuple[Line, ...]:
     corner = np.abs(poses[:, :2]).max(axis=0)
     count = len(run.lrf.angles)
     pose = np.array([-corner[0], -corner[1], np.radians(-179.9)])
-    scan = LaserScan((0.0, 0.0, 0.0), np.zeros(count), np.full(count, 88.88))  # type: ignore[arg-type]
+    scan = LaserScan((0.0, 0.0, 0.0), np.zeros(count), np.full(count, 88.88))
     return hud_lines(run, Moment(float(times[-1]), pose, 0, 88.88, True), scan)

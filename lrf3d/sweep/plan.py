@@ -20,7 +20,7 @@ from lrf3d.simulation import line_mapper
 from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, Grid, SettingValue, setting
 from lrf3d.sweep.task import Order, Place
 from lrf3d.world import World
-from lrf3d.world.model import size_warning
+from lrf3d.world.size import size_warning
 
 COLUMNS = {MODE: "mode", SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep lists; others keep their names."""

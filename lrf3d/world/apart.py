@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
@@ -32,12 +33,12 @@ MEMORY, MEMORY_A_BYTE = 300 << 20, 30
 WALLS = np.dtype([("segment", "<f8", 4), ("object", "<i8"), ("height", "<f8")])
 
 
-def read_apart(path: Path, reader: str) -> World:
+def read_apart(path: Path, read: Callable[[Path], World]) -> World:
     """Read a world in a process of its own.
 
     Args:
         path: The file.
-        reader: Module of this package and function in it, ``module:function``, that reads it.
+        read: The function of a module that reads it.
 
     Raises:
         WorldError: The file cannot be used, or takes too long or too much memory to read.
@@ -46,7 +47,8 @@ def read_apart(path: Path, reader: str) -> World:
     home = str(Path(__file__).parents[2])
     search = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))
     environment = os.environ | {"PYTHONPATH": search, "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-P", "-m", "lrf3d.world.apart", reader, str(path)]
+    reader = [read.__module__, read.__qualname__]
+    command = [sys.executable, "-P", "-m", "lrf3d.world.apart", *reader, str(path)]
     try:
         done = subprocess.run(
             command,
@@ -77,16 +79,14 @@ def read_apart(path: Path, reader: str) -> World:
     )
 
 
-def read_here(path: Path, reader: str) -> World:
-    """Read a world in this process; whatever a library stumbles over is one clear error.
+def read_here(path: Path, read: Callable[[Path], World]) -> World:
+    """Read a world in this process; whatever error a library raises becomes one clear error.
 
     Raises:
         WorldError: The file cannot be used.
     """
-    module, _, function = reader.partition(":")
     try:
-        world: World = getattr(import_module(f"lrf3d.world.{module}"), function)(path)
-        return world
+        return read(path)
     except WorldError as error:
         message = str(error)
         raise WorldError(message if str(path) in message else f"{path}: {message}") from None
@@ -127,14 +127,14 @@ def _limit(memory: int, seconds: int) -> None:
             continue
 
 
-def _main(path: Path, reader: str) -> NoReturn:
-    """Read a file and write the world, or the error, to the standard output."""
+def _main(module: str, function: str, path: Path) -> NoReturn:
+    """Read a file by a function of a module; write the world, or the error, to standard output."""
     _limit(MEMORY + MEMORY_A_BYTE * path.stat().st_size, math.ceil(_seconds(path)))
     # What libraries print must not come between the data.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
-        world = read_here(path, reader)
+        world = read_here(path, getattr(import_module(module), function))
     except WorldError as error:
         out.write(json.dumps({"error": str(error)}).encode() + b"\n")
     else:
@@ -152,4 +152,4 @@ def _main(path: Path, reader: str) -> NoReturn:
 
 
 if __name__ == "__main__":
-    _main(Path(sys.argv[2]), sys.argv[1])
+    _main(sys.argv[1], sys.argv[2], Path(sys.argv[3]))

@@ -1,8 +1,8 @@
 """World files: built-in worlds by name, others by path, each read and written by its ending."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,35 +15,99 @@ from lrf3d.world.model import World
 class WorldFormat:
     """How files of an ending are read and written.
 
-    Modules are named and not imported, so that a world file loads no other format's libraries.
-
     Args:
-        read: Module of this package and function in it, ``module:function``, that reads a world
-            from a path.
-        write: The same of the function that writes a world to a path; empty where there is none.
-        apart: Whether a process of its own reads the file, because the library that parses it has
-            no bounds of its own.
+        read: Reads a world from a path.
+        write: Writes a world to a path; None if worlds are not written in this format.
+        apart: Whether the file is read in a process of its own, because the library that parses it
+            limits neither time nor memory.
     """
 
-    read: str
-    write: str = ""
+    read: Callable[[Path], World]
+    write: Callable[..., None] | None = None
     apart: bool = False
 
 
-_GEOJSON = WorldFormat("geojson:read_geojson", "geojson:write_geojson")
-_ROS_MAP = WorldFormat("ros_map:read_ros_map", "ros_map:write_ros_map")
-_MESH = WorldFormat("mesh:read_mesh", apart=True)
+# Each format is imported by its own functions, so that a world loads no other format's libraries.
+
+
+def _read_toml(path: Path) -> World:
+    from lrf3d.world.toml_file import read_toml
+
+    return read_toml(path).world
+
+
+def _write_toml(world: World, path: Path) -> None:
+    from lrf3d.world.toml_file import write_toml
+
+    write_toml(world, path)
+
+
+def _read_geojson(path: Path) -> World:
+    from lrf3d.world.geojson import read_geojson
+
+    return read_geojson(path)
+
+
+def _write_geojson(world: World, path: Path) -> None:
+    from lrf3d.world.geojson import write_geojson
+
+    write_geojson(world, path)
+
+
+def _read_osm(path: Path) -> World:
+    from lrf3d.world.osm import read_osm
+
+    return read_osm(path)
+
+
+def _read_ros_map(path: Path) -> World:
+    from lrf3d.world.ros_map import read_ros_map
+
+    return read_ros_map(path)
+
+
+def _write_ros_map(world: World, path: Path, **options: Any) -> None:
+    from lrf3d.world.ros_map import write_ros_map
+
+    write_ros_map(world, path, **options)
+
+
+def _read_dxf(path: Path) -> World:
+    from lrf3d.world.dxf import read_dxf
+
+    return read_dxf(path)
+
+
+def _read_svg(path: Path) -> World:
+    from lrf3d.world.svg import read_svg
+
+    return read_svg(path)
+
+
+def _read_mesh(path: Path) -> World:
+    from lrf3d.world.mesh import read_mesh
+
+    return read_mesh(path)
+
+
+def _write_glb(world: World, path: Path) -> None:
+    from lrf3d.world.mesh import write_glb
+
+    write_glb(world, path)
+
+
+_MESH = WorldFormat(_read_mesh, apart=True)
 
 FORMATS = {
-    ".toml": WorldFormat("toml_file:read_world", "toml_file:write_toml"),
-    ".geojson": _GEOJSON,
-    ".json": WorldFormat(_GEOJSON.read),
-    ".osm": WorldFormat("osm:read_osm"),
-    ".yaml": _ROS_MAP,
-    ".yml": WorldFormat(_ROS_MAP.read),
-    ".dxf": WorldFormat("dxf:read_dxf", apart=True),
-    ".svg": WorldFormat("svg:read_svg", apart=True),
-    ".glb": WorldFormat(_MESH.read, "mesh:write_glb", apart=True),
+    ".toml": WorldFormat(_read_toml, _write_toml),
+    ".geojson": WorldFormat(_read_geojson, _write_geojson),
+    ".json": WorldFormat(_read_geojson),
+    ".osm": WorldFormat(_read_osm),
+    ".yaml": WorldFormat(_read_ros_map, _write_ros_map),
+    ".yml": WorldFormat(_read_ros_map),
+    ".dxf": WorldFormat(_read_dxf, apart=True),
+    ".svg": WorldFormat(_read_svg, apart=True),
+    ".glb": WorldFormat(_read_mesh, _write_glb, apart=True),
     ".gltf": _MESH,
     ".obj": _MESH,
     ".off": _MESH,
@@ -52,8 +116,8 @@ FORMATS = {
 }
 """The formats of worlds by the ending of the file; a new format is one more entry."""
 
-WRITTEN = [ending for ending, known in FORMATS.items() if known.write]
-"""The endings of files that worlds are written to."""
+WRITERS = {ending: known.write for ending, known in FORMATS.items() if known.write is not None}
+"""What writes a world, by the ending of the file."""
 
 
 def load_world(name_or_path: str | Path) -> World:
@@ -70,12 +134,10 @@ def load_world(name_or_path: str | Path) -> World:
     path = find_world(name_or_path)
     known = FORMATS[path.suffix.lower()]
     if known.apart:
-        # Only what reads a file apart needs to know how processes are started.
         from lrf3d.world.apart import read_apart
 
         return read_apart(path, known.read)
-    world: World = _function(known.read)(path)
-    return world
+    return known.read(path)
 
 
 def save_world(world: World, path: str | Path, *, resolution: float | None = None) -> None:
@@ -102,8 +164,8 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     """
     path = Path(path)
     ending = path.suffix.lower()
-    if ending not in WRITTEN:
-        raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITTEN)}")
+    if ending not in WRITERS:
+        raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
     options: dict[str, Any] = {}
     if resolution is not None:
         if ending != ".yaml" or not 1e-4 <= resolution <= 1e4:
@@ -112,13 +174,7 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
                 " (.yaml)"
             )
         options["resolution"] = resolution
-    _function(FORMATS[ending].write)(world, path, **options)
-
-
-def _function(name: str) -> Any:
-    """A function of this package that is named ``module:function``."""
-    module, _, function = name.partition(":")
-    return getattr(import_module(f"lrf3d.world.{module}"), function)
+    WRITERS[ending](world, path, **options)
 
 
 def world_names() -> list[str]:

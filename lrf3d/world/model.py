@@ -1,68 +1,22 @@
 """World: the walls of a scene as line segments, grouped into objects."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, WorldError
-from lrf3d.geometry import Bool, Float, Int, Value, lengths, normal_lines, read_only, sealed
+from lrf3d.geometry import Float, Int, Value, normal_lines, read_only, sealed
 from lrf3d.world.cameras import FixedCamera
+from lrf3d.world.free_cells import FreeCells
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] if none is given: a room's storey."""
 
 MOST_OBJECTS = 1_000_000
 """Largest number of an object: names and colours are kept for all numbers below."""
-
-
-SMALLEST_SIDE = 2.0
-"""Side [m] below which no robot drives in a world: the largest sheets are 1.2 m long."""
-
-LARGEST_SIDE, LONGEST_WALLS = 1000.0, 100.0
-"""Side of a world and median of its walls [m] above which the file is probably in
-centimetres or millimetres: a town may be as large as this, but its walls are shorter."""
-
-
-@dataclass(frozen=True, eq=False)
-class FreeCells:
-    """A grid of cells that are free, or not known to be.
-
-    Args:
-        cells: (rows, columns) whether each is free, the first row at the bottom.
-        resolution: Side of a cell [m].
-        origin: Place x, y [m] of the outer corner of the first cell, and yaw [rad] of the grid.
-    """
-
-    cells: Bool
-    resolution: float
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        cells = np.array(self.cells, dtype=np.bool_)
-        cells.flags.writeable = False
-        object.__setattr__(self, "cells", cells)
-
-    def contain(self, points: Float) -> Bool:
-        """Which of the points (k, 2) [m] lie in a free cell; beyond the grid nothing is known."""
-        x, y, yaw = self.origin
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        local = (points - [x, y]) @ np.array([[cos, -sin], [sin, cos]]) / self.resolution
-        rows, columns = self.cells.shape
-        within = ((local >= 0.0) & (local < [columns, rows])).all(axis=1)
-        column, row = local[within].astype(np.int64).T
-        free = np.zeros(len(points), dtype=np.bool_)
-        free[within] = self.cells[row, column]
-        return free
-
-    def scaled(self, factor: float) -> "FreeCells":
-        """The cells of the plan enlarged by a factor about (0, 0)."""
-        x, y, yaw = self.origin
-        return replace(
-            self, resolution=factor * self.resolution, origin=(factor * x, factor * y, yaw)
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,46 +50,49 @@ class World(Value):
     """
 
     segments: Float
-    objects: Int = None  # type: ignore[assignment]
-    heights: Float = None  # type: ignore[assignment]
-    name: str = ""
-    object_names: tuple[str, ...] = field(default=(), kw_only=True)
-    colours: Float = field(default=None, kw_only=True)  # type: ignore[arg-type]
-    cameras: tuple[FixedCamera, ...] = field(default=(), kw_only=True)
-    place: tuple[float, float] | None = field(default=None, kw_only=True)
-    free: FreeCells | None = field(default=None, kw_only=True)
+    objects: Int
+    heights: Float
+    name: str
+    object_names: tuple[str, ...]
+    colours: Float
+    cameras: tuple[FixedCamera, ...]
+    place: tuple[float, float] | None
+    free: FreeCells | None
 
-    def __post_init__(self) -> None:
-        segments = _rows(self.segments, 4, "segments")
-        count = len(segments)
-        _check_segments(segments)
-        objects = _column(
-            np.zeros(count) if self.objects is None else self.objects, count, "object"
-        )
-        heights = np.full(count, DEFAULT_HEIGHT) if self.heights is None else self.heights
-        invalid = (objects < 0.0) | (objects > MOST_OBJECTS) | (objects != np.floor(objects))
-        if invalid.any():
-            wall = int(np.flatnonzero(invalid)[0])
-            raise WorldError(
-                f"wall {wall}: object {objects[wall]:.17g}, expected whole numbers from 0 to"
-                f" {MOST_OBJECTS}; renumber the objects 0, 1, 2, …"
-            )
-        object.__setattr__(self, "segments", segments)
-        object.__setattr__(self, "objects", sealed(objects.astype(np.int64)))
-        object.__setattr__(self, "heights", _column(heights, count, "height"))
-        colours = np.full((self.object_count, 3), np.nan) if self.colours is None else self.colours
+    def __init__(
+        self,
+        segments: ArrayLike,
+        objects: ArrayLike | None = None,
+        heights: ArrayLike | None = None,
+        name: str = "",
+        *,
+        object_names: Sequence[str] = (),
+        colours: ArrayLike | None = None,
+        cameras: Sequence[FixedCamera] = (),
+        place: tuple[float, float] | None = None,
+        free: FreeCells | None = None,
+    ) -> None:
+        rows = _rows(segments, 4, "segments")
+        count = len(rows)
+        _check_segments(rows)
+        numbers = _object_numbers(np.zeros(count) if objects is None else objects, count)
+        heights = np.full(count, DEFAULT_HEIGHT) if heights is None else heights
+        object.__setattr__(self, "segments", rows)
+        object.__setattr__(self, "objects", numbers)
+        object.__setattr__(self, "heights", _heights(heights, count))
+        object.__setattr__(self, "name", name)
+        colours = np.full((self.object_count, 3), np.nan) if colours is None else colours
         object.__setattr__(self, "colours", _rows(colours, 3, "colours"))
-        object.__setattr__(self, "object_names", tuple(self.object_names))
-        object.__setattr__(self, "cameras", tuple(self.cameras))
+        object.__setattr__(self, "object_names", tuple(object_names))
+        object.__setattr__(self, "cameras", tuple(cameras))
+        object.__setattr__(self, "place", place)
+        object.__setattr__(self, "free", free)
         names = len(self.object_names)
         if len(self.colours) != self.object_count or names not in (0, self.object_count):
             raise WorldError(
                 f"{len(self.colours)} colours and {names} names for {self.object_count} objects:"
                 " expected one for each, or none at all"
             )
-        if not (self.heights > 0.0).all():
-            wall = int(np.flatnonzero(~(self.heights > 0.0))[0])
-            raise WorldError(f"wall {wall}: height {self.heights[wall]:g} m, expected more than 0")
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
@@ -205,7 +162,7 @@ def _rows(values: ArrayLike, columns: int, name: str) -> Float:
     return array
 
 
-def _column(values: ArrayLike | Sequence[float], count: int, name: str) -> Float:
+def _column(values: ArrayLike, count: int, name: str) -> Float:
     array = _array(values, name)
     if array.shape != (count,):
         raise WorldError(f"{name} of shape {array.shape}: expected ({count},), one for each wall")
@@ -213,6 +170,26 @@ def _column(values: ArrayLike | Sequence[float], count: int, name: str) -> Float
         wall = int(np.flatnonzero(~np.isfinite(array))[0])
         raise WorldError(f"wall {wall}: {name} is {array[wall]}, expected a finite number")
     return array
+
+
+def _object_numbers(values: ArrayLike, count: int) -> Int:
+    objects = _column(values, count, "object")
+    invalid = (objects < 0.0) | (objects > MOST_OBJECTS) | (objects != np.floor(objects))
+    if invalid.any():
+        wall = int(np.flatnonzero(invalid)[0])
+        raise WorldError(
+            f"wall {wall}: object {objects[wall]:.17g}, expected whole numbers from 0 to"
+            f" {MOST_OBJECTS}; renumber the objects 0, 1, 2, …"
+        )
+    return sealed(objects.astype(np.int64))
+
+
+def _heights(values: ArrayLike, count: int) -> Float:
+    heights = _column(values, count, "height")
+    low = np.flatnonzero(~(heights > 0.0))
+    if len(low):
+        raise WorldError(f"wall {low[0]}: height {heights[low[0]]:g} m, expected more than 0")
+    return heights
 
 
 def _check_segments(segments: Float) -> None:
@@ -228,24 +205,3 @@ def _check_segments(segments: Float) -> None:
         raise WorldError(
             f"wall {wall}: both ends at ({x:g}, {y:g}), a segment of no length; remove one"
         )
-
-
-def size_warning(world: World) -> str | None:
-    """A warning if the size of a world is implausible, with the mend; None if it is not."""
-    if not len(world.segments):
-        return None
-    width, height = (float(side) for side in np.ptp(world.bounds, axis=0))
-    size = f"the world is {_metres(width)} by {_metres(height)}"
-    if max(width, height) < SMALLEST_SIDE:
-        return f"{size}, a drawing on paper? --scale 100 makes one of 1:100 as large as the house"
-    median = float(np.median(lengths(world.segments)))
-    if max(width, height) > LARGEST_SIDE and median > LONGEST_WALLS:
-        return (
-            f"{size}, with walls of {_metres(median)}, a drawing in other units? --scale 0.001"
-            " takes them for millimetres"
-        )
-    return None
-
-
-def _metres(size: float) -> str:
-    return f"{size:,.0f} m" if size >= 100.0 else f"{size:.3g} m"

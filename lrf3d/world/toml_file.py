@@ -80,11 +80,6 @@ class WorldFile:
         _Document(self.path, self.text).refuse(path, message)
 
 
-def read_world(path: Path) -> World:
-    """The walls of a world file; see :func:`read_toml`."""
-    return read_toml(path).world
-
-
 def read_toml(path: Path) -> WorldFile:
     """Read a world file.
 

@@ -11,7 +11,7 @@ from lrf3d.robot import find_collision, follow_route
 from lrf3d.robot.planner import find_route, plan_route
 from lrf3d.robot.wall_samples import planning_window, sample_walls, spacing_for, walls_within
 from lrf3d.world import World, load_world
-from lrf3d.world.model import FreeCells
+from lrf3d.world.free_cells import FreeCells
 
 
 def box(x: float, y: float, width: float, depth: float) -> np.ndarray:
