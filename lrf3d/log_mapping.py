@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from lrf3d.io import LaserLog
-from lrf3d.laser import LaserScan
+from lrf3d.laser import LaserScan, distinct_poses, free_cells
 from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.scoring import LogScore, score_log
 from lrf3d.text import counted
+from lrf3d.world.free_cells import FreeCells
 
 Progress = Callable[[int, int], None]
 
@@ -42,6 +43,11 @@ class MappedLog:
     score: LogScore
     milliseconds: tuple[float, ...]
     mapped: list[LaserScan]
+
+    def free_cells(self) -> FreeCells:
+        """What the scans that the map was built from saw to be free."""
+        chosen = distinct_poses(np.array([scan.pose for scan in self.mapped]).reshape(-1, 3))
+        return free_cells([self.mapped[index] for index in chosen])
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""

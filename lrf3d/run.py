@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lrf3d.geometry import Float, Int, Value
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser import LaserRangeFinder, LaserScan, distinct_poses, free_cells
 from lrf3d.mapped import some_rows
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
@@ -16,6 +16,7 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
+from lrf3d.world.free_cells import FreeCells
 
 if TYPE_CHECKING:
     from lrf3d.casting.mover import Mover
@@ -141,6 +142,11 @@ class Run(Value):
     def true_scan(self, index: int) -> LaserScan:
         """The scan of an index from 0 without noise."""
         return replace(self.scan(index), ranges=self.truth[index])
+
+    def free_cells(self) -> FreeCells:
+        """What the measured scans saw to be free, as :func:`save_map` keeps it beside the map."""
+        chosen = distinct_poses(self.trajectory.poses)
+        return free_cells([self.scan(index) for index in chosen.tolist()])
 
     @property
     def scans(self) -> Iterator[LaserScan]:

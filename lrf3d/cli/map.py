@@ -84,7 +84,7 @@ def map_(
         names = {name: path.name for name, path in files.items()}
         return {**mapped.summary(), "made_by": place.made_by, "files": names}
 
-    save_map(mapped.map, files["map"])
+    save_map(mapped.map, files["map"], free=mapped.free_cells())
     write_text(files["summary"], json_text(summary()))
     if not json:
         print_table(mapped.rows(), width)

@@ -184,7 +184,7 @@ def write_results(results: Results, folder: Path) -> dict[str, Path]:
     # A mapper of the user's may make no map of lines.
     if results.run.maps:
         files["map"] = folder / "map.geojson"
-        save_map(results.run.map, files["map"])
+        save_map(results.run.map, files["map"], free=results.run.free_cells())
     return files
 
 

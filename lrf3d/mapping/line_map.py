@@ -12,6 +12,7 @@ from lrf3d.geometry import Float, Int, Value, normal_lines, sealed
 from lrf3d.input import read_text
 from lrf3d.output import write_text
 from lrf3d.text import counted
+from lrf3d.world.free_cells import FreeCells
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +82,17 @@ class LineMap(Value):
         return f"{counted(len(self), 'segment')} in {counted(self.object_count, 'object')}"
 
 
-def save_map(line_map: LineMap, path: str | Path) -> None:
+def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = None) -> None:
     """Write a map as GeoJSON: a FeatureCollection of one LineString a segment.
 
-    Each has the properties object, alpha [rad], p [m] and points.
+    Each has the properties object, alpha [rad], p [m] and points. :func:`load_world` reads the file
+    as the world that the map shows.
+
+    Args:
+        line_map: The map.
+        path: The file.
+        free: What its scans saw to be free, see :meth:`Run.free_cells`: routes through the world
+            are planned there.
 
     Raises:
         OutputError: The file cannot be written.
@@ -114,7 +122,10 @@ def save_map(line_map: LineMap, path: str | Path) -> None:
         )
     ]
     lines = ",\n".join(json.dumps(feature) for feature in features)
-    write_text(path, f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n')
+    known = "" if free is None else f' "free": {json.dumps(free.as_dict())},'
+    write_text(
+        path, f'{{"type": "FeatureCollection", "units": "m",{known} "features": [\n{lines}\n]}}\n'
+    )
 
 
 def load_map(path: str | Path) -> LineMap:

@@ -1,16 +1,18 @@
 """Gaps: mapped walls are made to meet at their corners, as the walls did that they show.
 
 The segments of a map and what is known to be free enter; walls leave that meet where a scanner
-left a gap. What a map shows ends short of each corner that no beam met, and beams and robots of a
-world made of it would slip through. Doors stay open: they are wider, and their beams are known.
+left a gap, or a world of them. A mapped wall ends short of each corner that no beam met, and beams
+and robots would slip through. Doors stay open: they are wider, and beams went through them.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.geometry import Bool, Float, Int, lengths
+from lrf3d.world.drawing import TOUCHING, connected
 from lrf3d.world.free_cells import FreeCells
+from lrf3d.world.model import World
 
 WIDEST = 0.4
 """Widest gap [m] that is closed: half of a door."""
@@ -29,6 +31,24 @@ STEP = 0.05
 
 MOST_FREE = 0.25
 """Share of the closing piece that may lie in free cells: the edges of cells are ragged."""
+
+
+def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
+    """The world that a map shows: its walls meet, and those that touch are one object.
+
+    Args:
+        mapped: The segments of the map as walls.
+        free: What is known to be free: no wall grows into it, and routes are planned through it.
+    """
+    segments, walls = close_gaps(mapped.segments, free)
+    return World(
+        segments,
+        connected(segments, TOUCHING),
+        mapped.heights[walls],
+        mapped.name,
+        place=mapped.place,
+        free=free,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +172,7 @@ def _joints(ends: Float, outward: Float) -> list[_Closing]:
     ]
 
 
-def _may_grow(growth: Float) -> Float:
+def _may_grow(growth: Float) -> Bool:
     """Whether walls may grow by so much [m], or be cut back."""
     return (growth >= -OVERSHOOT) & (growth <= WIDEST)
 

@@ -6,7 +6,8 @@ its ``crs`` or by its size and laid flat about its middle, as are the stretched 
 (EPSG:3857). Heights above ground (Z) are ignored.
 
 A world is written so that reading it gives the same world to the last bit: walls as lines and not
-as polygons, which a reader would dissolve into blocks.
+as polygons, which a reader would dissolve into blocks. A map of lrf3d is read as the world that it
+shows: its walls meet at the corners, and those that touch are one object.
 """
 
 import json
@@ -16,13 +17,15 @@ from typing import Any, NoReturn, cast
 
 import numpy as np
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import InputError, WorldError
 from lrf3d.geometry import Float
 from lrf3d.input import own_name, read_text
 from lrf3d.output import write_text
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.dissolve import STRAIGHT
+from lrf3d.world.free_cells import FreeCells
+from lrf3d.world.gaps import world_of_map
 from lrf3d.world.geographic import (
     DEGREES,
     WEB_MERCATOR,
@@ -72,9 +75,22 @@ def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
             simplify=simplify,
             place=place,
         )
-        return replace(world, cameras=_cameras(data.get("cameras", [])))
-    except WorldError as error:
+        free = FreeCells.from_dict(data["free"]) if "free" in data else None
+        if _is_map(data):
+            return world_of_map(world, free)
+        return replace(world, cameras=_cameras(data.get("cameras", [])), free=free)
+    except InputError as error:
         raise WorldError(f"{path}: {error}") from None
+
+
+def _is_map(data: dict[str, Any]) -> bool:
+    """Whether these are the features of a map that lrf3d wrote."""
+    features = data.get("features")
+    return isinstance(features, list) and all(
+        isinstance(properties := feature.get("properties"), dict)
+        and {"object", "alpha", "p", "points"} <= set(properties)
+        for feature in features
+    )
 
 
 def _parse(path: Path) -> dict[str, Any]:
@@ -164,9 +180,10 @@ def geojson_text(world: World) -> str:
     members = json.dumps([asdict(camera) for camera in world.cameras])
     cameras = f' "cameras": {members},' if world.cameras else ""
     place = "" if world.place is None else f' "place": {json.dumps(world.place)},'
+    free = "" if world.free is None else f' "free": {json.dumps(world.free.as_dict())},'
     return (
         f'{{"type": "FeatureCollection", "name": {json.dumps(world.name)}, "units": "m",'
-        f'{place}{cameras} "features": [\n{features}\n]}}\n'
+        f'{place}{cameras}{free} "features": [\n{features}\n]}}\n'
     )
 
 

@@ -15,11 +15,12 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import InputError, WorldError
 from lrf3d.geometry import Float, lengths
 from lrf3d.input import own_name, read_text
 from lrf3d.output import write_text
 from lrf3d.world.cameras import FixedCamera
+from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.locate import KeyPath, lines_of_keys, nearest_line
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import WallRun, parts_of, walls
@@ -89,7 +90,7 @@ def read_toml(path: Path) -> WorldFile:
     """
     document = _Document(path, read_text(path, what="a world file", error=WorldError))
     data = document.parse()
-    document.check_keys(data, ["name", "object", *TABLES, "mover", "camera", "place"], ())
+    document.check_keys(data, ["name", "object", *TABLES, "mover", "camera", "place", "free"], ())
     name = document.check(text(), data.get("name", own_name(path)), ("name",))
     place = document.check(PLACE, data["place"], ("place",)) if "place" in data else None
     tables = {
@@ -99,6 +100,8 @@ def read_toml(path: Path) -> WorldFile:
     }
     cameras = document.cameras(data.get("camera", []))
     world = document.world(data.get("object"), name, cameras, place)
+    if "free" in data:
+        world = replace(world, free=document.free_cells(data["free"]))
     return WorldFile(world, tables, document.movers(data.get("mover", [])), path, document.text)
 
 
@@ -186,6 +189,12 @@ class _Document:
             except WorldError as error:
                 self.refuse(path, str(error))
         return tuple(cameras)
+
+    def free_cells(self, table: object) -> FreeCells:
+        try:
+            return FreeCells.from_dict(table)
+        except InputError as error:
+            self.refuse(("free",), str(error).removeprefix("free: "))
 
     def world(
         self, tables: object, name: str, cameras: tuple[FixedCamera, ...], place: Float | None
@@ -311,6 +320,8 @@ def toml_text(world: World) -> str:
             lines.append(f"height = {part.height_value!r}")
         blocks.append("\n".join(lines) + "\n")
     blocks += [_camera(camera) for camera in world.cameras]
+    if world.free is not None:
+        blocks.append(_free(world.free))
     return "\n".join(blocks)
 
 
@@ -319,6 +330,17 @@ def _camera(camera: FixedCamera) -> str:
         f"[[camera]]\nname = {_quoted(camera.name)}\n"
         f"position = {list(camera.position)!r}\ntarget = {list(camera.target)!r}\n"
         f"field_deg = {camera.field_deg!r}\n"
+    )
+
+
+def _free(free: FreeCells) -> str:
+    values = free.as_dict()
+    rows = "".join(f"    {row},\n" for row in values["rows"])
+    return (
+        "# Cells that are known to be free: each row, from the bottom, as the lengths of its runs\n"
+        "# that are not free, and free, in turn.\n"
+        f"[free]\nresolution = {values['resolution']!r}\norigin = {values['origin']!r}\n"
+        f"rows = [\n{rows}]\n"
     )
 
 
