@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from lrf3d.io import LaserLog
-from lrf3d.laser import LaserScan, distinct_poses, free_cells
+from lrf3d.laser import LaserScan
+from lrf3d.laser.free_space import distinct_poses, free_cells
 from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.scoring import LogScore, score_log

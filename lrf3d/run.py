@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lrf3d.geometry import Float, Int, Value
-from lrf3d.laser import LaserRangeFinder, LaserScan, distinct_poses, free_cells
+from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapped import some_rows
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
@@ -17,6 +17,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 from lrf3d.world.free_cells import FreeCells
+from lrf3d.world.touching import joined_objects
 
 if TYPE_CHECKING:
     from lrf3d.casting.mover import Mover
@@ -105,7 +106,8 @@ class Run(Value):
         if not stages:
             return ()
         world = self.world
-        known = numbers_by_truth(stages[-1], self.map, world.segments, world.objects)
+        objects = joined_objects(world)
+        known = numbers_by_truth(stages[-1], self.map, world.segments, objects)
         lasting = np.array([known.get(n, -1) for n in range(tracker.count)], np.int64)
         unknown = np.flatnonzero(lasting < 0)
         lasting[unknown] = world.object_count + np.arange(len(unknown))
@@ -145,6 +147,9 @@ class Run(Value):
 
     def free_cells(self) -> FreeCells:
         """What the measured scans saw to be free, as :func:`save_map` keeps it beside the map."""
+        # Reading a world needs no compiled code.
+        from lrf3d.laser.free_space import distinct_poses, free_cells
+
         chosen = distinct_poses(self.trajectory.poses)
         return free_cells([self.scan(index) for index in chosen.tolist()])
 

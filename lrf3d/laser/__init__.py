@@ -1,6 +1,5 @@
 """The laser range finder, its scans and its noise (section 2.3 of Teslić et al.)."""
 
-from lrf3d.laser.free_space import distinct_poses, free_cells
 from lrf3d.laser.imperfections import AngleNoise, DropOuts, Imperfections, MixedPixels
 from lrf3d.laser.noise import (
     Chain,
@@ -33,8 +32,6 @@ __all__ = [
     "RosScan",
     "Stamp",
     "beam_directions",
-    "distinct_poses",
-    "free_cells",
     "layer_directions",
     "reflection_points",
 ]

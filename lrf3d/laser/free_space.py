@@ -50,7 +50,7 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     Examples:
         >>> import lrf3d
         >>> import numpy as np
-        >>> from lrf3d.laser import free_cells
+        >>> from lrf3d.laser.free_space import free_cells
         >>> lrf = lrf3d.LaserRangeFinder()
         >>> scan = lrf3d.LaserScan((0, 0, 0), lrf.angles, np.full(181, 4.0))
         >>> free_cells([scan]).contain(np.array([[3.0, 0.0], [-3.0, 0.0], [5.0, 0.0]])).tolist()

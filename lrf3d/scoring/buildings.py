@@ -8,6 +8,7 @@ from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments
 from lrf3d.scoring.report import Report
 from lrf3d.scoring.visibility import visible_walls
+from lrf3d.world.touching import joined_objects
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +16,7 @@ class BuildingCount(Report):
     """Buildings of a run.
 
     Args:
-        buildings: Objects of the world.
+        buildings: Objects of the world, where those that touch count as one.
         seen_on_all_sides: Those of which every wall has a visible part.
         whole: Those of the latter that are one object of the map with exactly one segment for
             each wall of the building ("each building is represented with four
@@ -29,7 +30,7 @@ class BuildingCount(Report):
 
 def buildings_seen(run: Run) -> BuildingCount:
     """Count the buildings of a run that were seen on all sides, and those mapped whole."""
-    objects = run.world.objects
+    objects = joined_objects(run.world)
     walls_of = np.bincount(objects)
     parts, walls = visible_walls(run)
     seen = (np.bincount(objects[walls], minlength=len(walls_of)) == walls_of) & (walls_of > 0)

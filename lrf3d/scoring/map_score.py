@@ -10,6 +10,7 @@ from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments, sample_offsets
 from lrf3d.scoring.report import Report
 from lrf3d.scoring.visibility import visible_walls
+from lrf3d.world.touching import joined_objects
 
 REACH = 0.1
 """Farthest that a right sample may lie from a wall [m]."""
@@ -34,7 +35,7 @@ class MapScore(Report):
         perpendicular_rms: Root mean square distance of the right map samples from the line of
             their wall [m]; NaN where there are none.
         object_purity: Adjusted Rand index of the map's objects against true objects, over matched
-            segments.
+            segments; true objects that touch count as one.
         map_segments: Number of segments in the map.
         visible_segments: Number of visible walls.
         matched_segments: Number of pairs of the two.
@@ -67,7 +68,7 @@ def score_run(run: Run) -> MapScore:
     segments, walls = visible_walls(run)
     in_reach = run.world.heights >= run.lrf.height
     return score_map(
-        run.map, segments, run.world.objects[walls], walls=run.world.segments[in_reach]
+        run.map, segments, joined_objects(run.world)[walls], walls=run.world.segments[in_reach]
     )
 
 

@@ -17,6 +17,7 @@ from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring import buildings_seen, score_run
 from lrf3d.scoring.visibility import visible_walls
+from lrf3d.world.touching import joined_objects
 
 Row = dict[str, Any]
 
@@ -87,7 +88,7 @@ def run_of(place: Place, order: Order) -> Run:
 def figures(run: Run) -> Row:
     """The figures of a run that a sweep keeps, in JSON's types."""
     _, walls = visible_walls(run)
-    visible = len(set(run.world.objects[walls].tolist()))
+    visible = len(set(joined_objects(run.world)[walls].tolist()))
     buildings = buildings_seen(run)
     return {
         **score_run(run).as_dict(),

@@ -6,17 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import WorldError
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.geometry import Float, lengths
 from lrf3d.input import own_name
 from lrf3d.world.model import World
 from lrf3d.world.pieces import walls
 from lrf3d.world.schema import FARTHEST
+from lrf3d.world.touching import TOUCHING, connected
 
 CURVE_ERROR = 0.005
 """Farthest [m] that the chords of a curve lie from it: as much as a laser's beam is wide."""
-
-TOUCHING = 0.001
-"""Gap [m] up to which two walls touch."""
 
 FINEST_GAP = 1e-4
 """The same, as a share of the drawing: one in the size of a sheet has finer gaps."""
@@ -57,23 +55,3 @@ def without_repeats(segments: Float) -> Float:
     either = np.where(turned[:, None], np.hstack([second, first]), segments)
     _, kept = np.unique(either, axis=0, return_index=True)
     return np.asarray(segments[np.sort(kept)], dtype=np.float64)
-
-
-def connected(segments: Float, gap: float = TOUCHING) -> Int:
-    """The object (n,) of each of the segments (n, 4): those that touch are of one.
-
-    Args:
-        segments: The walls.
-        gap: How far apart they may be and still touch [m].
-    """
-    import shapely
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    middle = segments.reshape(-1, 2).mean(axis=0)
-    lines = shapely.linestrings(segments.reshape(-1, 2, 2) - middle)
-    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
-    count = len(segments)
-    links = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
-    _, label = connected_components(links, directed=False)
-    return np.asarray(label, dtype=np.int64)

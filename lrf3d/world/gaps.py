@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, lengths
-from lrf3d.world.drawing import TOUCHING, connected
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
+from lrf3d.world.touching import connected
 
 WIDEST = 0.4
 """Widest gap [m] that is closed: half of a door."""
@@ -43,7 +43,7 @@ def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
     segments, walls = close_gaps(mapped.segments, free)
     return World(
         segments,
-        connected(segments, TOUCHING),
+        connected(segments),
         mapped.heights[walls],
         mapped.name,
         place=mapped.place,
@@ -82,9 +82,10 @@ def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, I
     origin = np.round(segments.reshape(-1, 2).mean(axis=0)) if len(segments) else np.zeros(2)
     ends = (segments.reshape(-1, 2, 2) - origin).reshape(-1, 2)
     outward = _outward(ends)
+    # Two ends before an end and a wall's side: a corner leaves no stub.
     found = sorted(
         [*_corners(ends, outward), *_joints(ends, outward)],
-        key=lambda closing: (closing.cost, closing.end, closing.other),
+        key=lambda closing: (closing.other < 0, closing.cost, closing.end, closing.other),
     )
     moved, bridges, rows = ends.copy(), [], []
     taken = np.zeros(len(ends), dtype=np.bool_)

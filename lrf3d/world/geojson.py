@@ -154,7 +154,7 @@ def _place(data: dict[str, Any]) -> tuple[float, float] | None:
 
 
 def _is_geographic(data: dict[str, Any], outlines: list[Float]) -> bool:
-    if data.get("units") == "m":
+    if data.get("units") == "m" or _is_map(data):
         return False
     reference = data.get("crs")
     if reference is None:

@@ -22,10 +22,10 @@ from lrf3d.geometry import Float, Int, lengths
 from lrf3d.input import opened, own_name
 from lrf3d.output import replacing
 from lrf3d.world.collinear import merge_collinear
-from lrf3d.world.drawing import connected
 from lrf3d.world.extrude import extrude
 from lrf3d.world.model import World
 from lrf3d.world.schema import FARTHEST
+from lrf3d.world.touching import connected
 
 CUT = 0.5
 """Height [m] at which a mesh is cut: that of the laser if none is given."""

@@ -20,11 +20,11 @@ from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.input import opened, own_name, read_text
 from lrf3d.output import replacing, write_text
-from lrf3d.world.drawing import connected
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.outlines import BAND
 from lrf3d.world.schema import FARTHEST
+from lrf3d.world.touching import connected
 
 if TYPE_CHECKING:
     from PIL.Image import Image

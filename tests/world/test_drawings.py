@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world, save_world
 from lrf3d.world.apart import read_here
-from lrf3d.world.drawing import CURVE_ERROR, connected, without_repeats
+from lrf3d.world.drawing import CURVE_ERROR, without_repeats
 from lrf3d.world.files import FORMATS
 from lrf3d.world.geographic import EARTH_RADIUS
 from lrf3d.world.osm import close_rings, is_building, tag_height
@@ -190,11 +190,6 @@ def test_the_lines_of_a_multiline_are_walls(tmp_path: Path) -> None:
 def test_lines_drawn_twice_count_once() -> None:
     segments = np.array([[0, 0, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]], dtype=float)
     assert without_repeats(segments).tolist() == [[0, 0, 1, 1], [0, 0, 0, 1]]
-
-
-def test_walls_that_touch_are_one_object_also_far_from_the_origin() -> None:
-    segments = np.array([[0, 0, 4, 0], [2, 0, 2, 3], [2, 3.1, 2, 5], [9, 9, 8, 9]]) + 1e6
-    assert connected(segments).tolist() == [0, 0, 1, 2]
 
 
 def osm(folder: Path, body: str) -> World:

@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 from lrf3d.errors import OutputError, WorldError
 from lrf3d.world import World, load_world, save_world, world_names
 from lrf3d.world.cameras import FixedCamera
+from lrf3d.world.free_cells import FreeCells
 
 
 def same_bits(one: np.ndarray, other: np.ndarray) -> bool:
@@ -47,6 +49,13 @@ def chains(draw: st.DrawFn) -> np.ndarray:
 
 
 @st.composite
+def free_cells(draw: st.DrawFn) -> FreeCells:
+    shape = draw(st.tuples(st.integers(1, 5), st.integers(1, 9)))
+    origin = draw(st.tuples(coordinates, coordinates, st.floats(-3.0, 3.0)))
+    return FreeCells(draw(arrays(np.bool_, shape)), draw(st.floats(0.01, 2.0)), origin)
+
+
+@st.composite
 def worlds(draw: st.DrawFn) -> World:
     segments = np.concatenate(draw(st.lists(chains(), min_size=1, max_size=5)))
     keep = np.hypot(*(segments[:, 2:] - segments[:, :2]).T) > 0.0
@@ -79,6 +88,7 @@ def worlds(draw: st.DrawFn) -> World:
         object_names=tuple(called) if any(called) else (),
         colours=colours,
         cameras=draw(cameras),
+        free=draw(st.none() | free_cells()),
         place=draw(st.none() | st.tuples(st.floats(-180.0, 180.0), st.floats(-90.0, 90.0))),
     )
 
@@ -102,8 +112,46 @@ def test_a_world_comes_back_from_a_file_as_it_was(
         assert back.name == world.name
         assert back.cameras == world.cameras
         assert back.place == world.place
+        assert (back.free is None) == (world.free is None)
+        if world.free is not None:
+            assert (back.free.cells == world.free.cells).all()
+            assert back.free.resolution == world.free.resolution
+            assert back.free.origin == world.free.origin
 
     check()
+
+
+GRID = {"resolution": 0.5, "origin": [0.0, 0.0, 0.0], "rows": [[0, 2, 1], [1, 2]]}
+
+
+@pytest.mark.parametrize("ending", [".toml", ".geojson"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"rows": [[0, 2, 1], [1, 1]]},
+        {"rows": [[0, -2, 5]]},
+        {"rows": []},
+        {"rows": [[10**30]]},
+        {"rows": [["a"]]},
+        {"rows": 3},
+        {"resolution": 0.0},
+        {"resolution": "fine"},
+        {"origin": [0.0, 0.0]},
+        {"colour": "red"},
+    ],
+)
+def test_free_cells_that_cannot_be_are_one_clear_error(ending, changes, tmp_path: Path) -> None:
+    grid = {**GRID, **changes}
+    save_world(World([[0, 0, 1, 0]]), tmp_path / f"world{ending}")
+    text = (tmp_path / f"world{ending}").read_text()
+    if ending == ".toml":
+        text += "\n[free]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in grid.items())
+    else:
+        text = json.dumps({**json.loads(text), "free": grid})
+    (tmp_path / f"world{ending}").write_text(text)
+    with pytest.raises(WorldError, match=rf"world{ending}.*free.*rows") as caught:
+        load_world(tmp_path / f"world{ending}")
+    assert "\n" not in str(caught.value)
 
 
 def test_a_ring_is_written_as_one_closed_list_of_points(tmp_path: Path) -> None:

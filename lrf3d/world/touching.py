@@ -1,0 +1,49 @@
+"""Walls that touch: to any beam they are one object, whatever a file says of them."""
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int
+from lrf3d.world.model import World
+
+TOUCHING = 0.001
+"""Gap [m] up to which two walls touch."""
+
+
+def connected(segments: Float, gap: float = TOUCHING) -> Int:
+    """The object (n,) of each of the segments (n, 4): those that touch are of one.
+
+    Args:
+        segments: The walls.
+        gap: How far apart they may be and still touch [m].
+    """
+    import shapely
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    middle = segments.reshape(-1, 2).mean(axis=0)
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2) - middle)
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
+    count = len(segments)
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    _, label = connected_components(links, directed=False)
+    return np.asarray(label, dtype=np.int64)
+
+
+def joined_objects(world: World) -> Int:
+    """The object (n,) of each wall where objects that touch count as one, by their lowest number.
+
+    Maps are scored and labelled by these: no beam parts the rooms of a house at their walls.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    if not len(world.segments):
+        return world.objects
+    # Walls and objects are the nodes of one graph: each wall hangs on its object and on its group.
+    group = connected(world.segments) + world.object_count
+    nodes = int(group.max()) + 1
+    links = coo_array((np.ones(len(group)), (world.objects, group)), shape=(nodes, nodes))
+    _, label = connected_components(links, directed=False)
+    lowest = np.full(nodes, nodes)
+    np.minimum.at(lowest, label[world.objects], world.objects)
+    return np.asarray(lowest[label[world.objects]], dtype=np.int64)

@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import lrf3d
+from lrf3d.laser.free_space import DRIVEN, MARGIN, SIGHT, distinct_poses, free_cells
+
+LRF = lrf3d.LaserRangeFinder()
+
+
+def middles(free):
+    """The middles (n, 2) of the free cells."""
+    rows, columns = np.nonzero(free.cells)
+    return np.array(free.origin[:2]) + free.resolution * (np.column_stack([columns, rows]) + 0.5)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.tuples(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5), st.floats(-10.0, 10.0)),
+    st.lists(st.floats(0.1, 30.0) | st.just(np.inf) | st.just(-np.inf), min_size=19, max_size=19),
+)
+def test_no_cell_behind_a_return_is_free_and_cells_well_before_are(pose, ranges):
+    angles = np.linspace(-1.5, 1.5, 19)
+    free = free_cells([lrf3d.LaserScan(pose, angles, np.array(ranges))])
+    places = middles(free) - pose[:2]
+    away = np.hypot(*places.T)
+    bearing = (np.arctan2(places[:, 1], places[:, 0]) - pose[2] + 1.5) % (2 * np.pi) - 1.5
+    seen = away > DRIVEN
+    after = np.searchsorted(angles, bearing[seen])
+    assert ((after > 0) & (after < 19)).all()
+    known = np.array(ranges)
+    least = np.minimum(known[after - 1], known[after])
+    assert np.isfinite(least).all()
+    assert (away[seen] + MARGIN <= least).all()
+    # Along the middle between two beams that went on, all is free.
+    for k in range(18):
+        least = min(known[k], known[k + 1], SIGHT)
+        if np.isfinite(known[[k, k + 1]]).all() and least > 1.0:
+            heading = pose[2] + 0.5 * (angles[k] + angles[k + 1])
+            places = np.arange(0.6, least - 0.4, 0.1)[:, None] * [np.cos(heading), np.sin(heading)]
+            wide = places[np.hypot(*places.T) * (angles[1] - angles[0]) > 0.4]
+            assert free.contain(wide + pose[:2]).all()
+
+
+def test_a_room_is_free_and_what_lies_behind_its_walls_is_not():
+    room = lrf3d.World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0]])
+    run = lrf3d.simulate(room, [(1, 2, 0), (5, 2, np.pi)], rng=0)
+    free = run.free_cells()
+    inside = np.array([[1.0, 1.0], [5.0, 3.0], [3.0, 2.0]])
+    outside = np.array([[-0.2, 2.0], [6.2, 2.0], [3.0, 4.2], [3.0, -0.2]])
+    assert free.contain(inside).all() and not free.contain(outside).any()
+
+
+def test_a_scanner_that_turns_the_other_way_sees_the_same():
+    ranges = np.linspace(2.0, 6.0, 181)
+    scan = lrf3d.LaserScan((1, 2, 0.5), LRF.angles, ranges)
+    turned = lrf3d.LaserScan((1, 2, 0.5), LRF.angles[::-1], ranges[::-1])
+    assert (free_cells([scan]).cells == free_cells([turned]).cells).all()
+
+
+def test_no_scans_show_nothing_free():
+    assert not free_cells([]).cells.any()
+
+
+def test_of_scans_from_one_place_and_heading_the_first_counts():
+    poses = np.array([[0.1, 0.1, 0.0], [0.2, 0.2, 0.0], [0.1, 0.1, 1.0], [0.6, 0.1, 0.0]])
+    assert distinct_poses(poses).tolist() == [0, 2, 3]
+
+
+def test_a_huge_drive_has_larger_cells_and_not_more():
+    scans = [lrf3d.LaserScan((x, 0, 0), LRF.angles, np.full(181, 5.0)) for x in (0.0, 30_000.0)]
+    free = free_cells(scans)
+    assert free.cells.size <= 4_100_000 and free.resolution > 0.1
+
+
+@pytest.mark.parametrize("angles", [[0.0], [0.0, 0.0]])
+def test_single_beams_show_only_where_the_robot_stood(angles):
+    free = free_cells([lrf3d.LaserScan((0, 0, 0), np.array(angles), np.full(len(angles), 5.0))])
+    assert (
+        free.contain(np.array([[0.05, 0.05]])).all()
+        and not free.contain(np.array([[2.0, 0.0]])).any()
+    )
