@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pytest
 
+from lrf3d import load_run, load_world
 from lrf3d.scenario_file import read_scenario_file, scenario_of
 
 
@@ -42,6 +43,28 @@ def test_scale_and_resolution_are_what_is_written(tmp_path):
     plain = json.loads(lrf3d("world", "show", "paper_room", "--json").stdout)["bounds_m"]
     assert [x2, y2] == pytest.approx([0.5 * plain[1][0], 0.5 * plain[1][1]])
     assert "resolution: 0.1" in path.read_text()
+
+
+def test_a_map_becomes_a_world_that_is_driven_inside_its_free_space(tmp_path):
+    office = tmp_path / "office.toml"
+    assert (
+        lrf3d("world", "generate", "rooms", "--seed", 2, "--size", 12, "--out", office).returncode
+        == 0
+    )
+    quiet = ("--no-video", "--json")
+    first = lrf3d("run", office, *quiet, "--out", tmp_path / "first")
+    assert first.returncode == 0, first.stderr
+    mapped, rooms = tmp_path / "first" / "map.geojson", tmp_path / "rooms.toml"
+    assert lrf3d("world", "convert", mapped, rooms).returncode == 0
+    for world in (mapped, rooms):
+        second = lrf3d("run", world, *quiet, "--out", tmp_path / "second")
+        assert second.returncode == 0, second.stderr
+        run = load_run(tmp_path / "second")
+        assert load_world(world).free.contain(run.trajectory.poses[:, :2]).mean() > 0.95
+        assert json.loads(second.stdout)["score"]["length_f1"] > 0.95
+        # It sees the rooms that the first drive saw, not the outside.
+        known, again = load_run(tmp_path / "first").free_cells(), run.free_cells()
+        assert again.cells.sum() > 0.7 * known.cells.sum()
 
 
 @pytest.mark.parametrize(
