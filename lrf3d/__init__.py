@@ -10,7 +10,7 @@ from lrf3d.lazy import loading
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
-    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
     from lrf3d.errors import (
         CollisionError,
         InputError,
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CollisionError",
+    "DynamicObstacle",
     "EmbreeCaster",
     "InputError",
     "KnownLines",
@@ -55,7 +56,6 @@ __all__ = [
     "Localiser",
     "Lrf3dError",
     "MissingLibraryError",
-    "Mover",
     "OdometryNoise",
     "OutputError",
     "PlanarCaster",
@@ -110,7 +110,7 @@ __getattr__, __dir__ = loading(
         "Localiser": "localization",
         "Lrf3dError": "errors",
         "MissingLibraryError": "errors",
-        "Mover": "casting.mover",
+        "DynamicObstacle": "casting.dynamic_obstacle",
         "OdometryNoise": "localization",
         "OutputError": "errors",
         "PlanarCaster": "casting",

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from lrf3d.casting.mover import Mover, round_outline
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.casting.timed import Caster
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.noise import AnyNoise
@@ -64,7 +64,7 @@ def simulate_fleet(
     """
     caster = caster_of(caster, world)
     outline = round_outline(radius)
-    bodies = [Mover(outline, trajectory, height) for trajectory in trajectories]
+    bodies = [DynamicObstacle(outline, trajectory, height) for trajectory in trajectories]
     total, done, runs = sum(map(len, trajectories)), 0, []
     for robot, (trajectory, own) in enumerate(
         zip(trajectories, np.random.default_rng(rng).spawn(len(trajectories)), strict=True)
@@ -78,7 +78,7 @@ def simulate_fleet(
                 noise=noise,
                 mapper=None if mapper is None else mapper(),
                 rng=own,
-                movers=bodies[:robot] + bodies[robot + 1 :],
+                obstacles=bodies[:robot] + bodies[robot + 1 :],
                 progress=partial(_report, progress, done, total),
             )
         )

@@ -65,7 +65,7 @@ class MappedLog:
                     {bad.kind: bad.number, "reason": bad.reason} for bad in self.log.bad_lines
                 ],
             },
-            "map": {"segments": len(self.map), "unions": self.map.object_count},
+            "map": {"segments": len(self.map), "objects": self.map.object_count},
             "score": self.score.as_dict(),
             "milliseconds_a_scan": float(np.mean(self.milliseconds)),
             "median_milliseconds_a_scan": float(np.median(self.milliseconds)),

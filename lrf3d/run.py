@@ -1,4 +1,4 @@
-"""Runs: what a simulation was made of and what came out, kept whole."""
+"""Run: what entered a simulation and what came out of it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -20,28 +20,28 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.touching import joined_objects
 
 if TYPE_CHECKING:
-    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 MAP_SNAPSHOTS = 100
-"""How many stages of the growing map a run keeps at most: enough for a film, and each takes the
-mapper some hundredths of a second to work out."""
+"""Most map snapshots that a run keeps: enough for a film, and each takes the mapper some hundredths
+of a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run(Value):
-    """What a simulation was made of and what came out; all that pictures and films need.
+    """What entered a simulation and what came out: all that pictures and films need.
 
     Args:
-        world: The walls that were driven through.
+        world: The walls.
         lrf: The laser range finder.
         trajectory: Times (k,) and poses (k, 3) of the scans.
         ranges: (k, beams) measured ranges [m], with noise.
         truth: (k, beams) true ranges [m].
         walls: (k, beams) index of the segment that each beam hit, or −1.
-        stages: Scans after which the map was kept, rising; the last is the last scan. None where
-            the mapper makes no LineMap.
-        maps: The map at each of the stages.
-        movers: What moved in the world beside the robot.
+        snapshot_scans: Scans after which the map was kept, in ascending order; the last is the last
+            scan. Empty if the mapper makes no LineMap.
+        maps: The map snapshots: the map after each of these scans.
+        obstacles: The dynamic obstacles.
         film: How the run is filmed if nothing else is given.
 
     Examples:
@@ -60,9 +60,9 @@ class Run(Value):
     ranges: Float
     truth: Float
     walls: Int
-    stages: tuple[int, ...]
+    snapshot_scans: tuple[int, ...]
     maps: tuple[LineMap, ...]
-    movers: "tuple[Mover, ...]" = ()
+    obstacles: "tuple[DynamicObstacle, ...]" = ()
     film: FilmPlan = USUAL_FILM
 
     def __post_init__(self) -> None:
@@ -85,51 +85,51 @@ class Run(Value):
         """The map after the last scan; an empty one where the mapper makes no LineMap."""
         return self.maps[-1] if self.maps else LineMap.empty()
 
-    def stage_after(self, scan: int) -> int:
-        """The newest stage whose map holds no scan after the given one; −1 for none."""
-        return int(np.searchsorted(self.stages, scan, side="right")) - 1
+    def snapshot_after(self, scan: int) -> int:
+        """Index of the newest map snapshot without any scan after the given one; −1 for none."""
+        return int(np.searchsorted(self.snapshot_scans, scan, side="right")) - 1
 
     def map_after(self, scan: int) -> LineMap:
-        """The newest kept map that holds no scan after the given one."""
-        stage = self.stage_after(scan)
-        return self.maps[stage] if stage >= 0 else LineMap.empty()
+        """The newest map snapshot without any scan after the given one."""
+        snapshot = self.snapshot_after(scan)
+        return self.maps[snapshot] if snapshot >= 0 else LineMap.empty()
 
     @cached_property
     def lasting_objects(self) -> tuple[Int, ...]:
-        """For each kept map the object (m,) of each segment, by numbers that last.
+        """For each map snapshot the object (m,) of each segment, numbered alike in all of them.
 
-        An object has one number in all maps of the run, and where the last map shows a true
-        object, it is the number of that: pictures and films give each its colour and name by it.
+        An object keeps its number in all snapshots of the run. If the last map shows a true object,
+        the number is that object's: pictures and films choose colours and names by it.
         """
         tracker = ObjectTracker()
-        stages = [tracker.follow(line_map) for line_map in self.maps]
-        if not stages:
+        tracked = [tracker.follow(line_map) for line_map in self.maps]
+        if not tracked:
             return ()
         world = self.world
         objects = joined_objects(world)
-        known = numbers_by_truth(stages[-1], self.map, world.segments, objects)
+        known = numbers_by_truth(tracked[-1], self.map, world.segments, objects)
         lasting = np.array([known.get(n, -1) for n in range(tracker.count)], np.int64)
         unknown = np.flatnonzero(lasting < 0)
         lasting[unknown] = world.object_count + np.arange(len(unknown))
-        return tuple(lasting[stage] for stage in stages)
+        return tuple(lasting[numbers] for numbers in tracked)
 
     def part(self, scans: Int) -> "Run":
-        """The run of some of its scans, rising, and of the last of its maps."""
+        """The run of some of its scans, in ascending order, with the last of its maps."""
         part = replace(
             self,
             trajectory=Trajectory(self.trajectory.times[scans], self.trajectory.poses[scans]),
             ranges=some_rows(self.ranges, scans),
             truth=some_rows(self.truth, scans),
             walls=some_rows(self.walls, scans),
-            stages=(len(scans) - 1,) if self.maps else (),
+            snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
         )
-        # Its map is that of the whole, and so are the numbers of the objects in it.
+        # Its map is that of the whole run, and so are the numbers of the objects in it.
         part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
         return part
 
     def scan(self, index: int) -> LaserScan:
-        """The measured scan of an index from 0."""
+        """The measured scan with an index from 0."""
         return LaserScan(
             Pose(*self.trajectory.poses[index].tolist()),
             self.lrf.angles,
@@ -142,7 +142,7 @@ class Run(Value):
         )
 
     def true_scan(self, index: int) -> LaserScan:
-        """The scan of an index from 0 without noise."""
+        """The scan with an index from 0, without noise."""
         return replace(self.scan(index), ranges=self.truth[index])
 
     def free_cells(self) -> FreeCells:
@@ -155,24 +155,24 @@ class Run(Value):
 
     @property
     def scans(self) -> Iterator[LaserScan]:
-        """The measured scans, one after the other."""
+        """The measured scans in their order."""
         return (self.scan(index) for index in range(len(self)))
 
 
 @dataclass(frozen=True, slots=True)
-class Stages:
-    """After which scans of a run the map is kept.
+class SnapshotSchedule:
+    """The scans of a run after which the map is kept.
 
     Args:
-        scans: How many scans the run will have, at most.
-        snapshots: After how many of them the map is kept, at most; MAP_SNAPSHOTS if not given.
+        scans: Largest number of scans that the run will have.
+        snapshots: Largest number of map snapshots; MAP_SNAPSHOTS if not given.
     """
 
     scans: int
     snapshots: int | None = None
 
     def holds(self, index: int) -> bool:
-        """Whether the map is kept after a scan; after the last it is, as after each of a few."""
+        """Whether the map is kept after a scan: always after the last, and evenly before it."""
         most = MAP_SNAPSHOTS if self.snapshots is None else self.snapshots
         return (index + 1) * most // self.scans > index * most // self.scans
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrf3d.casting.mover import Mover
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import CollisionError, InputError
 from lrf3d.geometry import Float, Value
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
@@ -56,7 +56,7 @@ class Scenario(Value):
         noise: What makes measured scans of true ones.
         compared: Standard deviations [m] at range_max of further noises, whose maps stand beside
             that of the run in figures.
-        movers: The dynamic obstacles.
+        obstacles: The dynamic obstacles.
         start: Pose x, y [m], theta [rad] where the drive begins; None if not given.
         route: (m, 2) way-points [m], the first at the start; None where it is to be planned.
         poses: (k, 3) poses x, y [m], theta [rad] to stand and scan at instead of a drive.
@@ -86,7 +86,7 @@ class Scenario(Value):
     lrf: LaserRangeFinder = field(default_factory=LaserRangeFinder)
     noise: Noise = ProportionalNoise(SIGMA)  # noqa: RUF009  It is a value that nothing changes.
     compared: tuple[float, ...] = ()
-    movers: tuple[Mover, ...] = ()
+    obstacles: tuple[DynamicObstacle, ...] = ()
     start: Pose | None = None
     route: Float | None = None
     poses: Float | None = None
@@ -103,7 +103,7 @@ class Scenario(Value):
     def __post_init__(self) -> None:
         self._hold(*(name for name in ("route", "poses") if getattr(self, name) is not None))
         object.__setattr__(self, "noise", as_noise(self.noise))
-        object.__setattr__(self, "movers", tuple(self.movers))
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
 
     def __repr__(self) -> str:
         drive = "a route to plan"
@@ -284,7 +284,7 @@ class Scenario(Value):
             noise=own if noise is None else noise,
             mapper=line_mapper(known, **settings) if mapper is None else mapper,
             rng=rng,
-            movers=scenario.movers,
+            obstacles=scenario.obstacles,
             **how,
         )
         made.film = FilmPlan(scenario.view, scenario.playback)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.mover import Mover, round_outline
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError
 from lrf3d.input import own_name
 from lrf3d.laser import Imperfections, LaserRangeFinder
@@ -97,7 +97,7 @@ def _scenario(file: WorldFile) -> Scenario:
         lrf=_range_finder(file),
         noise=Imperfections(**noise).noise(sigma),
         compared=tuple(compared),
-        movers=_movers(file, robot.get("radius", RADIUS)),
+        obstacles=_obstacles(file, robot.get("radius", RADIUS)),
         mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
         name=own_name(file.path, file.world.name),
         **robot,
@@ -105,22 +105,22 @@ def _scenario(file: WorldFile) -> Scenario:
     )
 
 
-def _movers(file: WorldFile, radius: float) -> tuple[Mover, ...]:
+def _obstacles(file: WorldFile, radius: float) -> tuple[DynamicObstacle, ...]:
     """The dynamic obstacles; those whose width the file does not say are as wide as the robot."""
-    movers = []
-    for index, table in enumerate(file.movers):
+    obstacles = []
+    for index, table in enumerate(file.obstacles):
         try:
             outline = table.get("points")
-            movers.append(
-                Mover(
+            obstacles.append(
+                DynamicObstacle(
                     round_outline(table.get("radius", radius)) if outline is None else outline,
                     Patrol(table["route"], table.get("speed", 1.0)),
                     table.get("height", DEFAULT_HEIGHT),
                 )
             )
         except InputError as error:
-            file.refuse(("mover", index), str(error))
-    return tuple(movers)
+            file.refuse(("obstacle", index), str(error))
+    return tuple(obstacles)
 
 
 def _film(file: WorldFile) -> Mapping[str, Any]:

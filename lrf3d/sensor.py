@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
-from lrf3d.casting.mover import Mover
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster, timed
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
@@ -27,7 +27,7 @@ class Sensor:
         lrf: The laser range finder.
         caster: What casts the beams: ``embree``, ``planar``, or an object with ``cast``.
         noise: What makes measured scans of true ones.
-        movers: The dynamic obstacles.
+        obstacles: The dynamic obstacles.
         path: The way that the robot takes while its beams turn; if not given, all beams of a
             scan are sent at once.
 
@@ -42,13 +42,15 @@ class Sensor:
         *,
         caster: Caster | str,
         noise: Noise,
-        movers: Sequence[Mover] = (),
+        obstacles: Sequence[DynamicObstacle] = (),
         path: Trajectory | None = None,
     ) -> None:
         self.lrf, self.caster, self.noise = lrf, caster_of(caster, world), noise
         # A caster of the user's need not cast scans together.
-        self._together: Any = None if movers or path else getattr(self.caster, "scan_batch", None)
-        self._cast = timed(self.caster, lrf, path, movers)
+        self._together: Any = (
+            None if obstacles or path else getattr(self.caster, "scan_batch", None)
+        )
+        self._cast = timed(self.caster, lrf, path, obstacles)
 
     def measure(
         self, pose: Float, time: float, rng: np.random.Generator

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from lrf3d.casting.mover import Mover
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, numbers, sealed, whole_number
@@ -20,7 +20,7 @@ from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
-from lrf3d.run import Run, Stages
+from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.sensor import Sensor
 from lrf3d.steering import ControlledDrive, Controller, Drive, RecordedDrive
 from lrf3d.world import World
@@ -104,7 +104,7 @@ class Simulation:
         mapper: What builds the map, anything with ``update(scan)``; if not given, a LineMapper
             set up for the noise; see `line_mapper`.
         rng: The source of the noise, or a seed of it.
-        movers: The dynamic obstacles: what moves in the world and is seen by the robot.
+        obstacles: The dynamic obstacles: what moves in the world and is seen by the robot.
         start: Pose where a controller's drive begins.
         scan_interval: Time between two scans [s] of a controller's drive.
         scans: After how many scans to end; if not given, at the end of a trajectory, and never
@@ -134,7 +134,7 @@ class Simulation:
         noise: AnyNoise | None = None,
         mapper: Mapper | None = None,
         rng: np.random.Generator | int | None = None,
-        movers: Sequence[Mover] = (),
+        obstacles: Sequence[DynamicObstacle] = (),
         start: Sequence[float] | Float = (0.0, 0.0, 0.0),
         scan_interval: float = SCAN_INTERVAL,
         scans: int | None = None,
@@ -167,9 +167,11 @@ class Simulation:
             end = float(path.times[-1])
             scans = len(path) if scans is None else min(scans, len(path))
         # What is kept of a run holds the paths as poses; a drive without an end keeps nothing.
-        self.movers = tuple(movers if end is None else (mover.until(end) for mover in movers))
+        self.obstacles = tuple(
+            obstacles if end is None else (obstacle.until(end) for obstacle in obstacles)
+        )
         self.sensor = Sensor(
-            world, self.lrf, caster=caster, noise=noise, movers=self.movers, path=path
+            world, self.lrf, caster=caster, noise=noise, obstacles=self.obstacles, path=path
         )
         self.film: FilmPlan = USUAL_FILM
         """How the run is filmed if nothing else is given."""
@@ -247,7 +249,7 @@ def simulate(
     noise: AnyNoise | None = None,
     mapper: Mapper | None = None,
     rng: np.random.Generator | int | None = None,
-    movers: Sequence[Mover] | None = None,
+    obstacles: Sequence[DynamicObstacle] | None = None,
     start: Sequence[float] | Float | None = None,
     scan_interval: float | None = None,
     scans: int | None = None,
@@ -273,7 +275,7 @@ def simulate(
             set up for the noise.
         rng: The source of the noise, or a seed of it: 5 is ``--seed 5``. Another noise each time
             if not given.
-        movers: The dynamic obstacles; none if not given.
+        obstacles: The dynamic obstacles; none if not given.
         start: Pose where a controller's drive begins; the origin if not given.
         scan_interval: Time between two scans [s] of a controller's drive; 0.25 if not given.
         scans: After how many scans to end; if not given, at the end of the drive.
@@ -304,7 +306,7 @@ def simulate(
         "noise": noise,
         "mapper": mapper,
         "rng": rng,
-        "movers": movers,
+        "obstacles": obstacles,
         "start": start,
         "scan_interval": scan_interval,
         "scans": scans,
@@ -331,7 +333,7 @@ def collect(
         CollisionError: A controller drives a robot with a radius into a wall.
     """
     total = simulation.total
-    stages, shape = Stages(total, snapshots), (total, simulation.lrf.beams)
+    schedule, shape = SnapshotSchedule(total, snapshots), (total, simulation.lrf.beams)
     times, poses = np.empty(total), np.empty((total, 3))
     ranges, truth, walls = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)
     kept: dict[int, Any] = {}
@@ -340,13 +342,13 @@ def collect(
         times[step.index], poses[step.index] = step.time, step.pose
         ranges[step.index], truth[step.index] = step.scan.ranges, step.true_scan.ranges
         walls[step.index] = step.true_scan.walls
-        if stages.holds(step.index):
+        if schedule.holds(step.index):
             kept[step.index] = step.map
         done = step.index + 1
         progress(done, total)
     if done - 1 not in kept:
         kept[done - 1] = simulation.map
-    maps = {stage: line_map for stage, line_map in kept.items() if isinstance(line_map, LineMap)}
+    maps = {scan: line_map for scan, line_map in kept.items() if isinstance(line_map, LineMap)}
     return Run(
         simulation.world,
         simulation.lrf,
@@ -356,7 +358,7 @@ def collect(
         sealed(walls)[:done],
         tuple(maps),
         tuple(maps.values()),
-        simulation.movers,
+        simulation.obstacles,
         simulation.film,
     )
 

@@ -107,10 +107,10 @@ def test_every_picture_of_the_readme_is_there(picture):
 
 
 def test_every_key_of_a_world_file_is_documented():
-    from lrf3d.world.schema import CAMERA, MOVER, OBJECT, TABLES
+    from lrf3d.world.schema import CAMERA, OBJECT, OBSTACLE, TABLES
 
     text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
-    keys = {key for table in (*TABLES.values(), OBJECT, MOVER, CAMERA) for key in table}
+    keys = {key for table in (*TABLES.values(), OBJECT, OBSTACLE, CAMERA) for key in table}
     assert [key for key in sorted(keys) if f"`{key}`" not in text] == []
 
 

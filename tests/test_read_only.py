@@ -9,7 +9,7 @@ import pytest
 
 import lrf3d
 from lrf3d import KnownLines, LaserRangeFinder, LaserScan, LineMap, Trajectory, World
-from lrf3d.casting.mover import Mover
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.geometry import numbers, read_only
 from lrf3d.localization import Track
 from lrf3d.localization.estimate import PoseEstimate
@@ -39,7 +39,10 @@ VALUES = {
     "built map": (lambda: make_run().map, ("segments", "lines")),
     "run": (make_run, ("map",)),
     "run's scan": (lambda: make_run().scan(1), ("hits",)),
-    "mover": (lambda: Mover([[0, 0], [1, 0], [1, 1]], Trajectory([0], POSES[:1])), ("reach",)),
+    "obstacle": (
+        lambda: DynamicObstacle([[0, 0], [1, 0], [1, 1]], Trajectory([0], POSES[:1])),
+        ("reach",),
+    ),
     "estimate": (lambda: PoseEstimate((0, 0, 0), np.eye(3)), ()),
     "track": (lambda: Track(POSES, np.zeros((3, 3, 3)), [1, 2, 3], [4, 5, 6]), ()),
     "known lines": (known_lines, ()),
@@ -153,8 +156,14 @@ def test_numbers_are_whatever_numpy_takes_for_numbers():
         (lambda: Trajectory([0, 1], [[0, 0, 0], [1, 2]]), "poses: expected numbers in rows"),
         (lambda: Trajectory(["a"], [[0, 0, 0]]), "times: expected numbers"),
         (lambda: lrf3d.EmbreeCaster(World(WALLS)).cast_batch(LRF, [[0], [1, 2]]), "poses: exp"),
-        (lambda: Mover([[0, 0], [1, np.nan], [1, 1]], Trajectory([0], POSES[:1])), "corner 1"),
-        (lambda: Mover([[0, 0], [1], [1, 1]], Trajectory([0], POSES[:1])), "outline: expected"),
+        (
+            lambda: DynamicObstacle([[0, 0], [1, np.nan], [1, 1]], Trajectory([0], POSES[:1])),
+            "corner 1",
+        ),
+        (
+            lambda: DynamicObstacle([[0, 0], [1], [1, 1]], Trajectory([0], POSES[:1])),
+            "outline: expected",
+        ),
         (lambda: lrf3d.follow_route([[0, 0], [1]]), "route: expected"),
         (lambda: lrf3d.follow_route([[0, 0], [9, 0]], speed="a"), "speed a"),
         (lambda: lrf3d.Simulation(World(WALLS), POSES, scans="a"), "scans 'a'"),

@@ -13,7 +13,7 @@ from lrf3d.laser import Chain, ConstantNoise, Quantised
 from lrf3d.laser.noise import FLOOR
 
 README = Path(__file__).parents[1] / "README.md"
-MOVER = "[[mover]]\nroute = [[2.0, 2.0], [6.0, 2.0]]\nspeed = 0.7\n"
+OBSTACLE = "[[obstacle]]\nroute = [[2.0, 2.0], [6.0, 2.0]]\nspeed = 0.7\n"
 
 
 class Stop(Exception):
@@ -26,7 +26,7 @@ def same(one, other):
     for name in ("ranges", "truth", "walls"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     np.testing.assert_array_equal(one.trajectory.poses, other.trajectory.poses)
-    assert one.stages == other.stages
+    assert one.snapshot_scans == other.snapshot_scans
     for mine, theirs in zip(one.maps, other.maps, strict=True):
         np.testing.assert_array_equal(mine.segments, theirs.segments)
         np.testing.assert_array_equal(mine.objects, theirs.objects)
@@ -36,7 +36,7 @@ def same(one, other):
 def test_a_scenario_runs_as_the_command_line_does(world, tmp_path):
     if world == "room":
         world = tmp_path / "room.toml"
-        world.write_text(ROOM + MOVER)
+        world.write_text(ROOM + OBSTACLE)
     program("run", world, "--seed", 5, "--scans", 12, "--no-video", "--out", tmp_path / "out")
     there = lrf3d.load_run(tmp_path / "out/run.npz")
     scenario = lrf3d.load_scenario(world)

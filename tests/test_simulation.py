@@ -32,7 +32,7 @@ def test_a_run_holds_truth_measurement_and_map():
     assert 0.01 < error.std() < 0.1
     assert [scan.time for scan in run.scans] == [0.0, 1.0, 2.0]
     assert run.true_scan(1).ranges == pytest.approx(run.truth[1])
-    assert run.map is run.maps[-1] and run.stages == (0, 1, 2)
+    assert run.map is run.maps[-1] and run.snapshot_scans == (0, 1, 2)
     assert len(run.map_after(-1)) == 0 and run.map_after(1) is run.maps[1]
 
 
@@ -69,12 +69,12 @@ def test_the_stages_of_a_long_run_are_few_and_end_with_the_last(monkeypatch):
     monkeypatch.setattr(lrf3d.run, "MAP_SNAPSHOTS", 7)
     poses = np.repeat(POSES[:1], 50, axis=0)
     run = simulate(ROOM, poses, LaserRangeFinder(beams=31, range_max=20.0))
-    assert len(run.stages) == 7 and run.stages[-1] == 49
+    assert len(run.snapshot_scans) == 7 and run.snapshot_scans[-1] == 49
 
 
 def test_a_run_keeps_as_many_maps_as_asked_for():
     run, one = run_of(), run_of(snapshots=1)
-    assert one.stages == (2,) and len(one.maps) == 1
+    assert one.snapshot_scans == (2,) and len(one.maps) == 1
     assert np.array_equal(one.map.segments, run.map.segments)
 
 
@@ -99,7 +99,7 @@ def test_a_run_is_written_and_read_back_to_the_last_bit(tmp_path):
         assert np.array_equal(back.trajectory.poses, run.trajectory.poses)
         assert np.array_equal(back.world.segments, run.world.segments)
         assert back.world.name == "room" and back.world.object_names == ("walls",)
-        assert back.lrf == run.lrf and back.stages == run.stages
+        assert back.lrf == run.lrf and back.snapshot_scans == run.snapshot_scans
         assert all(
             np.array_equal(a.segments, b.segments) and np.array_equal(a.objects, b.objects)
             for a, b in zip(back.maps, run.maps, strict=True)

@@ -33,7 +33,7 @@ MOST_OFF = 0.5
 ENOUGH = 0.8
 """Least length F1 of a map that is still one."""
 
-FIGURES = ("map_segments", "unions", "segment_f1", "length_f1")
+FIGURES = ("map_segments", "map_objects", "segment_f1", "length_f1")
 """Figures of the maps of the room that are averaged over the seeds."""
 
 ROBUSTNESS = Table(
@@ -67,7 +67,7 @@ MAPS = Table(
         "sigma_m": ("noise σ", "{:g} m".format),
         "mode": "mode",
         "map_segments": ("segments", _spread(1)),
-        "unions": ("unions", _spread(1)),
+        "map_objects": ("unions", _spread(1)),
         "segment_f1": ("segment F1", _spread(2)),
         "length_f1": ("length F1", _spread(2)),
     },
@@ -135,10 +135,10 @@ def maps_claim(plan: Plan, rows: Sequence[Row]) -> Claim:
             mine = [row for row in rows if row["mode"] == mode and row["sigma_m"] == sigma]
             means = {name: Mean.of([row[name] for row in mine]) for name in FIGURES}
             table[sigma, mode] = {"sigma_m": sigma, "mode": mode, **means}
-        unions = [table[sigma, mode]["unions"].mean for sigma in sigmas]
+        unions = [table[sigma, mode]["map_objects"].mean for sigma in sigmas]
         holds[mode] = all(abs(number - OBJECTS) <= MOST_OFF for number in unions)
     seeds = plan.grid.seeds
-    counts = {place: _spread(1)(row["unions"]) for place, row in table.items()}
+    counts = {place: _spread(1)(row["map_objects"]) for place, row in table.items()}
     low, high = sigmas[0], sigmas[-1]
     listed = [table[place] for place in sorted(table, key=lambda place: place[0])]
     return Claim(

@@ -119,10 +119,11 @@ def search_claim(drive: Drive, extent: Extent) -> Claim:
         for place, both in by_place.items()
     }
     ratios = {
-        place: both["all"] / max(both["unions-first"], 1e-9) for place, both in compared.items()
+        place: both["all"] / max(both["seen-objects-first"], 1e-9)
+        for place, both in compared.items()
     }
     same = {
-        place: both["unions-first"]["scans_with_the_pairs_of_all"]
+        place: both["seen-objects-first"]["scans_with_the_pairs_of_all"]
         for place, both in by_place.items()
     }
     towns = [place for place in ratios if place[0] == "town"] or list(ratios)
@@ -137,8 +138,8 @@ def search_claim(drive: Drive, extent: Extent) -> Claim:
         "Sections 3.1 and 5",
         "To find the pairs of 10 local and 1,000 global lines takes 1000 × 10 comparisons. It could"
         " be faster to look first among the lines of those objects that the previous scan showed.",
-        f"On a {shown[0]} of {shown[1]:,} lines, unions-first takes"
-        f" {compared[shown]['unions-first']:,.0f} comparisons a scan instead of"
+        f"On a {shown[0]} of {shown[1]:,} lines, seen-objects-first takes"
+        f" {compared[shown]['seen-objects-first']:,.0f} comparisons a scan instead of"
         f" {compared[shown]['all']:,.0f}, {ratios[shown]:.0f} times fewer, and"
         f" finds the same pairs in {100 * same[shown]:.1f} % of the scans.",
         "there are fewer comparisons everywhere, and the same pairs in at least"

@@ -7,7 +7,7 @@ Casters know walls and poses, no time. A TimedCaster casts the scan that begins 
 - `Among` sees dynamic obstacles between the walls, where they are at the time of the beams.
 
 Each of them wraps the one before it and casts exactly: a beam of a sweep is the caster's own,
-and movers are walls, cast like all others; the nearer of the two is what the beam meets.
+and obstacles are walls, cast like all others; the nearer of the two is what the beam meets.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lrf3d.casting.mover import Mover
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.planar import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, wrap_angle
@@ -58,16 +58,16 @@ class Among:
     """Adds dynamic obstacles to the scans of another caster; their wall index is −1."""
 
     caster: TimedCaster
-    movers: tuple[Mover, ...]
+    obstacles: tuple[DynamicObstacle, ...]
 
     def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
-        """The scan in which each beam ends at the nearer of a wall and a mover."""
+        """The scan in which each beam ends at the nearer of a wall and a obstacle."""
         scan = self.caster.cast_at(lrf, pose, time)
-        met = [mover for mover in self.movers if mover.may_meet(lrf, pose, time)]
+        met = [obstacle for obstacle in self.obstacles if obstacle.may_meet(lrf, pose, time)]
         if not met:
             return scan
-        sides = [mover.walls(time) for mover in met]
-        heights = np.repeat([mover.height for mover in met], [len(part) for part in sides])
+        sides = [obstacle.walls(time) for obstacle in met]
+        heights = np.repeat([obstacle.height for obstacle in met], [len(part) for part in sides])
         moving = PlanarCaster(World(np.concatenate(sides), heights=heights)).cast(lrf, pose).ranges
         # Of two beams that are too short, −inf, neither is nearer, and −1 says the same of both.
         nearer = moving < scan.ranges
@@ -111,7 +111,10 @@ class Sweep:
 
 
 def timed(
-    caster: Caster, lrf: LaserRangeFinder, path: Trajectory | None, movers: Sequence[Mover] = ()
+    caster: Caster,
+    lrf: LaserRangeFinder,
+    path: Trajectory | None,
+    obstacles: Sequence[DynamicObstacle] = (),
 ) -> TimedCaster:
     """The caster for scans along a path, with no more in it than the scans need.
 
@@ -123,8 +126,8 @@ def timed(
         InputError: A scan takes longer than the time to the next.
     """
     cast: TimedCaster = Still(caster)
-    if movers:
-        cast = Among(cast, tuple(movers))
+    if obstacles:
+        cast = Among(cast, tuple(obstacles))
     if path is None or lrf.time_increment == 0.0:
         return cast
     between = float(np.diff(path.times[:-1]).min(initial=np.inf))

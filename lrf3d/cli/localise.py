@@ -19,7 +19,7 @@ class Known(StrEnum):
 class Strategy(StrEnum):
     """Which known lines the lines of a scan are compared with."""
 
-    UNIONS_FIRST = "unions-first"
+    SEEN_OBJECTS_FIRST = "seen-objects-first"
     ALL = "all"
 
 
@@ -30,7 +30,7 @@ def localise(
     ] = Known.WALLS,
     strategy: Annotated[
         Strategy, typer.Option(help="Which known lines are compared with those of a scan.")
-    ] = Strategy.UNIONS_FIRST,
+    ] = Strategy.SEEN_OBJECTS_FIRST,
     seeds: Annotated[
         int, typer.Option(min=1, help="Number of drives, each with its own noise.")
     ] = 10,

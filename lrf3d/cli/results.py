@@ -114,7 +114,7 @@ class Results:
             summary["report"] = _checked(mapper, mapper.report(runs[0], folder))
         if len(sigmas) > 1:
             summary["noise_levels"] = [
-                {"sigma_m": sigma, "segments": len(run.map), "unions": run.map.object_count}
+                {"sigma_m": sigma, "segments": len(run.map), "objects": run.map.object_count}
                 for sigma, run in zip(sigmas, runs, strict=True)
             ]
         return cls(scenario, sigmas, tuple(runs), summary, stands)

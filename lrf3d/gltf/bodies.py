@@ -12,7 +12,7 @@ from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, mover_keys
 
 if TYPE_CHECKING:
-    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 
 _FIELD = float(np.radians(50.0))
@@ -52,7 +52,7 @@ def add_chase_camera(document: Document, robot: int, structures: Structures) -> 
     document.node("chase camera", robot, camera=0, matrix=look.pose.T.ravel().tolist())
 
 
-def add_movers(document: Document, movers: "tuple[Mover, ...]") -> list[int]:
+def add_movers(document: Document, movers: "tuple[DynamicObstacle, ...]") -> list[int]:
     """Add bodies at the origin that face along x; returns the numbers of their nodes."""
     nodes = []
     material = (
@@ -79,7 +79,7 @@ def add_movers(document: Document, movers: "tuple[Mover, ...]") -> list[int]:
 def drive_movers(document: Document, timeline: Timeline) -> None:
     """Add the dynamic obstacles of a run, each on its path."""
     run = timeline.run
-    for number, mover in zip(add_movers(document, run.movers), run.movers, strict=True):
+    for number, mover in zip(add_movers(document, run.obstacles), run.obstacles, strict=True):
         times, poses = mover_keys(mover, timeline)
         poses -= [*timeline.origin, 0.0]
         places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)

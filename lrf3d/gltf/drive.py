@@ -25,7 +25,7 @@ from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, jumps, key_times, scan_times
 
 if TYPE_CHECKING:
-    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 
 _TRAIL_ERROR = 0.03
@@ -61,7 +61,7 @@ def still_glb(
     name: str,
     structures: Structures,
     laser_height: float,
-    movers: "tuple[Mover, ...]" = (),
+    movers: "tuple[DynamicObstacle, ...]" = (),
 ) -> bytes:
     """A world as a GLB file, with the robot and dynamic obstacles, all at the frame's origin."""
     document = new_document(name, structures)
@@ -134,7 +134,7 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
     material = document.glowing("map")
     showing = _Showing(document, timeline.start, timeline.end)
     group = document.node("map", document.root)
-    begins = run.trajectory.times[list(run.stages)].tolist()
+    begins = run.trajectory.times[list(run.snapshot_scans)].tolist()
     times = pairwise([*begins, timeline.end])
     for stage, objects, (begin, end) in zip(run.maps, run.lasting_objects, times, strict=True):
         if not len(stage):

@@ -116,8 +116,8 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
         times = self.task.dt * np.arange(len(poses))
         world, path = self.task.scenario.world, Trajectory(times, poses)
-        movers = tuple(mover.until(times[-1]) for mover in self.task.scenario.movers)
-        run = Run(world, self.task.lrf, path, ranges, truth, walls, (), (), movers)
+        obstacles = tuple(obstacle.until(times[-1]) for obstacle in self.task.scenario.obstacles)
+        run = Run(world, self.task.lrf, path, ranges, truth, walls, (), (), obstacles)
         return frame(run, float(times[-1]), size=self._size, view=self._view)
 
     def _look(self) -> Observation:

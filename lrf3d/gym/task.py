@@ -77,7 +77,7 @@ class DriveTask:
         self.lrf, self.dt = scenario.lrf, scenario.scan_interval
         # A robot decides where it drives while its beams turn: a scan takes no time.
         self._sensor = Sensor(
-            scenario.world, self.lrf, caster="embree", noise=noise, movers=scenario.movers
+            scenario.world, self.lrf, caster="embree", noise=noise, obstacles=scenario.obstacles
         )
         self._obstacles = Obstacles(scenario.world)
         least = scenario.radius + MARGIN
@@ -115,8 +115,8 @@ class DriveTask:
         collided[ways] = True
         moved[:, 2] = wrap_angle(moved[:, 2])
         self.times += self.dt
-        for mover in self.scenario.movers:
-            collided |= mover.distances(moved[:, :2], self.times) < self.scenario.radius
+        for obstacle in self.scenario.obstacles:
+            collided |= obstacle.distances(moved[:, :2], self.times) < self.scenario.radius
         self.poses = np.where(collided[:, None], self.poses, moved)
         after = self.distances()
         reached = (after < ARRIVED) & ~collided

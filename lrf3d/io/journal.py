@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from lrf3d.simulation import Simulation
 
 
-MAGIC = b"lrf3d journal 1\n"
+MAGIC = b"lrf3d journal 2\n"
 
 _LENGTH = struct.Struct("<QI")
 """Length and checksum [zlib.crc32] of what follows."""
@@ -76,7 +76,7 @@ class Chunk:
         end: Where it ends.
         sums: The checksum of each column, in their order.
         rng: State of the random numbers after its last scan.
-        stages: The map snapshots among its scans: number of scans and map of each.
+        snapshots: The map snapshots among its scans, by the scan after which each was kept.
     """
 
     first: int
@@ -85,7 +85,7 @@ class Chunk:
     end: int
     sums: tuple[int, ...]
     rng: dict[str, Any]
-    stages: dict[int, LineMap]
+    snapshots: dict[int, LineMap]
 
 
 class Journal:
@@ -128,14 +128,14 @@ class Journal:
         return self.chunks[-1].end if self.chunks else self._begin
 
     def add(
-        self, columns: dict[str, Array], rng: dict[str, Any], stages: dict[int, LineMap]
+        self, columns: dict[str, Array], rng: dict[str, Any], snapshots: dict[int, LineMap]
     ) -> None:
         """Add a chunk of scans; when this returns, it is on the disk."""
-        sizes = {stage: len(line_map) for stage, line_map in stages.items()}
-        state = json.dumps({"rng": rng, "stages": sizes}).encode()
+        sizes = {scan: len(line_map) for scan, line_map in snapshots.items()}
+        state = json.dumps({"rng": rng, "snapshots": sizes}).encode()
         first, scans = self.scans, len(columns["times"])
         parts = [_COUNTS.pack(first, scans, len(state)), state]
-        for line_map in stages.values():
+        for line_map in snapshots.values():
             parts += [_bytes(line_map.segments), _bytes(line_map.objects), _bytes(line_map.points)]
         before = sum(map(len, parts))
         rows = [_bytes(columns[name]) for name in COLUMNS]
@@ -152,7 +152,7 @@ class Journal:
         begin = place + _LENGTH.size + before
         end = place + _LENGTH.size + size
         sums = tuple(map(zlib.crc32, rows))
-        self.chunks.append(Chunk(first, scans, begin, end, sums, rng, dict(stages)))
+        self.chunks.append(Chunk(first, scans, begin, end, sums, rng, dict(snapshots)))
 
     def column(self, name: str, *, first: int = 0) -> Iterator[Array]:
         """A column, chunk by chunk, from the chunk with a scan on.
@@ -208,13 +208,13 @@ class Journal:
         first, scans, length = _COUNTS.unpack_from(payload)
         at = _COUNTS.size + length
         state = json.loads(payload[_COUNTS.size : at])
-        stages = {}
-        for stage, size in state["stages"].items():
+        snapshots = {}
+        for scan, size in state["snapshots"].items():
             segments = np.frombuffer(payload, np.float64, 4 * size, at).reshape(size, 4)
             objects = np.frombuffer(payload, np.int64, size, at + 32 * size)
             points = np.frombuffer(payload, np.int64, size, at + 40 * size)
             # Copies, so that a map does not hold all of the chunk.
-            stages[int(stage)] = LineMap(segments.copy(), objects.copy(), points.copy())
+            snapshots[int(scan)] = LineMap(segments.copy(), objects.copy(), points.copy())
             at += 48 * size
         if first != self.scans:
             return None
@@ -226,7 +226,7 @@ class Journal:
         if begin != len(payload):
             return None
         begin, end = place + _LENGTH.size + at, place + _LENGTH.size + len(payload)
-        return Chunk(first, scans, begin, end, tuple(sums), state["rng"], stages)
+        return Chunk(first, scans, begin, end, tuple(sums), state["rng"], snapshots)
 
 
 def read_fingerprint(file: IO[bytes]) -> dict[str, str] | None:
@@ -261,17 +261,17 @@ def fingerprint_of(simulation: "Simulation") -> dict[str, str]:
     else:
         assert isinstance(drive, ControlledDrive)
         drive_parts = [_name_of(drive.controller), drive.start, drive.interval, drive.radius]
-    movers = [
+    obstacles = [
         part
-        for mover in simulation.movers
-        for part in (mover.outline, mover.height, mover.poses.times, mover.poses.poses)
+        for obstacle in simulation.obstacles
+        for part in (obstacle.outline, obstacle.height, obstacle.poses.times, obstacle.poses.poses)
     ]
     return {
         "world": _digest(world.segments, world.objects, world.heights, world.colours, world.name),
         "range finder": _digest(simulation.lrf),
         "drive": _digest(*drive_parts),
         "scans": str(simulation.scans),
-        "movers": _digest(*movers),
+        "dynamic obstacles": _digest(*obstacles),
         "caster": type(simulation.sensor.caster).__name__,
         "noise": _name_of(simulation.sensor.noise),
         "mapper": _name_of(simulation.mapper),

@@ -21,12 +21,12 @@ from lrf3d.input import check_ordinary
 from lrf3d.interrupts import noting
 from lrf3d.io.journal import COLUMNS, Array, Journal, column_shape, fingerprint_of, read_fingerprint
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
-from lrf3d.io.run_file import head_columns, load_run, map_columns, mover_columns
+from lrf3d.io.run_file import head_columns, load_run, map_columns, obstacle_columns
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.output import beside, locked
 from lrf3d.pose import Pose
-from lrf3d.run import Run, Stages, run_bytes
+from lrf3d.run import Run, SnapshotSchedule, run_bytes
 from lrf3d.steering import ControlledDrive
 from lrf3d.world.cameras import FilmPlan
 
@@ -118,7 +118,7 @@ def _record(
         journal = Journal(journal_path, fingerprint, simulation.lrf.beams, keep=resume)
         kept = noting(lambda: f"{journal.scans} of {total} scans kept; go on with --resume")
         with kept, closing(journal):
-            recorder = _Recorder(simulation, journal, checkpoint, Stages(total))
+            recorder = _Recorder(simulation, journal, checkpoint, SnapshotSchedule(total))
             if resume:
                 recorder.catch_up()
             else:
@@ -164,13 +164,17 @@ class _Recorder:
     """What is recorded but not yet written."""
 
     def __init__(
-        self, simulation: "Simulation", journal: Journal, checkpoint: Path, stages: Stages
+        self,
+        simulation: "Simulation",
+        journal: Journal,
+        checkpoint: Path,
+        schedule: SnapshotSchedule,
     ) -> None:
         self.simulation, self.journal, self.checkpoint = simulation, journal, checkpoint
-        self.stages = stages
+        self.schedule = schedule
         beams = simulation.lrf.beams
         scans = max(1, CHUNK_BYTES // (8 * (4 + 3 * beams)))
-        scans = min(scans, stages.scans)
+        scans = min(scans, schedule.scans)
         self._columns: dict[str, Array] = {
             name: np.empty(column_shape(name, scans, beams), dtype)
             for name, (dtype, _) in COLUMNS.items()
@@ -221,7 +225,7 @@ class _Recorder:
         scans, beams = journal.scans, simulation.lrf.beams
         maps: dict[int, LineMap] = {}
         for chunk in journal.chunks:
-            maps.update(chunk.stages)
+            maps.update(chunk.snapshots)
         # A controller may end before all scans are done.
         if scans - 1 not in maps and isinstance(line_map := simulation.map, LineMap):
             maps[scans - 1] = line_map
@@ -233,7 +237,7 @@ class _Recorder:
             path,
             [
                 *head_columns(simulation.world, simulation.lrf, simulation.film),
-                *mover_columns(simulation.movers),
+                *obstacle_columns(simulation.obstacles),
                 *columns,
                 *map_columns(maps, list(maps.values())),
                 Column.of("origin", np.array(fingerprint)),
@@ -250,7 +254,7 @@ class _Recorder:
         columns["times"][row], columns["poses"][row] = step.time, step.pose
         columns["ranges"][row], columns["truth"][row] = step.scan.ranges, step.true_scan.ranges
         columns["walls"][row] = step.true_scan.walls
-        if self.stages.holds(step.index) and isinstance(line_map := step.map, LineMap):
+        if self.schedule.holds(step.index) and isinstance(line_map := step.map, LineMap):
             self._maps[step.index] = line_map
         self._waiting = first, row + 1, dict(self.simulation.rng.bit_generator.state)
         if row + 1 == self._room:
@@ -263,7 +267,7 @@ class _Recorder:
         # An interrupt may come when they are in the journal already, and then flushes once more.
         if count and self.journal.scans == first:
             columns = {name: column[:count] for name, column in self._columns.items()}
-            maps = {stage: kept for stage, kept in self._maps.items() if stage < first + count}
+            maps = {scan: kept for scan, kept in self._maps.items() if scan < first + count}
             self.journal.add(columns, rng, maps)
         self._waiting, self._maps = (self.journal.scans, 0, {}), {}
 

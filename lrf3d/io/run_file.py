@@ -13,19 +13,19 @@ lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, h
 film_view             name of the camera that the run is filmed from, and film_playback the seconds
                       of the run in a second of the film, if nothing else is given; missing
                       in older files, which are filmed from ``chase`` at 1
-mover_heights (m,)    heights [m] of the dynamic obstacles; missing, like the next four, if there
+obstacle_heights (m,) heights [m] of the dynamic obstacles; missing, like the next four, if there
                       were none, and in older files
-mover_corners (m,)    how many corners each outline has; mover_outlines (…, 2) the corners [m] of
-                      all, in their own frames
-mover_stops (m,)      how many poses each path has; mover_times (…,) [s] and mover_poses (…, 3)
-                      those of all
+obstacle_corners (m,) number of corners of each outline; obstacle_outlines (…, 2) the corners
+                      [m] of all, in their own frames
+obstacle_stops (m,)   number of poses of each path; obstacle_times (…,) [s] and obstacle_poses
+                      (…, 3) those of all
 scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
 times (k,)            time of each scan [s]
 poses (k, 3)          x, y [m], theta [rad] of each scan
 ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
 truth (k, n)          true ranges [m]
 walls (k, n)          the wall that each beam hit, or −1
-stages (s,)           index of the last scan in each map snapshot; empty without a LineMap
+snapshot_scans (s,)   index of the last scan in each map snapshot; empty without a LineMap
 map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
                       map_points likewise
@@ -58,16 +58,23 @@ from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 
 if TYPE_CHECKING:
-    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 VERSION = 1
 
 KINDS = {
-    **dict.fromkeys(("version", "objects", "walls", "stages", "map_sizes"), "iu"),
-    **dict.fromkeys(("map_objects", "map_points", "mover_corners", "mover_stops"), "iu"),
+    **dict.fromkeys(("version", "objects", "walls", "snapshot_scans", "map_sizes"), "iu"),
+    **dict.fromkeys(("map_objects", "map_points", "obstacle_corners", "obstacle_stops"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
 }
 """What kinds of values an array may have, as NumPy names them; all others have floats."""
+
+
+_RENAMED = {"stages": "snapshot_scans"} | {
+    f"mover_{part}": f"obstacle_{part}"
+    for part in ("heights", "corners", "outlines", "stops", "times", "poses")
+}
+"""Names of arrays in files of earlier versions, and what they are called now."""
 
 
 def save_run(run: Run, path: str | Path) -> None:
@@ -88,19 +95,19 @@ def save_run(run: Run, path: str | Path) -> None:
         path,
         [
             *head_columns(run.world, run.lrf, run.film),
-            *mover_columns(run.movers),
+            *obstacle_columns(run.obstacles),
             Column.of("times", run.trajectory.times),
             Column.of("poses", run.trajectory.poses),
             Column.of("ranges", run.ranges),
             Column.of("truth", run.truth),
             Column.of("walls", run.walls),
-            *map_columns(run.stages, run.maps),
+            *map_columns(run.snapshot_scans, run.maps),
         ],
     )
 
 
 def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Column]:
-    """What is known of a run before its first scan."""
+    """The columns that are known before the first scan."""
     arrays = {
         "version": np.array(VERSION),
         "world_name": np.array(world.name),
@@ -123,26 +130,26 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
     return [Column.of(name, array) for name, array in arrays.items()]
 
 
-def mover_columns(movers: "Sequence[Mover]") -> list[Column]:
-    """What moved beside the robot; nothing where nothing did."""
-    if not movers:
+def obstacle_columns(obstacles: "Sequence[DynamicObstacle]") -> list[Column]:
+    """The columns of the dynamic obstacles; empty without any."""
+    if not obstacles:
         return []
     arrays = {
-        "mover_heights": np.array([mover.height for mover in movers]),
-        "mover_corners": np.array([len(mover.outline) for mover in movers]),
-        "mover_outlines": np.concatenate([mover.outline for mover in movers]),
-        "mover_stops": np.array([len(mover.poses) for mover in movers]),
-        "mover_times": np.concatenate([mover.poses.times for mover in movers]),
-        "mover_poses": np.concatenate([mover.poses.poses for mover in movers]),
+        "obstacle_heights": np.array([obstacle.height for obstacle in obstacles]),
+        "obstacle_corners": np.array([len(obstacle.outline) for obstacle in obstacles]),
+        "obstacle_outlines": np.concatenate([obstacle.outline for obstacle in obstacles]),
+        "obstacle_stops": np.array([len(obstacle.poses) for obstacle in obstacles]),
+        "obstacle_times": np.concatenate([obstacle.poses.times for obstacle in obstacles]),
+        "obstacle_poses": np.concatenate([obstacle.poses.poses for obstacle in obstacles]),
     }
     return [Column.of(name, array) for name, array in arrays.items()]
 
 
-def map_columns(stages: Iterable[int], maps: Sequence[LineMap]) -> list[Column]:
+def map_columns(snapshot_scans: Iterable[int], maps: Sequence[LineMap]) -> list[Column]:
     """The columns of the map snapshots."""
     none = LineMap.empty()
     arrays = {
-        "stages": np.array(list(stages), dtype=np.int64),
+        "snapshot_scans": np.array(list(snapshot_scans), dtype=np.int64),
         "map_sizes": np.array([len(line_map) for line_map in maps], dtype=np.int64),
         "map_segments": np.concatenate([none.segments, *(part.segments for part in maps)]),
         "map_objects": np.concatenate([none.objects, *(part.objects for part in maps)]),
@@ -169,7 +176,7 @@ def load_run(path: str | Path) -> Run:
     """
     path = run_path(path)
     try:
-        arrays = read_arrays(path)
+        arrays = {_RENAMED.get(name, name): part for name, part in read_arrays(path).items()}
         if int(arrays["version"]) != VERSION:
             raise InputError(
                 f"{path}: version {int(arrays['version'])} of the run format, this lrf3d reads"
@@ -217,7 +224,7 @@ _OTHERS = {
 
 
 def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
-    # Runs that were kept before there were such cameras have none.
+    # Files of earlier versions have no cameras.
     names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 7)))
     return tuple(
         FixedCamera(str(name), (x, y, z), (u, v, w), field)
@@ -227,33 +234,31 @@ def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
 
 def _film(arrays: dict[str, Any]) -> FilmPlan:
     if "film_view" not in arrays:
-        # Written before runs held it, when films were as fast as the drive.
+        # Files of earlier versions do not hold it; films then were as fast as the drive.
         return FilmPlan("chase", 1.0)
     return FilmPlan(str(arrays["film_view"]), float(arrays["film_playback"]))
 
 
-def _movers(arrays: dict[str, Any]) -> "tuple[Mover, ...]":
-    if "mover_heights" not in arrays:
+def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
+    if "obstacle_heights" not in arrays:
         return ()
-    # The compiler that comes with casting is not waited for where nothing moves.
-    from lrf3d.casting.mover import Mover
+    # Casting loads the compiler, which takes time that most runs need not spend.
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
-    outlines = np.split(arrays["mover_outlines"], np.cumsum(arrays["mover_corners"])[:-1])
-    ends = np.cumsum(arrays["mover_stops"])[:-1]
-    paths = zip(
-        np.split(arrays["mover_times"], ends), np.split(arrays["mover_poses"], ends), strict=True
-    )
+    outlines = np.split(arrays["obstacle_outlines"], np.cumsum(arrays["obstacle_corners"])[:-1])
+    ends = np.cumsum(arrays["obstacle_stops"])[:-1]
+    times, poses = (np.split(arrays[f"obstacle_{part}"], ends) for part in ("times", "poses"))
     return tuple(
-        Mover(outline, Trajectory(times, poses), height)
-        for outline, (times, poses), height in zip(
-            outlines, paths, arrays["mover_heights"].tolist(), strict=True
+        DynamicObstacle(outline, Trajectory(*path), height)
+        for outline, *path, height in zip(
+            outlines, times, poses, arrays["obstacle_heights"].tolist(), strict=True
         )
     )
 
 
 def _run(arrays: dict[str, Any]) -> Run:
     for name, array in arrays.items():
-        # Of no values there may be any kind: an empty list of names has that of numbers.
+        # An empty array may have any kind: NumPy takes an empty list of names for floats.
         if array.size and array.dtype.kind not in KINDS.get(name, "f"):
             raise ValueError(f"{name} holds {array.dtype}, which a run does not")
     scans = len(arrays["times"]), int(arrays["lrf"][2])
@@ -297,8 +302,8 @@ def _run(arrays: dict[str, Any]) -> Run:
         arrays["ranges"],
         arrays["truth"],
         arrays["walls"],
-        tuple(arrays["stages"].tolist()),
+        tuple(arrays["snapshot_scans"].tolist()),
         maps,
-        _movers(arrays),
+        _obstacles(arrays),
         _film(arrays),
     )

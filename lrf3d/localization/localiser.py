@@ -88,7 +88,7 @@ class Localiser:
         odometry_noise: The noise of the odometry.
         extractor: What finds the lines of a scan; a LineMapper with this noise if not given.
         criterion: What makes a pair; a MahalanobisGate if not given.
-        strategy: ``unions-first`` or ``all``: which lines are compared.
+        strategy: ``seen-objects-first`` or ``all``: which lines are compared.
 
     Examples:
         >>> import lrf3d
@@ -112,7 +112,7 @@ class Localiser:
         odometry_noise: OdometryNoise | None = None,
         extractor: Extractor | None = None,
         criterion: Criterion | None = None,
-        strategy: str = "unions-first",
+        strategy: str = "seen-objects-first",
     ) -> None:
         self.known = known
         self.estimate = start

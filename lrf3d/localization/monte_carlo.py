@@ -52,7 +52,7 @@ class LocalisationTask:
         sigma: Noise of the ranges [m] at range_max.
         odometry: Noise of each step; the start is as uncertain as one step.
         known: ``walls`` for the true walls, ``map`` for the map of the run.
-        strategy: Which lines are compared: ``unions-first`` or ``all``.
+        strategy: Which lines are compared: ``seen-objects-first`` or ``all``.
 
     Raises:
         InputError: What is known is neither of the two.
@@ -62,7 +62,7 @@ class LocalisationTask:
     sigma: float
     odometry: OdometryNoise = field(default_factory=OdometryNoise)
     known: str = "walls"
-    strategy: str = "unions-first"
+    strategy: str = "seen-objects-first"
 
     def __post_init__(self) -> None:
         if self.known not in MAPS:
@@ -171,7 +171,9 @@ def score_localisation(
         raise InputError(f"{seeds} seeds: expected at least 1")
     # What was measured when the map was built is not needed, and would only be copied around.
     run = task.run
-    task = replace(task, run=replace(run, stages=run.stages[-1:], maps=run.maps[-1:]))
+    task = replace(
+        task, run=replace(run, snapshot_scans=run.snapshot_scans[-1:], maps=run.maps[-1:])
+    )
     tracks: dict[int, Track] = {}
     workers = min(seeds, os.cpu_count() or 1 if workers is None else workers)
     if workers == 1:

@@ -17,7 +17,7 @@ from lrf3d.geometry import Bool, Float, Int, Value, lengths, wrap_angle
 from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.pose import Pose
 
-STRATEGIES = ("unions-first", "all")
+STRATEGIES = ("seen-objects-first", "all")
 
 GATE = 13.8
 """Largest squared Mahalanobis distance of a pair: one true pair in a thousand lies beyond it, of
@@ -148,7 +148,7 @@ def pair_lines(
     covariance: Float,
     *,
     criterion: Criterion | None = None,
-    strategy: str = "unions-first",
+    strategy: str = "seen-objects-first",
     seen: Int | None = None,
 ) -> Pairs:
     """Find for each line of a scan the known line that it shows.
@@ -159,7 +159,7 @@ def pair_lines(
         pose: The predicted pose.
         covariance: (3, 3) covariance of the pose, x, y [m], theta [rad].
         criterion: What makes a pair; a MahalanobisGate if not given.
-        strategy: ``all`` compares all with all; ``unions-first`` looks among the lines of the
+        strategy: ``all`` compares all with all; ``seen-objects-first`` looks among the lines of the
             objects seen before, and among the rest only for what is not found there.
         seen: Objects that the previous scan showed; none if not given.
 
@@ -173,7 +173,7 @@ def pair_lines(
     rest = np.arange(len(known))
     partner = np.full(len(local), -1)
     comparisons = 0
-    if strategy == "unions-first":
+    if strategy == "seen-objects-first":
         first = known.of_objects(nothing if seen is None else seen)
         partner = _best(criterion.scores(local, known, first, pose, covariance), first)
         comparisons += len(local) * len(first)

@@ -74,7 +74,7 @@ class Film:
         width, height = self._size
         look = self.camera.look(time, width / height)
         words = self._hud.lines(moment) if self._hud is not None else ()
-        moving = time if self.scenery.run.movers else 0.0
+        moving = time if self.scenery.run.obstacles else 0.0
         shown = (moment.scan, moment.scanning, moment.pose.tobytes(), look.key, words, moving)
         if shown == self._shown:
             # Nothing has moved, no word has changed: the last picture is this one.

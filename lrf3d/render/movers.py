@@ -25,7 +25,7 @@ from lrf3d.scene.bodies import (
 from lrf3d.scene.look import SUN
 
 if TYPE_CHECKING:
-    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 _NEAR = 0.3
 """How far off a body [m] a return is still one of it: noise moves it by as much."""
@@ -52,7 +52,7 @@ class MovingBodies:
         indoor: Whether this is the inside of a house, where no sun shines.
     """
 
-    def __init__(self, movers: "tuple[Mover, ...]", origin: Float, indoor: bool) -> None:
+    def __init__(self, movers: "tuple[DynamicObstacle, ...]", origin: Float, indoor: bool) -> None:
         self._movers = movers
         self._origin = np.array([*origin, 0.0])
         self._indoor = indoor

@@ -41,7 +41,7 @@ class Scenery:
         self.walls = build_walls(self.structures)
         rows, indices = robot_mesh(run.lrf.height)
         self.robot = Primitive("robot", (3, 3, 3), rows, indices=indices, cull=True)
-        self.movers = MovingBodies(run.movers, self.origin, self.structures.indoor)
+        self.movers = MovingBodies(run.obstacles, self.origin, self.structures.indoor)
         self.ground = GroundLayer(self.structures, self.scene)
         self.sky = Primitive("sky", (2,), _mesh(10, 10))
         self.blob = Primitive("blob", (2,), corners, blend=True)
@@ -106,7 +106,7 @@ class Scenery:
 
     def show_seen(self, moment: Moment) -> None:
         """Bring what is laid over the scene, beams and map, up to a moment that is shown."""
-        stage = self.run.stage_after(moment.scan)
+        stage = self.run.snapshot_after(moment.scan)
         if stage != self._map_shown:
             self._map_shown = stage
             self.map.update(_map_lines(self.run, stage, self.origin))

@@ -12,7 +12,7 @@ from lrf3d.input import assets_folder
 from lrf3d.scene.look import DART, MOVERS, SHADOW_COLOUR
 
 if TYPE_CHECKING:
-    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 _LASER_HEIGHT = 0.495
 """Height [m] of the laser's ring in the file."""
@@ -56,12 +56,12 @@ _SHARPEST = 0.77
 """Cosine of the angle between two sides from which on their edge is drawn sharp."""
 
 
-def mover_colours(movers: "tuple[Mover, ...]") -> Float:
+def mover_colours(movers: "tuple[DynamicObstacle, ...]") -> Float:
     """Colours (m, 3) of dynamic obstacles, 0…1."""
     return np.asarray(MOVERS[np.arange(len(movers)) % len(MOVERS)])
 
 
-def mover_bodies(movers: "tuple[Mover, ...]") -> list[Single]:
+def mover_bodies(movers: "tuple[DynamicObstacle, ...]") -> list[Single]:
     """Triangles (v, 9) of each body, in its own frame: position [m], normal, colour."""
     return [
         _body(counter_clockwise(mover.outline), mover.height, colour)

@@ -11,7 +11,7 @@ from lrf3d.run import Run
 from lrf3d.scene.sight import Sight
 
 if TYPE_CHECKING:
-    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 
 DWELL_GAP = 1.0
@@ -144,7 +144,7 @@ def key_times(timeline: Timeline) -> Float:
     return np.unique(np.append(keys, timeline.end))
 
 
-def mover_keys(mover: "Mover", timeline: Timeline) -> tuple[Float, Float]:
+def mover_keys(mover: "DynamicObstacle", timeline: Timeline) -> tuple[Float, Float]:
     """Times (k,) [s] of a run between which an obstacle goes straight, and its poses (k, 3)."""
     times = mover.poses.times
     within = times[(times > timeline.start) & (times < timeline.end)]

@@ -56,7 +56,7 @@ def summarise(run: Run, local_map: LocalMap | None) -> dict[str, Any]:
     if len(judged) < len(run):
         summary["judged_scans"] = len(judged)
     if run.maps:
-        summary["map"] = {"segments": len(run.map), "unions": run.map.object_count}
+        summary["map"] = {"segments": len(run.map), "objects": run.map.object_count}
         summary["score"] = score_run(judged).as_dict()
         summary["buildings"] = buildings_seen(judged).as_dict()
     if run.maps and local_map is not None:

@@ -198,7 +198,7 @@ class _Drives:
             self._driven[asked] = Trajectory(drive.times[used], drive.poses[used])
         trajectory = self._driven[asked]
         seen = digest(
-            (self._walls, scenario.lrf, scenario.movers, scenario.radius, trajectory.times,
+            (self._walls, scenario.lrf, scenario.obstacles, scenario.radius, trajectory.times,
              trajectory.poses)
         )  # fmt: skip
         return seen, Place(scenario, trajectory)

@@ -27,7 +27,7 @@ TABLE, PARTS = "sweep.parquet", "parts"
 """Names of the table and of the folder of part files."""
 
 COUNTS = (
-    "map_segments", "visible_segments", "matched_segments", "unions", "visible_objects",
+    "map_segments", "visible_segments", "matched_segments", "map_objects", "visible_objects",
     "seen_on_all_sides", "whole",
 )  # fmt: skip
 """Figures of a run that are whole numbers."""
@@ -164,7 +164,10 @@ class Store:
 
 def _read(path: Path) -> list[Row]:
     try:
-        rows: list[Row] = parquet.read_table(path).to_pylist()
+        table = parquet.read_table(path)
+        # The objects of a map have another name in tables of earlier versions.
+        names = ["map_objects" if name == "unions" else name for name in table.column_names]
+        rows: list[Row] = table.rename_columns(names).to_pylist()
         return rows if all("key" in row for row in rows) else _refuse(path)
     except (arrow.ArrowException, OSError):
         return _refuse(path)

@@ -92,7 +92,7 @@ def figures(run: Run) -> Row:
     buildings = buildings_seen(run)
     return {
         **score_run(run).as_dict(),
-        "unions": run.map.object_count,
+        "map_objects": run.map.object_count,
         "visible_objects": visible,
         "object_ratio": run.map.object_count / visible if visible else None,
         "seen_on_all_sides": buildings.seen_on_all_sides,

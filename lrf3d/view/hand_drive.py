@@ -71,14 +71,14 @@ class HandDrive:
         self._scenario, self._start, self._seed = scenario, start, rng
         self._obstacles = Obstacles(scenario.world)
         self._robot = Unicycle(scenario.radius)
-        self.movers = scenario.movers
+        self.movers = scenario.obstacles
         # Where the hand will drive while a beam turns nobody knows: a scan takes no time.
         self._sensor = Sensor(
             scenario.world,
             scenario.lrf,
             caster="embree",
             noise=scenario.noise,
-            movers=self.movers,
+            obstacles=self.movers,
         )
         self._clock = clock
         self.wish = Wish()

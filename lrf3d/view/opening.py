@@ -46,7 +46,7 @@ def run_view(path: str, playback: float | None) -> tuple[Scene, Replayed]:
         run.lrf,
         run.trajectory.poses[:, :2],
         title=run.world.name or "run",
-        movers=run.movers,
+        movers=run.obstacles,
     )
     block, told = pack_run(run)
     return scene, Replayed(block, told, run.film.playback if playback is None else playback)

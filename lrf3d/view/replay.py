@@ -36,8 +36,8 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
             (none, *run.maps), (none.objects, *run.lasting_objects), strict=True
         )
     ]
-    stage_times = run.trajectory.times[list(run.stages)]
-    ways = [mover_keys(mover, timeline) for mover in run.movers]
+    stage_times = run.trajectory.times[list(run.snapshot_scans)]
+    ways = [mover_keys(mover, timeline) for mover in run.obstacles]
     arrays = {
         "keyTimes": (times - timeline.start, np.float32),
         "keyPoses": (poses, np.float32),

@@ -16,7 +16,7 @@ from lrf3d.scene.structures import Structures
 from lrf3d.world import World
 
 if TYPE_CHECKING:
-    from lrf3d.casting.mover import Mover
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 _LEAST_SIZE = 6.0
 """Size [m] that cameras take a world for at the least."""
@@ -41,7 +41,7 @@ def make_scene(
     path: Float,
     *,
     title: str,
-    movers: "tuple[Mover, ...]" = (),
+    movers: "tuple[DynamicObstacle, ...]" = (),
 ) -> Scene:
     """The scene of a world, with where the robot goes (k, 2) [m], and what moves beside it."""
     structures = Structures.from_world(world, path)

@@ -204,7 +204,7 @@ OBJECT: Mapping[str, Check] = {
     "number": integer(least=0),
 }
 
-MOVER: Mapping[str, Check] = {
+OBSTACLE: Mapping[str, Check] = {
     "route": rows("x", "y", least=2),
     "speed": _LENGTH,
     "radius": _LENGTH,

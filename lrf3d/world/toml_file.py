@@ -26,8 +26,8 @@ from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import WallRun, parts_of, walls
 from lrf3d.world.schema import (
     CAMERA,
-    MOVER,
     OBJECT,
+    OBSTACLE,
     PLACE,
     TABLES,
     Check,
@@ -49,14 +49,14 @@ class WorldFile:
     Args:
         world: The walls.
         tables: The checked values of the tables robot, laser, noise, mapper and film.
-        movers: The checked values of each table ``mover``, a dynamic obstacle.
+        obstacles: The checked values of each table ``obstacle``, a dynamic obstacle.
         path: The file.
         text: Its text, by which :meth:`refuse` finds lines.
     """
 
     world: World
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    movers: tuple[Mapping[str, Any], ...] = ()
+    obstacles: tuple[Mapping[str, Any], ...] = ()
     path: Path = Path()
     text: str = ""
 
@@ -73,8 +73,10 @@ class WorldFile:
             # Places are enlarged, headings stay.
             robot[key] = robot[key] * ([factor, factor, 1.0][: robot[key].shape[-1]])
         tables = {**self.tables, "robot": robot}
-        movers = tuple({**mover, "route": mover["route"] * factor} for mover in self.movers)
-        return replace(self, world=self.world.scaled(factor), tables=tables, movers=movers)
+        obstacles = tuple(
+            {**obstacle, "route": obstacle["route"] * factor} for obstacle in self.obstacles
+        )
+        return replace(self, world=self.world.scaled(factor), tables=tables, obstacles=obstacles)
 
     def refuse(self, path: KeyPath, message: str) -> NoReturn:
         """Raise the error that something at a path of the file is wrong."""
@@ -90,7 +92,11 @@ def read_toml(path: Path) -> WorldFile:
     """
     document = _Document(path, read_text(path, what="a world file", error=WorldError))
     data = document.parse()
-    document.check_keys(data, ["name", "object", *TABLES, "mover", "camera", "place", "free"], ())
+    if "mover" in data:
+        # What dynamic obstacles were called in earlier versions.
+        data.setdefault("obstacle", data.pop("mover"))
+    keys = ["name", "object", *TABLES, "obstacle", "camera", "place", "free"]
+    document.check_keys(data, keys, ())
     name = document.check(text(), data.get("name", own_name(path)), ("name",))
     place = document.check(PLACE, data["place"], ("place",)) if "place" in data else None
     tables = {
@@ -102,7 +108,9 @@ def read_toml(path: Path) -> WorldFile:
     world = document.world(data.get("object"), name, cameras, place)
     if "free" in data:
         world = replace(world, free=document.free_cells(data["free"]))
-    return WorldFile(world, tables, document.movers(data.get("mover", [])), path, document.text)
+    return WorldFile(
+        world, tables, document.obstacles(data.get("obstacle", [])), path, document.text
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +121,11 @@ class _Document:
     text: str
 
     def refuse(self, path: KeyPath, message: str) -> NoReturn:
-        line = nearest_line(lines_of_keys(self.text), path)
+        lines = lines_of_keys(self.text)
+        if path[:1] == ("obstacle",) and path[:1] not in lines:
+            line = nearest_line(lines, ("mover", *path[1:]))
+        else:
+            line = nearest_line(lines, path)
         place = f"{_shown(path)}: " if path else ""
         raise WorldError(f"{self.path}:{line}: {place}{message}")
 
@@ -157,16 +169,17 @@ class _Document:
         values = self.check_keys(table, list(checks), path)
         return {key: self.check(checks[key], value, (*path, key)) for key, value in values.items()}
 
-    def movers(self, tables: object) -> tuple[dict[str, Any], ...]:
+    def obstacles(self, tables: object) -> tuple[dict[str, Any], ...]:
         if not isinstance(tables, list):
-            self.refuse(("mover",), "expected tables [[mover]]")
-        movers = [
-            self.check_table(table, MOVER, ("mover", index)) for index, table in enumerate(tables)
+            self.refuse(("obstacle",), "expected tables [[obstacle]]")
+        obstacles = [
+            self.check_table(table, OBSTACLE, ("obstacle", index))
+            for index, table in enumerate(tables)
         ]
-        for index, values in enumerate(movers):
+        for index, values in enumerate(obstacles):
             if "route" not in values or ("radius" in values and "points" in values):
-                self.refuse(("mover", index), "expected a route, and a radius or points")
-        return tuple(movers)
+                self.refuse(("obstacle", index), "expected a route, and a radius or points")
+        return tuple(obstacles)
 
     def cameras(self, tables: object) -> tuple[FixedCamera, ...]:
         if not isinstance(tables, list):

@@ -65,9 +65,9 @@ def test_the_report_is_json_and_the_tables_hold_every_part(benchmark):
     report = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert report["benchmark"] == "map"
     assert set(SCORES) | {"mode", "varied", "value", "update"} <= set(report["settings"][0])
-    assert {entry["strategy"] for entry in report["line_pairs"]} == {"all", "unions-first"}
+    assert {entry["strategy"] for entry in report["line_pairs"]} == {"all", "seen-objects-first"}
     text = result.text()
-    for part in ("segment F1", "walls of a town", "polylines", "unions-first", "took"):
+    for part in ("segment F1", "walls of a town", "polylines", "seen-objects-first", "took"):
         assert part in text
 
 
@@ -128,15 +128,15 @@ def test_sizes_come_in_both_modes():
     ]
 
 
-def test_unions_first_finds_the_pairs_of_all_with_fewer_comparisons():
+def test_seen_objects_first_finds_the_pairs_of_all_with_fewer_comparisons():
     result = Result("map")
     measure_town(result, 400, scans=40)
-    every, unions_first = result[PAIRS]
-    assert (every["strategy"], unions_first["strategy"]) == ("all", "unions-first")
+    every, seen_objects_first = result[PAIRS]
+    assert (every["strategy"], seen_objects_first["strategy"]) == ("all", "seen-objects-first")
     assert every["scans_with_the_pairs_of_all"] == 1.0
-    assert unions_first["scans_with_the_pairs_of_all"] > 0.9
-    assert unions_first["comparisons_a_scan"] < every["comparisons_a_scan"] / 3
-    assert every["pairs_a_scan"] == pytest.approx(unions_first["pairs_a_scan"], rel=0.05)
+    assert seen_objects_first["scans_with_the_pairs_of_all"] > 0.9
+    assert seen_objects_first["comparisons_a_scan"] < every["comparisons_a_scan"] / 3
+    assert every["pairs_a_scan"] == pytest.approx(seen_objects_first["pairs_a_scan"], rel=0.05)
 
 
 def test_unions_take_fewer_numbers_than_a_grid():

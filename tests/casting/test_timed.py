@@ -5,8 +5,8 @@ import pytest
 
 from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world, simulate
 from lrf3d.casting import EmbreeCaster
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.casting.exact import ExactWorld
-from lrf3d.casting.mover import Mover, round_outline
 from lrf3d.casting.timed import Among, Still, Sweep, timed
 from lrf3d.errors import InputError
 from lrf3d.fleet import simulate_fleet
@@ -55,7 +55,7 @@ def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make
 
 
 def test_what_is_off_is_not_there():
-    still, among = LaserRangeFinder(), [Mover(SQUARE, DRIVE)]
+    still, among = LaserRangeFinder(), [DynamicObstacle(SQUARE, DRIVE)]
     caster = PlanarCaster(CITY)
     assert timed(caster, still, DRIVE) == Still(caster)
     assert isinstance(timed(caster, still, DRIVE, among), Among)
@@ -80,11 +80,14 @@ def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_
 
 
 @CASTERS
-def test_movers_are_cast_as_exactly_as_walls(make):
-    movers = (Mover(SQUARE, DRIVE), Mover(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])))
+def test_obstacles_are_cast_as_exactly_as_walls(make):
+    obstacles = (
+        DynamicObstacle(SQUARE, DRIVE),
+        DynamicObstacle(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])),
+    )
     lrf, pose = LaserRangeFinder(-np.pi, np.pi, 361), np.array([49.0, 32.0, 0.2])
-    scan = Among(Still(make(CITY)), movers).cast_at(lrf, pose, 0.75)
-    sides = np.concatenate([mover.walls(0.75) for mover in movers])
+    scan = Among(Still(make(CITY)), obstacles).cast_at(lrf, pose, 0.75)
+    sides = np.concatenate([obstacle.walls(0.75) for obstacle in obstacles])
     together = PlanarCaster(World(np.concatenate([CITY.segments, sides]))).cast(lrf, pose)
     assert np.array_equal(scan.ranges, together.ranges)
     moving = together.walls >= len(CITY.segments)
@@ -92,9 +95,9 @@ def test_movers_are_cast_as_exactly_as_walls(make):
     assert 10 < moving.sum() < 361
 
 
-def test_a_mover_lower_than_the_beams_is_not_seen():
+def test_an_obstacle_lower_than_the_beams_is_not_seen():
     lrf, pose = LaserRangeFinder(height=0.5), np.array([49.0, 31.0, 0.0])
-    low, high = (Mover(SQUARE, DRIVE, height) for height in (0.4, 0.6))
+    low, high = (DynamicObstacle(SQUARE, DRIVE, height) for height in (0.4, 0.6))
     plain = PlanarCaster(CITY).cast(lrf, pose)
     seen = [
         Among(Still(PlanarCaster(CITY)), (each,)).cast_at(lrf, pose, 0.0) for each in (low, high)
@@ -106,16 +109,18 @@ def test_a_mover_lower_than_the_beams_is_not_seen():
 def test_what_is_too_near_is_told_so_whoever_it_is():
     lrf = LaserRangeFinder(0.0, 0.0, 1, range_min=2.0, range_max=20.0)
     world = World([[10.0, -5, 10, 5], [-1.0, -5, -1, 5]])
-    near = Mover(SQUARE, Trajectory([0.0], [(1.0, 0, 0)]))
+    near = DynamicObstacle(SQUARE, Trajectory([0.0], [(1.0, 0, 0)]))
     caster = Among(Still(PlanarCaster(world)), (near,))
     assert caster.cast_at(lrf, np.array([0.0, 0, 0]), 0.0).ranges[0] == -np.inf
     assert caster.cast_at(lrf, np.array([0.0, 0, np.pi]), 0.0).ranges[0] == -np.inf
-    far = Among(Still(PlanarCaster(world)), (Mover(SQUARE, Trajectory([0.0], [(5.0, 0, 0)])),))
+    far = Among(
+        Still(PlanarCaster(world)), (DynamicObstacle(SQUARE, Trajectory([0.0], [(5.0, 0, 0)])),)
+    )
     scan = far.cast_at(lrf, np.array([0.0, 0, 0]), 0.0)
     assert scan.ranges[0] == 4.6 and scan.walls[0] == -1
 
 
-def test_movers_move_while_the_beams_of_a_sweep_turn():
+def test_obstacles_move_while_the_beams_of_a_sweep_turn():
     # It passes as fast as the beam turns: each beam sees it, though it is a metre wide.
     lrf = LaserRangeFinder(-1.0, 1.0, 21, range_max=30.0, scan_duration=1.0)
     angles = np.linspace(-1, 1, 21)
@@ -124,13 +129,15 @@ def test_movers_move_while_the_beams_of_a_sweep_turn():
     )
     stand = Trajectory([0.0, 2.0], np.zeros((2, 3)))
     world = World([[20.0, -40, 20, 40]])
-    caster = timed(PlanarCaster(world), lrf, stand, [Mover(SQUARE, path)])
+    caster = timed(PlanarCaster(world), lrf, stand, [DynamicObstacle(SQUARE, path)])
     assert caster.cast_at(lrf, stand.poses[0], 0.0).ranges == pytest.approx(np.full(21, 7.6))
 
 
-def test_a_simulation_sweeps_and_sees_movers():
-    mover = Mover(round_outline(0.4), Trajectory([0.0, 1.0], [(52.0, 31, 0), (55.0, 31, 0)]))
-    run = simulate(CITY, DRIVE, TURNING, mapper=Mapless(), movers=[mover])
+def test_a_simulation_sweeps_and_sees_obstacles():
+    obstacle = DynamicObstacle(
+        round_outline(0.4), Trajectory([0.0, 1.0], [(52.0, 31, 0), (55.0, 31, 0)])
+    )
+    run = simulate(CITY, DRIVE, TURNING, mapper=Mapless(), obstacles=[obstacle])
     plain = simulate(CITY, DRIVE, LaserRangeFinder(beams=45), mapper=Mapless())
     assert (run.truth < plain.truth - 1.0).sum() > 3
     assert run.scan(1).time_increment == TURNING.time_increment
@@ -164,23 +171,26 @@ def test_a_patrol_goes_there_and_back_at_its_speed():
 
 
 @pytest.mark.parametrize("outline", [[(0, 0), (1, 0)], [0.0, 1.0, 2.0]])
-def test_a_mover_without_an_area_is_refused(outline):
+def test_an_obstacle_without_an_area_is_refused(outline):
     with pytest.raises(InputError, match="outline"):
-        Mover(outline, DRIVE)
+        DynamicObstacle(outline, DRIVE)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_mover_that_a_beam_meets_is_passed_over(seed):
+def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
     rng = np.random.default_rng(seed)
     lrf, world = LaserRangeFinder(-0.7, 1.1, 61, range_max=12.0), World([[90.0, 90, 91, 90]])
     still = Still(PlanarCaster(world))
     seen = 0
     for _ in range(150):
         place = Trajectory([0.0], [(*rng.uniform(-15, 15, 2), rng.uniform(-9, 9))])
-        mover, pose = Mover(SQUARE, place), np.array([*rng.uniform(-2, 2, 2), rng.uniform(-9, 9)])
-        met = PlanarCaster(World(mover.walls(0.0))).cast(lrf, pose).ranges
-        scan = Among(still, (mover,)).cast_at(lrf, pose, 0.0)
+        obstacle, pose = (
+            DynamicObstacle(SQUARE, place),
+            np.array([*rng.uniform(-2, 2, 2), rng.uniform(-9, 9)]),
+        )
+        met = PlanarCaster(World(obstacle.walls(0.0))).cast(lrf, pose).ranges
+        scan = Among(still, (obstacle,)).cast_at(lrf, pose, 0.0)
         assert np.array_equal(scan.ranges, met)
         seen += bool(np.isfinite(met).any())
-        assert mover.may_meet(lrf, pose, 0.0) or not np.isfinite(met).any()
+        assert obstacle.may_meet(lrf, pose, 0.0) or not np.isfinite(met).any()
     assert 10 < seen < 140

@@ -117,11 +117,11 @@ def test_scale_enlarges_the_way_through_a_world_too(tmp_path):
     path = tmp_path / "room.toml"
     path.write_text(
         "[[object]]\npoints = [[0, 0], [4, 0], [4, 4]]\n[robot]\nstart = [1, 3, 90]\n"
-        "route = [[1, 3], [2, 3]]\n[[mover]]\nroute = [[0, 3], [1, 3]]\n"
+        "route = [[1, 3], [2, 3]]\n[[obstacle]]\nroute = [[0, 3], [1, 3]]\n"
     )
     file = read_scenario_file(path).scaled(2.0)
     scenario = scenario_of(file)
     assert tuple(scenario.start) == (2.0, 6.0, np.pi / 2)
     assert scenario.route.tolist() == [[2.0, 6.0], [4.0, 6.0]]
-    assert scenario.movers[0].path.route.tolist() == [[0.0, 6.0], [2.0, 6.0]]
+    assert scenario.obstacles[0].path.route.tolist() == [[0.0, 6.0], [2.0, 6.0]]
     assert scenario.world.bounds.tolist() == [[0.0, 0.0], [8.0, 8.0]]

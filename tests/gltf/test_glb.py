@@ -10,7 +10,7 @@ from khronos import faults, needs_validator
 from test_cli import lrf3d, refused
 from test_render import city_run, run_of
 
-from lrf3d.casting.mover import Mover, round_outline
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
 from lrf3d.gltf import run_glb, still_glb
@@ -39,10 +39,11 @@ RUNS = {
     "city": lambda: simulated("city", 40),
     "corridor": lambda: simulated("corridor", 20),
     "paper_room": lambda: simulated("paper_room", 1),
-    "without a map": lambda: replace(city_run(), stages=(), maps=()),
+    "without a map": lambda: replace(city_run(), snapshot_scans=(), maps=()),
     "of an empty map": lambda: replace(city_run(), maps=(LineMap.empty(),)),
-    "with movers": lambda: replace(
-        city_run(), movers=(Mover(round_outline(0.4), Trajectory([0.0], [(-20, 3, 1)])),)
+    "with obstacles": lambda: replace(
+        city_run(),
+        obstacles=(DynamicObstacle(round_outline(0.4), Trajectory([0.0], [(-20, 3, 1)])),),
     ),
     "of one scan": lambda: city_run().part(np.array([0])),
     "far away": lambda: city_run(FAR),
@@ -208,7 +209,7 @@ def test_the_fan_spans_the_field_of_view_from_the_laser():
 def test_the_map_grows_and_ends_as_the_map_of_the_run():
     run = simulated("paper_room", 1)
     glb = Glb(run_glb(run))
-    begins = run.trajectory.times[list(run.stages)] - run.trajectory.times[0]
+    begins = run.trajectory.times[list(run.snapshot_scans)] - run.trajectory.times[0]
     for begin, stage in zip(begins, run.maps, strict=True):
         (node,) = seen(glb, "map", begin + 1e-3)
         corners = glb.positions(node).reshape(len(stage), 12, 3)
@@ -273,14 +274,14 @@ def test_the_command_writes_the_file_and_refuses_what_is_no_run(tmp_path):
 def test_what_moves_is_where_it_was_in_the_run():
     path = Trajectory([0.5, 2.0, 3.0], [(-22, 1, 3.0), (-14, -1, -3.0), (-14, 3, 1.0)])
     standing = Trajectory([0.0], [(-20, 3, 1)])
-    movers = tuple(Mover(round_outline(0.4), way, 1.8) for way in (path, standing))
-    run = replace(city_run(), movers=movers)
+    obstacles = tuple(DynamicObstacle(round_outline(0.4), way, 1.8) for way in (path, standing))
+    run = replace(city_run(), obstacles=obstacles)
     glb = Glb(run_glb(run))
-    for number, mover in enumerate(movers):
+    for number, obstacle in enumerate(obstacles):
         node = glb.node(f"mover-{number}")
         assert glb.positions(node)[:, 2].max() == pytest.approx(1.8, abs=0.01)
         for time in np.linspace(0.0, Timeline(run).end, 23):
-            x, y, theta = mover.path.at(np.array([time]))[0] - [*run.world.origin, 0.0]
+            x, y, theta = obstacle.path.at(np.array([time]))[0] - [*run.world.origin, 0.0]
             assert glb.value(node, "translation", time) == pytest.approx([x, y, 0], abs=1e-4)
             _, _, sine, cosine = glb.value(node, "rotation", time)
             # Players go round the circle from key to key; here the way is cut straight.

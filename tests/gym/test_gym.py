@@ -208,8 +208,8 @@ def test_the_noise_is_that_of_the_scenario():
 
 def test_dynamic_obstacles_are_seen_and_run_into():
     walk = lrf3d.Trajectory([0.0, 100.0], [(6.0, 1.3, 0.0), (6.0, 1.3, 0.0)])
-    cart = lrf3d.Mover([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]], walk)
-    scenario = CORRIDOR.changed(movers=(cart,))
+    cart = lrf3d.DynamicObstacle([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]], walk)
+    scenario = CORRIDOR.changed(obstacles=(cart,))
     env = DriveEnv(scenario, sigma=0.0)
     seen, _ = env.reset(seed=0, options={"pose": (4.0, 1.3, 0.0), "goal": (8.0, 1.3)})
     ahead = np.argmin(np.abs(scenario.lrf.angles))

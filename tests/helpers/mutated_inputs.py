@@ -52,7 +52,7 @@ name = "door"
 position = [1, 1, 2]
 target = [5, 5, 1]
 field_deg = 60
-[[mover]]
+[[obstacle]]
 route = [[5, 6], [8, 6]]
 speed = 1.5
 radius = 0.3

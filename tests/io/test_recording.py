@@ -92,7 +92,7 @@ def test_a_recorded_run_is_the_simulated_one(tmp_path):
     kept = lrf3d.record(simulation(scans=300), tmp_path / "run.npz")
     noise, mapper = ProportionalNoise(0.1), LineMapper(sigma=0.1)
     run = lrf3d.simulate(ROOM, POSES[:300], LRF, noise=noise, mapper=mapper, rng=7)
-    for name in ("ranges", "truth", "walls", "stages"):
+    for name in ("ranges", "truth", "walls", "snapshot_scans"):
         assert np.array_equal(getattr(kept, name), getattr(run, name))
     assert np.array_equal(kept.trajectory.poses, run.trajectory.poses)
     assert len(kept.maps) == len(run.maps) == 100
@@ -132,7 +132,7 @@ def test_a_drive_that_its_controller_ends_early_is_whole(tmp_path):
         return simulation(drive=Sweeping(scans=40), scans=1000, start=(5.0, 6.0, 0.0))
 
     run = lrf3d.record(made(), tmp_path / "run.npz")
-    assert len(run) == 40 and run.stages[-1] == 39 and len(run.map)
+    assert len(run) == 40 and run.snapshot_scans[-1] == 39 and len(run.map)
     before = (tmp_path / "run.npz").read_bytes()
     (tmp_path / "run.npz").unlink()
     with pytest.raises(Stop):
@@ -204,7 +204,7 @@ def test_a_mapper_of_other_things_has_no_stages(tmp_path):
 
     counter = Counter()
     run = lrf3d.record(simulation(scans=20, mapper=counter), tmp_path / "run.npz")
-    assert counter.count == 20 and run.stages == () and len(run.map) == 0
+    assert counter.count == 20 and run.snapshot_scans == () and len(run.map) == 0
     assert len(lrf3d.load_run(tmp_path).map_after(10)) == 0
 
 

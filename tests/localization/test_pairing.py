@@ -61,24 +61,24 @@ def shifted(world, offset=FAR):
     return World(world.segments + offset, world.objects)
 
 
-def test_unions_first_finds_the_same_pairs_with_a_third_of_the_comparisons(drive):
+def test_seen_objects_first_finds_the_same_pairs_with_a_third_of_the_comparisons(drive):
     known = KnownLines.from_world(drive.world)
     assert len(known) == 1024
     rng = np.random.default_rng(1)
-    counts, seen = {"all": 0, "unions-first": 0}, None
+    counts, seen = {"all": 0, "seen-objects-first": 0}, None
     found = 0
     for scan in drive.scans:
         local, pose = local_lines(scan), predicted(scan.pose, rng)
         every = pair_lines(local, known, pose, PRIOR, strategy="all")
-        first = pair_lines(local, known, pose, PRIOR, strategy="unions-first", seen=seen)
+        first = pair_lines(local, known, pose, PRIOR, strategy="seen-objects-first", seen=seen)
         assert np.array_equal(every.local, first.local)
         assert np.array_equal(every.known, first.known)
         counts["all"] += every.comparisons
-        counts["unions-first"] += first.comparisons
+        counts["seen-objects-first"] += first.comparisons
         found += len(first)
         seen = first.objects
     assert found > 4 * len(drive)
-    assert counts["unions-first"] <= counts["all"] / 3
+    assert counts["seen-objects-first"] <= counts["all"] / 3
 
 
 def test_pairs_are_the_walls_that_the_beams_hit(drive):
@@ -261,7 +261,7 @@ def test_among_walls_on_one_line_the_one_alongside_is_the_pair():
     assert pair_lines(local, known, Pose(0.02, -0.1, 0.01), PRIOR).known.tolist() == [2]
 
 
-@pytest.mark.parametrize("strategy", ["all", "unions-first"])
+@pytest.mark.parametrize("strategy", ["all", "seen-objects-first"])
 def test_nothing_pairs_with_nothing(strategy):
     nothing = LocalLines.from_map(LineMap.empty(), NOISE)
     known = KnownLines.from_world(make_world(box(0, 0, 4, 4)))
@@ -276,7 +276,7 @@ def test_nothing_pairs_with_nothing(strategy):
 
 def test_what_makes_no_sense_is_refused():
     nothing = LocalLines.from_map(LineMap.empty(), NOISE)
-    with pytest.raises(InputError, match="unions-first"):
+    with pytest.raises(InputError, match="seen-objects-first"):
         pair_lines(
             nothing, KnownLines.from_map(LineMap.empty()), Pose(0, 0, 0), PRIOR, strategy="best"
         )

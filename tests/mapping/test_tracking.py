@@ -58,7 +58,7 @@ def run():
         line_map(WALLS[[4, 5, 0, 1, 2]], [0, 0, 1, 1, 1]),
         line_map(WALLS[[4, 5, 6, 0, 1, 2, 3]], [1, 1, 1, 0, 0, 0, 0]),
     )
-    return replace(done, stages=stages, maps=maps)
+    return replace(done, snapshot_scans=stages, maps=maps)
 
 
 def test_objects_bear_the_numbers_of_the_true_ones(run):
@@ -74,7 +74,7 @@ def test_a_part_of_a_run_has_the_numbers_of_the_whole(run):
 
 
 def test_a_run_without_a_map_has_none(run):
-    assert replace(run, stages=(), maps=()).lasting_objects == ()
+    assert replace(run, snapshot_scans=(), maps=()).lasting_objects == ()
 
 
 def test_the_page_and_the_film_give_an_object_one_colour_in_all_maps(run):

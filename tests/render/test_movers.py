@@ -7,7 +7,7 @@ import pytest
 from test_render import SIZE, city_run, needs_gl, room_run
 
 import lrf3d
-from lrf3d.casting.mover import Mover, round_outline
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.io import load_run, save_run
 from lrf3d.render.movers import MovingBodies
 from lrf3d.robot import Trajectory
@@ -16,8 +16,11 @@ from lrf3d.world.cameras import FilmPlan
 WALK = Trajectory([0.0, 4.0], [(-22.0, 1.0, 0.0), (-14.0, -1.0, 1.5)])
 CART = np.array([[1.0, 0.5], [-1.0, 0.5], [-1.0, -0.5], [1.0, -0.5]])
 L_SHAPE = np.array([[0, 0], [2, 0], [2, 0.7], [0.7, 0.7], [0.7, 2], [0, 2]]) - 0.6
-MOVERS = (Mover(round_outline(0.4), WALK, 1.8), Mover(CART, Trajectory([0.0], [(-20, 3, 1)]), 1.0))
-ALL = (*MOVERS, Mover(L_SHAPE, Trajectory([0.0], [(-12, 0, 2.0)]), 0.8))
+MOVERS = (
+    DynamicObstacle(round_outline(0.4), WALK, 1.8),
+    DynamicObstacle(CART, Trajectory([0.0], [(-20, 3, 1)]), 1.0),
+)
+ALL = (*MOVERS, DynamicObstacle(L_SHAPE, Trajectory([0.0], [(-12, 0, 2.0)]), 0.8))
 
 RENDERERS = pytest.mark.parametrize("renderer", [pytest.param("gl", marks=needs_gl), "embree"])
 
@@ -39,32 +42,43 @@ def same(first, second):
 
 
 def test_a_run_keeps_what_moves_and_how_it_is_filmed(tmp_path):
-    run = replace(room_run(), movers=ALL, film=FilmPlan("top", 3.5))
+    run = replace(room_run(), obstacles=ALL, film=FilmPlan("top", 3.5))
     save_run(run, tmp_path / "run.npz")
     back = load_run(tmp_path)
-    assert same(back.movers, ALL) and back.film == run.film
+    assert same(back.obstacles, ALL) and back.film == run.film
 
 
 def test_older_runs_are_read_without_them(tmp_path):
-    save_run(replace(room_run(), movers=ALL, film=FilmPlan("top", 3.5)), tmp_path / "run.npz")
+    save_run(replace(room_run(), obstacles=ALL, film=FilmPlan("top", 3.5)), tmp_path / "run.npz")
     with np.load(tmp_path / "run.npz") as file:
-        kept = {n: file[n] for n in file.files if not n.startswith(("mover_", "film_"))}
+        kept = {n: file[n] for n in file.files if not n.startswith(("obstacle_", "film_"))}
     np.savez(tmp_path / "run.npz", **kept)
     back = load_run(tmp_path)
-    assert back.movers == () and back.film == FilmPlan("chase", 1.0)
+    assert back.obstacles == () and back.film == FilmPlan("chase", 1.0)
+
+
+def test_older_runs_are_read_by_the_names_of_their_arrays(tmp_path):
+    run = replace(room_run(), obstacles=ALL)
+    save_run(run, tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as file:
+        older = {n.replace("obstacle_", "mover_"): file[n] for n in file.files}
+    older["stages"] = older.pop("snapshot_scans")
+    np.savez(tmp_path / "run.npz", **older)
+    back = load_run(tmp_path)
+    assert same(back.obstacles, ALL) and back.snapshot_scans == run.snapshot_scans
 
 
 def test_simulations_and_recordings_keep_what_moves(tmp_path):
     def made():
         world, poses = room_run().world, room_run().trajectory.poses[:3]
-        return {"world": world, "drive": poses, "movers": ALL}
+        return {"world": world, "drive": poses, "obstacles": ALL}
 
     settings = made()
     run = lrf3d.simulate(settings.pop("world"), settings.pop("drive"), **settings)
-    assert same(run.movers, ALL)
+    assert same(run.obstacles, ALL)
     film = FilmPlan("first", 2.0)
     kept = lrf3d.record(lrf3d.Simulation(**made()), tmp_path / "run.npz", film=film)
-    assert same(kept.movers, ALL) and kept.film == film
+    assert same(kept.obstacles, ALL) and kept.film == film
 
 
 @RENDERERS
@@ -83,7 +97,7 @@ def test_bodies_are_drawn_where_they_are_and_nowhere_else(renderer):
     run = city_run()
     films = [
         Film(each, size=SIZE, view="orbit", samples=0, renderer=renderer, layers=("shadow",))
-        for each in (run, replace(run, movers=MOVERS))
+        for each in (run, replace(run, obstacles=MOVERS))
     ]
     for time in (1.0, 1.1, 3.3):
         bare, moving = (film.draw(time).astype(int) for film in films)
@@ -117,7 +131,7 @@ def on_picture(look, place):
 def test_bodies_move_while_the_robot_stands(renderer):
     run = city_run()
     stand = Trajectory(run.trajectory.times, np.tile(run.trajectory.poses[0], (len(run), 1)))
-    run = replace(run, trajectory=stand, movers=MOVERS)
+    run = replace(run, trajectory=stand, obstacles=MOVERS)
     first, second = (drawn(run, time, renderer=renderer, view="chase") for time in (1.0, 1.05))
     assert (np.abs(first - second).max(axis=2) > 20).sum() > 3
 
@@ -125,7 +139,7 @@ def test_bodies_move_while_the_robot_stands(renderer):
 @needs_gl
 @pytest.mark.parametrize("view", ["chase", "top", "orbit"])
 def test_both_renderers_draw_the_same_bodies(view):
-    run = replace(city_run(), movers=ALL)
+    run = replace(city_run(), obstacles=ALL)
     pictures = [drawn(run, 2.1, renderer=name, view=view, samples=4) for name in ("gl", "embree")]
     apart = np.abs(pictures[0] - pictures[1]).max(axis=2)
     assert apart.mean() < 1.0 and (apart > 48).mean() < 0.005
@@ -136,10 +150,10 @@ def test_returns_go_with_the_body_that_they_are_of(turned):
     outline = L_SHAPE[::-1] if turned else L_SHAPE
     path = Trajectory([0.0, 1.0], [(500.0, 3.0, 0.0), (504.0, 5.0, 1.0)])
     origin = np.array([490.0, 0.0])
-    bodies = MovingBodies((Mover(outline, path),), origin, False)
+    bodies = MovingBodies((DynamicObstacle(outline, path),), origin, False)
     bodies.place(0.7)
-    seen = Mover(outline, path).walls(0.2)[:, :2] - origin
-    now = Mover(outline, path).walls(0.7)[:, :2] - origin
+    seen = DynamicObstacle(outline, path).walls(0.2)[:, :2] - origin
+    now = DynamicObstacle(outline, path).walls(0.7)[:, :2] - origin
     points = np.concatenate([seen, seen, [[3.0, 40.0]]])
     loose = np.arange(len(points)) < len(seen)
     loose[-1] = True

@@ -319,7 +319,7 @@ def test_a_building_seen_from_one_side_is_not_counted():
     assert (count.buildings, count.seen_on_all_sides, count.whole) == (2, 0, 0)
 
 
-@pytest.mark.parametrize("flaw", ["split", "extra", "missing", "two unions", "shared union"])
+@pytest.mark.parametrize("flaw", ["split", "extra", "missing", "two objects", "shared object"])
 def test_a_building_with_a_flaw_is_not_whole(blocks, flaw):
     segments, objects = blocks.map.segments.copy(), blocks.map.objects.copy()
     if flaw == "split":
@@ -331,12 +331,12 @@ def test_a_building_with_a_flaw_is_not_whole(blocks, flaw):
         segments, objects = np.vstack([segments, [[4, 2, 6, 2]]]), np.append(objects, objects[0])
     elif flaw == "missing":
         segments, objects = segments[1:], objects[1:]
-    elif flaw == "two unions":
+    elif flaw == "two objects":
         objects[0] = 9
     else:
         objects[objects == 1] = 0
     count = buildings_seen(replace(blocks, maps=(as_map(segments, objects),)))
-    assert (count.seen_on_all_sides, count.whole) == (3, 1 if flaw == "shared union" else 2)
+    assert (count.seen_on_all_sides, count.whole) == (3, 1 if flaw == "shared object" else 2)
 
 
 # Storage

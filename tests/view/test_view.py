@@ -13,7 +13,7 @@ from test_cli import lrf3d, refused
 from test_glb import FAR, simulated
 from test_render import city_run
 
-from lrf3d.casting.mover import Mover, round_outline
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError, MissingLibraryError, OutputError, WorldError
 from lrf3d.io import save_run
 from lrf3d.laser import LaserRangeFinder
@@ -46,8 +46,8 @@ speed = 2.0
 beams = 61
 range_max = 30.0
 """
-MOVER = """
-[[mover]]
+OBSTACLE = """
+[[obstacle]]
 route = [[9, 2], [9, 7]]
 radius = 0.4
 """
@@ -85,7 +85,7 @@ def played(recorded):
 def driven(tmp_path_factory):
     """The address where the yard is shown."""
     path = tmp_path_factory.mktemp("driven") / "yard.toml"
-    path.write_text(YARD + MOVER)
+    path.write_text(YARD + OBSTACLE)
     with served(path) as address:
         yield address
 
@@ -138,7 +138,10 @@ def test_the_page_of_a_run_draws_plays_and_is_scrubbed(recorded, played, chromiu
 @needs_browser
 def test_the_page_shows_what_moved_in_a_run(tmp_path, chromium):
     way = Trajectory([0.0, 4.0], [(-22.0, 3.0, 0.0), (-14.0, 3.0, 0.0)])
-    save_run(replace(city_run(), movers=(Mover(round_outline(0.4), way),)), tmp_path / "run.npz")
+    save_run(
+        replace(city_run(), obstacles=(DynamicObstacle(round_outline(0.4), way),)),
+        tmp_path / "run.npz",
+    )
     with served(tmp_path) as address, opened(chromium, address) as page:
         until(lambda: number(page, "t") > 0.2)
 
@@ -275,24 +278,24 @@ def test_the_page_gets_the_run_as_it_is(offset):
 
 def test_the_page_gets_what_moved_beside_the_robot():
     way = Trajectory([0.5, 2.0], [(-22, 1, 3.0), (-14, -1, -3.0)])
-    movers = (
-        Mover(round_outline(0.4), way),
-        Mover(round_outline(0.3), Trajectory([0], [(1, 2, 3)])),
+    obstacles = (
+        DynamicObstacle(round_outline(0.4), way),
+        DynamicObstacle(round_outline(0.3), Trajectory([0], [(1, 2, 3)])),
     )
-    run = replace(city_run(), movers=movers)
+    run = replace(city_run(), obstacles=obstacles)
     arrays = unpacked(run)
     times, poses = arrays["moverTimes"], arrays["moverPoses"].reshape(-1, 3)
     shift = np.array([*run.world.origin, 0.0])
-    for mover, end in zip(movers, np.cumsum(arrays["moverSizes"]), strict=True):
-        first = end - arrays["moverSizes"][movers.index(mover)]
-        due = mover.path.at(times[first:end] + run.trajectory.times[0])
+    for obstacle, end in zip(obstacles, np.cumsum(arrays["moverSizes"]), strict=True):
+        first = end - arrays["moverSizes"][obstacles.index(obstacle)]
+        due = obstacle.path.at(times[first:end] + run.trajectory.times[0])
         assert poses[first:end, :2] + shift[:2] == pytest.approx(due[:, :2], abs=1e-4)
         # From key to key it turns the shorter way.
         assert np.abs(np.diff(poses[first:end, 2])).max() < np.pi
 
 
 def test_a_run_without_a_map_is_shown():
-    arrays = unpacked(replace(city_run(), stages=(), maps=()))
+    arrays = unpacked(replace(city_run(), snapshot_scans=(), maps=()))
     assert len(arrays["segments"]) == len(arrays["stageTimes"]) == 0
 
 
@@ -328,7 +331,7 @@ def test_a_hand_cannot_ask_for_more_than_the_robot_can_or_for_a_long_step(tmp_pa
 
 
 def test_what_moves_is_seen_by_the_laser_and_told_to_the_page(tmp_path):
-    drive = hand(YARD + MOVER, tmp_path)
+    drive = hand(YARD + OBSTACLE, tmp_path)
     without = hand(YARD, tmp_path)
     origin = load_scenario(tmp_path / "world.toml").world.origin
     nearer = 0

@@ -4,6 +4,7 @@ import sys
 import numpy as np
 import pytest
 
+import lrf3d
 from lrf3d import load_scenario
 from lrf3d.casting.timed import Sweep
 from lrf3d.cli import main
@@ -33,7 +34,7 @@ constant = 0.02
 resolution = 0.01
 drop_outs = 0.1
 
-[[mover]]
+[[obstacle]]
 route = [[5, 4], [9, 4]]
 speed = 1.5
 radius = 0.3
@@ -55,14 +56,26 @@ def test_a_file_says_what_the_range_finder_does_and_what_moves(room):
         0.05
     )
     trajectory = scenario.trajectory()
-    (mover,) = scenario.movers
-    assert np.hypot(*mover.outline.T).min() >= 0.3
-    assert mover.path.at(np.array([1.0]))[0] == pytest.approx([6.5, 4, 0])
+    (obstacle,) = scenario.obstacles
+    assert np.hypot(*obstacle.outline.T).min() >= 0.3
+    assert obstacle.path.at(np.array([1.0]))[0] == pytest.approx([6.5, 4, 0])
     run = scenario.run(drive=trajectory, rng=0)
     returned = np.isfinite(run.ranges)
     assert run.ranges[returned] == pytest.approx(np.round(run.ranges[returned], 2), abs=1e-9)
     assert 0.05 < 1.0 - returned.mean() < 0.15
     assert ((run.walls == -1) & np.isfinite(run.truth)).any()
+
+
+def test_dynamic_obstacles_of_earlier_versions_are_read(room):
+    now = load_scenario(room).obstacles[0]
+    room.write_text(ROOM.replace("[[obstacle]]", "[[mover]]"))
+    (obstacle,) = load_scenario(room).obstacles
+    assert np.array_equal(obstacle.outline, now.outline)
+    assert np.array_equal(obstacle.path.route, now.path.route)
+    room.write_text(ROOM.replace("[[obstacle]]", "[[mover]]").replace("1.5", "-1.5"))
+    line = 1 + room.read_text().splitlines().index("speed = -1.5")
+    with pytest.raises(lrf3d.WorldError, match=rf"room\.toml:{line}: .*speed"):
+        load_scenario(room)
 
 
 def test_settings_hold_instead_of_what_the_file_says(room):
@@ -118,7 +131,7 @@ def test_a_text_needs_no_quotes_and_a_number_no_leading_nought():
         ("radius = 0.3", "raduis = 0.3", "did you mean 'radius'"),
         ("route = [[5, 4], [9, 4]]", "", "expected a route"),
         ("route = [[5, 4], [9, 4]]", "route = [[5, 4]]", "at least 2"),
-        ("[[mover]]", "[mover]", "expected tables"),
+        ("[[obstacle]]", "[obstacle]", "expected tables"),
         ("radius = 0.3", "radius = 0.3\npoints = [[0,0],[1,0],[1,1]]", "a radius or points"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Mover: a dynamic obstacle among the walls, such as another robot, a person or a car."""
+"""DynamicObstacle: a dynamic obstacle among the walls, such as another robot, a person or a car."""
 
 import math
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Mover(Value):
+class DynamicObstacle(Value):
     """A dynamic obstacle that moves along a path: another robot, a person, a car.
 
     Args:
@@ -36,9 +36,9 @@ class Mover(Value):
 
     Examples:
         >>> import lrf3d
-        >>> from lrf3d.casting.mover import round_outline
+        >>> from lrf3d.casting.dynamic_obstacle import round_outline
         >>> walk = lrf3d.Trajectory([0, 2], [(3, -1, 1.57), (3, 1, 1.57)])
-        >>> person = lrf3d.Mover(round_outline(0.3), walk, height=1.8)
+        >>> person = lrf3d.DynamicObstacle(round_outline(0.3), walk, height=1.8)
         >>> person.path.at([1.0]).round(2).tolist()
         [[3.0, 0.0, 1.57]]
     """
@@ -50,14 +50,19 @@ class Mover(Value):
     def __post_init__(self) -> None:
         outline = read_only(self.outline, "outline")
         if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
-            raise InputError(f"mover with an outline {outline.shape}: expected at least 3 x, y")
+            raise InputError(
+                f"dynamic obstacle with an outline {outline.shape}: expected at least 3 x, y"
+            )
         if not np.isfinite(outline).all():
             corner = int(np.flatnonzero(~np.isfinite(outline).all(axis=1))[0])
             raise InputError(
-                f"mover: corner {corner} is {outline[corner].tolist()}, expected finite numbers"
+                f"dynamic obstacle: corner {corner} is {outline[corner].tolist()}, expected finite"
+                " numbers"
             )
         if not (is_finite(self.height) and self.height > 0.0):
-            raise InputError(f"mover of height {self.height}: expected more than 0 metres")
+            raise InputError(
+                f"dynamic obstacle of height {self.height}: expected more than 0 metres"
+            )
         object.__setattr__(self, "outline", outline)
 
     @cached_property
@@ -86,10 +91,10 @@ class Mover(Value):
             InputError: The path goes on for ever.
         """
         if isinstance(self.path, Patrol):
-            raise InputError("mover on a patrol without an end; take mover.until(time)")
+            raise InputError("dynamic obstacle on a patrol without an end; call its until(time)")
         return self.path
 
-    def until(self, time: float) -> "Mover":
+    def until(self, time: float) -> "DynamicObstacle":
         """The body on a path whose poses up to a time [s] can be written down."""
         return replace(self, path=self.path.until(time)) if isinstance(self.path, Patrol) else self
 
