@@ -7,6 +7,7 @@ walls are put into the map as if they had been seen.
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 
 import numpy as np
 
@@ -127,8 +128,10 @@ def prefilled(world: World) -> LineMapper:
             along * unit[:, 1] ** 2,
         ]
     )
-    inner._table = SegmentTable(walls, moments, np.full(count, POINTS), world.objects.copy())
-    inner._origin, inner._unions = np.zeros(2), int(world.objects.max()) + 1
+    table = SegmentTable(walls, moments, np.full(count, POINTS), world.objects)
+    state = {f"table_{column.name}": getattr(table, column.name) for column in fields(table)}
+    unions = np.array(int(world.objects.max()) + 1)
+    inner.restore({**state, "unions": unions, "origin": np.zeros(2)})
     return mapper
 
 

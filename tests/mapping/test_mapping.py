@@ -1,6 +1,8 @@
 import json
 import pickle
 import types
+from collections import deque
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +22,8 @@ from lrf3d import (
     save_map,
 )
 from lrf3d.geometry import fit_line, lengths, normal_lines
-from lrf3d.mapping.paper.mapper import EndPointMerging, unite
+from lrf3d.mapping.paper.growing import GrowingMap
+from lrf3d.mapping.paper.mapper import EndPointMerging
 from lrf3d.mapping.paper.split_merge import (
     clusters,
     near_each_other,
@@ -302,19 +305,70 @@ def test_merging_end_points_fits_all_four():
     assert lengths(ends[None])[0] == pytest.approx(15.0, abs=0.01)
 
 
+def united(*scans: SegmentTable) -> SegmentTable:
+    growing = GrowingMap(RULE)
+    for local in scans:
+        growing.add(local)
+    return growing.table()
+
+
+def united_by_comparing_all(*scans: SegmentTable) -> SegmentTable:
+    """The loop of section 3.1 without a grid: every fresh segment against every other."""
+    current, first = SegmentTable.empty(), 0
+    for local in scans:
+        fresh = range(len(current), len(current) + len(local))
+        current = current.join(replace(local, unions=local.unions + first))
+        first += int(local.unions.max(initial=-1)) + 1
+        alive, waiting = np.ones(len(current), dtype=bool), deque(fresh)
+        while waiting:
+            row = waiting.popleft()
+            others = np.flatnonzero(alive)
+            other = RULE.partner(current, row, others[others != row]) if alive[row] else -1
+            if other < 0:
+                continue
+            current.ends[row], current.moments[row] = RULE.merge(current, row, other)
+            current.points[row] += current.points[other]
+            kept, gone = sorted((current.unions[row], current.unions[other]))
+            current.unions[current.unions == gone] = kept
+            alive[other] = False
+            waiting.append(row)
+        current = current.take(np.flatnonzero(alive))
+    return current
+
+
 def test_a_chain_of_pieces_becomes_one_segment_in_one_union():
-    pieces = [[k, 0.0, k + 1.05, 0.0] for k in range(9)]
-    table = unite(table_of(pieces), range(9), RULE)
+    table = united(table_of([[k, 0.0, k + 1.05, 0.0] for k in range(9)]))
     assert len(table) == 1 and table.points.sum() == 90
     assert np.abs(table.ends[0]) == pytest.approx([0, 0, 9.05, 0], abs=1e-6)
 
 
 def test_merging_unites_the_unions():
     # 0 and 1 are of two unions; 2 bridges them; 3 is of the union of 0 but elsewhere.
-    table = table_of([[0, 0, 4, 0], [6, 0, 9, 0], [3, 0, 7, 0], [0, 5, 4, 5]])
-    table = SegmentTable(table.ends, table.moments, table.points, np.array([0, 1, 2, 0]))
-    united = unite(table, range(2, 3), RULE)
-    assert len(united) == 2 and len(set(united.unions.tolist())) == 1
+    table = table_of([[0, 0, 4, 0], [6, 0, 9, 0], [0, 5, 4, 5]])
+    table = replace(table, unions=np.array([0, 1, 0]))
+    bridge = table_of([[3, 0, 7, 0]])
+    whole = united(table, bridge)
+    assert len(whole) == 2 and len(set(whole.unions.tolist())) == 1
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.sampled_from([3.0, 30.0, 300.0]))
+def test_the_grid_misses_no_partner(seed, scans, size):
+    rng = np.random.default_rng(seed)
+    tables = []
+    for _ in range(scans):
+        count = int(rng.integers(1, 120))
+        # Along a few lines, so that many merge; some are much longer than others.
+        angle = rng.integers(0, 4, count) * np.pi / 4.0 + rng.normal(0.0, 0.01, count)
+        middle = np.round(rng.uniform(-size, size, (count, 2)))
+        half = (rng.exponential(1.0, count) + 0.01)[:, None] * np.column_stack(
+            [np.cos(angle), np.sin(angle)]
+        )
+        tables.append(table_of(np.hstack([middle - half, middle + half])))
+    found, expected = united(*tables), united_by_comparing_all(*tables)
+    assert len(found) == len(expected)
+    assert (found.ends == expected.ends).all() and (found.points == expected.points).all()
+    assert (found.moments == expected.moments).all() and (found.unions == expected.unions).all()
 
 
 def test_the_map_is_computed_once_after_an_update_and_again_after_an_interrupt(monkeypatch):

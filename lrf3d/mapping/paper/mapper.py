@@ -1,12 +1,10 @@
 """PaperMapper: section 3 of Teslić et al. to the letter.
 
-A scan enters and is united with the map: Eq. 9 decides which two segments are one, and the loop
-of comparison around it (section 3.1) ends when no two are left.
+A scan enters and is united with the map: Eq. 9 decides which two segments are one.
 """
 
-from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +12,7 @@ import numpy as np
 from lrf3d.geometry import Bool, Float, Int, directions, fit_line, lengths
 from lrf3d.laser import LaserScan
 from lrf3d.mapping.line_map import LineMap
+from lrf3d.mapping.paper.growing import GrowingMap
 from lrf3d.mapping.paper.split_merge import SplitMergeExtractor
 from lrf3d.mapping.segment_table import SegmentTable, add_moments
 
@@ -29,6 +28,14 @@ class EndPointMerging:
 
     length: float
     distance: float
+
+    def reach(self, longest: float) -> float:
+        """Farthest [m] that two segments may lie apart and be merged, at most so long [m].
+
+        One of c1 to c4 holds of those: an end lies in the ellipse around the other segment's ends
+        that is half so wide.
+        """
+        return 0.5 * float(np.sqrt(self.length * (2.0 * longest + self.length)))
 
     def partner(self, table: SegmentTable, row: int, candidates: Int) -> int:
         """The first candidate that Eq. 9 merges with a row, or −1."""
@@ -71,42 +78,6 @@ def _aside(offsets: Float, units: Float) -> Float:
     return np.asarray(np.abs(units[..., 0] * offsets[:, 1] - units[..., 1] * offsets[:, 0]))
 
 
-def unite(table: SegmentTable, fresh: range, merging: EndPointMerging) -> SegmentTable:
-    """Merge segments of a table until no two are left that the rule merges.
-
-    Only fresh and merged segments are compared anew: the others were compared before. The loop
-    ends, since each merge takes one segment away.
-
-    Args:
-        table: Segments.
-        fresh: Rows that were not compared yet.
-        merging: The rule.
-    """
-    ends, moments = table.ends.copy(), table.moments.copy()
-    points, unions = table.points.copy(), table.unions.copy()
-    current = SegmentTable(ends, moments, points, unions)
-    alive = np.ones(len(table), dtype=bool)
-    waiting = deque(fresh)
-    while waiting:
-        row = waiting.popleft()
-        if not alive[row]:
-            continue
-        others = np.flatnonzero(alive)
-        other = merging.partner(current, row, others[others != row])
-        if other < 0:
-            continue
-        ends[row], moments[row] = merging.merge(current, row, other)
-        points[row] += points[other]
-        kept, gone = sorted((unions[row], unions[other]))
-        unions[unions == gone] = kept
-        alive[other] = False
-        waiting.append(row)
-    return current.take(np.flatnonzero(alive))
-
-
-COLUMNS = tuple(column.name for column in fields(SegmentTable))
-
-
 class PaperMapper:
     """Polylines by split-and-merge, Eq. 9, and lines through four end points.
 
@@ -117,10 +88,9 @@ class PaperMapper:
     """
 
     def __init__(self, extract: SplitMergeExtractor, merging: EndPointMerging, least: int) -> None:
-        self._extract, self._merging, self._least = extract, merging, least
-        self._table = SegmentTable.empty()
+        self._extract, self._least = extract, least
+        self._segments = GrowingMap(merging)
         self._origin: Float | None = None
-        self._unions = 0
 
     def update(self, scan: LaserScan) -> None:
         """Unite the map with the local map of a scan: G_new = S ∪ G_old."""
@@ -128,27 +98,21 @@ class PaperMapper:
         if self._origin is None:
             # Whole metres, so that taking the origin off and adding it again loses nothing.
             self._origin = np.round(place)
-        local = self._extract(scan).shifted(place - self._origin)
-        local = replace(local, unions=local.unions + self._unions)
-        self._unions = int(local.unions.max(initial=self._unions - 1)) + 1
-        known = len(self._table)
-        fresh = range(known, known + len(local))
-        self._table = unite(self._table.join(local), fresh, self._merging)
+        self._segments.add(self._extract(scan).shifted(place - self._origin))
 
     def state(self) -> dict[str, Any]:
         """All that the mapper has learnt, as plain arrays; `restore` takes them back."""
-        table = {f"table_{name}": getattr(self._table, name) for name in COLUMNS}
         origin = np.full(2, np.nan) if self._origin is None else self._origin
-        return {**table, "origin": origin, "unions": np.array(self._unions)}
+        return {**self._segments.state(), "origin": origin}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what a mapper of the same settings had learnt."""
-        self._table = SegmentTable(*(state[f"table_{name}"].copy() for name in COLUMNS))
+        self._segments.restore(state)
         self._origin = None if np.isnan(state["origin"]).any() else state["origin"].copy()
-        self._unions = int(state["unions"])
 
     @property
     def map(self) -> LineMap:
         """The global map."""
-        table = self._table.take(np.flatnonzero(self._table.points >= self._least))
+        table = self._segments.table()
+        table = table.take(np.flatnonzero(table.points >= self._least))
         return table.as_map(np.zeros(2) if self._origin is None else self._origin)
