@@ -11,11 +11,11 @@ The tree::
     └── MissingLibraryError          a library that this task needs and this machine lacks
 """
 
-LONGEST = 600
+LONGEST_MESSAGE = 600
 """Characters of a message at most: some lines of a terminal, whatever a file or a flag holds."""
 
 
-def one_line(text: str, most: int = LONGEST) -> str:
+def one_line(text: str, most: int = LONGEST_MESSAGE) -> str:
     r"""A text as one line of a terminal: control characters escaped, the middle left out if long.
 
     Untrusted text, such as the name of a file, can neither move the cursor nor fake a line.

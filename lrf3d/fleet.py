@@ -12,6 +12,7 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.casting.timed import Caster
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.noise import AnyNoise
+from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
@@ -34,7 +35,7 @@ def simulate_fleet(
     noise: AnyNoise | None = None,
     mapper: Callable[[], Mapper] | None = None,
     rng: np.random.Generator | int | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = silent,
 ) -> list[Run]:
     """Drive several robots through a world at the same time.
 
@@ -86,8 +87,6 @@ def simulate_fleet(
     return runs
 
 
-def _report(
-    progress: Callable[[int, int], None], before: int, total: int, done: int, _: int
-) -> None:
+def _report(progress: Progress, before: int, total: int, done: int, _: int) -> None:
     """Report the scans of one robot as part of all."""
     progress(before + done, total)

@@ -3,7 +3,6 @@
 A log enters; the map and its figures leave, and the files of both.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -15,10 +14,9 @@ from lrf3d.io import LaserLog
 from lrf3d.laser import LaserScan
 from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.progress import Progress, silent
 from lrf3d.scoring import LogScore, score_log
 from lrf3d.text import counted
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +98,7 @@ def map_log(
     mode: str = "robust",
     sigma: float = SIGMA,
     all_scans: bool = False,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> MappedLog:
     """Build a map from the even scans of a log, counted from 0, and test it on the odd ones.
 

@@ -18,6 +18,7 @@ from lrf3d.geometry import Float, Value
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.pose import Pose
+from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory, check_drive, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
 from lrf3d.robot.free_space import Side
@@ -294,7 +295,7 @@ class Scenario(Value):
         self,
         *,
         snapshots: int | None = None,
-        progress: Callable[[int, int], None] = lambda done, total: None,
+        progress: Progress = silent,
         **changes: Any,
     ) -> "Run":
         """Drive, scan and map, as ``lrf3d run`` does, and keep all of it in memory.

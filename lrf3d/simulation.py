@@ -3,7 +3,7 @@
 A world and a drive enter; steps leave as they come, and nothing is kept but what the mapper keeps.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, Protocol
@@ -18,6 +18,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
+from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.run import Run, SnapshotSchedule
@@ -25,9 +26,6 @@ from lrf3d.sensor import Sensor
 from lrf3d.steering import ControlledDrive, Controller, Drive, RecordedDrive
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
-
-Progress = Callable[[int, int], None]
-"""Called with what is done and all of it."""
 
 
 class Mapper(Protocol):
@@ -255,7 +253,7 @@ def simulate(
     scans: int | None = None,
     radius: float | None = None,
     snapshots: int | None = None,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> Run:
     """Drive through a world, scan, map, and keep all of it.
 
@@ -322,7 +320,7 @@ def simulate(
 
 def collect(
     simulation: Simulation,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
     *,
     snapshots: int | None = None,
 ) -> Run:

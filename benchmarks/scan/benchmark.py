@@ -14,7 +14,7 @@ from unittest.mock import patch
 from matplotlib.figure import Figure
 
 from benchmarks.chart import COLOURS, OWN, RING, draw, scatter
-from benchmarks.result import Progress, Result, Row, Table, metres, percent, silent
+from benchmarks.result import Result, Row, Table, metres, percent
 from benchmarks.scan.accuracy import corner_trial, judge, scan_trial
 from benchmarks.scan.baselines import BASELINES, Baseline, Call, Planar
 from benchmarks.scan.baselines import OWN as OWN_CASTERS
@@ -24,6 +24,7 @@ from benchmarks.timing import Timing, take_turns
 from lrf3d.casting import PlanarCaster, threads
 from lrf3d.cores import core_count
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.progress import Progress, silent
 from lrf3d.world.generators import city_crossings, generate_city
 
 WALLS = (40, 400, 10_000, 100_000, 1_000_000)

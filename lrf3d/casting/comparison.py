@@ -5,7 +5,6 @@ is seen where ``raw`` puts Embree's bare float32 answers beside the exact planar
 """
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +16,10 @@ from lrf3d.casting.raw_embree import RawEmbreeCaster
 from lrf3d.geometry import Bool, Float
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import as_poses
+from lrf3d.progress import Progress, silent
 from lrf3d.world import World
 
-BLOCK = 512
+POSES_COMPARED = 512
 """Poses that are cast and compared at once: often enough for a bar to move."""
 
 
@@ -116,7 +116,7 @@ def crosscheck(
     world: World,
     lrf: LaserRangeFinder,
     poses: Float,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = silent,
     *,
     raw: bool = False,
 ) -> CrossCheck:
@@ -141,14 +141,14 @@ def crosscheck(
     other = RawEmbreeCaster(world) if raw else EmbreeCaster(world)
     largest, hits = 0.0, 0
     differences: list[Difference] = []
-    for start in range(0, len(poses), BLOCK):
-        part = poses[start : start + BLOCK]
+    for start in range(0, len(poses), POSES_COMPARED):
+        part = poses[start : start + POSES_COMPARED]
         a, b = Answers(*planar.scan_batch(lrf, part)), Answers(*other.scan_batch(lrf, part))
         same, gap = _compared(a, b)
         largest = max(largest, float(gap[same].max(initial=0.0)))
         hits += int(np.isfinite(a.ranges).sum())
         differences += _differences(world, lrf, part, start, a, b, same)
-        progress(min(start + BLOCK, len(poses)), len(poses))
+        progress(min(start + POSES_COMPARED, len(poses)), len(poses))
     return CrossCheck(
         len(poses) * lrf.beams, hits, largest, tuple(differences), raw, resolution(world, lrf)
     )

@@ -17,19 +17,19 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 
-SMALLEST = 1e-44
+SMALLEST_NUMBER = 1e-44
 """Least size of a number, other than 0, that compiled casting takes [m], [rad]."""
 
-LARGEST = 1e44
+LARGEST_NUMBER = 1e44
 """Largest size of a number that compiled casting takes [m]."""
 
-FARTHEST = 1e50
+BEYOND_WALLS = 1e50
 """A distance [m] that is beyond every wall that compiled casting takes."""
 
 
 def laser_of(lrf: LaserRangeFinder) -> PlainLaser:
     """What kernels take of a range finder; no product with its range_max overflows."""
-    return lrf.fan, *lrf.spread, float(lrf.range_min), float(min(lrf.range_max, FARTHEST))
+    return lrf.fan, *lrf.spread, float(lrf.range_min), float(min(lrf.range_max, BEYOND_WALLS))
 
 
 class Rationals:
@@ -44,14 +44,16 @@ class Rationals:
         """Whether a scan from this pose needs them; plain floats, since each scan asks."""
         return (
             self.for_all(lrf)
-            or not (x == 0.0 or SMALLEST <= abs(x) <= LARGEST)
-            or not (y == 0.0 or SMALLEST <= abs(y) <= LARGEST)
-            or not (theta == 0.0 or abs(theta) >= SMALLEST)
+            or not (x == 0.0 or SMALLEST_NUMBER <= abs(x) <= LARGEST_NUMBER)
+            or not (y == 0.0 or SMALLEST_NUMBER <= abs(y) <= LARGEST_NUMBER)
+            or not (theta == 0.0 or abs(theta) >= SMALLEST_NUMBER)
         )
 
     def for_all(self, lrf: LaserRangeFinder) -> bool:
         """Whether all scans of a range finder need them."""
-        return self.everywhere or lrf.least_number < SMALLEST or lrf.range_min > LARGEST
+        return (
+            self.everywhere or lrf.least_number < SMALLEST_NUMBER or lrf.range_min > LARGEST_NUMBER
+        )
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
         """Ranges and walls (beams,) of the scan from a pose."""
@@ -83,4 +85,4 @@ class Rationals:
 def _inside(values: Float) -> Bool:
     """Which numbers compiled casting takes."""
     size = np.abs(values)
-    return np.asarray((size == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)))
+    return np.asarray((size == 0.0) | ((size >= SMALLEST_NUMBER) & (size <= LARGEST_NUMBER)))

@@ -14,10 +14,10 @@ from lrf3d.robot import Trajectory
 from lrf3d.robot.laps import Patrol
 from lrf3d.world.model import DEFAULT_HEIGHT
 
-ROOM = 1.0 + 1e-6
+WIDENED = 1.0 + 1e-6
 """How much wider an obstacle is taken to be before it is skipped."""
 
-ROUNDING = 1e-12
+PLACE_ROUNDING = 1e-12
 """What rounding may do to a place, as a part of its coordinates, before an obstacle is skipped."""
 
 
@@ -75,12 +75,12 @@ class DynamicObstacle(Value):
         x, y, _ = self.path.at(np.array([time]))[0].tolist()
         ahead, left = x - float(pose[0]), y - float(pose[1])
         distance = math.hypot(ahead, left)
-        reach = ROOM * self.reach + ROUNDING * (abs(x) + abs(y))
+        reach = WIDENED * self.reach + PLACE_ROUNDING * (abs(x) + abs(y))
         if distance <= reach:
             return True
         middle, half = lrf.spread
         bearing = abs(wrap_angle(math.atan2(left, ahead) - float(pose[2]) - middle))
-        beside = half + ROOM * math.asin(reach / distance)
+        beside = half + WIDENED * math.asin(reach / distance)
         return bool(distance - reach <= lrf.range_max and bearing <= beside)
 
     @property

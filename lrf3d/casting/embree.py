@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.domain import FARTHEST, Rationals
+from lrf3d.casting.domain import BEYOND_WALLS, Rationals
 from lrf3d.casting.mesh_scene import MeshScene, level_cut
 from lrf3d.casting.scans import BatchCaster, limited
 from lrf3d.casting.wall_scene import WallScene, build_wall_scene
@@ -133,7 +133,7 @@ class EmbreeCaster(BatchCaster):
             return scene
         assert self._walls is not None
         level = int(self._levels.searchsorted(lrf.height))
-        key = level, math.frexp(min(lrf.range_max, FARTHEST))[1]
+        key = level, math.frexp(min(lrf.range_max, BEYOND_WALLS))[1]
         if key not in self._scenes:
             tall = np.flatnonzero(self._walls.heights >= lrf.height).astype(np.int32)
             segments = self._walls.segments[tall]

@@ -16,7 +16,7 @@ from lrf3d.pose import as_pose, as_poses
 from lrf3d.world import World
 from lrf3d.world.extrude import extrude
 
-BLOCK = 256
+POSES_TRACED = 256
 """Poses whose rays trimesh gets at once: with 181 beams some 20 MB of its arrays."""
 
 
@@ -37,8 +37,8 @@ class RawEmbreeCaster:
         poses = as_poses(poses)
         ranges = np.empty((len(poses), lrf.beams))
         walls = np.empty((len(poses), lrf.beams), np.int64)
-        for start in range(0, len(poses), BLOCK):
-            part = slice(start, start + BLOCK)
+        for start in range(0, len(poses), POSES_TRACED):
+            part = slice(start, start + POSES_TRACED)
             ranges[part], walls[part] = limited(lrf, *self._cast(lrf, poses[part]))
         return ranges, walls
 

@@ -7,7 +7,7 @@ from functools import cache
 
 from lrf3d.cores import core_count
 
-PIECES = 8
+PIECES_A_CORE = 8
 """Pieces for each core: fewer wait for the slowest core, more for Python's lock in between."""
 
 LEAST = 8
@@ -17,7 +17,7 @@ LEAST = 8
 def share(work: Callable[[int, int], None], count: int) -> None:
     """Call work(start, stop) for pieces of range(count), as many at a time as there are cores."""
     cores = core_count()
-    size = max(LEAST, -(-count // (PIECES * cores)))
+    size = max(LEAST, -(-count // (PIECES_A_CORE * cores)))
     starts = range(0, count, size)
     if len(starts) < 2 or cores < 2:
         work(0, count)

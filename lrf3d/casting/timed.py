@@ -1,13 +1,13 @@
-"""Timed casters: the robot moves while its beams turn, and others move on its way.
+"""Timed casters: the robot moves during a scan, among obstacles that move as well.
 
-Casters know walls and poses, no time. A TimedCaster casts the scan that begins at a time:
+Casters know walls and poses, but no time. A TimedCaster casts the scan that begins at a time:
 
-- `Still` is the usual one: all beams at once, and only walls;
-- `Sweep` sends each beam at its own time from its own pose;
-- `Among` sees dynamic obstacles between the walls, where they are at the time of the beams.
+- `StillCaster`, the usual one, sends all beams at once, among walls alone;
+- `SweepCaster` sends each beam at its own time, from its own pose;
+- `ObstacleCaster` adds dynamic obstacles, at their places at the time of the beams.
 
-Each of them wraps the one before it and casts exactly: a beam of a sweep is the caster's own,
-and obstacles are walls, cast like all others; the nearer of the two is what the beam meets.
+Each wraps another caster and casts exactly. Obstacles are cast as walls, and a beam ends at the
+nearer of the two.
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ class TimedCaster(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Still:
+class StillCaster:
     """All beams at once, among walls that stand."""
 
     caster: Caster
@@ -54,7 +54,7 @@ class Still:
 
 
 @dataclass(frozen=True, slots=True)
-class Among:
+class ObstacleCaster:
     """Adds dynamic obstacles to the scans of another caster; their wall index is −1."""
 
     caster: TimedCaster
@@ -79,7 +79,7 @@ class Among:
 
 
 @dataclass(frozen=True, slots=True)
-class Sweep:
+class SweepCaster:
     """Beams one after the other while the robot moves along its path.
 
     The pose of a scan is that of its first beam. A robot that stands has the very scan that the
@@ -125,9 +125,9 @@ def timed(
     Raises:
         InputError: A scan takes longer than the time to the next.
     """
-    cast: TimedCaster = Still(caster)
+    cast: TimedCaster = StillCaster(caster)
     if obstacles:
-        cast = Among(cast, tuple(obstacles))
+        cast = ObstacleCaster(cast, tuple(obstacles))
     if path is None or lrf.time_increment == 0.0:
         return cast
     between = float(np.diff(path.times[:-1]).min(initial=np.inf))
@@ -138,4 +138,4 @@ def timed(
             f"scan_duration {lrf.scan_duration:g} s: longer than the {between:g} s between two"
             " scans; scan less often or faster"
         )
-    return Sweep(cast, path)
+    return SweepCaster(cast, path)

@@ -10,16 +10,16 @@ from lrf3d.casting.clusters import ends_of, narrowest_cluster
 from lrf3d.casting.domain import laser_of
 from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
 from lrf3d.casting.embree_walls import all_clear_parts, float32_error, triangles
-from lrf3d.casting.kernels.embree_proof import Known, Local
+from lrf3d.casting.kernels.embree_proof import Local, ProvedWalls
 from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
 from lrf3d.casting.kernels.tree import build_tree
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder
 
-BLOCK = 64
+POSES_SENT = 64
 """Poses whose rays are handed to embreex at once: 600 kB with 181 beams, no copy of a batch."""
 
-Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
+Faces32 = tuple[NDArray[np.float32], NDArray[np.int32]]
 
 
 class WallScene(Protocol):
@@ -45,7 +45,9 @@ def build_wall_scene(segments: Float, index: NDArray[np.int32], distance: float)
     return RunScene(*prepared) if library is None else PacketScene(*prepared, library)
 
 
-def _prepare(segments: Float, index: NDArray[np.int32], distance: float) -> tuple[Known, Triangles]:
+def _prepare(
+    segments: Float, index: NDArray[np.int32], distance: float
+) -> tuple[ProvedWalls, Faces32]:
     """What the proof knows of the walls, and the triangles that Embree gets for them."""
     tree = build_tree(segments, index)
     box = tree.boxes[0] if len(segments) else np.zeros(4)
@@ -63,14 +65,14 @@ def _prepare(segments: Float, index: NDArray[np.int32], distance: float) -> tupl
     width = narrowest_cluster(ends)
     local = Local(x, y, unit, radius, 1.5 * delta, longest + 8.0 * delta, width)
     vertices, owners = triangles(tree.walls, ends, (x, y), delta, unit)
-    known = Known(tree, all_clear_parts(tree, delta), owners, local)
+    known = ProvedWalls(tree, all_clear_parts(tree, delta), owners, local)
     return known, (vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
 
 
 class PacketScene:
     """Casts by compiled code that itself calls Embree, packet by packet."""
 
-    def __init__(self, known: Known, mesh: Triangles, library: EmbreeLibrary) -> None:
+    def __init__(self, known: ProvedWalls, mesh: Faces32, library: EmbreeLibrary) -> None:
         # The scene is kept here for as long as its address is in use.
         self._scene = library.build(*mesh)
         plain = known.tree[:], known.clear, known.owners, known.local[:]
@@ -88,7 +90,7 @@ class PacketScene:
 class RunScene:
     """Casts by way of embreex: rays are made, handed over, and what comes back is proved."""
 
-    def __init__(self, known: Known, mesh: Triangles) -> None:
+    def __init__(self, known: ProvedWalls, mesh: Faces32) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
@@ -106,8 +108,8 @@ class RunScene:
         """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
         laser, known = laser_of(lrf), self._known
         reach = (laser[-1] + known.local.beyond) * known.local.unit
-        for k in range(0, len(poses), BLOCK):
-            part = slice(k, k + BLOCK)
+        for k in range(0, len(poses), POSES_SENT):
+            part = slice(k, k + POSES_SENT)
             found = np.empty(0, dtype=np.int32)
             if self._kept is not None:
                 rays = send_rays(laser, poses[part], known.local)

@@ -4,28 +4,29 @@ import json
 import logging
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from lrf3d.errors import one_line
-
-Progress = Callable[[int, int], None]
+from lrf3d.progress import Progress, silent
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
     """A progress bar on stderr; nothing if stderr is not a terminal."""
     if not sys.stderr.isatty():
-        yield lambda done, total: None
+        yield silent
         return
     from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
-        Progress,
         TextColumn,
         TimeRemainingColumn,
+    )
+    from rich.progress import (
+        Progress as Bar,
     )
 
     columns = (
@@ -35,7 +36,7 @@ def progress_bar(title: str) -> Iterator[Progress]:
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         # The first time, the compiler has half a minute of work before anything is done.
         task = bar.add_task("getting ready", total=None, rate="")
 

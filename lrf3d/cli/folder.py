@@ -17,7 +17,7 @@ from lrf3d.input import read_text
 from lrf3d.output import clear_unfinished, locked, make_folder
 from lrf3d.world import world_names
 
-LONGEST = 100
+LONGEST_NAME = 100
 """Bytes of a folder's name: file systems take 255, and some names are joined to it."""
 
 LARGEST_SUMMARY = 1 << 26
@@ -84,7 +84,7 @@ def folder_name(name: str) -> str:
         ('Lab_3_west', 'world')
     """
     plain = re.sub(r"[^\w.+-]+", "_", name.encode(errors="ignore").decode()).strip("._")
-    return plain.encode()[:LONGEST].decode(errors="ignore") or "world"
+    return plain.encode()[:LONGEST_NAME].decode(errors="ignore") or "world"
 
 
 def _free(folder: Path, made_by: dict[str, Any]) -> Path:

@@ -15,10 +15,11 @@ from lrf3d.interrupts import noting
 from lrf3d.io import record
 from lrf3d.mapping import save_map
 from lrf3d.output import Drawing
+from lrf3d.progress import Progress
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring.summary import drawn_part, summarise
-from lrf3d.simulation import Progress, Simulation, collect
+from lrf3d.simulation import Simulation, collect
 from lrf3d.text import counted
 
 Bar = Callable[[str], AbstractContextManager[Progress]]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
 from lrf3d.input import check_ordinary
 from lrf3d.io.laser_log import BadLine
-from lrf3d.io.packed import BLOCK, LARGEST_RATIO, UNSUSPICIOUS
+from lrf3d.io.packed import BLOCK_BYTES, LARGEST_RATIO, SMALL_LOG
 
 SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -178,9 +178,9 @@ def check_packed_files(folder: Path) -> None:
         InputError: One of them does.
     """
     for path in sorted(folder.glob("*.zstd")):
-        allowed, total = max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size), 0
+        allowed, total = max(SMALL_LOG, LARGEST_RATIO * path.stat().st_size), 0
         with _zstd().open(path, "rb") as stream:
-            while block := stream.read(BLOCK):
+            while block := stream.read(BLOCK_BYTES):
                 total += len(block)
                 if total > allowed:
                     raise InputError(

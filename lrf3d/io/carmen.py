@@ -37,7 +37,7 @@ from lrf3d.output import replacing
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.world.schema import FARTHEST
+from lrf3d.world.schema import LARGEST_COORDINATE
 
 MOST_WITHOUT_SCAN = 1_000_000
 """Lines in a row without a scan before a file is given up: hours of other messages."""
@@ -260,8 +260,8 @@ def _robot_laser(
 
 def _farthest(said: float, largest_range: float | None) -> float:
     """From where on a reading is no return: what the message says, if anything, or the user."""
-    if said > FARTHEST:
-        raise _BadMessage(f"a range of {said:g} m, expected at most {FARTHEST:g} m")
+    if said > LARGEST_COORDINATE:
+        raise _BadMessage(f"a range of {said:g} m, expected at most {LARGEST_COORDINATE:g} m")
     if largest_range is None:
         return said if said > 0.0 else LARGEST_RANGE
     return min(said, largest_range) if said > 0.0 else largest_range
@@ -299,8 +299,8 @@ def _pose(words: list[bytes]) -> Pose:
     x, y, theta = (
         _number(word, what) for word, what in zip(words, "x y theta".split(), strict=True)
     )
-    if not max(abs(x), abs(y), abs(theta)) <= FARTHEST:
-        raise _BadMessage(f"pose {x:g} {y:g} {theta:g}, expected at most {FARTHEST:g} m")
+    if not max(abs(x), abs(y), abs(theta)) <= LARGEST_COORDINATE:
+        raise _BadMessage(f"pose {x:g} {y:g} {theta:g}, expected at most {LARGEST_COORDINATE:g} m")
     return Pose(x, y, float(wrap_angle(theta)))
 
 

@@ -24,7 +24,7 @@ from lrf3d.input import check_ordinary
 from lrf3d.io.packed import LARGEST_RATIO
 from lrf3d.output import replacing
 
-UNSUSPICIOUS = 1 << 28
+SMALL_RUN = 1 << 28
 """Bytes that any file may unpack to, however small."""
 
 MAPPED = 1 << 26
@@ -70,7 +70,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
     check_ordinary(path, what="a .npz file")
     with zipfile.ZipFile(path) as file:
         total = sum(entry.file_size for entry in file.infolist())
-        if total > max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size):
+        if total > max(SMALL_RUN, LARGEST_RATIO * path.stat().st_size):
             raise ValueError(f"it unpacks to {total:,} bytes, over {LARGEST_RATIO} times its size")
         return {
             entry.filename.removesuffix(".npy"): _read(path, file, entry)

@@ -9,14 +9,14 @@ from typing import BinaryIO, NamedTuple
 from lrf3d.errors import InputError
 from lrf3d.input import opened
 
-BLOCK = 1 << 20
+BLOCK_BYTES = 1 << 20
 """Bytes that are read at a time, and the longest line: a scan of 100,000 beams is shorter."""
 
 LARGEST_RATIO = 100
 """How many times its packed size a file may unpack to: recorded scans come to 5 times, those of
 a robot that stands still to some tens, a bomb of zeros to 1,000."""
 
-UNSUSPICIOUS = 1 << 23
+SMALL_LOG = 1 << 23
 """Bytes that any file may unpack to, however small: they take no time worth speaking of."""
 
 GZIP = b"\x1f\x8b"
@@ -46,7 +46,7 @@ def lines_of(path: Path) -> Iterator[LogLine]:
         if not packed:
             yield from _lines(file, path, None)
             return
-        allowed = max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size)
+        allowed = max(SMALL_LOG, LARGEST_RATIO * path.stat().st_size)
         with gzip.open(file) as unpacked:
             yield from _lines(unpacked, path, allowed)
 
@@ -56,7 +56,11 @@ def _lines(stream: BinaryIO | gzip.GzipFile, path: Path, allowed: int | None) ->
     while True:
         fault = ""
         try:
-            block = stream.read1(BLOCK) if isinstance(stream, gzip.GzipFile) else stream.read(BLOCK)
+            block = (
+                stream.read1(BLOCK_BYTES)
+                if isinstance(stream, gzip.GzipFile)
+                else stream.read(BLOCK_BYTES)
+            )
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             block, fault = b"", f"the packed data are damaged from here on ({error})"
         total += len(block)
@@ -71,11 +75,11 @@ def _lines(stream: BinaryIO | gzip.GzipFile, path: Path, allowed: int | None) ->
         rest = parts.pop() if block else b""
         for text in parts:
             if long:
-                yield LogLine(number, b"", f"longer than {BLOCK} bytes")
+                yield LogLine(number, b"", f"longer than {BLOCK_BYTES} bytes")
             elif text:
                 yield LogLine(number, text)
             number, long = number + 1, False
-        if len(rest) > BLOCK:
+        if len(rest) > BLOCK_BYTES:
             rest, long = b"", True
         if not block:
             if fault:

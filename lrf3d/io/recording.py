@@ -26,6 +26,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.output import beside, locked
 from lrf3d.pose import Pose
+from lrf3d.progress import Progress, silent
 from lrf3d.run import Run, SnapshotSchedule, run_bytes
 from lrf3d.steering import ControlledDrive
 from lrf3d.world.cameras import FilmPlan
@@ -39,8 +40,6 @@ CHUNK_BYTES = 1 << 22
 CHECKPOINT_SCANS = 1 << 14
 """Scans from one checkpoint to the next: mapping them again takes some seconds."""
 
-Progress = Callable[[int, int], None]
-
 
 def record(
     simulation: "Simulation",
@@ -48,7 +47,7 @@ def record(
     *,
     resume: bool = False,
     film: FilmPlan | None = None,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> Run:
     """Run a simulation into a file, in constant memory and safe from crashes.
 

@@ -39,7 +39,7 @@ from lrf3d.io.bag_messages import (
 from lrf3d.io.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.pose import Pose
-from lrf3d.world.schema import FARTHEST
+from lrf3d.world.schema import LARGEST_COORDINATE
 
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
 """A laser that stands more askew than this does not scan in the plane."""
@@ -262,7 +262,7 @@ def _read(bag: Bag, scan_topic: str) -> _Contents:
 def _take_scan(contents: _Contents, said: Any) -> None:
     scan = LaserScan.from_ros(said)
     # A range finder that says it sees without end has not seen as far as that.
-    scan = replace(scan, ranges=np.where(scan.ranges > FARTHEST, np.inf, scan.ranges))
+    scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
     if contents.scans and np.array_equal(contents.scans[-1].angles, scan.angles):
         # One array for all scans that share it.
         scan = replace(scan, angles=contents.scans[-1].angles)
@@ -295,7 +295,9 @@ def _row(place: Any, turn: Any) -> tuple[float, ...]:
     """Numbers x, y, z and the quaternion x, y, z, w of a pose or a transform."""
     row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
     # Compared in this order so that NaN is refused as well.
-    if not (all(abs(value) <= FARTHEST for value in row) and 0.5 < math.hypot(*row[3:]) < 2.0):
+    if not (
+        all(abs(value) <= LARGEST_COORDINATE for value in row) and 0.5 < math.hypot(*row[3:]) < 2.0
+    ):
         raise InputError(f"pose {row}: expected numbers and a unit quaternion")
     return row
 

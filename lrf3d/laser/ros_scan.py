@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Float32 = NDArray[np.float32]
 
-WIDEST = 2.1 * math.pi
+WIDEST_SCAN = 2.1 * math.pi
 """Largest angle [rad] from the first beam to the last: a full turn, and room for rounding."""
 
 UNEVEN = 1e-3
@@ -146,7 +146,7 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     count = len(ranges) if ranges.ndim == 1 else 0
     if count == 0:
         raise InputError("scan without ranges")
-    if not (math.isfinite(low) and abs(step) * (count - 1) <= WIDEST and (step or count == 1)):
+    if not (math.isfinite(low) and abs(step) * (count - 1) <= WIDEST_SCAN and (step or count == 1)):
         raise InputError(
             f"scan of {count} beams {step:g} rad apart from {low:g} rad, expected at most a turn"
         )

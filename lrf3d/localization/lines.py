@@ -14,7 +14,7 @@ from lrf3d.laser import RangeNoise
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.world import World
 
-SAMPLES = 16
+COVARIANCE_BEAMS = 16
 """Beams that stand for all that met a segment when its covariance is computed: with more, the
 covariance changes by less than a percent."""
 
@@ -108,14 +108,18 @@ def line_covariances(
     if spacing is not None:
         step = np.minimum(step, spacing)
     width = points[:, None] * step
-    angles = start + 0.5 * (turn - width) + width * (np.arange(SAMPLES) + 0.5) / SAMPLES
+    angles = (
+        start
+        + 0.5 * (turn - width)
+        + width * (np.arange(COVARIANCE_BEAMS) + 0.5) / COVARIANCE_BEAMS
+    )
     # A wall that points at the robot has beams along it, whose tangent knows no bound.
     margin = (high - low) / (points[:, None] - 1.0)
     t = np.clip(p * np.tan(angles), low - margin, high + margin)
     ranges = np.maximum(np.hypot(p, t), np.finfo(np.float64).tiny)
     incidence = np.maximum(p / ranges, LEAST_INCIDENCE)
     variance = np.maximum(noise.variance(ranges), LEAST_DEVIATION**2)
-    weights = points[:, None] / SAMPLES / (variance * incidence**2)
+    weights = points[:, None] / COVARIANCE_BEAMS / (variance * incidence**2)
     total, first_moment = weights.sum(axis=1), (weights * t).sum(axis=1)
     mean = first_moment / total
     # About the mean, so that a short segment far along its line loses no digits. Points that lie
@@ -123,7 +127,7 @@ def line_covariances(
     spread = (weights * (t - mean[:, None]) ** 2).sum(axis=1)
     share = np.divide(width, turn, out=np.ones_like(turn), where=turn > 0.0)
     evenly = total * ((high - low) * share)[:, 0] ** 2 / 12.0
-    spread += evenly * (1.0 / SAMPLES**2 - 1.0 / points**2)
+    spread += evenly * (1.0 / COVARIANCE_BEAMS**2 - 1.0 / points**2)
     # Along a wall that points straight at the robot the samples fall on one place.
     spread = np.maximum(spread, evenly / points**2)
     sway = 1.0 / spread

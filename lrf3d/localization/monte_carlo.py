@@ -5,7 +5,6 @@ Each seed draws its own start, noise of the ranges and noise of the odometry.
 """
 
 import os
-from collections.abc import Callable
 from concurrent.futures import as_completed
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -26,17 +25,16 @@ from lrf3d.localization import (
 )
 from lrf3d.localization.lines import KnownLines
 from lrf3d.pose import Pose
+from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
-
-Progress = Callable[[int, int], None]
 
 MAPS = ("walls", "map")
 """What is known: the true walls, or the map that the run built."""
 
-USUAL_RANGE = 10.0
+MAPPED_RANGE = 10.0
 """How far off [m] a wall is when most of the points that a map is fitted to are measured."""
 
-CONFIDENCE = 0.95
+NEES_CONFIDENCE = 0.95
 """Share of the averages over the seeds that a consistent filter has within the bounds."""
 
 FREEDOMS = 3
@@ -72,7 +70,7 @@ class LocalisationTask:
         """The map that the robot is localised on."""
         if self.known == "walls":
             return KnownLines.from_world(self.run.world)
-        deviation = self.sigma * USUAL_RANGE / self.run.lrf.range_max
+        deviation = self.sigma * MAPPED_RANGE / self.run.lrf.range_max
         return KnownLines.from_map(self.run.map, deviation=deviation)
 
     def follow(self, seed: int) -> Track:
@@ -119,7 +117,7 @@ class LocalisationScore:
         from scipy.stats import chi2
 
         seeds = len(self.nees)
-        tail = 0.5 * (1.0 - CONFIDENCE)
+        tail = 0.5 * (1.0 - NEES_CONFIDENCE)
         averages = chi2(FREEDOMS * seeds)
         return float(averages.ppf(tail)) / seeds, float(averages.ppf(1.0 - tail)) / seeds
 
@@ -153,7 +151,7 @@ def score_localisation(
     *,
     seeds: int = 100,
     workers: int | None = 1,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> LocalisationScore:
     """Follow a drive with many seeds.
 

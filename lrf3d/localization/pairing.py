@@ -23,7 +23,7 @@ GATE = 13.8
 """Largest squared Mahalanobis distance of a pair: one true pair in a thousand lies beyond it, of
 two degrees of freedom."""
 
-LEAST_OVERLAP = 0.5
+LEAST_ALONGSIDE = 0.5
 """Share of the shorter segment of a pair that must lie alongside the longer one, after what the
 pose's uncertainty may shift it: the half, so that a wall is never taken for its neighbour."""
 
@@ -113,7 +113,7 @@ def _alongside(
     apart = np.abs(unit @ place.T - np.einsum("ij,ij->i", unit, middle)[:, None])
     other = known.halves[rows]
     overlap = np.minimum(half + other - apart, 2.0 * np.minimum(half, other))
-    beside = overlap + slack >= LEAST_OVERLAP * 2.0 * np.minimum(half, other)
+    beside = overlap + slack >= LEAST_ALONGSIDE * 2.0 * np.minimum(half, other)
     excess = np.maximum(half + apart - other, 0.0)
     return beside, np.asarray(excess**2 / (variance + END_DEVIATION**2))
 

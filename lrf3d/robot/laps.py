@@ -11,7 +11,7 @@ from lrf3d.pose import Pose
 from lrf3d.robot.following import follow_route
 from lrf3d.robot.trajectory import Trajectory
 
-TURN = 0.5
+LAP_TURN = 0.5
 """Time that a turn on the spot takes [s]."""
 
 
@@ -128,7 +128,7 @@ class Patrol(Value):
         while begin <= time or not times:
             times += [begin, begin + durations[leg]]
             poses += [np.append(place, headings[leg]), np.append(place + legs[leg], headings[leg])]
-            begin, place = begin + durations[leg] + TURN, place + legs[leg]
+            begin, place = begin + durations[leg] + LAP_TURN, place + legs[leg]
             leg = (leg + 1) % len(legs)
         return Trajectory(times, poses)
 

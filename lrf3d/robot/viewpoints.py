@@ -35,7 +35,7 @@ MOST_RARITY = 3.0
 """How many times more a wall of a small object may count than its length says: a shed is to be on
 the map as well as a long block, but no post is worth a long way."""
 
-PIECES = 6000
+WALL_PIECES = 6000
 """About how many pieces all walls are cut into to count what is seen of them."""
 
 LEAST_GAIN = 0.004
@@ -98,7 +98,7 @@ def look_around(space: FreeSpace, world: World, *, range_max: float) -> Views:
     reach = min(range_max, FARTHEST_VIEW)
     low, high = space.cells.min(axis=0) - reach, space.cells.max(axis=0) + reach
     segments, near = walls_within(world.segments - np.tile(world.origin, 2), low, high)
-    size = max(0.25, float(lengths(segments).sum()) / PIECES)
+    size = max(0.25, float(lengths(segments).sum()) / WALL_PIECES)
     _, weights = sample_walls(segments, size)
     pieces = np.ceil(lengths(segments) / size).astype(int)
     rank = np.minimum(lengths(segments) / FULL_WEIGHT, 1.0) * _rarity(segments, world.objects[near])

@@ -13,7 +13,7 @@ from lrf3d.pose import Pose
 from lrf3d.scoring.report import Report
 from lrf3d.world import World
 
-NEAREST, FARTHEST = 0.1, 20.0
+NEAREST_RETURN, FARTHEST_RETURN = 0.1, 20.0
 """Returns between these ranges are judged [m]: nearer is the robot, farther is too sparse."""
 
 EXPLAINED_WITHIN = 0.1
@@ -68,7 +68,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     scan_count = return_count = explained = violations = 0
     errors: list[Float] = [np.empty(0)]
     for scan in scans:
-        judged = (scan.ranges > NEAREST) & (scan.ranges < FARTHEST)
+        judged = (scan.ranges > NEAREST_RETURN) & (scan.ranges < FARTHEST_RETURN)
         ranges = scan.ranges[judged]
         pose = Pose(scan.pose.x - origin[0], scan.pose.y - origin[1], scan.pose.theta)
         expected = cast.ranges(scan, pose)[judged]

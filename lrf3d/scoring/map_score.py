@@ -11,10 +11,10 @@ from lrf3d.scoring.matching import match_segments, sample_offsets
 from lrf3d.scoring.report import Report
 from lrf3d.scoring.visibility import visible_walls
 
-REACH = 0.1
+SAMPLE_TOLERANCE = 0.1
 """Farthest that a right sample may lie from a wall [m]."""
 
-ANGLE = np.deg2rad(5.0)
+SAMPLE_ANGLE = np.deg2rad(5.0)
 """Largest angle between a right sample's segment and the wall [rad]."""
 
 
@@ -100,9 +100,11 @@ def score_map(
     """
     found, visible = line_map.segments, visible_segments
     true = visible if walls is None else walls
-    offsets = sample_offsets(found, true, reach=REACH, angle=ANGLE)
+    offsets = sample_offsets(found, true, reach=SAMPLE_TOLERANCE, angle=SAMPLE_ANGLE)
     right = np.isfinite(offsets)
-    recalled = np.isfinite(sample_offsets(visible, found, reach=REACH, angle=ANGLE))
+    recalled = np.isfinite(
+        sample_offsets(visible, found, reach=SAMPLE_TOLERANCE, angle=SAMPLE_ANGLE)
+    )
     precision, recall = _share(right.sum(), len(right)), _share(recalled.sum(), len(recalled))
     pairs = match_segments(found, visible)
     segment_precision = _share(len(pairs), len(found))

@@ -82,13 +82,13 @@ def _assign_rivals(own: Int, wall: Int, cost: Float) -> Int:
     return np.column_stack([names[columns[paired]], wall_names[rows[paired]]]).astype(np.int64)
 
 
-SPACING = 0.05
+SAMPLE_SPACING = 0.05
 """Distance of samples along a segment [m]: a tenth of the shortest wall that counts."""
 
-ROUNDING = 1e-6
+LENGTH_ROUNDING = 1e-6
 """Part of a sample's piece that rounding may add to a length, also 10⁶ m from the origin."""
 
-BLOCK = 1_000_000
+SAMPLES_AT_ONCE = 1_000_000
 """Samples compared at a time: some tens of megabytes."""
 
 
@@ -115,14 +115,14 @@ def close_pairs(segments: Float, others: Float, reach: float) -> tuple[Int, Int]
     return mine[own[order]], theirs[other[order]]
 
 
-def sample_counts(segments: Float, spacing: float = SPACING) -> Int:
+def sample_counts(segments: Float, spacing: float = SAMPLE_SPACING) -> Int:
     """How many samples (n,) lie along each of the segments (n, 4).
 
     A segment is cut into equal pieces no longer than the spacing [m], with a sample in the
     middle of each: so no end of the segment is preferred.
     """
     # The allowance lets a length of whole pieces keep its count when rounding adds a trifle.
-    return np.ceil(lengths(segments) / spacing - ROUNDING).astype(np.int64)
+    return np.ceil(lengths(segments) / spacing - LENGTH_ROUNDING).astype(np.int64)
 
 
 def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float) -> Float:
@@ -168,7 +168,9 @@ def _blocks(own: Int, samples: Int) -> Iterator[Int]:
     rank = np.arange(len(own)) - np.searchsorted(own, own)
     order = np.argsort(rank, kind="stable")
     ends = np.cumsum(samples[order])
-    full = np.searchsorted(ends, np.arange(BLOCK, ends[-1] if len(ends) else 0, BLOCK))
+    full = np.searchsorted(
+        ends, np.arange(SAMPLES_AT_ONCE, ends[-1] if len(ends) else 0, SAMPLES_AT_ONCE)
+    )
     next_rank = np.flatnonzero(np.diff(rank[order])) + 1
     cuts = np.union1d(full, next_rank).astype(np.int64)
     yield from (each for each in np.split(order, cuts) if len(each))

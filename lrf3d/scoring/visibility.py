@@ -6,7 +6,7 @@ from lrf3d.geometry import Float, Int, directions
 from lrf3d.laser import beam_directions
 from lrf3d.run import Run
 
-LEAST_LENGTH = 0.5
+LEAST_VISIBLE = 0.5
 """Length [m] that the visible part of a wall must exceed to count."""
 
 
@@ -45,7 +45,7 @@ def visible_parts(
         place = np.einsum("ij,ij->i", pose[:2] - segments[wall, :2] + reach, along[wall])
         np.minimum.at(low, wall, place)
         np.maximum.at(high, wall, place)
-    visible = np.flatnonzero(high - low > LEAST_LENGTH)
+    visible = np.flatnonzero(high - low > LEAST_VISIBLE)
     start, unit = segments[visible, :2], along[visible]
     first = start + low[visible, None] * unit
     return np.hstack([first, start + high[visible, None] * unit]), visible

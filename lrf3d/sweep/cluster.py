@@ -35,7 +35,7 @@ except ImportError as error:
 ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+/?")
 """Addresses of schedulers."""
 
-PATIENCE = 30.0
+SCHEDULER_SECONDS = 30.0
 """How long to wait for a scheduler and its first worker [s]."""
 
 LIVES = 20
@@ -118,7 +118,7 @@ def _started(workers: int) -> Iterator[Client]:
 @contextmanager
 def _remote(address: str) -> Iterator[Client]:
     try:
-        client = Client(address, timeout=PATIENCE)
+        client = Client(address, timeout=SCHEDULER_SECONDS)
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(
             f"--scheduler {address}: no scheduler answers there; start one with dask scheduler,"
@@ -127,7 +127,7 @@ def _remote(address: str) -> Iterator[Client]:
     # A lost scheduler is reported by lrf3d itself, in one line.
     with client, silence_logging_cmgr(logging.CRITICAL):
         try:
-            client.wait_for_workers(1, timeout=PATIENCE)
+            client.wait_for_workers(1, timeout=SCHEDULER_SECONDS)
         except TimeoutError as error:
             raise InputError(
                 f"--scheduler {address}: it has no workers; start some with dask worker {address}"

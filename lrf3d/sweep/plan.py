@@ -17,12 +17,12 @@ from lrf3d.robot.free_space import Side
 from lrf3d.scenario import Scenario
 from lrf3d.scenario_file import read_scenario_file, scenario_of
 from lrf3d.simulation import line_mapper
-from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, Grid, SettingValue, setting
+from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, SettingValue, SweepGrid, setting
 from lrf3d.sweep.task import Order, Place
 from lrf3d.world import World
 from lrf3d.world.size import size_warning
 
-COLUMNS = {MODE: "mode", SIGMA: "sigma_m", BEAMS: "beams"}
+SETTING_COLUMNS = {MODE: "mode", SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep lists; others keep their names."""
 
 KEY_DIGITS = 32
@@ -67,7 +67,7 @@ class Plan:
         runs: The runs, in the order of the table.
     """
 
-    grid: Grid
+    grid: SweepGrid
     places: dict[str, Place]
     cells: tuple[Cell, ...]
     runs: tuple[PlannedRun, ...]
@@ -96,11 +96,11 @@ class Plan:
 
 def column_of(name: str) -> str:
     """The column of a setting."""
-    return COLUMNS.get(name, name)
+    return SETTING_COLUMNS.get(name, name)
 
 
 def make_plan(
-    grid: Grid,
+    grid: SweepGrid,
     *,
     collision: Callable[[str], None] | None = None,
     where: Side | None = None,

@@ -9,7 +9,7 @@ import numpy as np
 from lrf3d.sweep.plan import Plan
 from lrf3d.sweep.task import Row
 
-CONFIDENCE = 0.95
+INTERVAL_CONFIDENCE = 0.95
 """Probability with which an interval holds the mean."""
 
 MEASURES = (
@@ -43,7 +43,7 @@ class Mean:
         if count < 2:
             return cls(float(known[0]) if count else np.nan, np.nan, count)
         spread = float(known.std(ddof=1)) / np.sqrt(count)
-        half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1)) * spread
+        half = float(t.ppf(0.5 + 0.5 * INTERVAL_CONFIDENCE, count - 1)) * spread
         return cls(float(known.mean()), half, count)
 
     def as_dict(self) -> dict[str, float | int | None]:
@@ -89,7 +89,7 @@ def summarise(plan: Plan, rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "sweep": {**plan.grid.as_dict(), "worlds": plan.worlds},
         "runs": len(rows),
-        "confidence": CONFIDENCE,
+        "confidence": INTERVAL_CONFIDENCE,
         "combinations": [
             {
                 "world": mean.world,

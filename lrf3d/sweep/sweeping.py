@@ -5,20 +5,19 @@ Runs are sent in batches that take about as long as is worth sending.
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, Lrf3dError
 from lrf3d.interrupts import noting
+from lrf3d.progress import Progress, silent
 from lrf3d.sweep.cluster import connected, hold
 from lrf3d.sweep.plan import Cell, Plan, PlannedRun, digest
 from lrf3d.sweep.store import TABLE, Store
 from lrf3d.sweep.summary import summarise
 from lrf3d.sweep.task import Row, carry_out, unpack
-
-Progress = Callable[[int, int], None]
 
 AHEAD = 3
 """Batches for each worker that are under way: one at work and some in line, so that none waits."""
@@ -121,7 +120,7 @@ def sweep(
     scheduler: str | None = None,
     workers: int | None = None,
     resume: bool = False,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> Sweep:
     """Make all runs of a plan; what comes out does not depend on where, when or in what order.
 

@@ -24,7 +24,7 @@ from lrf3d.world.model import World
 SECONDS, SECONDS_A_MEGABYTE = 4.0, 1.5
 """How long a processor may be at it [s]: to start, and for each megabyte of the file."""
 
-PATIENCE = 10.0
+SLOWEST_MACHINE = 10.0
 """How many times longer it may take on a machine that has other things to do."""
 
 MEMORY, MEMORY_A_BYTE = 300 << 20, 30
@@ -54,12 +54,12 @@ def read_apart(path: Path, read: Callable[[Path], World]) -> World:
             command,
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            timeout=PATIENCE * seconds,
+            timeout=SLOWEST_MACHINE * seconds,
             env=environment,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise WorldError(_too_long(path, PATIENCE * seconds)) from None
+        raise WorldError(_too_long(path, SLOWEST_MACHINE * seconds)) from None
     if done.returncode == -getattr(signal, "SIGXCPU", 0):
         raise WorldError(_too_long(path, seconds))
     header, _, body = done.stdout.partition(b"\n")

@@ -11,10 +11,10 @@ import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.world.outlines import chains_of
-from lrf3d.world.sealing import WIDTH, Wall, seal
+from lrf3d.world.sealing import STRIP_WIDTH, FittedWall, seal
 from lrf3d.world.straight_runs import cut_into_runs, hull_of, is_straight
 
-GAP = 8.5
+LARGEST_GAP = 8.5
 """Farthest [half cells] that pieces of one wall stand apart: three empty cells."""
 
 
@@ -55,7 +55,7 @@ class _Runs:
         for chain in chains:
             place = _first_corner(chain.points) if chain.closed else 0
             row = np.roll(chain.points, -place, axis=0)
-            cuts = cut_into_runs(row, WIDTH)
+            cuts = cut_into_runs(row, STRIP_WIDTH)
             owner = np.zeros(len(row), dtype=np.int64)
             owner[cuts[1:]] = 1
             points.append(row)
@@ -80,7 +80,7 @@ class _Runs:
         members = np.split(order, np.cumsum(np.bincount(self.owner, minlength=count))[:-1])
         hulls = [hull_of(self.points[member]) for member in members]
         sizes = [float(np.ptp(hull, axis=0).max()) for hull in hulls]
-        pairs = cKDTree(self.points).query_pairs(GAP, output_type="ndarray")
+        pairs = cKDTree(self.points).query_pairs(LARGEST_GAP, output_type="ndarray")
         pairs = np.unique(np.sort(self.owner[pairs], axis=1), axis=0)
         near: list[set[int]] = [set() for _ in range(count)]
         for one, other in pairs[pairs[:, 0] != pairs[:, 1]].tolist():
@@ -98,7 +98,7 @@ class _Runs:
                 if taken[run] != run:
                     continue
                 both = np.concatenate([hulls[seed], hulls[run]])
-                if is_straight(both, WIDTH):
+                if is_straight(both, STRIP_WIDTH):
                     hulls[seed] = hull_of(both)
                     taken[run] = seed
                     waiting |= near[run] - refused
@@ -111,7 +111,7 @@ class _Runs:
         _, owner = np.unique(self.owner, return_inverse=True)
         order = np.argsort(owner, kind="stable")
         members = np.split(order, np.cumsum(np.bincount(owner))[:-1])
-        walls = [Wall.through(self.points[member]) for member in members]
+        walls = [FittedWall.through(self.points[member]) for member in members]
         bridges = []
         for one, other in self.links.tolist():
             a, b = walls[owner[one]], walls[owner[other]]

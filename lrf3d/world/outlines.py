@@ -18,14 +18,14 @@ BAND = 1 << 18
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
+class Outline:
     """Points (k, 2) [half cells] one after the other; a closed chain goes back to its first."""
 
     points: Int
     closed: bool
 
 
-def chains_of(occupied: Bool) -> tuple[list[Chain], Int]:
+def chains_of(occupied: Bool) -> tuple[list[Outline], Int]:
     """The chains of a grid, and the lone cells (k, 2) [half cells] that no chain goes through.
 
     Args:
@@ -134,7 +134,7 @@ def _edge_links(grid: Bool, thin: Bool, inside: Bool, middle: Int, height: int) 
         yield np.column_stack([point[first][both], point[second][both]])
 
 
-def _walk(points: Int, links: Int) -> Iterator[Chain]:
+def _walk(points: Int, links: Int) -> Iterator[Outline]:
     """The chains along links (k, 2) between points; straight ways go on through forks."""
     count = len(points)
     either = np.concatenate([links, links[:, ::-1]])
@@ -164,12 +164,12 @@ def _walk(points: Int, links: Int) -> Iterator[Chain]:
                 ways.append(chain(start, following))
     for way in _through(ways, points):
         closed = way[0] == way[-1]
-        yield Chain(points[way[:-1] if closed else way], closed)
+        yield Outline(points[way[:-1] if closed else way], closed)
     for start in range(count):
         if degree[start] == 2:
             following = neighbours[first[start]]
             if (start, following) not in used:
-                yield Chain(points[chain(start, following)[:-1]], True)
+                yield Outline(points[chain(start, following)[:-1]], True)
 
 
 LOOK = 12

@@ -16,11 +16,11 @@ import numpy as np
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float
-from lrf3d.world.cameras import WIDEST
+from lrf3d.world.cameras import WIDEST_VIEW
 from lrf3d.world.locate import KeyPath
 from lrf3d.world.model import MOST_OBJECTS
 
-FARTHEST = 1e9
+LARGEST_COORDINATE = 1e9
 """Largest coordinate [m] in a file: above it float64 no longer resolves a micrometre."""
 
 Check = Callable[[object], object]
@@ -42,13 +42,15 @@ class Invalid(Exception):
         self.inside = inside
 
 
-def number(*, above: float = -math.inf, least: float = -math.inf, most: float = FARTHEST) -> Check:
+def number(
+    *, above: float = -math.inf, least: float = -math.inf, most: float = LARGEST_COORDINATE
+) -> Check:
     """A check for a finite number within limits."""
 
     def check(value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise Invalid(f"expected a number, found {shown(value)}")
-        if not (-FARTHEST <= value <= most and value >= least and value > above):
+        if not (-LARGEST_COORDINATE <= value <= most and value >= least and value > above):
             limit = f" above {above:g}" if above > -math.inf else ""
             limit = f" of at least {least:g}" if least > -math.inf else limit
             limit += f" and at most {most:g}" if most < value < math.inf else ""
@@ -259,7 +261,7 @@ CAMERA: Mapping[str, Check] = {
     "name": text(),
     "position": point(),
     "target": point(),
-    "field_deg": number(above=0.0, most=WIDEST),
+    "field_deg": number(above=0.0, most=WIDEST_VIEW),
 }
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from lrf3d.geometry import Float, Int, fit_line
 from lrf3d.world.straight_runs import hull_of, narrowest
 
-WIDTH = 2
+STRIP_WIDTH = 2
 """Width [half cells] of the strip in which the points of a wall lie: half a cell on each side."""
 
-FARTHEST = 20.0
+FARTHEST_JOINT = 20.0
 """Farthest [half cells] from where two outlines join that the lines of their walls may meet."""
 
 EXACT = 1e-6
@@ -26,12 +26,12 @@ walls meet too far away, the nearest first."""
 AROUND = AROUND[np.argsort(np.hypot(*AROUND.T), kind="stable")]
 
 
-LONG = 8
+LONG_WALL = 8
 """Points of walls whose joint is worth that trouble: a step in a long wall is seen."""
 
 
 @dataclass
-class Wall:
+class FittedWall:
     """A wall along points of an outline.
 
     Args:
@@ -43,13 +43,13 @@ class Wall:
     ends: Float
 
     @classmethod
-    def through(cls, points: Int) -> "Wall":
+    def through(cls, points: Int) -> "FittedWall":
         """The wall that fits points (n, 2) best, and is within half a cell of all of them."""
         place = points.astype(np.float64)
         if (points == points[0]).all():
             return cls(place, place[[0, 0]])
         middle, unit = fit_line(place)
-        if np.abs((place - middle) @ [-unit[1], unit[0]]).max() > 0.5 * WIDTH:
+        if np.abs((place - middle) @ [-unit[1], unit[0]]).max() > 0.5 * STRIP_WIDTH:
             # The middle of the narrowest strip is farther from most points, and too far from none.
             corners = hull_of(points)
             edge, across = narrowest(corners)
@@ -77,7 +77,7 @@ class Wall:
         """Which of the ends is that of a point of the outline, or None for one in between."""
         away = np.hypot(*(self.ends - point).T)
         end = int(np.argmin(away))
-        return end if away[end] <= 1.5 * WIDTH else None
+        return end if away[end] <= 1.5 * STRIP_WIDTH else None
 
     def with_end(self, end: int | None, place: Float) -> Float | None:
         """The ends (2, 2) with one moved to a place; None where a point is then too far away."""
@@ -91,11 +91,11 @@ class Wall:
             return None
         share = np.clip((self.points - ends[0]) @ delta / square, 0.0, 1.0)
         gap = self.points - ends[0] - share[:, None] * delta
-        near = (gap**2).sum(axis=1).max() <= (0.5 * WIDTH + EXACT) ** 2
+        near = (gap**2).sum(axis=1).max() <= (0.5 * STRIP_WIDTH + EXACT) ** 2
         return ends if near else None
 
 
-def seal(one: Wall, other: Wall, near: Int, far: Int) -> list[Float]:
+def seal(one: FittedWall, other: FittedWall, near: Int, far: Int) -> list[Float]:
     """Let two walls meet where their outlines join, at points near and far.
 
     Returns:
@@ -106,10 +106,10 @@ def seal(one: Wall, other: Wall, near: Int, far: Int) -> list[Float]:
     middle = 0.5 * (near + far)
     places = [0.5 * (a + b), a, b]
     crossing = _crossing(one, other)
-    if crossing is not None and np.hypot(*(crossing - middle)) <= FARTHEST:
+    if crossing is not None and np.hypot(*(crossing - middle)) <= FARTHEST_JOINT:
         places.insert(0, crossing)
     if not (one.is_point or other.is_point):
-        if min(len(one.points), len(other.points)) >= LONG:
+        if min(len(one.points), len(other.points)) >= LONG_WALL:
             places += list(0.5 * (a + b) + AROUND)
         for place in places:
             ends, other_ends = one.with_end(first, place), other.with_end(second, place)
@@ -120,7 +120,7 @@ def seal(one: Wall, other: Wall, near: Int, far: Int) -> list[Float]:
     return [np.concatenate([a, b])] if gap > EXACT else []
 
 
-def _crossing(one: Wall, other: Wall) -> Float | None:
+def _crossing(one: FittedWall, other: FittedWall) -> Float | None:
     """Where the lines of two walls meet, or None where they are all but parallel."""
     a, b = one.ends[1] - one.ends[0], other.ends[1] - other.ends[0]
     cross = float(a[0] * b[1] - a[1] * b[0])

@@ -112,7 +112,7 @@ def _misfit(points: Int, start: int, end: int) -> float:
     return max(0.0, 0.5 * (xx + yy) - math.sqrt(half * half + xy * xy))
 
 
-REACH = 6
+CUT_SHIFT = 6
 """Points that a cut is moved to either side, to where both runs fit best."""
 
 
@@ -135,7 +135,7 @@ def cut_into_runs(points: Int, width: int) -> Int:
         for cut in range(1, runs):
             before, here, after = cuts[cut - 1], cuts[cut], cuts[cut + 1]
             best, chosen = np.inf, here
-            for place in range(max(before + 1, here - REACH), min(after, here + REACH + 1)):
+            for place in range(max(before + 1, here - CUT_SHIFT), min(after, here + CUT_SHIFT + 1)):
                 misfit = _misfit(points, before, place) + _misfit(points, place, after)
                 if misfit < best - 1e-9 and (
                     place == here

@@ -11,7 +11,7 @@ from lrf3d.geometry import Float, Int
 CORNERS = 256
 """Corners of a hull that are looked at: fewer than there are give a width that is too small."""
 
-ROUNDING = 1e-14
+WIDTH_ROUNDING = 1e-14
 """Bound on the error of a width, in parts of the points' extent."""
 
 
@@ -70,7 +70,7 @@ def _width(points: Float) -> float:
         for j in range(count):
             highest = max(highest, ex * (hull[j, 1] - hull[i, 1]) - ey * (hull[j, 0] - hull[i, 0]))
         least = min(least, highest / np.hypot(ex, ey))
-    return float(least - ROUNDING * extent)
+    return float(least - WIDTH_ROUNDING * extent)
 
 
 @inner

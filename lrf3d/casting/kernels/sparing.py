@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.buffer import Fan
-from lrf3d.casting.kernels.embree_proof import Known, prove
+from lrf3d.casting.kernels.embree_proof import ProvedWalls, prove
 from lrf3d.casting.kernels.packets import WIDTH, Packets, find
 from lrf3d.casting.kernels.predicates import FILTER, Beam, Wall, wall_at
 from lrf3d.casting.kernels.scans import PADDING
@@ -93,7 +93,13 @@ def stride_for(beams: int, half: float, range_max: float, width: float) -> int:
 
 @inner
 def find_all(
-    packets: Packets, known: Known, fan: Fan, range_max: float, stride: int, room: Room, hit: Int
+    packets: Packets,
+    known: ProvedWalls,
+    fan: Fan,
+    range_max: float,
+    stride: int,
+    room: Room,
+    hit: Int,
 ) -> int:
     """Find the rows of walls that beams hit, or −1; how many are UNSURE.
 
