@@ -21,7 +21,7 @@ from benchmarks.scan.baselines import OWN as OWN_CASTERS
 from benchmarks.scan.processes import probe, resident_bytes
 from benchmarks.scan.savings import ablate
 from benchmarks.timing import Timing, take_turns
-from lrf3d.casting import PlanarCaster, threads
+from lrf3d.casting import PlanarCaster, batch_caster
 from lrf3d.cores import core_count
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.progress import Progress, silent
@@ -290,7 +290,7 @@ def _call(call: Call, turn: int) -> object:
 
 def _on_one_core(call: Call, turn: int) -> object:
     """Call with casters that take the machine to have one core."""
-    with patch.object(threads, "core_count", lambda: 1):
+    with patch.object(batch_caster, "core_count", lambda: 1):
         return call()
 
 

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.domain import BEYOND_WALLS, Rationals
+from lrf3d.casting.batch_caster import BatchCaster, limited
+from lrf3d.casting.exact import RationalCaster
+from lrf3d.casting.kernels.scans import BEYOND_WALLS
 from lrf3d.casting.mesh_scene import MeshScene, level_cut
-from lrf3d.casting.scans import BatchCaster, limited
 from lrf3d.casting.wall_scene import WallScene, build_wall_scene
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
@@ -48,7 +49,7 @@ class EmbreeCaster(BatchCaster):
     def __init__(self, world: Any) -> None:
         self.world = world
         self._walls = world if isinstance(world, World) else None
-        self._rationals = Rationals(World(np.empty((0, 4))) if self._walls is None else world)
+        self._rationals = RationalCaster(World(np.empty((0, 4))) if self._walls is None else world)
         self._levels = np.empty(0) if self._walls is None else np.unique(self._walls.heights)
         self._scenes: dict[tuple[int, int], WallScene] = {}
         self._latest: tuple[LaserRangeFinder | None, WallScene | None] = None, None

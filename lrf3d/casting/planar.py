@@ -5,10 +5,10 @@ from functools import partial
 
 import numpy as np
 
-from lrf3d.casting.domain import Rationals, laser_of
-from lrf3d.casting.kernels.scans import cast_scan, cast_scans
+from lrf3d.casting.batch_caster import BatchCaster
+from lrf3d.casting.exact import RationalCaster
+from lrf3d.casting.kernels.scans import cast_scan, cast_scans, laser_of
 from lrf3d.casting.kernels.tree import Tree, build_tree
-from lrf3d.casting.scans import BatchCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import as_pose
@@ -34,7 +34,7 @@ class PlanarCaster(BatchCaster):
         self.world = world
         self._levels = np.unique(world.heights)
         self._trees: dict[int, Tree] = {}
-        self._rationals = Rationals(world)
+        self._rationals = RationalCaster(world)
 
     def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]; built once for each level."""

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.casting.scans import limited
+from lrf3d.casting.batch_caster import limited
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import as_pose, as_poses

@@ -6,12 +6,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.clusters import ends_of, narrowest_cluster
-from lrf3d.casting.domain import laser_of
 from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
-from lrf3d.casting.embree_walls import all_clear_parts, float32_error, triangles
+from lrf3d.casting.embree_walls import (
+    all_clear_parts,
+    ends_of,
+    float32_error,
+    narrowest_cluster,
+    triangles,
+)
 from lrf3d.casting.kernels.embree_proof import Local, ProvedWalls
 from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
+from lrf3d.casting.kernels.scans import laser_of
 from lrf3d.casting.kernels.tree import build_tree
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder

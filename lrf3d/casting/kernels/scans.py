@@ -19,7 +19,7 @@ from lrf3d.casting.kernels.predicates import (
 from lrf3d.casting.kernels.tree import PlainTree, Tree
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import range_finder
+from lrf3d.laser import LaserRangeFinder, range_finder
 
 turn = inner(range_finder.turn)
 
@@ -47,6 +47,15 @@ class Laser(NamedTuple):
 
 PlainLaser = tuple[Float, float, float, float, float]
 """A laser as Python passes it: numba takes ten times as long to tell the type of a named tuple."""
+
+
+BEYOND_WALLS = 1e50
+"""A distance [m] that is beyond every wall that compiled casting takes."""
+
+
+def laser_of(lrf: LaserRangeFinder) -> PlainLaser:
+    """What kernels take of a range finder; no product with its range_max overflows."""
+    return lrf.fan, *lrf.spread, float(lrf.range_min), float(min(lrf.range_max, BEYOND_WALLS))
 
 
 @compiled
