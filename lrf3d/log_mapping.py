@@ -1,7 +1,4 @@
-"""Mapping a recorded log: the even scans build the map, the odd ones test it.
-
-A log enters; the map and its figures leave, and the files of both.
-"""
+"""Mapping a recorded log: the even scans build the map, the odd ones test it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,15 +18,15 @@ from lrf3d.text import counted
 
 @dataclass(frozen=True, eq=False)
 class MappedLog:
-    """A log and the map that its even scans gave.
+    """A log and the map that was built from its even scans.
 
     Args:
         log: The log.
         mode: Mode of the mapper.
-        sigma: The noise [m] that the mapper reckoned with.
+        sigma: The noise [m] that the mapper assumed.
         map: The map.
-        score: How well it foretells the odd scans.
-        milliseconds: (k,) what taking in each scan took.
+        score: How well it predicts the odd scans.
+        milliseconds: (k,) time of the update with each scan.
         mapped: The scans that the map was built from.
     """
 
@@ -114,7 +111,7 @@ def map_log(
     """
     mapper = LineMapper(mode, sigma=sigma)
     even, odd = (log.scans, []) if all_scans else (log.scans[::2], log.scans[1::2])
-    # What is compiled at the first scan is no part of what a scan takes.
+    # Compiling at the first scan is not counted.
     mapper.local_map(even[0])
     milliseconds = []
     for done, scan in enumerate(even, 1):

@@ -16,10 +16,11 @@ from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_poses
 
 PIECES_A_CORE = 8
-"""Pieces for each core: fewer wait for the slowest core, more for Python's lock in between."""
+"""Pieces of work for each core: with fewer the slowest core decides, with more Python's lock
+does."""
 
 LEAST_PIECE = 8
-"""Items that are worth a piece of their own."""
+"""Least number of items in a piece."""
 
 
 class BatchCaster(ABC):
@@ -38,7 +39,7 @@ class BatchCaster(ABC):
 
     @abstractmethod
     def _kernel(self, lrf: LaserRangeFinder) -> Callable[[Float, Float, Int], None]:
-        """What fills the ranges (k, beams) of poses (k, 3), and the walls unless empty."""
+        """The function that fills ranges (k, beams) of poses (k, 3), and walls unless empty."""
 
     def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
         poses = np.ascontiguousarray(as_poses(poses))
@@ -61,14 +62,14 @@ def limited(lrf: LaserRangeFinder, distances: Float, walls: Int) -> tuple[Float,
 
 
 def share(work: Callable[[int, int], None], count: int) -> None:
-    """Call work(start, stop) for pieces of range(count), as many at a time as there are cores."""
+    """Call work(start, stop) for pieces of range(count), in one thread for each core."""
     cores = core_count()
     size = max(LEAST_PIECE, -(-count // (PIECES_A_CORE * cores)))
     starts = range(0, count, size)
     if len(starts) < 2 or cores < 2:
         work(0, count)
         return
-    # Python hands out the next piece under its lock, so each goes to one thread alone.
+    # Advancing the iterator holds Python's lock, so each piece goes to exactly one thread.
     rest = iter(starts)
 
     def work_on() -> None:
@@ -86,10 +87,10 @@ def share(work: Callable[[int, int], None], count: int) -> None:
 
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
-    """Threads that stay: new ones for each batch would cost a sixth of its time."""
+    """Threads that are kept: starting new ones for each batch would cost a sixth of its time."""
     return ThreadPoolExecutor(threads, thread_name_prefix="lrf3d")
 
 
 if hasattr(os, "register_at_fork"):
-    # A forked process has none of its parent's threads.
+    # The threads of its parent do not exist in a forked process.
     os.register_at_fork(after_in_child=_pool.cache_clear)

@@ -1,7 +1,7 @@
-"""Walls as triangles that Embree cannot miss, and the part of each wall where its word is final.
+"""Walls as triangles that Embree cannot miss, and the part of each wall where its hit is final.
 
-Embree works in float32: all that it says of a place may be off by an error ε. What it gets for a
-wall is therefore more than the wall (everything upright, the beams at z = 0 horizontal):
+Embree works in float32: each position may be off by an error ε. The triangles for a wall therefore
+extend beyond it (everything upright, the beams at z = 0 horizontal):
 
 - the wall's own plane, longer by 3δ at both ends, where δ = 2ε;
 - across each end, δ before it, a cap that reaches 2δ to both sides, but for square corners.
@@ -115,10 +115,10 @@ def square_corners(segments: Float, ends: Ends) -> NDArray[np.bool_]:
 
 
 def float32_error(radius: float, distance: float) -> float:
-    """Bound on the error ε [m] of what Embree says, at coordinates up to radius from the middle.
+    """Bound on Embree's error ε [m], at coordinates up to a radius from the middle.
 
-    Ends and laser are rounded, the direction is, over the distance, and so is each of the seven
-    steps of the intersection.
+    The ends and the laser are rounded, and, in proportion to the distance, the direction and each
+    of the seven steps of the intersection.
     """
     return 2.0**-24 * (2.0 * radius + 16.0 * distance)
 
@@ -142,7 +142,7 @@ def triangles(
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """Vertices (3 m, 3) float32 of m triangles, and which wall (n, 4) each of these is for.
 
-    The vertices are seen from the centre, and so many units long as they are metres.
+    The vertices are relative to the centre, in metres times the unit.
     """
     start, end = walls[:, :2] - centre, walls[:, 2:] - centre
     # Seen from the centre both ends of a short wall may round to one point, or to a wall of another

@@ -1,8 +1,8 @@
 """The range of a beam as a rational number: the definition that casters are measured against.
 
-A float64 is a rational number with a power of two below, so the least t ≥ 0 with o + t·d on a
-wall exists as a fraction for every world and beam. In go walls and beams as they are in float64;
-out come the wall and t, with no rounding anywhere. It is slow: a reference for the casters.
+Float64 numbers are fractions whose denominator is a power of two, so for every world and beam the
+least t ≥ 0 with o + t·d on a wall is a fraction, too. It is computed here without any rounding.
+That is slow: this is the reference for the casters.
 
 Compiled casting is exact as long as its error-free products neither under- nor overflow. With
 coordinates that are 0 or of 1e-44 to 1e44 m, their differences are 0 or at least 1e-60 m, and they
@@ -22,16 +22,16 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 
 SMALLEST_NUMBER = 1e-44
-"""Least size of a number, other than 0, that compiled casting takes [m], [rad]."""
+"""Smallest size of a nonzero number that compiled casting accepts [m], [rad]."""
 
 LARGEST_NUMBER = 1e44
-"""Largest size of a number that compiled casting takes [m]."""
+"""Largest size of a number that compiled casting accepts [m]."""
 
 
 def cast_exact(
     segments: Float, origin: Sequence[float], direction: Sequence[float]
 ) -> tuple[int, Fraction | None]:
-    """Cast one beam against segments (n, 4); equal t is a tie, which the lowest index wins.
+    """Cast one beam against segments (n, 4); of segments at equal t the lowest index counts.
 
     Returns:
         The wall and t in units of the direction's length, or −1 and None where nothing is hit.
@@ -40,11 +40,11 @@ def cast_exact(
 
 
 class ExactWorld:
-    """Walls and the places of lasers on one integer grid, so that beams cost integers only.
+    """Walls and laser positions on one integer grid, so that beams are cast in integers.
 
     Args:
         segments: (n, 4) ends x1 y1 x2 y2 of the walls.
-        origins: (k, 2) places that beams start from.
+        origins: (k, 2) origins of the beams.
     """
 
     def __init__(self, segments: Float, origins: Sequence[Sequence[float]]) -> None:
@@ -93,8 +93,8 @@ def _meet(ax: int, ay: int, bx: int, by: int, dx: int, dy: int) -> tuple[int, in
     side_b = dx * by - dy * bx
     if area < 0:
         area, side_a, side_b = -area, -side_a, -side_b
-    # Seen from the origin b lies counter-clockwise of a, by less than half a turn, so the beam
-    # meets the segment just where it has a on its right or on it and b on its left or on it.
+    # Seen from the origin, b is counter-clockwise of a by less than half a turn. So the beam meets
+    # the segment if and only if a is not on its left and b is not on its right.
     if side_a > 0 or side_b < 0:
         return None
     return area, side_b - side_a
@@ -119,7 +119,7 @@ class RationalCaster:
         self.everywhere = not bool(_inside(world.segments).all())
 
     def needed(self, lrf: LaserRangeFinder, x: float, y: float, theta: float) -> bool:
-        """Whether a scan from this pose needs them; plain floats, since each scan asks."""
+        """Whether a scan from this pose needs rationals; plain floats keep this check fast."""
         return (
             self.for_all(lrf)
             or not (x == 0.0 or SMALLEST_NUMBER <= abs(x) <= LARGEST_NUMBER)
@@ -128,7 +128,7 @@ class RationalCaster:
         )
 
     def for_all(self, lrf: LaserRangeFinder) -> bool:
-        """Whether all scans of a range finder need them."""
+        """Whether all scans of a range finder need rationals."""
         return (
             self.everywhere or lrf.least_number < SMALLEST_NUMBER or lrf.range_min > LARGEST_NUMBER
         )
@@ -149,9 +149,9 @@ class RationalCaster:
         return ranges, walls
 
     def mend(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
-        """Put the right ranges and walls (k, beams) into a batch from poses (k, 3).
+        """Cast the scans of a batch that need rationals, and put their ranges and walls into it.
 
-        The walls may be empty where none are asked for.
+        The walls are left out if the array is empty.
         """
         beyond = ~_inside(poses).all(axis=1) | self.for_all(lrf)
         for k in np.flatnonzero(beyond).tolist():
@@ -161,6 +161,6 @@ class RationalCaster:
 
 
 def _inside(values: Float) -> Bool:
-    """Which numbers compiled casting takes."""
+    """Which numbers compiled casting accepts."""
     size = np.abs(values)
     return np.asarray((size == 0.0) | ((size >= SMALLEST_NUMBER) & (size <= LARGEST_NUMBER)))

@@ -16,11 +16,11 @@ from lrf3d.world import World
 
 
 class PlanarCaster(BatchCaster):
-    """Casts scans at the walls of a world that are at least as tall as the beams are high.
+    """Casts scans at the walls of a world that reach up to the height of the beams.
 
-    The wall that a beam hits is the exact one for the float64 pose, directions and walls; of
-    walls hit at the same distance the first. The range is that distance, off by half a unit in
-    its last place.
+    For the float64 pose, directions and walls the wall that a beam hits is exact; of walls at the
+    same distance it is the first. The range is that distance, to within half a unit in its last
+    place.
 
     Examples:
         >>> import lrf3d

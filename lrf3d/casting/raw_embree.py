@@ -1,8 +1,7 @@
-"""RawEmbreeCaster: what trimesh and Embree answer by themselves, with nothing proved.
+"""RawEmbreeCaster: the ranges of trimesh and Embree, without a proof.
 
-In go a world and poses; out come ranges and walls as ``mesh.ray.intersects_location`` has them:
-the triangle is chosen in float32, the distance is that of its plane in float64. It is what lrf3d
-is compared with, not what it casts with.
+Ranges and walls are those of ``mesh.ray.intersects_location``: the triangle is found in float32,
+the distance is that of its plane in float64. It serves only for comparison.
 """
 
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from lrf3d.world import World
 from lrf3d.world.extrude import extrude
 
 POSES_TRACED = 256
-"""Poses whose rays trimesh gets at once: with 181 beams some 20 MB of its arrays."""
+"""Poses whose rays are passed to trimesh at a time: with 181 beams its arrays take 20 MB."""
 
 
 class RawEmbreeCaster:
@@ -28,7 +27,7 @@ class RawEmbreeCaster:
         self.mesh = extrude(world)
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
-        """The scan from a pose as trimesh sees it."""
+        """The scan of trimesh from a pose."""
         ranges, walls = self.scan_batch(lrf, as_poses([pose]))
         return LaserScan.unchecked(lrf, as_pose(pose), ranges[0], walls[0])
 

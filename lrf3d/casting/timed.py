@@ -44,7 +44,7 @@ class TimedCaster(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class StillCaster:
-    """All beams at once, among walls that stand."""
+    """Casts all beams at once, among static walls."""
 
     caster: Caster
 
@@ -61,7 +61,7 @@ class ObstacleCaster:
     obstacles: tuple[DynamicObstacle, ...]
 
     def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
-        """The scan in which each beam ends at the nearer of a wall and a obstacle."""
+        """The scan, in which each beam ends at the nearer of wall and obstacle."""
         scan = self.caster.cast_at(lrf, pose, time)
         met = [obstacle for obstacle in self.obstacles if obstacle.may_meet(lrf, pose, time)]
         if not met:
@@ -69,7 +69,7 @@ class ObstacleCaster:
         sides = [obstacle.walls(time) for obstacle in met]
         heights = np.repeat([obstacle.height for obstacle in met], [len(part) for part in sides])
         moving = PlanarCaster(World(np.concatenate(sides), heights=heights)).cast(lrf, pose).ranges
-        # Of two beams that are too short, −inf, neither is nearer, and −1 says the same of both.
+        # If both ranges are below range_min, −inf, neither is nearer; the wall is −1 in any case.
         nearer = moving < scan.ranges
         return replace(
             scan,
@@ -80,21 +80,21 @@ class ObstacleCaster:
 
 @dataclass(frozen=True, slots=True)
 class SweepCaster:
-    """Beams one after the other while the robot moves along its path.
+    """Casts the beams one after the other while the robot moves along its path.
 
-    The pose of a scan is that of its first beam. A robot that stands has the very scan that the
-    caster would have cast at once.
+    The pose of a scan is that of its first beam. For a robot at rest the scan equals that of the
+    caster bit for bit.
     """
 
     caster: TimedCaster
     path: Trajectory
 
     def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
-        """The scan, each beam cast from where the robot is when it is sent."""
+        """The scan, each beam cast from the pose of the robot at its time."""
         times: Float = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
         ways = self.path.at(times)
         poses = ways + (np.asarray(pose) - ways[0])
-        # What the robot has turned is added to the heading as given, beyond full turns or not.
+        # The turn is added to the given heading, which may lie beyond a full turn.
         poses[:, 2] = pose[2] + wrap_angle(ways[:, 2] - ways[0, 2])
         beams = [
             self.caster.cast_at(single, place, at)
@@ -116,10 +116,10 @@ def timed(
     path: Trajectory | None,
     obstacles: Sequence[DynamicObstacle] = (),
 ) -> TimedCaster:
-    """The caster for scans along a path, with no more in it than the scans need.
+    """The caster for scans along a path, composed of no more than the scans need.
 
-    Where no path is known, all beams of a scan are sent at once. The last scan of a drive is taken
-    where the robot arrives, so that it may come sooner after the one before; whose last beams
+    Without a path all beams of a scan are sent at once. The last scan of a drive is taken where the
+    robot arrives, so the interval before it may be shorter; the last beams of the scan before it
     are then sent from there.
 
     Raises:
@@ -131,7 +131,7 @@ def timed(
     if path is None or lrf.time_increment == 0.0:
         return cast
     between = float(np.diff(path.times[:-1]).min(initial=np.inf))
-    # Times are sums, so that intervals of 0.2 s differ from it by some roundings.
+    # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
     rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
     if lrf.scan_duration > between + rounding:
         raise InputError(

@@ -1,4 +1,4 @@
-"""WallScene: the walls of a world as Embree and as float64 have them, to cast scans at."""
+"""WallScene: the walls of a world, in float64 and as triangles for Embree, to cast scans at."""
 
 import math
 from typing import Protocol
@@ -22,7 +22,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder
 
 POSES_SENT = 64
-"""Poses whose rays are handed to embreex at once: 600 kB with 181 beams, no copy of a batch."""
+"""Poses whose rays are passed to embreex at a time: 600 kB with 181 beams, not a whole batch."""
 
 Faces32 = tuple[NDArray[np.float32], NDArray[np.int32]]
 
@@ -31,7 +31,7 @@ class WallScene(Protocol):
     """Walls that scans are cast at, exactly."""
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls of a scan, one of each for a beam."""
+        """The ranges and walls (beams,) of a scan."""
         ...
 
     def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
@@ -40,10 +40,10 @@ class WallScene(Protocol):
 
 
 def build_wall_scene(segments: Float, index: NDArray[np.int32], distance: float) -> WallScene:
-    """The scene of segments (n, 4), which an index (n,) names, for ranges up to a distance [m].
+    """The scene of segments (n, 4), with their indices (n,), for ranges up to a distance [m].
 
-    Embree is called from compiled code where its library can be used, and else by embreex; the
-    scans are the same.
+    Embree is called from compiled code if its library can be used, and otherwise through embreex;
+    the scans are the same.
     """
     prepared = _prepare(segments, index, distance)
     library = embree_library()
@@ -53,7 +53,7 @@ def build_wall_scene(segments: Float, index: NDArray[np.int32], distance: float)
 def _prepare(
     segments: Float, index: NDArray[np.int32], distance: float
 ) -> tuple[ProvedWalls, Faces32]:
-    """What the proof knows of the walls, and the triangles that Embree gets for them."""
+    """The walls as the proof needs them, and the triangles that stand for them in Embree."""
     tree = build_tree(segments, index)
     box = tree.boxes[0] if len(segments) else np.zeros(4)
     centre = np.round(0.5 * (box[:2] + box[2:]))
@@ -75,7 +75,7 @@ def _prepare(
 
 
 class PacketScene:
-    """Casts by compiled code that itself calls Embree, packet by packet."""
+    """Casts by compiled code that calls Embree directly, packet by packet."""
 
     def __init__(self, known: ProvedWalls, mesh: Faces32, library: EmbreeLibrary) -> None:
         # The scene is kept here for as long as its address is in use.
@@ -84,7 +84,7 @@ class PacketScene:
         self._fixed = self._scene.intersect, self._scene.address, plain
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls of a scan, one of each for a beam."""
+        """The ranges and walls (beams,) of a scan."""
         return cast_scan(*self._fixed, laser_of(lrf), *pose)
 
     def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
@@ -93,7 +93,7 @@ class PacketScene:
 
 
 class RunScene:
-    """Casts by way of embreex: rays are made, handed over, and what comes back is proved."""
+    """Casts through embreex: rays are passed to it, and its answers are proved."""
 
     def __init__(self, known: ProvedWalls, mesh: Faces32) -> None:
         from embreex.mesh_construction import TriangleMesh
@@ -104,7 +104,7 @@ class RunScene:
         self._kept = TriangleMesh(self._embree, *mesh) if len(known.tree.walls) else None
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls of a scan, one of each for a beam."""
+        """The ranges and walls (beams,) of a scan."""
         ranges, walls = np.empty((1, lrf.beams)), np.empty((1, lrf.beams), np.int64)
         self.cast_many(lrf, np.array([pose]), ranges, walls)
         return ranges[0], walls[0]

@@ -1,7 +1,7 @@
-"""How well the robot is localised on a known map, over many seeds.
+"""Monte Carlo evaluation of the localisation on a known map.
 
-A scenario enters, driven once; the errors of the extended Kalman filter and its consistency leave.
-Each seed draws its own start, noise of the ranges and noise of the odometry.
+A drive is followed with many seeds, each with its own start, range noise and odometry noise; the
+output is the errors of the extended Kalman filter and its consistency.
 """
 
 import os
@@ -29,13 +29,13 @@ from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
 
 MAPS = ("walls", "map")
-"""What is known: the true walls, or the map that the run built."""
+"""The known map: the true walls, or the map that the run built."""
 
 MAPPED_RANGE = 10.0
-"""How far off [m] a wall is when most of the points that a map is fitted to are measured."""
+"""Typical range [m] of the points that a map is fitted to."""
 
 NEES_CONFIDENCE = 0.95
-"""Share of the averages over the seeds that a consistent filter has within the bounds."""
+"""Share of the averages over seeds that lie within the bounds for a consistent filter."""
 
 FREEDOMS = 3
 """Numbers in a pose."""
@@ -43,17 +43,17 @@ FREEDOMS = 3
 
 @dataclass(frozen=True, eq=False)
 class LocalisationTask:
-    """A drive that was simulated, to be followed by odometry and scans alone.
+    """A simulated drive, to be followed by odometry and scans alone.
 
     Args:
         run: The drive, with the true ranges.
         sigma: Noise of the ranges [m] at range_max.
-        odometry: Noise of each step; the start is as uncertain as one step.
+        odometry: Noise of each increment; the start is as uncertain as one increment.
         known: ``walls`` for the true walls, ``map`` for the map of the run.
         strategy: Which lines are compared: ``seen-objects-first`` or ``all``.
 
     Raises:
-        InputError: What is known is neither of the two.
+        InputError: ``known`` is neither of the two.
     """
 
     run: Run
@@ -80,9 +80,9 @@ class LocalisationTask:
         poses = run.trajectory.poses
         start = PoseEstimate(Pose(*poses[0].tolist()), np.zeros((3, 3)))
         covariance = self.odometry.covariance
-        # The start is off as a step of odometry is, and known to be.
+        # The start has the error, and the covariance, of an odometry increment.
         start = start.moved(self.odometry(np.zeros((1, 3)), rng)[0], covariance)
-        # Eq. 7 has no floor: with one, near walls would be trusted less than they deserve.
+        # Eq. 7 has no floor; with one, near walls would get too little weight.
         localiser = Localiser(
             self.known_lines(),
             start,
@@ -97,13 +97,13 @@ class LocalisationTask:
 
 @dataclass(frozen=True, eq=False)
 class LocalisationScore:
-    """Errors over seeds (s) and scans (k), and what the filter said of them.
+    """Errors over seeds (s) and scans (k), and the consistency of the filter.
 
     Args:
         errors: (s, k, 3) estimated less true pose: x, y [m], theta [rad].
         nees: (s, k) squared errors in units of the covariance.
-        lines: (s, k) pairs of lines taken in.
-        comparisons: (s, k) comparisons of lines.
+        lines: (s, k) numbers of pairs of lines used.
+        comparisons: (s, k) numbers of comparisons of lines.
     """
 
     errors: Float
@@ -113,7 +113,7 @@ class LocalisationScore:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Where the NEES, averaged over the seeds, of a consistent filter lies 95 % of the time."""
+        """The 95 % interval of a consistent filter's NEES, averaged over the seeds."""
         from scipy.stats import chi2
 
         seeds = len(self.nees)
@@ -157,17 +157,17 @@ def score_localisation(
 
     Args:
         task: The drive.
-        seeds: How many seeds, from 0.
-        workers: Processes to share the seeds; one a core where None, and none besides this one
-            where 1. The figures do not depend on it.
-        progress: Called with the seeds that are done and all.
+        seeds: Number of seeds, from 0.
+        workers: Number of processes; None for one for each core, 1 for this process alone. The
+            result does not depend on it.
+        progress: Called with the number of seeds that are done, and of all.
 
     Raises:
-        InputError: There is not one seed.
+        InputError: The number of seeds is below 1.
     """
     if seeds < 1:
         raise InputError(f"{seeds} seeds: expected at least 1")
-    # What was measured when the map was built is not needed, and would only be copied around.
+    # Other map snapshots are not needed, and would only be copied to the processes.
     run = task.run
     task = replace(
         task, run=replace(run, snapshot_scans=run.snapshot_scans[-1:], maps=run.maps[-1:])

@@ -1,8 +1,8 @@
-"""How walls stand to each other, compiled: what hangs together, and what has no other wall near.
+"""Neighbouring walls, compiled: clusters of connected walls, and parts without other walls near.
 
-A cluster is all walls that hang together by shared ends; its width is that of the narrowest strip
-between two parallel lines that holds all its ends. See `lrf3d.casting.embree_walls` for what both
-are needed for.
+A cluster is a set of walls that are connected by shared ends; its width is that of the narrowest
+strip between two parallel lines that contains all its ends. `lrf3d.casting.embree_walls` needs
+both.
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 
 CORNERS = 256
-"""Corners of a hull that are looked at: fewer than there are give a width that is too small."""
+"""Corners of a hull that are used; leaving out others makes the width smaller, never larger."""
 
 WIDTH_ROUNDING = 1e-14
 """Bound on the error of a width, in parts of the points' extent."""
 
 MOST_NEAR = 64
-"""Walls that may stand near a wall until its clear part is given up: where a million go through
-one point, to look at them all would take each of them a million steps."""
+"""Largest number of walls near a wall that has a clear part: if a million walls pass through one
+point, comparing all with all would take too long."""
 
 
 @compiled
@@ -37,7 +37,7 @@ def cluster_of(joined: Int, count: int) -> Int:
 
 @inner
 def _root(root: Int, i: int) -> int:
-    """The least point that point i hangs together with; the way there becomes shorter."""
+    """The least point that point i is connected to; the path to it is compressed."""
     while root[i] != i:
         root[i] = root[root[i]]
         i = root[i]

@@ -44,7 +44,7 @@ BEHIND = max(PADDING, WIDTH - 1)
 
 
 class Room(NamedTuple):
-    """Room for the numbers of a scan; so many beams, and BEHIND where whole packets are taken.
+    """Work space for a scan: its beams, and BEHIND more where whole packets are taken.
 
     Attributes:
         dx: Directions of all beams.
@@ -67,7 +67,7 @@ class Room(NamedTuple):
 
 @inner
 def room_for(beams: int) -> Room:
-    """Room for a scan of so many beams."""
+    """Work space for a scan of a number of beams."""
     wide = beams + BEHIND
     return Room(
         np.zeros(wide),
