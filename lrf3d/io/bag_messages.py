@@ -37,7 +37,7 @@ LONGEST_METADATA = 1 << 17
 
 
 class Message(NamedTuple):
-    """A message of a bag: its number from 1, its topic and type, and what it says."""
+    """A message of a bag: its number from 1, its topic, its type and its contents."""
 
     number: int
     topic: str
@@ -59,7 +59,7 @@ class Bag:
         }
 
     def messages(self, topics: set[str]) -> Iterator[Message | BadLine]:
-        """The messages of some topics in the order of the bag, or why one cannot be read."""
+        """The messages of some topics in the order of the bag; a BadLine for an unreadable one."""
         wanted = [
             c for c in self._reader.connections if c.topic in topics and c.topic in self.topics
         ]
@@ -159,7 +159,7 @@ def bounded_unpacking() -> Iterator[None]:
 
 
 def check_metadata(folder: Path) -> None:
-    """See that what a folder says of its bag is not longer than takes a second to read.
+    """Check that the metadata of a bag are short enough to be read in a second.
 
     Raises:
         InputError: It is.
@@ -172,7 +172,7 @@ def check_metadata(folder: Path) -> None:
 
 
 def check_packed_files(folder: Path) -> None:
-    """See that files of a bag that are packed as a whole do not unpack to far more than they are.
+    """Check that compressed files of a bag do not unpack to far more than their size.
 
     Raises:
         InputError: One of them does.

@@ -1,4 +1,4 @@
-"""Routes that are driven for ever: laps of the robot, and patrols as people and carts go."""
+"""Routes that are repeated forever: laps of the robot, and patrols of people and carts."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -82,7 +82,7 @@ def _waited_for(lap: Trajectory) -> Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class Patrol(Value):
-    """A path straight from way-point to way-point and back the same way, for ever.
+    """A path straight from way-point to way-point and back the same way, forever.
 
     It turns on the spot at each way-point.
 
@@ -133,7 +133,7 @@ class Patrol(Value):
         return Trajectory(times, poses)
 
     def at(self, times: Float) -> Float:
-        """Poses (m, 3) at times (m,) [s]; before time 0 it stands."""
+        """Poses (m, 3) at times (m,) [s]; at rest before time 0."""
         last = float(times.max(initial=0.0))
         known: Trajectory | None = self.__dict__.get("_known")
         if known is None or known.times[-1] <= last:

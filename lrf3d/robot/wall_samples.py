@@ -9,7 +9,7 @@ import numpy as np
 from lrf3d.geometry import Float, Int, lengths
 
 SURROUNDINGS = 6.0
-"""How far [m] around the walls a robot may drive."""
+"""Width [m] of the land around the walls where a robot may drive."""
 
 WIDEST_WINDOW = 500.0
 """Largest side [m] of the part of a world that is planned in: as much as a drive can show."""
