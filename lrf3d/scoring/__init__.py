@@ -1,6 +1,6 @@
-"""Scoring: how near a map comes to the truth, and what it costs to store.
+"""Scoring: the error of a map against the truth, and the numbers that it takes to store.
 
-Everything is computed in a local frame, so that worlds far from the origin lose no digits.
+Everything is computed in a local frame, so that no digits are lost far from the origin.
 """
 
 from lrf3d.scoring.log_score import LogScore, score_log

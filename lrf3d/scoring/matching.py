@@ -1,6 +1,6 @@
-"""Matching: which segments of two sets lie close, and which map segment stands for which wall.
+"""Matching: pairs of close segments, and of map segments with the walls that they represent.
 
-A spatial index finds the neighbours and the work goes in blocks, so that a map of 100,000
+A spatial index finds the neighbours and the work is done in blocks, so that a map of 100,000
 segments needs no table of all pairs.
 """
 
@@ -14,7 +14,7 @@ LEAST_OVERLAP = 0.5
 """Intersection over union along the true line that a match must exceed."""
 
 END_TOLERANCE = 0.15
-"""Farthest that an end point of a match may lie from the true line [m]."""
+"""Largest distance of the end points of a match from the true line [m]."""
 
 
 def match_segments(segments: Float, walls: Float) -> Int:
@@ -116,12 +116,12 @@ def close_pairs(segments: Float, others: Float, reach: float) -> tuple[Int, Int]
 
 
 def sample_counts(segments: Float, spacing: float = SAMPLE_SPACING) -> Int:
-    """How many samples (n,) lie along each of the segments (n, 4).
+    """The number of samples (n,) along each of the segments (n, 4).
 
-    A segment is cut into equal pieces no longer than the spacing [m], with a sample in the
-    middle of each: so no end of the segment is preferred.
+    A segment is divided into equal pieces no longer than the spacing [m], with a sample in the
+    middle of each.
     """
-    # The allowance lets a length of whole pieces keep its count when rounding adds a trifle.
+    # The tolerance keeps the number of pieces when rounding makes a length slightly larger.
     return np.ceil(lengths(segments) / spacing - LENGTH_ROUNDING).astype(np.int64)
 
 
@@ -136,7 +136,7 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
 
     Returns:
         (s,) distance of each sample, segment after segment, to the line of the nearest such
-        wall; +inf where there is none.
+        wall; +inf if there is none.
     """
     counts = sample_counts(segments)
     segments, walls = in_local_frame(segments, walls)
@@ -161,9 +161,9 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
 
 
 def _blocks(own: Int, samples: Int) -> Iterator[Int]:
-    """Cut pairs into blocks of about a million samples, where no segment comes twice in one.
+    """Divide pairs into blocks of about a million samples, in which no segment occurs twice.
 
-    So all samples of a block can be written at once. Pairs come sorted by their segment.
+    So all samples of a block can be written at once. Pairs are sorted by their segment.
     """
     rank = np.arange(len(own)) - np.searchsorted(own, own)
     order = np.argsort(rank, kind="stable")
@@ -177,7 +177,7 @@ def _blocks(own: Int, samples: Int) -> Iterator[Int]:
 
 
 def _place_beside(segments: Float, place: Float, walls: Float) -> tuple[Float, Float]:
-    """Distance [m] of one place (n,) on each segment (n, 4) to its wall, and to the wall's line."""
+    """Distance [m] of a place (n,) on each segment (n, 4) to its wall, and to the wall's line."""
     point = segments[:, :2] + place[:, None] * (segments[:, 2:] - segments[:, :2])
     gap, along = point - walls[:, :2], directions(walls)
     forward = np.einsum("ij,ij->i", gap, along)

@@ -1,4 +1,4 @@
-"""Visibility: the parts of the walls that a run could have mapped, and the buildings seen whole."""
+"""Visibility: the parts of the walls that a run could map, and the buildings seen on all sides."""
 
 from dataclasses import dataclass
 
@@ -11,14 +11,14 @@ from lrf3d.scoring.matching import match_segments
 from lrf3d.scoring.report import Report
 
 LEAST_VISIBLE = 0.5
-"""Length [m] that the visible part of a wall must exceed to count."""
+"""Length [m] above which the visible part of a wall counts."""
 
 
 def visible_walls(run: Run) -> tuple[Float, Int]:
     """The part of each wall between the outermost noise-free returns of a run.
 
     Returns:
-        (v, 4) the parts longer than 0.5 m, and (v,) the walls that they lie on, rising.
+        (v, 4) the parts longer than 0.5 m, and (v,) their walls, in ascending order.
     """
     poses, angles = run.trajectory.poses, run.lrf.angles
     return visible_parts(run.world.segments, poses, angles, run.truth, run.walls)
@@ -37,14 +37,14 @@ def visible_parts(
         walls: (k, beams) the segment that each beam hit, −1 for none.
 
     Returns:
-        (v, 4) the parts longer than 0.5 m, and (v,) the segments that they lie on, rising.
+        (v, 4) the parts longer than 0.5 m, and (v,) their segments, in ascending order.
     """
     along = directions(segments)
     low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
     for pose, ranges, hit in zip(poses, truth, walls, strict=True):
         seen = (hit >= 0) & np.isfinite(ranges)
         wall = hit[seen]
-        # From the wall's own end, so that a world far from the origin loses no digits.
+        # Relative to the end of the wall, so that no digits are lost far from the origin.
         reach = ranges[seen, None] * beam_directions(pose[2], angles[seen])
         place = np.einsum("ij,ij->i", pose[:2] - segments[wall, :2] + reach, along[wall])
         np.minimum.at(low, wall, place)

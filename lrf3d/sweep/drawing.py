@@ -1,4 +1,4 @@
-"""What a sweep found, handed to the pictures and to the eye: figures and a table."""
+"""The results of a sweep as figures and as a table."""
 
 import itertools
 from collections.abc import Sequence

@@ -74,7 +74,7 @@ class SweepGrid:
     def usual(
         cls, *worlds: str, axes: Mapping[str, tuple[SettingValue, ...]], **rest: Any
     ) -> "SweepGrid":
-        """The grid with both modes and the usual noises, where the axes say nothing else."""
+        """The grid with both modes and the usual noises, unless the axes contain them."""
         return cls(worlds, {MODE: MODES, SIGMA: SIGMAS, **axes}, **rest)
 
     @property
@@ -102,7 +102,7 @@ def setting(name: str, value: SettingValue) -> str:
 
 
 def _checked(name: str, value: SettingValue) -> SettingValue:
-    """A value in the type that the setting has."""
+    """A value in the type of its setting."""
     if not isinstance(value, float | int | str | bool):
         raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
     [table] = read_settings([setting(name, value)]).values()
@@ -145,12 +145,12 @@ def _value(text: str) -> SettingValue:
 
 
 def read_grid(path: Path, axes: Mapping[str, tuple[SettingValue, ...]], **rest: Any) -> SweepGrid:
-    """Read a grid file: a world file's tables with lists of values, beside worlds and seeds.
+    """Read a grid file: the tables of a world file with lists of values, worlds and seeds.
 
     Args:
-        path: The file; worlds that it names as files are looked for beside it.
-        axes: Axes that hold instead of those of the file.
-        rest: What else holds instead of what the file says: worlds, seeds and every.
+        path: The file; its paths of worlds are relative to its folder.
+        axes: Axes that override those of the file.
+        rest: Worlds, seeds and every, which override those of the file.
 
     Raises:
         InputError: The file cannot be read or used.

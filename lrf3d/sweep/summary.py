@@ -10,13 +10,13 @@ from lrf3d.sweep.plan import Plan
 from lrf3d.sweep.task import Row
 
 INTERVAL_CONFIDENCE = 0.95
-"""Probability with which an interval holds the mean."""
+"""Probability that an interval contains the mean."""
 
 MEASURES = (
     "length_f1", "segment_f1", "segment_ratio", "perpendicular_rms", "object_purity",
     "object_ratio",
 )  # fmt: skip
-"""What is averaged."""
+"""The figures that are averaged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +24,9 @@ class Mean:
     """A mean over seeds.
 
     Args:
-        mean: The mean; NaN where no run has the figure.
-        half: Half of the width of its interval, by Student's t; NaN for fewer than two runs.
+        mean: The mean; NaN if no run has the figure.
+        half: Half of the width of its confidence interval, by Student's t; NaN for fewer than two
+            runs.
         runs: Runs that have the figure.
     """
 
@@ -35,7 +36,7 @@ class Mean:
 
     @classmethod
     def of(cls, values: Sequence[float | None]) -> "Mean":
-        """The mean of values, and how sure it is."""
+        """The mean of values, with its confidence interval."""
         from scipy.stats import t
 
         known = np.array([value for value in values if value is not None], dtype=np.float64)
@@ -56,12 +57,12 @@ class Mean:
 
 @dataclass(frozen=True, slots=True)
 class CellMean:
-    """What a combination of settings gave.
+    """The means of a combination of settings.
 
     Args:
         world: Name of the world.
         columns: The settings, by column.
-        measures: The means, by what is averaged.
+        measures: The means by figure.
     """
 
     world: str
