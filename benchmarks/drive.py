@@ -16,9 +16,10 @@ from matplotlib.figure import Figure
 
 from benchmarks.chart import RING, draw, trade_offs
 from benchmarks.drive_inputs import HOUR, Inputs, held_inputs, smooth_inputs
-from benchmarks.result import Progress, Result, Table, silent
+from benchmarks.result import Result, Table
 from benchmarks.timing import Timing, take_turns, timed
 from lrf3d.geometry import Float
+from lrf3d.progress import Progress, silent
 from lrf3d.robot.driving import drive
 
 SECONDS = 60.0

@@ -8,9 +8,10 @@ import time
 
 import numpy as np
 
-from benchmarks.result import Progress, Result, Table, silent
+from benchmarks.result import Result, Table
 from lrf3d.cores import core_count
 from lrf3d.gym import DriveVectorEnv
+from lrf3d.progress import Progress, silent
 
 WARM_UP = 5
 """Steps before the watch is started: what is compiled at the first is no part of a step."""

@@ -20,19 +20,18 @@ import numpy as np
 from benchmarks.page import Html, figures, note, page, result_section, section
 from benchmarks.result import (
     SAVINGS,
-    Progress,
     Result,
     Row,
     Table,
     as_json,
     figure_of,
     left_out_lines,
-    silent,
     this_machine,
     words,
 )
 from benchmarks.timing import Timing, timed
 from lrf3d.errors import MissingLibraryError
+from lrf3d.progress import Progress, silent
 
 SECONDS = 510.0
 """Time for all [s], if none is given: with what has begun then, all is done in ten

@@ -1,12 +1,12 @@
-"""How kernels are compiled: once, kept on disk, without Python's lock while they run.
+"""Compiling kernels: once, cached on disk, and without Python's lock while they run.
 
-A kernel is a typed Python function over numbers and arrays that numba makes machine code of. None
-may ever get ``fastmath``: it would reorder the error-free sums of casting.
+A kernel is a typed Python function of numbers and arrays that numba compiles to machine code. None
+may ever have ``fastmath``, which would reorder the error-free sums of casting.
 
-Numba's own cache looks only at the file that a kernel stands in, and so runs a stale kernel where
-a function that it calls has changed in another file. Here machine code is kept under a stamp of
-what the kernel computes: its bytecode and constants, and those of every function that it calls. A
-stale kernel cannot be found, and one whose comments alone have changed is not compiled again.
+Numba's own cache checks only the file of a kernel, so it runs a stale kernel if a function that it
+calls has changed in another file. Here the key of the cache is a stamp of what the kernel computes:
+its bytecode and constants, and those of all functions that it calls. A stale kernel is never found,
+and a change of comments does not cause compiling.
 """
 
 import os
@@ -32,18 +32,18 @@ from numba.core.serialize import dumps
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _LINKED_NUMBA = (0, 68)
-"""The version of numba whose inner parts `_InnerLibrary` knows. With others inner kernels are
-compiled as numba does by itself, which takes longer and computes the same."""
+"""The version of numba whose internals `_InnerLibrary` depends on. With others inner kernels are
+compiled by numba's default, which takes longer and computes the same."""
 
 _FIXED_PACKAGES = {"llvmlite", "math", "numba", "numpy"}
-"""Packages of which kernels may use what they like; the version of numba is part of each key."""
+"""Packages that kernels may use freely; the version of numba is part of each key."""
 
 
 def compiled(function: Kernel) -> Kernel:
-    """For functions that Python calls."""
+    """Decorate a kernel that Python calls."""
     kernel = _kernel(function)
     kernel._cache = _KernelCache(function)
-    # Kernels that call this one take it in like an inner one.
+    # Kernels that call this one include it like an inner one.
     twin: Any = inner(function)
     if twin is not function:
         kernel.get_call_template, kernel.get_overload = twin.get_call_template, twin.get_overload
@@ -52,7 +52,7 @@ def compiled(function: Kernel) -> Kernel:
 
 
 def inner(function: Kernel) -> Kernel:
-    """For functions that only kernels call: they become part of these, and are nothing alone."""
+    """Decorate a kernel that only kernels call, and that becomes part of them."""
     known = numba.version_info.short == _LINKED_NUMBA
     options = {"pipeline_class": _InnerCompiler} if known else {}
     kernel: Kernel = _kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
@@ -61,9 +61,9 @@ def inner(function: Kernel) -> Kernel:
 
 def _kernel(function: Callable[..., Any], **options: Any) -> Any:
     kernel: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
-    if kernel is not function:  # As it is where NUMBA_DISABLE_JIT is set.
+    if kernel is not function:  # With NUMBA_DISABLE_JIT they are the same.
         resolve = kernel.get_call_template
-        # Otherwise numba compiles a kernel anew for each literal number that it is called with.
+        # Otherwise numba compiles a kernel again for each literal number among its arguments.
         kernel.get_call_template = lambda args, names: resolve(
             tuple(types.unliteral(arg) for arg in args), names
         )
@@ -71,14 +71,14 @@ def _kernel(function: Callable[..., Any], **options: Any) -> Any:
 
 
 class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """The code of an inner kernel: linked with that of those that it calls, and left as it is.
+    """The code of an inner kernel: linked with that of its callees, but not optimised.
 
-    By itself numba optimises the code of each function and makes machine code of it, and does so
-    again in each function that calls it.
+    By default numba optimises and emits the code of each function, and does so again in each
+    function that calls it.
     """
 
     def finalize(self) -> None:
-        """Link what is called; numba's own method goes on to optimise and to emit."""
+        """Link the callees; numba's own method then optimises and emits code."""
         for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
@@ -86,7 +86,7 @@ class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
 
     @property
     def codegen(self) -> "_InnerLibrary":
-        """What gets the Python objects that a function uses: inner kernels use none."""
+        """The receiver of the Python objects that a function uses; inner kernels use none."""
         return self
 
     def set_env(self, name: str, env: object) -> None:
@@ -94,7 +94,7 @@ class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 class _InnerCompiler(Compiler):  # type: ignore[misc]
-    """Numba's compiler, which puts the code of a function into a library of the above kind."""
+    """Numba's compiler with an `_InnerLibrary` for the code of a function."""
 
     def __init__(self, typing: Any, target: Any, library: None, *rest: Any) -> None:
         super().__init__(typing, target, _InnerLibrary(target.codegen(), "inner"), *rest)
@@ -103,15 +103,15 @@ class _InnerCompiler(Compiler):  # type: ignore[misc]
 class _KernelCache(FunctionCache):  # type: ignore[misc]
     """Numba's cache of a function, with a file for each stamp, signature and processor.
 
-    What the name of a file stands for never changes, so that processes which compile at the same
+    The contents of a file are determined by its name, so that processes that compile at the same
     time cannot mix their machine code.
     """
 
     _cache_file: Any
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """The machine code for a signature; None where the kernel has to be compiled."""
-        # There is no stamp before: a kernel may call others that its file defines further down.
+        """The machine code for a signature; None if the kernel has to be compiled."""
+        # The stamp is computed here: a kernel may call others that are defined later in its file.
         if self._cache_file is not self:
             self._cache_file = self
             self._stamp = stamp_of(self._py_func)
@@ -121,18 +121,18 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         return found
 
     def save_overload(self, signature: Any, data: Any) -> None:
-        """Keep the machine code for a signature, where there is room for it."""
+        """Save the machine code for a signature, if the disk has room."""
         with suppress(OSError):
             super().save_overload(signature, data)
 
     def load(self, key: str) -> Any:
-        """What numba has saved for a key, or None."""
+        """The data that numba saved under a key, or None."""
         with suppress(OSError):
             return loads(self._path(key).read_bytes())
         return None
 
     def save(self, key: str, data: Any) -> None:
-        """Write what numba saves for a key, and remove what was saved for other stamps."""
+        """Save data under a key, and remove those of other stamps."""
         path = self._path(key)
         part = path.with_suffix(f".{os.getpid()}")
         part.write_bytes(dumps(data))
@@ -155,7 +155,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 def _kind(kind: Any) -> str:
-    """A type of numba with the fields of named tuples, which kernels take apart by their names."""
+    """A type of numba, with the field names of named tuples, which kernels depend on."""
     if isinstance(kind, types.BaseTuple):
         fields = getattr(kind, "fields", range(len(kind)))
         parts = (f"{name}: {_kind(part)}" for name, part in zip(fields, kind, strict=True))
@@ -165,16 +165,16 @@ def _kind(kind: Any) -> str:
 
 @cache
 def _announce() -> None:
-    """Print on a terminal, once in each process, why the first use takes long."""
+    """Print on a terminal, once in each process, why the first use takes so long."""
     if sys.stderr is not None and sys.stderr.isatty():
         print("lrf3d: compiling kernels, once after an install or update ...", file=sys.stderr)
 
 
 def stamp_of(function: FunctionType) -> str:
-    """A text that changes when what a function computes changes, or what any that it calls does.
+    """A text that changes when a function, or any function that it calls, computes something else.
 
     Raises:
-        TypeError: A kernel uses something whose changes could not be seen.
+        TypeError: A kernel uses something whose changes cannot be detected.
     """
     digest = sha256()
     seen: set[FunctionType] = set()
@@ -183,7 +183,7 @@ def stamp_of(function: FunctionType) -> str:
         if isinstance(value, Dispatcher):
             digest.update(repr(sorted(value.targetoptions.items())).encode())
             value = value.py_func
-        value = getattr(value, "_defn", value)  # Of an intrinsic, which writes machine code itself.
+        value = getattr(value, "_defn", value)  # An intrinsic writes machine code itself.
         if isinstance(value, FunctionType):
             digest.update(f"{value.__module__}.{value.__qualname__}\n".encode())
             if value not in seen:
@@ -208,7 +208,7 @@ def stamp_of(function: FunctionType) -> str:
             raise TypeError(f"kernel {user} uses {value!r}: import the number or function itself")
 
     def add_code(code: CodeType, of: FunctionType) -> None:
-        # Neither where the code stands nor its docstring changes what it computes.
+        # Neither the position of the code nor its docstring changes what it computes.
         digest.update(code.co_code + " ".join((*code.co_names, *code.co_freevars)).encode())
         for constant in code.co_consts:
             if isinstance(constant, CodeType):

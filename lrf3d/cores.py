@@ -1,4 +1,4 @@
-"""How many cores work may be shared over, and processes that share it."""
+"""The number of available cores, and pools of processes."""
 
 import os
 from collections.abc import Iterator
@@ -12,16 +12,16 @@ if TYPE_CHECKING:
 
 
 def core_count() -> int:
-    """How many cores this process may use."""
+    """The number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager
 def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
-    """Fresh processes that end with the block: where it ends early, whatever they are doing.
+    """New processes that end with the block; if it ends early, they are killed.
 
-    They are no forks, which could inherit a lock that a thread of Embree or numba holds just then.
-    An interrupt is left to the process that they work for, and they end when it is gone.
+    They are not forked, because a fork could inherit a lock that a thread of Embree or numba holds.
+    They ignore interrupts, which their parent handles, and end when their parent has ended.
     """
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import active_children, get_context
@@ -30,7 +30,7 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
     pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_serve)
     try:
         with whole():
-            # A process is started for each task that finds none that is free.
+            # A process is started for each task for which none is idle.
             for _ in range(processes):
                 pool.submit(os.getpid)
         yield pool
@@ -45,7 +45,7 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
 
 
 def _serve() -> None:
-    """End this process when the one that it works for is gone."""
+    """End this process when its parent has ended."""
     import multiprocessing
     from threading import Thread
 

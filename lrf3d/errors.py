@@ -1,4 +1,4 @@
-"""The errors that lrf3d raises on purpose; each message is one line: what, where, how to mend.
+"""The errors that lrf3d raises on purpose; each message is one line: what, where, how to fix it.
 
 The tree::
 
@@ -11,14 +11,14 @@ The tree::
     └── MissingLibraryError          a library that this task needs and this machine lacks
 """
 
-LONGEST = 600
-"""Characters of a message at most: some lines of a terminal, whatever a file or a flag holds."""
+LONGEST_MESSAGE = 600
+"""Largest number of characters of a message: some lines of a terminal."""
 
 
-def one_line(text: str, most: int = LONGEST) -> str:
+def one_line(text: str, most: int = LONGEST_MESSAGE) -> str:
     r"""A text as one line of a terminal: control characters escaped, the middle left out if long.
 
-    Untrusted text, such as the name of a file, can neither move the cursor nor fake a line.
+    So untrusted text, such as the name of a file, can neither move the cursor nor fake a line.
 
     >>> one_line("a\nb"), one_line("abcdefghij", most=7)
     ('a\\nb', 'abc…hij')
@@ -37,12 +37,12 @@ def shown(value: object, most: int = 40) -> str:
     ("'word'", '[0, 1, …98, 99]')
     """
     if isinstance(value, str) and len(value) > 2 * most:
-        # Escape only what is shown.
+        # Only the part that is shown is escaped.
         value = value[:most] + value[-most:]
     try:
         return one_line(repr(value), most)
     except ValueError:
-        # Python writes no number of more than 4,300 digits.
+        # Python does not convert numbers of more than 4,300 digits.
         return "a number of thousands of digits"
 
 

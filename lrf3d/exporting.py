@@ -1,8 +1,4 @@
-"""Runs in the formats of other programs: one table of all of them.
-
-A run and a path enter; a file, or a folder, that the other program reads leaves, whole or not at
-all.
-"""
+"""Exporting runs for other programs: a table of all formats."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,10 +16,9 @@ class Exporter:
     """A format that runs are written in.
 
     Args:
-        name: What a file is called where no other name is given; what comes after its first dot
-            is the ending of all of them.
-        about: What it is and who reads it.
-        write: Writes a run to a path, with each scan of a number kept, whole or not at all.
+        name: Default name of a file; the part after its first dot is the ending of all files.
+        about: What it is and which programs read it.
+        write: Writes every n-th scan of a run to a path, completely or not at all.
     """
 
     name: str
@@ -32,7 +27,7 @@ class Exporter:
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """How names of its files may end; empty for a folder."""
+        """Valid endings of its files; empty for a folder."""
         _, dot, ending = self.name.partition(".")
         return (f".{ending}", f".{ending.removesuffix('.gz')}") if dot else ("",)
 
@@ -63,7 +58,7 @@ def _write_glb(run: Run, path: Path, every: int) -> None:
 
 
 def _thinned(run: Run, every: int) -> Run:
-    """The run with each scan of a number kept, and the last of its maps."""
+    """The run with every n-th of its scans, and the last of its maps."""
     return run if every == 1 else run.part(np.arange(0, len(run), every))
 
 
@@ -73,7 +68,7 @@ EXPORTERS: dict[str, Exporter] = {
     "rosbag2": Exporter("run_bag", "a ROS 2 bag, for ros2 bag play", _write_bag_folder),
     "glb": Exporter("run.glb", "an animated 3D scene for Blender and web viewers", _write_glb),
 }
-"""How a run is written, by the name of the format; a new format is one more entry."""
+"""The formats by their names; a new format is one more entry."""
 
 
 def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
@@ -83,10 +78,10 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
         run: The run.
         to: Name of the format, of :data:`EXPORTERS`.
         path: The file, or the folder.
-        every: Each scan of this many is kept.
+        every: Keep every n-th scan.
 
     Raises:
-        InputError: There is no such format, or the name of the file does not end as it should.
+        InputError: There is no such format, or the ending of the file does not match it.
         OutputError: The file cannot be written.
         MissingLibraryError: The format needs a library that is not installed.
 

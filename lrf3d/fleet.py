@@ -1,7 +1,4 @@
-"""Several robots at once: each drives, scans and maps, and sees the others as they pass.
-
-A world and the trajectories of the robots enter; a run of each leaves.
-"""
+"""Several robots at once: each drives, scans and maps, and sees the others."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -12,6 +9,7 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.casting.timed import Caster
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.noise import AnyNoise
+from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
@@ -20,7 +18,7 @@ from lrf3d.simulation import Mapper, simulate
 from lrf3d.world import World
 
 HEIGHT = 1.0
-"""How tall a robot is if not given [m]."""
+"""Default height of a robot [m]."""
 
 
 def simulate_fleet(
@@ -34,25 +32,24 @@ def simulate_fleet(
     noise: AnyNoise | None = None,
     mapper: Callable[[], Mapper] | None = None,
     rng: np.random.Generator | int | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = silent,
 ) -> list[Run]:
     """Drive several robots through a world at the same time.
 
     Args:
         world: The walls.
-        trajectories: The drive of each robot; before and after it the robot stands.
-        lrf: The laser range finder of each of them; it does not see its own robot.
-        radius: How wide the robots are as others see them [m].
-        height: How tall they are [m].
-        caster: What casts the beams: ``embree``, ``planar``, or an object with ``cast``.
-        noise: What makes measured ranges of true ones; none if not given.
-        mapper: Makes the mapper of each robot; if not given, they are LineMappers that reckon
-            with the noise.
-        rng: The source of the noise, or a seed of it; each robot has its own.
-        progress: Called with the scans that are done and all.
+        trajectories: The drive of each robot; before and after it the robot is at rest.
+        lrf: The laser range finder of each robot; it does not see its own robot.
+        radius: Radius of the robots as others see them [m].
+        height: Height of the robots [m].
+        caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
+        noise: Turns true scans into measured ones; no noise if not given.
+        mapper: Makes the mapper of each robot; a LineMapper set up for the noise if not given.
+        rng: A generator for the noise, or a seed; each robot has its own noise.
+        progress: Called with the number of scans that are done, and of all.
 
     Raises:
-        InputError: There is a scan that takes longer than the time to the next.
+        InputError: A scan takes longer than the interval to the next.
 
     Examples:
         >>> import lrf3d
@@ -86,8 +83,6 @@ def simulate_fleet(
     return runs
 
 
-def _report(
-    progress: Callable[[int, int], None], before: int, total: int, done: int, _: int
-) -> None:
-    """Report the scans of one robot as part of all."""
+def _report(progress: Progress, before: int, total: int, done: int, _: int) -> None:
+    """Report the scans of one robot as a part of all scans."""
     progress(before + done, total)

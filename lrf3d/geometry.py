@@ -33,11 +33,11 @@ def sealed(array: AnyArray) -> AnyArray:
 def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
     """Values from outside as a read-only array.
 
-    They are copied unless they are such an array already, in rows, that nobody can write to.
+    They are copied, unless they are such an array already, contiguous and not writeable.
 
     Args:
         values: The values.
-        name: What they are called where they are invalid.
+        name: Their name in error messages.
         dtype: Type of the array.
 
     Raises:
@@ -50,7 +50,7 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
 
 
 def numbers(values: Any, name: str) -> Any:
-    """Values from outside as an array of numbers: floats, integers or truth values.
+    """Values from outside as an array of numbers: floats, integers or booleans.
 
     Raises:
         InputError: They are not numbers in rows of equal length.
@@ -58,7 +58,7 @@ def numbers(values: Any, name: str) -> Any:
     try:
         array = np.asarray(values)
         if array.dtype.kind == "O":
-            # Integers beyond 64 bits and fractions are numbers, too.
+            # Integers of more than 64 bits and fractions are accepted, too.
             array = array.astype(np.float64)
         if array.dtype.kind in "fiub":
             return array
@@ -76,10 +76,10 @@ def is_finite(*values: object) -> bool:
 
 
 def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = None) -> int:
-    """A value from outside as an integer; 181.0 is one as well.
+    """A value from outside as an integer; 181.0 is accepted.
 
     Raises:
-        InputError: It is no whole number, or beyond the limits.
+        InputError: It is not a whole number, or out of range.
     """
     if not is_finite(value) or value != int(value) or value < least or value > (most or value):
         limit = f"from {least} to {most}" if most else f"of at least {least}"
@@ -88,7 +88,7 @@ def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = No
 
 
 def _is_read_only(array: Any) -> bool:
-    """Whether nobody can write to an array, not even through the one that it is a view of."""
+    """Whether an array is read-only, and so are all arrays that it is a view of."""
     while isinstance(array, np.ndarray):
         if array.flags.writeable:
             return False
@@ -97,18 +97,18 @@ def _is_read_only(array: Any) -> bool:
 
 
 class Value:
-    """Base of values that hold arrays: they are read-only in copies and after unpickling as well.
+    """Base of values with arrays, which stay read-only in copies and after unpickling.
 
-    NumPy forgets the mark whenever it copies or unpickles an array.
+    NumPy drops the read-only flag when it copies or unpickles an array.
     """
 
     __slots__ = ()
 
     def _hold(self, *names: str, dtype: DTypeLike = np.float64) -> None:
-        """Take over the arrays that were given under these names, read-only.
+        """Replace the attributes of these names by read-only arrays.
 
         Raises:
-            InputError: One is not of numbers in rows of equal length.
+            InputError: One does not hold numbers in rows of equal length.
         """
         for name in names:
             object.__setattr__(self, name, read_only(getattr(self, name), name, dtype))
@@ -121,11 +121,11 @@ class Value:
 
 
 def wrap_angle(angle: ArrayLike) -> Any:
-    """Bring angles [rad] into (−π, π]; an angle that lies there already keeps its bits."""
+    """Wrap angles [rad] into (−π, π]; an angle that lies there keeps its bits."""
     angle = np.asarray(angle, dtype=np.float64)
     inside = (angle > -np.pi) & (angle <= np.pi)
     wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
-    # A float above π has a remainder that may round to a full turn.
+    # The remainder of a float above π may round to a full turn.
     wrapped = np.where(wrapped > -np.pi, wrapped, np.pi)
     return np.where(inside, angle, wrapped)[()]
 
@@ -152,7 +152,7 @@ def normal_lines(segments: Float) -> Float:
     p = np.einsum("ij,ij->i", normal, 0.5 * (segments[:, :2] + segments[:, 2:]))
     normal[p < 0.0] *= -1.0
     alpha = np.arctan2(normal[:, 1], normal[:, 0])
-    # A normal along −x, or below it by less than an angle can resolve, gives −π.
+    # A normal along −x, or below it by less than the resolution of an angle, gives −π.
     alpha[alpha <= -np.pi] = np.pi
     return np.column_stack([alpha, np.abs(p)])
 
@@ -174,7 +174,7 @@ def project_on_segments(points: Float, segments: Float) -> tuple[Float, Float]:
 
 
 def fit_line(points: Float, weights: Float | None = None) -> tuple[Float, Float]:
-    """Total least squares line through points (n, 2), centred so that it is exact far away.
+    """Total least squares line through points (n, 2), centred to lose no digits far away.
 
     Returns:
         The (weighted) mean point (2,) and the unit direction (2,) of the line.

@@ -1,8 +1,8 @@
-"""Reading files: only ordinary ones, within bounds, and what a file's contents are called.
+"""Reading files: only regular files of limited size, and the names of their contents.
 
-Whatever a user names is opened through here, so that a pipe, a device or a folder is one clear
-line instead of a program that waits for ever or fills the memory. Files that lrf3d brings along,
-the built-in worlds and the assets, stand beside the package in a checkout, in a wheel inside it.
+All files that users name are opened here, so that a pipe, a device or a folder gives a clear error
+instead of a program that hangs or fills the memory. The built-in worlds and the assets are next to
+the package in a checkout, and inside it in a wheel.
 """
 
 import os
@@ -15,13 +15,13 @@ from typing import BinaryIO
 from lrf3d.errors import InputError
 
 LARGEST_TEXT = 1 << 28
-"""Bytes of text that are read into memory: about two million walls as TOML."""
+"""Largest text file [bytes]: about two million walls as TOML."""
 
 GENERAL = frozenset(
     "building data drawing export floorplan grid journal log map model plan run scan scene"
     " sweep untitled world".split()
 )
-"""Names of files that say what they are but not of which place; their folder's name does."""
+"""Names of files that describe the kind of the file only; the folder's name is added to them."""
 
 
 _PACKAGE = Path(__file__).parent
@@ -35,20 +35,20 @@ def check_ordinary(
     missing: str = "no such file",
     error: type[InputError] = InputError,
 ) -> None:
-    """Check that a path is an ordinary file of limited size.
+    """Check that a path is a regular file of limited size.
 
     Args:
         path: The path; links are followed.
         what: What is expected there, for messages.
-        largest: How many bytes it may have.
-        missing: What to say where nothing is there.
-        error: The class of what is raised.
+        largest: Largest size [bytes].
+        missing: The message if nothing is there.
+        error: The class of the error.
 
     Raises:
         InputError: It is not there, is a folder, a pipe, a socket or a device, or is too large.
     """
     try:
-        # Opening a pipe would wait for a writer, so what it is is asked before.
+        # Opening a pipe would wait for a writer, so its kind is checked before.
         status = os.stat(path)
     except FileNotFoundError:
         raise error(f"{path}: {missing}") from None
@@ -75,10 +75,10 @@ def opened(
     largest: int | None = None,
     error: type[InputError] = InputError,
 ) -> Iterator[BinaryIO]:
-    """Open an ordinary file for reading; the arguments are those of :func:`check_ordinary`.
+    """Open a regular file for reading; the arguments are those of :func:`check_ordinary`.
 
     Raises:
-        InputError: It is not there, is no ordinary file, is too large, or cannot be read.
+        InputError: It does not exist, is not a regular file, is too large, or cannot be read.
     """
     check_ordinary(path, what=what, largest=largest, error=error)
     try:
@@ -97,7 +97,7 @@ def read_text(
     largest: int = LARGEST_TEXT,
     error: type[InputError] = InputError,
 ) -> str:
-    """The text of an ordinary file, UTF-8 with or without a byte order mark.
+    """The text of a regular file, UTF-8 with or without a byte order mark.
 
     Raises:
         InputError: There is no such file, it is too large, or it cannot be read as text.
@@ -112,10 +112,10 @@ def read_text(
 
 
 def own_name(path: str | Path, given: object = None, *, stem: str | None = None) -> str:
-    """What the contents of a file are called, in pictures and in the folder of the results.
+    """The name of the contents of a file, for pictures and for the folder of the results.
 
-    A name that the file gives itself comes first, then the file's name without its ending. Where
-    that says only what it is, as ``map.yaml`` does, the name of its folder stands before it.
+    It is the name in the file if there is one, else the file's name without its ending. If that is
+    as general as ``map.yaml``, the name of its folder comes before it.
 
     Args:
         path: The file, or the folder.

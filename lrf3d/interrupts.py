@@ -1,6 +1,6 @@
-"""Interrupts: work that an interrupt shall not cut in two, and what to say of what it left.
+"""Interrupts: sections that Ctrl-C does not interrupt, and notes about what an interrupt left.
 
-An interrupt, such as Ctrl-C, is an exception that may arise between any two steps of a program.
+An interrupt, such as Ctrl-C, is an exception that may be raised between any two steps of a program.
 """
 
 import signal
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 @contextmanager
 def noting(words: Callable[[], str]) -> Iterator[None]:
-    """Add a note to whatever ends the block early: what is kept, and how to go on from it.
+    """Add a note to any exception that ends the block: what is kept, and how to continue.
 
-    The program prints the note when the user has stopped it. Of blocks within each other the
-    innermost speaks.
+    The program prints the note when the user has stopped it. Of nested blocks the innermost one
+    adds its note.
 
     Args:
-        words: Returns the note; called when the block has ended early.
+        words: Returns the note; called when an exception ends the block.
     """
     try:
         yield
@@ -31,12 +31,12 @@ def noting(words: Callable[[], str]) -> Iterator[None]:
 
 
 def notes(error: BaseException | None) -> list[str]:
-    """The notes on an exception, or else on the next of those that it arose from."""
+    """The notes of an exception, or else those of its nearest cause that has some."""
     return next((each.__notes__ for each in chain(error) if hasattr(each, "__notes__")), [])
 
 
 def chain(error: BaseException | None) -> Iterator[BaseException]:
-    """An exception and all that it arose from, each once."""
+    """An exception and all its causes, each once."""
     waiting, known = [error], set()
     while waiting:
         each = waiting.pop()
@@ -48,11 +48,10 @@ def chain(error: BaseException | None) -> Iterator[BaseException]:
 
 @contextmanager
 def whole() -> Iterator[None]:
-    """Keep Ctrl-C back until the block is done, and from the processes that are started in it.
+    """Delay Ctrl-C until the block is done, and block it in the processes that it starts.
 
-    A terminal sends Ctrl-C to all processes of a program. What starts others must not be stopped
-    when half of them are there, and they are to be ended by the one that the user talks to. They
-    inherit that the signal is blocked, from their very first moment.
+    A terminal sends Ctrl-C to all processes of a program. Starting processes must not stop halfway,
+    and their parent is to end them. They inherit the blocked signal from the start.
     """
     from multiprocessing import resource_tracker
     from threading import current_thread, main_thread
@@ -65,9 +64,9 @@ def whole() -> Iterator[None]:
     def keep(number: int, where: "FrameType | None") -> None:
         came.append(number)
 
-    # The one that Python starts for itself with the first unblocks the signal when it is there.
+    # Python starts the resource tracker with the first process, which unblocks the signal.
     resource_tracker.ensure_running()
-    # Blocking alone is not enough: another thread of this process may be given the signal.
+    # Blocking is not enough: another thread of this process may receive the signal.
     before = signal.getsignal(signal.SIGINT)
     if callable(before):
         signal.signal(signal.SIGINT, keep)
@@ -76,7 +75,7 @@ def whole() -> Iterator[None]:
         yield
     finally:
         if callable(before):
-            # Unblocking delivers what waited; it is to go to the same handler as the rest.
+            # Unblocking delivers a pending signal, which goes to the same handler.
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             signal.signal(signal.SIGINT, before)
             if came:

@@ -1,9 +1,5 @@
-"""Mapping a recorded log: the even scans build the map, the odd ones test it.
+"""Mapping a recorded log: the even scans build the map, the odd ones test it."""
 
-A log enters; the map and its figures leave, and the files of both.
-"""
-
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -16,24 +12,23 @@ from lrf3d.laser import LaserScan
 from lrf3d.laser.free_space import distinct_poses, free_cells
 from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.progress import Progress, silent
 from lrf3d.scoring import LogScore, score_log
 from lrf3d.text import counted
 from lrf3d.world.free_cells import FreeCells
 
-Progress = Callable[[int, int], None]
-
 
 @dataclass(frozen=True, eq=False)
 class MappedLog:
-    """A log and the map that its even scans gave.
+    """A log and the map that was built from its even scans.
 
     Args:
         log: The log.
         mode: Mode of the mapper.
-        sigma: The noise [m] that the mapper reckoned with.
+        sigma: The noise [m] that the mapper assumed.
         map: The map.
-        score: How well it foretells the odd scans.
-        milliseconds: (k,) what taking in each scan took.
+        score: How well it predicts the odd scans.
+        milliseconds: (k,) time of the update with each scan.
         mapped: The scans that the map was built from.
     """
 
@@ -107,7 +102,7 @@ def map_log(
     mode: str = "robust",
     sigma: float = SIGMA,
     all_scans: bool = False,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> MappedLog:
     """Build a map from the even scans of a log, counted from 0, and test it on the odd ones.
 
@@ -123,7 +118,7 @@ def map_log(
     """
     mapper = LineMapper(mode, sigma=sigma)
     even, odd = (log.scans, []) if all_scans else (log.scans[::2], log.scans[1::2])
-    # What is compiled at the first scan is no part of what a scan takes.
+    # Compiling at the first scan is not counted.
     mapper.local_map(even[0])
     milliseconds = []
     for done, scan in enumerate(even, 1):

@@ -1,6 +1,6 @@
-"""Writing files whole or not at all: first under another name, then renamed; one writer at a time.
+"""Writing files completely or not at all: under a temporary name first; one writer at a time.
 
-What a process that was killed left half-written is removed by the next one that writes beside it.
+Unfinished files of killed processes are removed by the next process that writes to the folder.
 """
 
 import json
@@ -27,21 +27,21 @@ except ImportError:  # pragma: no cover
     fcntl = None  # type: ignore[assignment]
 
 LONGEST_STEM = 100
-"""Bytes of a name that are kept in the name of its unfinished file: names end at 255."""
+"""Bytes of a name that are kept in its temporary name: names have at most 255."""
 
 FORGOTTEN = 7 * 86400.0
-"""Age [s] from which on what another machine left unfinished is removed: whether its process is
-still there cannot be asked."""
+"""Age [s] after which unfinished files of another machine are removed, whose processes cannot be
+checked."""
 
 _UNFINISHED = re.compile(r"\..*\.(\d+)-\d+@([\w-]*)\.unfinished(\..*)?", re.DOTALL)
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Give a name beside ``path`` to write to, and rename it to ``path`` when all went well.
+    """Yield a temporary name next to ``path`` to write to, and rename it to ``path`` afterwards.
 
-    The name keeps the ending of ``path``, by which libraries choose their format. When the
-    writing fails or is interrupted, what stood at ``path`` before stays.
+    The name has the ending of ``path``, from which libraries derive the format. If writing fails or
+    is interrupted, an older file at ``path`` stays.
 
     Raises:
         OutputError: The file cannot be written there.
@@ -62,18 +62,18 @@ def replacing(path: str | Path) -> Iterator[Path]:
                 f"{path}: cannot be written: {reason}; choose another place"
             ) from error
     finally:
-        # Where nothing can be written, as under a name that is too long, nothing is left.
+        # If nothing could be written, as under a name that is too long, there is nothing to remove.
         with suppress(OSError):
             unfinished.unlink()
 
 
 @contextmanager
 def unfinished_folder(path: str | Path) -> Iterator[Path]:
-    """Make a folder beside ``path`` for what is to be moved there when it is whole.
+    """Make a temporary folder next to ``path``, for files that are moved there when complete.
 
-    Afterwards the folder and what is left in it are gone.
+    The folder and what is left in it are removed afterwards.
     """
-    # A name of its own: a file may be under way to the same place.
+    # Its name differs from that of an unfinished file for the same path.
     folder = _unfinished(Path(f"{path}.parts"))
     folder.mkdir()
     with _removed_at_the_end(folder):
@@ -82,7 +82,7 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Make a folder among the system's temporary files to work in; it is gone afterwards."""
+    """Make a folder among the system's temporary files; it is removed afterwards."""
     folder = Path(tempfile.mkdtemp(prefix="lrf3d-"))
     with _removed_at_the_end(folder):
         yield folder
@@ -90,7 +90,7 @@ def scratch_folder() -> Iterator[Path]:
 
 @contextmanager
 def _removed_at_the_end(folder: Path) -> Iterator[None]:
-    """Remove a folder when the block ends, even when its removal is interrupted."""
+    """Remove a folder when the block ends, even if removing it is interrupted."""
     try:
         yield
     finally:
@@ -98,13 +98,13 @@ def _removed_at_the_end(folder: Path) -> Iterator[None]:
             shutil.rmtree(folder)
         except BaseException as error:
             shutil.rmtree(folder, ignore_errors=True)
-            # What a process that was ended still writes is removed by that process or the system.
+            # Files that an ending process still writes are removed by it or by the system.
             if not isinstance(error, OSError):
                 raise
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file whole or not at all.
+    """Write a text file completely or not at all.
 
     Raises:
         OutputError: The file cannot be written there.
@@ -114,7 +114,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def make_folder(path: str | Path) -> Path:
-    """Make a folder, with those above it, and see that it can be written to.
+    """Make a folder and its parents, and check that it can be written to.
 
     Raises:
         OutputError: It cannot be made or written to.
@@ -134,11 +134,11 @@ def make_folder(path: str | Path) -> Path:
 
 
 class Lock:
-    """A lock that is held, and what stands in its file.
+    """A lock that is held, with the contents of its file.
 
     Args:
         file: The open file.
-        left: What the last holder noted, where it left the file behind.
+        left: The note of the last holder, if it left the file behind.
 
     Attributes:
         keep: Whether the file stays with its note when the lock is released.
@@ -148,9 +148,9 @@ class Lock:
         self._file, self.left, self.keep = file, left, False
 
     def note(self, **values: Any) -> None:
-        """Write into the file who holds the lock, and what else the next holder should know."""
+        """Write the holder of the lock, and a note for the next holder, to the file."""
         text = json.dumps({**values, "process": os.getpid(), "machine": _MACHINE})
-        # A note that finds no room is no reason to stop: the lock holds without it.
+        # The lock works without the note if the disk is full.
         with suppress(OSError):
             os.ftruncate(self._file, 0)
             os.lseek(self._file, 0, os.SEEK_SET)
@@ -161,12 +161,12 @@ class Lock:
 def locked(path: Path, target: Path) -> Iterator[Lock]:
     """Hold a lock file, so that no other process writes to a target meanwhile.
 
-    The system releases the lock however this process ends. Where the file system has no locks,
-    the process that the file names is looked for instead.
+    The system releases the lock however this process ends. On a file system without locks it is
+    checked whether the process that the file names still runs.
 
     Args:
-        path: The lock file; its folder is there.
-        target: The file or the folder that it is for, as messages name it.
+        path: The lock file, in an existing folder.
+        target: The file or the folder that is locked, for messages.
 
     Raises:
         InputError: Another process holds it.
@@ -188,7 +188,7 @@ def locked(path: Path, target: Path) -> Iterator[Lock]:
                 raise InputError(
                     f"{target}: {who} writes here; wait for it, or choose another place with --out"
                 )
-            # Whoever released the lock at this moment has removed the file.
+            # A process that released the lock at this moment has removed the file.
             if _same_file(file, path):
                 break
         except BaseException:
@@ -203,19 +203,19 @@ def locked(path: Path, target: Path) -> Iterator[Lock]:
         with suppress(OSError):
             if not lock.keep:
                 path.unlink()
-            # Closing is not enough: children that were forked meanwhile have the file open, too.
+            # Closing is not enough: forked children have the file open, too.
             if fcntl is not None:
                 fcntl.flock(file, fcntl.LOCK_UN)
         os.close(file)
 
 
 def beside(path: Path) -> Path:
-    """The lock file of a target, beside it."""
+    """The lock file of a target, in the same folder."""
     return path.with_name(f".{_cut(path.name)}.lock")
 
 
 def clear_unfinished(folder: Path) -> None:
-    """Remove what processes that are gone left half-written in a folder."""
+    """Remove unfinished files of processes that have ended from a folder."""
     try:
         with os.scandir(folder) as entries:
             found = [(entry, _UNFINISHED.fullmatch(entry.name)) for entry in entries]
@@ -227,7 +227,7 @@ def clear_unfinished(folder: Path) -> None:
             else:
                 os.unlink(entry.path)
     except OSError:
-        # It is not ours, or another process removes it as well.
+        # The file belongs to another user, or another process removes it as well.
         return
 
 
@@ -237,7 +237,7 @@ _HOLDER = ("process", "machine")
 
 
 def _unfinished(path: Path) -> Path:
-    """The name beside a path under which this thread writes what is to stand there."""
+    """The temporary name for a path that this thread writes to."""
     clear_unfinished(path.parent)
     who = f"{os.getpid()}-{threading.get_native_id()}@{_MACHINE}"
     return path.with_name(f".{_cut(path.stem)}.{who}.unfinished{path.suffix}")
@@ -256,7 +256,7 @@ def _abandoned(entry: "os.DirEntry[str]", process: int, machine: str) -> bool:
 def _alive(process: int) -> bool:
     """Whether there is such a process on this machine."""
     if os.name != "posix":
-        # Elsewhere there is no way of asking that does it no harm.
+        # Other systems have no harmless way to check.
         return True
     try:
         os.kill(process, 0)
@@ -268,7 +268,7 @@ def _alive(process: int) -> bool:
 
 
 def _take(file: int, left: Mapping[str, Any]) -> bool:
-    """Whether the lock on an open file could be had."""
+    """Take the lock on an open file; returns whether that succeeded."""
     if fcntl is not None:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -276,7 +276,7 @@ def _take(file: int, left: Mapping[str, Any]) -> bool:
         except BlockingIOError:
             return False
         except OSError:
-            # A file system without locks, such as some of networks.
+            # The file system, such as some network ones, has no locks.
             pass
     process = left.get("process")
     if left.get("machine") != _MACHINE or not isinstance(process, int):
@@ -285,7 +285,7 @@ def _take(file: int, left: Mapping[str, Any]) -> bool:
 
 
 def _note_of(file: int) -> dict[str, Any]:
-    """What stands in a lock file; nothing where it is damaged."""
+    """The note in a lock file; empty if it is damaged."""
     try:
         note = json.loads(os.read(file, 1 << 16))
     except (ValueError, RecursionError):
@@ -302,19 +302,19 @@ def _same_file(file: int, path: Path) -> bool:
 
 
 Drawing = tuple[Path, Callable[[Path], object]]
-"""The file of a picture or a film, and what draws it to a path."""
+"""The file of a picture or a film, and the function that draws it to a path."""
 
 
 def draw_all(drawings: Mapping[str, Drawing], kept: str) -> tuple[dict[str, Path], str]:
-    """Draw pictures and films, each whether or not others fail.
+    """Draw pictures and films, each even if others fail.
 
     Args:
-        drawings: What to draw, by what it shows.
-        kept: What a message about a failure ends with: where the data are, and how to draw again.
+        drawings: The drawings by name.
+        kept: The end of a message about a failure: where the data are, and how to draw again.
 
     Returns:
-        The files that were drawn, by what they show, and a line about those that were not; the
-        line is empty where all went well.
+        The files that were drawn, by name, and a line about those that were not; it is empty if
+        all were drawn.
     """
     drawn: dict[str, Path] = {}
     failed: list[str] = []
@@ -323,7 +323,7 @@ def draw_all(drawings: Mapping[str, Drawing], kept: str) -> tuple[dict[str, Path
         try:
             draw(path)
         except Exception as error:
-            # Whatever it is, nobody's data depend on it.
+            # Drawings come after the data, so no error here can lose data.
             failed.append(path.name)
             reason = reason or _reason(error)
         else:
@@ -332,7 +332,7 @@ def draw_all(drawings: Mapping[str, Drawing], kept: str) -> tuple[dict[str, Path
 
 
 def _reason(error: Exception) -> str:
-    """The last line of what went wrong; an error of lrf3d's own has but one."""
+    """The last line of an error; errors of lrf3d have only one."""
     if isinstance(error, Lrf3dError):
         return str(error)
     return "".join(traceback.format_exception_only(error)).strip().splitlines()[-1]

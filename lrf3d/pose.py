@@ -1,6 +1,6 @@
-"""Pose: place and heading in the plane, the group SE(2) (Eq. 1 of Teslić et al.).
+"""Pose: position and heading in the plane, the group SE(2) (Eq. 1 of Teslić et al.).
 
-Wherever a pose enters, a plain ``(x, y, theta)`` serves as well.
+A plain ``(x, y, theta)`` is accepted wherever a pose is.
 """
 
 import math
@@ -36,7 +36,7 @@ class Pose(NamedTuple):
         return Pose(float(x), float(y), float(wrap_angle(self.theta + other.theta)))
 
     def inverse(self) -> "Pose":
-        """The pose that undoes this one: ``pose @ pose.inverse()`` is the identity."""
+        """The inverse: ``pose @ pose.inverse()`` is the identity."""
         cos, sin = np.cos(self.theta), np.sin(self.theta)
         return Pose(
             float(-cos * self.x - sin * self.y),
@@ -45,7 +45,7 @@ class Pose(NamedTuple):
         )
 
     def apply(self, points: Float) -> Float:
-        """Take points (n, 2) from this pose's own frame to the frame that it stands in."""
+        """Transform points (n, 2) from the frame of this pose to the frame that it is given in."""
         cos, sin = np.cos(self.theta), np.sin(self.theta)
         return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x, self.y]))
 
@@ -61,7 +61,7 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
         x, y, theta = float(x), float(y), float(theta)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"pose {shown(pose)}: expected three numbers x, y, theta") from None
-    # Plain floats: an array would take ten times as long, and this is done for every scan.
+    # Plain floats: an array would take ten times as long, and this runs for every scan.
     if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
         raise InputError(f"pose {(x, y, theta)}: expected finite numbers")
     return Pose(x, y, theta)

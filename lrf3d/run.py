@@ -9,7 +9,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int, Value
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.mapped import some_rows
+from lrf3d.mapped_files import some_rows
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.pose import Pose

@@ -1,7 +1,6 @@
 """Scenario: a world with a robot, a laser, a noise and a mapper set up to drive through it.
 
-A world, and what is said of its drive, enter; a simulation or a run leaves. What is not said has a
-default, so that walls alone serve as well.
+It is run as a simulation. Everything but the walls has a default.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,6 +17,7 @@ from lrf3d.geometry import Float, Value
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.pose import Pose
+from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory, check_drive, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
 from lrf3d.robot.free_space import Side
@@ -33,44 +33,44 @@ if TYPE_CHECKING:
     from lrf3d.steering import Controller
 
 POSE_INTERVAL = 4.0
-"""Time between two scans [s] where the robot stands at single poses instead of driving."""
+"""Time between two scans [s] at single poses, between which the robot does not drive."""
 
 CONTROLLED_SCANS = 1000
-"""Scans after which a controller's drive ends if not given."""
+"""Default number of scans of a controller's drive."""
 
 MOST_SCANS = 10_000_000
-"""Scans of a run at most, eleven days at 10 Hz: their poses are held in memory, 32 bytes each."""
+"""Largest number of scans, eleven days at 10 Hz: their poses are in memory, 32 bytes each."""
 
 PLANNED_LOOKAHEAD = 0.4
-"""How far ahead the robot steers at [m] on a route that was planned: it gets through the doors of
-a house, where at 1 m it would cut their corners."""
+"""Look-ahead [m] on planned routes, short enough for the doors of a house; with 1 m the robot would
+cut their corners."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scenario(Value):
-    """A world, and how it is driven through, scanned, mapped and filmed.
+    """A world with the settings for driving, scanning, mapping and filming.
 
     Args:
         world: The walls.
         lrf: The laser range finder.
-        noise: What makes measured scans of true ones.
-        compared: Standard deviations [m] at range_max of further noises, whose maps stand beside
-            that of the run in figures.
+        noise: Turns true scans into measured ones.
+        compared: Standard deviations [m] at range_max of further noise levels, whose maps a figure
+            compares with that of the run.
         obstacles: The dynamic obstacles.
-        start: Pose x, y [m], theta [rad] where the drive begins; None if not given.
-        route: (m, 2) way-points [m], the first at the start; None where it is to be planned.
-        poses: (k, 3) poses x, y [m], theta [rad] to stand and scan at instead of a drive.
+        start: Initial pose x, y [m], theta [rad]; None if not given.
+        route: (m, 2) way-points [m], the first at the start; None if it is to be planned.
+        poses: (k, 3) poses x, y [m], theta [rad] to scan from, instead of a drive.
         planned: The side of the walls, inside or outside, on which the route was planned; None
-            where it was not.
+            if it was not planned.
         speed: Speed of the drive [m/s].
         scan_interval: Time between two scans [s].
-        lookahead: How far ahead on the route the robot steers at [m].
+        lookahead: Distance along the route to the point that the robot steers at [m].
         radius: Radius of the robot [m].
         mapper: Keyword arguments of the LineMapper.
-        view: Where the film is seen from: ``chase``, ``first``, ``orbit``,
-            ``top``, or the name of one of the world's cameras.
+        view: Camera of the film: ``chase``, ``first``, ``orbit``, ``top``, or the name of one of
+            the world's cameras.
         playback: Simulated seconds in a second of film.
-        name: What the scenario is called in files and pictures.
+        name: Name in files and pictures.
 
     Examples:
         >>> import lrf3d
@@ -114,7 +114,7 @@ class Scenario(Value):
         return f"Scenario({self.name!r}, {self.world!r}, {self.lrf.beams} beams, {drive})"
 
     def __deepcopy__(self, memo: object) -> "Scenario":
-        # Nothing changes a scenario, so that it serves as its own copy: Gymnasium makes them.
+        # Gymnasium copies scenarios; they are immutable.
         return self
 
     @property
@@ -126,8 +126,8 @@ class Scenario(Value):
     def changed(self, **changes: Any) -> "Scenario":
         """The scenario with other values of its fields; fields that depend on them are reset.
 
-        A new route begins at its first way-point, and through another world one is planned, where
-        no start or route is given with it.
+        A new route starts at its first way-point; in a new world one is planned, unless a start or
+        a route is given with it.
 
         Raises:
             InputError: There is no such field.
@@ -146,10 +146,11 @@ class Scenario(Value):
         return replace(self, **changes) if changes else self
 
     def with_route(self, *, where: Side | None = None) -> "Scenario":
-        """The scenario, with a route that sees most of its walls where it has none.
+        """The scenario, with a planned route past most of its walls if it has none.
 
         Args:
-            where: The side of the walls to stay on; by the world and the start if not given.
+            where: The side of the walls to stay on; it depends on the world and the start if not
+                given.
 
         Raises:
             InputError: There is no free space to drive in.
@@ -175,16 +176,16 @@ class Scenario(Value):
     def trajectory(
         self, *, scans: int | None = None, on_collision: Callable[[str], None] | None = None
     ) -> Trajectory:
-        """The drive along the route, or the stand at each of the poses.
+        """The drive along the route, or the single poses.
 
         Args:
-            scans: The number of scans: the robot drives there and back, or stands at the poses
-                again, until they are taken; once along the route if not given.
-            on_collision: Where given, it is called with the message of a drive that would run
-                into a wall, and the drive goes on.
+            scans: The number of scans: the robot drives there and back, or repeats the poses, to
+                take them; once along the route if not given.
+            on_collision: If given, it is called with the message of a collision, and the drive
+                continues.
 
         Raises:
-            CollisionError: The drive would run into a wall.
+            CollisionError: The drive would hit a wall.
             InputError: The scenario has neither poses nor a route, or the drive is too long.
         """
         self._check_number(scans)
@@ -193,7 +194,7 @@ class Scenario(Value):
             return Trajectory(POSE_INTERVAL * stops, self.poses[stops % len(self.poses)])
         if self.route is None:
             raise InputError(f"{self.name}: neither poses nor a route to drive")
-        # The robot is steered, and must keep clear of walls, between its scans as well.
+        # Steering, and checking for collisions, is finer than the interval between scans.
         commands = max(1, round(self.scan_interval / CONTROL_STEP))
         how: dict[str, Any] = {
             "speed": self.speed,
@@ -235,23 +236,23 @@ class Scenario(Value):
         Args:
             drive: A trajectory or poses (k, 3) a second apart to drive instead of the route.
             controller: A controller to drive instead of the route.
-            rng: The source of the noise, or a seed of it: 5 is ``--seed 5``.
+            rng: A generator for the noise, or a seed: 5 gives the run of ``--seed 5``.
             sigma: Another standard deviation of the noise [m] at range_max.
-            noise: A noise instead of the scenario's; a mapper is set up for the scenario's where
-                this one does not say its ``spread``.
+            noise: A noise instead of the scenario's; if it does not report its ``spread``, the
+                mapper is set up for the scenario's.
             mode: Mode of the LineMapper.
             mapper: A mapper, or other keyword arguments of the LineMapper.
             caster: ``embree``, ``planar``, or a caster.
-            scans: How many scans to take: the route is driven there and back until then.
-            on_collision: Called with the message of a drive into a wall, which then goes on; a
-                controller is not stopped by walls. If not given, a collision is an error.
+            scans: Number of scans, for which the route is driven there and back.
+            on_collision: Called with the message of a collision, after which the drive continues;
+                walls do not stop a controller then. If not given, a collision is an error.
             **changes: Other values of any field of the Scenario.
 
         Raises:
-            CollisionError: The drive would run into a wall.
+            CollisionError: The drive would hit a wall.
             InputError: Something is invalid.
         """
-        # Films and figures of a scenario need not wait for compilers.
+        # Imported here, so that films and figures do not load the compiler.
         from lrf3d.simulation import Simulation, line_mapper
 
         if isinstance(mapper, Mapping):
@@ -294,18 +295,18 @@ class Scenario(Value):
         self,
         *,
         snapshots: int | None = None,
-        progress: Callable[[int, int], None] = lambda done, total: None,
+        progress: Progress = silent,
         **changes: Any,
     ) -> "Run":
         """Drive, scan and map, as ``lrf3d run`` does, and keep all of it in memory.
 
         Args:
-            snapshots: How many maps of the growing map the run keeps; see `simulate`.
-            progress: Called with the scans that are done and all.
-            **changes: What holds for this run: all that `simulation` takes.
+            snapshots: Largest number of map snapshots that the run keeps; see `simulate`.
+            progress: Called with the number of scans that are done, and of all.
+            **changes: Changes for this run: all arguments of `simulation`.
 
         Raises:
-            CollisionError: The drive would run into a wall.
+            CollisionError: The drive would hit a wall.
             InputError: Something is invalid.
 
         Examples:
@@ -330,6 +331,6 @@ class Scenario(Value):
 
 
 def start_of(route: Float) -> Pose:
-    """The pose at the first way-point of a route (m, 2) that looks towards the second."""
+    """The pose at the first way-point of a route (m, 2), facing the second."""
     dx, dy = route[1] - route[0] if len(route) > 1 else (1.0, 0.0)
     return Pose(float(route[0, 0]), float(route[0, 1]), float(np.arctan2(dy, dx)))

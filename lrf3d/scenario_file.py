@@ -1,7 +1,4 @@
-"""Scenario files: what a world file says becomes a scenario.
-
-A name or a path enters, a Scenario leaves.
-"""
+"""Scenario files: a world file becomes a Scenario."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -33,7 +30,7 @@ def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Sce
 
     Args:
         name_or_path: The name or the path.
-        settings: What holds instead of what the file says: ``laser.range_max=20``.
+        settings: Settings that override those of the file: ``laser.range_max=20``.
 
     Raises:
         WorldError: There is no such world, or its file cannot be used.
@@ -49,7 +46,7 @@ def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Sce
 
 
 def read_scenario_file(name_or_path: str | Path) -> WorldFile:
-    """Read what a built-in world, or a file, says.
+    """Read the file of a world, given by its name or its path.
 
     Raises:
         WorldError: There is no such world, or its file cannot be used.
@@ -61,11 +58,11 @@ def read_scenario_file(name_or_path: str | Path) -> WorldFile:
 
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
-    """The scenario that a file describes; those of one file share its world.
+    """The scenario that a file describes; all scenarios of one file share its world.
 
     Args:
-        file: What was read.
-        settings: What holds instead of what the file says: ``laser.range_max=20``.
+        file: The file.
+        settings: Settings that override those of the file: ``laser.range_max=20``.
 
     Raises:
         InputError: A setting is invalid.
@@ -106,7 +103,7 @@ def _scenario(file: WorldFile) -> Scenario:
 
 
 def _obstacles(file: WorldFile, radius: float) -> tuple[DynamicObstacle, ...]:
-    """The dynamic obstacles; those whose width the file does not say are as wide as the robot."""
+    """The dynamic obstacles; without a radius they are as wide as the robot."""
     obstacles = []
     for index, table in enumerate(file.obstacles):
         try:

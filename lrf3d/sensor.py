@@ -1,4 +1,4 @@
-"""Sensor: what a robot measures from a pose at a time: a true scan is cast, and noise is added."""
+"""Sensor: casts the true scan from a pose at a time, and adds noise."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,7 +16,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.world import World
 
 CASTERS: dict[str, Callable[[World], Caster]] = {"embree": EmbreeCaster, "planar": PlanarCaster}
-"""Casters by their names."""
+"""Casters by name."""
 
 
 class Sensor:
@@ -26,13 +26,13 @@ class Sensor:
         world: The walls.
         lrf: The laser range finder.
         caster: What casts the beams: ``embree``, ``planar``, or an object with ``cast``.
-        noise: What makes measured scans of true ones.
+        noise: Turns true scans into measured ones.
         obstacles: The dynamic obstacles.
-        path: The way that the robot takes while its beams turn; if not given, all beams of a
-            scan are sent at once.
+        path: The path of the robot during its scans; if not given, all beams of a scan are sent at
+            once.
 
     Raises:
-        InputError: There is no such caster, or a scan takes longer than the time to the next.
+        InputError: There is no such caster, or a scan takes longer than the interval to the next.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Sensor:
         """The true and the measured scan from a pose (3,) at a time [s].
 
         Raises:
-            InputError: The noise returns no scan.
+            InputError: The noise does not return a valid scan.
         """
         true_scan = self._cast.cast_at(self.lrf, pose, time)
         scan = self.noise(true_scan, rng)
@@ -70,8 +70,8 @@ class Sensor:
     ) -> tuple[Float, Float, Int]:
         """Measured and true ranges and walls, (k, beams) each, from poses (k, 3) at times (k,) [s].
 
-        They are those of `measure`, one after the other; among walls alone the beams of all scans
-        are cast together.
+        They equal those of `measure`; without dynamic obstacles and motion the beams of all scans
+        are cast in one batch.
         """
         if self._together is not None:
             truth, walls = self._together(self.lrf, poses)
@@ -98,7 +98,7 @@ class Sensor:
         return measured, truth, walls
 
     def _check(self, scan: Any) -> None:
-        """See that a noise has returned a scan.
+        """Check that a noise has returned a valid scan.
 
         Raises:
             InputError: It has not.
@@ -108,7 +108,7 @@ class Sensor:
                 f"noise {self.noise!r} returned {_shown(scan)}; expected a LaserScan of"
                 f" {self.lrf.beams} beams"
             )
-        # NaN is the least where there is one, and −inf is a beam that is nearer than range_min.
+        # The minimum is NaN if there is one; −inf is a valid range, below range_min.
         if not scan.ranges.min() >= 0.0:
             wrong = ~(scan.ranges >= 0.0) & (scan.ranges != -np.inf)
             if wrong.any():
@@ -120,14 +120,14 @@ class Sensor:
 
 
 def _shown(scan: Any) -> str:
-    """What a noise has returned, in a few words."""
+    """A short description of what a noise has returned."""
     if isinstance(scan, LaserScan):
         return f"one of {len(scan.ranges)}"
     return "None" if scan is None else f"a {type(scan).__name__}"
 
 
 def caster_of(caster: Caster | str, world: World) -> Caster:
-    """What casts the beams in a world, by its name or as it was given.
+    """The caster for a world, by its name or as given.
 
     Raises:
         InputError: There is no such caster.

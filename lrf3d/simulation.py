@@ -1,9 +1,9 @@
 """Simulation: a robot drives, scans and maps, step by step, as in Fig. 2 of Teslić et al.
 
-A world and a drive enter; steps leave as they come, and nothing is kept but what the mapper keeps.
+The input is a world and a drive; steps are yielded one by one, and only the mapper keeps anything.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, Protocol
@@ -18,6 +18,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
+from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.run import Run, SnapshotSchedule
@@ -25,9 +26,6 @@ from lrf3d.sensor import Sensor
 from lrf3d.steering import ControlledDrive, Controller, Drive, RecordedDrive
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
-
-Progress = Callable[[int, int], None]
-"""Called with what is done and all of it."""
 
 
 class Mapper(Protocol):
@@ -38,18 +36,18 @@ class Mapper(Protocol):
     """
 
     def update(self, scan: LaserScan) -> Any:
-        """Take in a scan; if this returns anything but None, it is the map."""
+        """Add a scan; a return value other than None is the map."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """One step of a simulation: a scan, and what came of it.
+    """One step of a simulation: a scan, and the map after it.
 
     Args:
         index: Number of the scan, from 0.
-        time: When it was taken [s].
-        pose: Pose x, y [m], theta [rad] that it was taken at.
+        time: Time of the scan [s].
+        pose: Pose x, y [m], theta [rad] of the scan.
         scan: The measured scan.
         true_scan: The scan without noise.
 
@@ -71,10 +69,10 @@ class Step:
 
     @property
     def map(self) -> Any:
-        """The map after this scan, whatever the mapper makes; read it before the next step.
+        """The map after this scan, of whatever kind; read it before the next step.
 
         Raises:
-            InputError: The simulation has gone on, and the mapper keeps no earlier maps.
+            InputError: The simulation has continued, and the mapper keeps no earlier maps.
         """
         if self._returned is not None:
             return self._returned
@@ -87,10 +85,10 @@ class Step:
 
 
 class Simulation:
-    """A robot with a laser range finder that drives through a world; its steps come one by one.
+    """A robot with a laser range finder that drives through a world, step by step.
 
-    ``for step in simulation`` scans, maps and drives on at each turn. It may be left at any time,
-    and goes on where it was left. What is passed by is not kept, so that it may go on for ever.
+    Each iteration of ``for step in simulation`` scans, maps and drives on. The loop may be left and
+    continued at any time. Earlier steps are not kept, so a simulation can run forever.
 
     Args:
         world: The walls.
@@ -98,23 +96,23 @@ class Simulation:
             ``command(time, pose, scan) -> (v, w)``, speed [m/s] and turn rate [rad/s] up to the
             next scan, or None to end the drive.
         lrf: The laser range finder; 181 beams over 180° up to 80 m if not given.
-        caster: What casts the beams: ``embree``, ``planar``, or an object with ``cast``.
-        noise: What makes measured scans of true ones, ``noise(scan, rng)`` or ``noise(scan)``;
-            none if not given.
-        mapper: What builds the map, anything with ``update(scan)``; if not given, a LineMapper
-            set up for the noise; see `line_mapper`.
-        rng: The source of the noise, or a seed of it.
-        obstacles: The dynamic obstacles: what moves in the world and is seen by the robot.
-        start: Pose where a controller's drive begins.
+        caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
+        noise: Turns true scans into measured ones, ``noise(scan, rng)`` or ``noise(scan)``; no
+            noise if not given.
+        mapper: Builds the map, anything with ``update(scan)``; if not given, a LineMapper set up
+            for the noise; see `line_mapper`.
+        rng: A generator for the noise, or a seed.
+        obstacles: The dynamic obstacles.
+        start: Initial pose of a controller's drive.
         scan_interval: Time between two scans [s] of a controller's drive.
-        scans: After how many scans to end; if not given, at the end of a trajectory, and never
-            where a controller drives on.
-        radius: With a controller: radius of the robot [m], which may not run into a wall; where
-            not given, it drives through them.
+        scans: Number of scans; if not given, those of the trajectory, or any number until a
+            controller ends the drive.
+        radius: With a controller: radius of the robot [m], which may not hit a wall; if not given,
+            it drives through walls.
 
     Raises:
-        InputError: The drive or the noise is invalid, or a scan takes longer than the time to the
-            next.
+        InputError: The drive or the noise is invalid, or a scan takes longer than the interval to
+            the next.
 
     Examples:
         >>> import lrf3d
@@ -182,11 +180,11 @@ class Simulation:
 
     @property
     def map(self) -> Any:
-        """The map after all scans so far, whatever the mapper makes; None if it makes none."""
+        """The map after all scans so far, of whatever kind; None if the mapper makes none."""
         return getattr(self.mapper, "map", None) if self._returned is None else self._returned
 
     def __iter__(self) -> Iterator[Step]:
-        """The steps that are still to come.
+        """The remaining steps.
 
         Raises:
             CollisionError: A controller drives a robot with a radius into a wall.
@@ -198,17 +196,17 @@ class Simulation:
             yield Step(index, time, true_scan.pose, scan, true_scan, self, self._returned)
 
     def take(self, scan: LaserScan, *, mapped: bool = False) -> None:
-        """Take the next scan as measured: map it and drive on.
+        """Take the next measured scan: map it and drive on.
 
         Args:
-            scan: The scan; where scans were kept, they bring a new simulation to where an older
-                one was left.
-            mapped: Whether the mapper knows it already.
+            scan: The scan; replaying recorded scans brings a new simulation to the state of an
+                interrupted one.
+            mapped: Whether the mapper has the scan already.
         """
         if not mapped:
             begin = perf_counter()
             self._returned = self.mapper.update(scan)
-            # What is compiled or loaded at the first scan is no part of what a scan takes.
+            # The first update is not counted: it may compile or load the mapper.
             if self.updates:
                 self._seconds += perf_counter() - begin
             self.updates += 1
@@ -217,7 +215,7 @@ class Simulation:
 
     @property
     def total(self) -> int:
-        """The number of scans, at most.
+        """The largest number of scans.
 
         Raises:
             InputError: The number of scans is unknown.
@@ -228,15 +226,15 @@ class Simulation:
 
     @property
     def milliseconds_an_update(self) -> float | None:
-        """Mean time of the mapper's updates after the first [ms]; None where there was no other."""
+        """Mean time of the mapper's updates after the first [ms]; None if there are none."""
         return 1e3 * self._seconds / (self.updates - 1) if self.updates > 1 else None
 
 
 class Runnable(Protocol):
-    """What knows how it is run: a Scenario."""
+    """Anything that can be simulated, such as a Scenario."""
 
     def simulation(self, **changes: Any) -> Simulation:
-        """The simulation of it, with what is given instead of its own."""
+        """Its simulation, with the given changes."""
         ...
 
 
@@ -255,40 +253,39 @@ def simulate(
     scans: int | None = None,
     radius: float | None = None,
     snapshots: int | None = None,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> Run:
-    """Drive through a world, scan, map, and keep all of it.
+    """Drive through a world, scan, map, and keep all of it in memory.
 
-    With a Scenario, what is not given is the scenario's, and the run is that of ``lrf3d run``.
-    With a World it is what stands below. `Simulation` gives the same step by step.
+    For a Scenario, values that are not given are the scenario's, and the run equals that of ``lrf3d
+    run``. For a World the defaults are those below. `Simulation` does the same step by step.
 
     Args:
         world: A Scenario, or the walls alone.
         drive: A Trajectory, poses (k, 3) a second apart, or a controller: anything with
-            ``command(time, pose, scan) -> (v, w)``. Only a Scenario has one of its own.
+            ``command(time, pose, scan) -> (v, w)``. Required for a World.
         lrf: The laser range finder; 181 beams over 180° up to 80 m if not given.
-        caster: What casts the beams: ``embree``, which it is if not given, ``planar``, or an
-            object with ``cast``.
-        noise: What makes measured scans of true ones, ``noise(scan, rng)`` or ``noise(scan)``;
-            none if not given.
-        mapper: What builds the map, anything with ``update(scan)``; if not given, a LineMapper
-            set up for the noise.
-        rng: The source of the noise, or a seed of it: 5 is ``--seed 5``. Another noise each time
-            if not given.
+        caster: Casts the beams: ``embree`` (the default), ``planar``, or an object with ``cast``.
+        noise: Turns true scans into measured ones, ``noise(scan, rng)`` or ``noise(scan)``; no
+            noise if not given.
+        mapper: Builds the map, anything with ``update(scan)``; if not given, a LineMapper set up
+            for the noise.
+        rng: A generator for the noise, or a seed: 5 gives the run of ``--seed 5``. The noise
+            differs each time if not given.
         obstacles: The dynamic obstacles; none if not given.
-        start: Pose where a controller's drive begins; the origin if not given.
+        start: Initial pose of a controller's drive; the origin if not given.
         scan_interval: Time between two scans [s] of a controller's drive; 0.25 if not given.
-        scans: After how many scans to end; if not given, at the end of the drive.
-        radius: With a controller: radius of the robot [m], which may not run into a wall; where
-            not given, it drives through them.
-        snapshots: How many maps of the growing map the run keeps, for films: 100 if not given.
-            With 1 only the last is computed, which is faster.
-        progress: Called with the scans that are done and all.
+        scans: Number of scans; all of the drive if not given.
+        radius: With a controller: radius of the robot [m], which may not hit a wall; if not given,
+            it drives through walls.
+        snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
+            With 1 only the final map is computed, which is faster.
+        progress: Called with the number of scans that are done, and of all.
 
     Raises:
-        InputError: The drive or the noise is invalid, a scan takes longer than the time to the
-            next, or nothing says when a controller's drive ends.
-        CollisionError: A robot with a radius would run into a wall.
+        InputError: The drive or the noise is invalid, a scan takes longer than the interval to the
+            next, or a controller's drive has no number of scans.
+        CollisionError: A robot with a radius would hit a wall.
 
     Examples:
         >>> import lrf3d
@@ -322,11 +319,11 @@ def simulate(
 
 def collect(
     simulation: Simulation,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
     *,
     snapshots: int | None = None,
 ) -> Run:
-    """Run a simulation to its end and keep all of it in memory; `record` keeps it in a file.
+    """Run a simulation to its end and keep it in memory; `record` writes it to a file.
 
     Raises:
         InputError: The number of scans is unknown; give ``scans``.

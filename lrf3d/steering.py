@@ -15,14 +15,14 @@ from lrf3d.robot.unicycle import arcs
 from lrf3d.world import World
 
 CHORD_ERROR = 0.001
-"""Farthest [m] that the chords lie off an arc that is searched for collisions."""
+"""Largest distance [m] between an arc and the chords that are checked for collisions."""
 
 MOST_CHORDS = 10_000
-"""Chords of one arc: a robot that spins faster than this shows is at fault anyway."""
+"""Largest number of chords of one arc: only a faulty controller spins faster."""
 
 
 class Controller(Protocol):
-    """Anything that decides after each scan how the robot drives on."""
+    """Anything that decides after each scan how the robot drives."""
 
     def command(self, time: float, pose: Pose, scan: LaserScan) -> tuple[float, float] | None:
         """Speed [m/s] and turn rate [rad/s] up to the next scan, or None to end the drive."""
@@ -30,15 +30,15 @@ class Controller(Protocol):
 
 
 class Drive(Protocol):
-    """The places of the scans, one after the other."""
+    """The poses of the scans, one after the other."""
 
     @property
     def goes_on(self) -> bool:
-        """Whether there is a next scan, as far as the drive decides it."""
+        """Whether the drive has a next scan."""
         ...
 
     def place(self, index: int) -> tuple[float, Float]:
-        """Time [s] and pose (3,) of the next scan, whose number is given."""
+        """Time [s] and pose (3,) of the next scan, given its number."""
         ...
 
     def after(self, scan: LaserScan) -> None:
@@ -47,7 +47,7 @@ class Drive(Protocol):
 
 
 class RecordedDrive:
-    """The drive along a trajectory, whatever is seen."""
+    """The drive along a trajectory, regardless of the scans."""
 
     goes_on = True
 
@@ -59,21 +59,21 @@ class RecordedDrive:
         return float(self.trajectory.times[index]), self.trajectory.poses[index]
 
     def after(self, scan: LaserScan) -> None:
-        """Nothing is decided."""
+        """Do nothing: the trajectory is fixed."""
 
 
 class ControlledDrive:
-    """The drive of a controller, whose commands are held from scan to scan as exact arcs.
+    """The drive of a controller; each command is held until the next scan, as an exact arc.
 
     Args:
         controller: Decides how to drive on.
         start: Pose of the first scan.
         interval: Time between two scans [s].
         world: The walls.
-        radius: Radius [m] of the robot, or None where it may drive through walls.
+        radius: Radius [m] of the robot, or None to let it drive through walls.
 
     Raises:
-        InputError: The interval makes no sense.
+        InputError: The interval is invalid.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class ControlledDrive:
         return index * self.interval, np.array(self.pose)
 
     def after(self, scan: LaserScan) -> None:
-        """Ask the controller, and drive as it says.
+        """Get the next command of the controller, and drive.
 
         Raises:
             CollisionError: The robot would run into a wall.
@@ -130,7 +130,7 @@ class ControlledDrive:
                 raise CollisionError(f"{collision}; the controller drove it there")
 
     def _way(self, time: float, start: Pose, v: float, omega: float) -> Trajectory:
-        """The arc up to the next scan in chords that keep within `CHORD_ERROR` of it."""
+        """The arc up to the next scan as chords within `CHORD_ERROR` of it."""
         # The sagitta of a chord over a time t is |v·ω|·t²/8.
         chords = self.interval * np.sqrt(abs(v) * abs(omega) / (8.0 * CHORD_ERROR))
         count = int(np.clip(np.ceil(chords), 1, MOST_CHORDS))

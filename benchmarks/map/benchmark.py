@@ -24,8 +24,9 @@ from benchmarks.map.settings import (
     settings,
 )
 from benchmarks.map.sizes import SIZES, UPDATES_BY_SIZE, measure_sizes
-from benchmarks.result import Progress, Result, Row, Table, silent
+from benchmarks.result import Result, Row, Table
 from lrf3d.laser.noise import SIGMA
+from lrf3d.progress import Progress, silent
 from lrf3d.render.chart import MODE_COLOURS
 from lrf3d.scoring import storage
 from lrf3d.scoring.summary import local_polylines

@@ -20,7 +20,7 @@ from lrf3d.localization.pairing import STRATEGIES, Pairs, pair_lines
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
 from lrf3d.world import World
-from lrf3d.world.generators import BLOCK, city_blocks, generate_city
+from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city
 
 ROBOT = Pose(0.0, 0.0, 0.0)
 """The robot's pose in its own frame."""
@@ -125,9 +125,9 @@ def measure_town(result: Result, walls: int, *, scans: int | None = None) -> Non
     """
     columns, rows = city_blocks(walls)
     longest = LONGEST if scans is None else min(scans, LONGEST)
-    scans = min(longest, int(BLOCK * (columns - 1) / STRIDE))
-    x = 0.5 * BLOCK * (columns - 1) + STRIDE * (np.arange(scans) - 0.5 * scans)
-    y = BLOCK * (rows // 2 - 0.5)
+    scans = min(longest, int(BLOCK_SIDE * (columns - 1) / STRIDE))
+    x = 0.5 * BLOCK_SIDE * (columns - 1) + STRIDE * (np.arange(scans) - 0.5 * scans)
+    y = BLOCK_SIDE * (rows // 2 - 0.5)
     poses = np.column_stack([x, np.full(scans, y), np.zeros(scans)])
     measure_pairs(result, "town", generate_city(walls), poses, LaserRangeFinder())
 

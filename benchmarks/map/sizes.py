@@ -21,7 +21,7 @@ from lrf3d.mapping import LineMapper
 from lrf3d.mapping.paper.mapper import PaperMapper
 from lrf3d.mapping.segment_table import SegmentTable
 from lrf3d.world import World
-from lrf3d.world.generators import BLOCK, city_blocks, city_crossings, generate_city
+from lrf3d.world.generators import BLOCK_SIDE, city_blocks, city_crossings, generate_city
 
 SIZES = (100, 1_000, 10_000, 100_000)
 """Walls of the towns."""
@@ -102,7 +102,9 @@ def surveyed(caster: PlanarCaster, walls: int) -> LineMapper:
     """A mapper that has scanned a generated city from every crossing, the outermost included."""
     columns, rows = city_blocks(walls)
     y, x = np.mgrid[0 : rows + 1, 0 : columns + 1].reshape(2, -1)
-    poses: Float = np.column_stack([BLOCK * (x - 0.5), BLOCK * (y - 0.5), np.zeros(len(x))])
+    poses: Float = np.column_stack(
+        [BLOCK_SIDE * (x - 0.5), BLOCK_SIDE * (y - 0.5), np.zeros(len(x))]
+    )
     mapper, noise, rng = LineMapper(sigma=SIGMA), _noise(), np.random.default_rng(0)
     for pose in poses:
         mapper.update(noise(caster.cast(SURVEYOR, pose), rng))

@@ -13,7 +13,8 @@ from benchmarks.paper.city import city_claim, drive_through, film_claim, speed_c
 from benchmarks.paper.claim import Claim, Extent
 from benchmarks.paper.room import ROOM, maps_claim, robustness_claim, room_sweep, scan_claim
 from benchmarks.paper.use import grid_claim, localisation_claim, polyline_claim, search_claim
-from benchmarks.result import Progress, as_json, silent, this_machine
+from benchmarks.result import as_json, this_machine
+from lrf3d.progress import Progress, silent
 
 PAPER = (
     "L. Teslić, I. Škrjanc, G. Klančar: Simulation of a Mobile Robot with a LRF and Map Building"

@@ -13,9 +13,9 @@ from lrf3d.render.figures import draw_noise_levels, draw_world
 from lrf3d.render.sweep_figure import draw_sweep
 from lrf3d.scenario_file import load_scenario
 from lrf3d.sweep.drawing import curves_of
-from lrf3d.sweep.grid import Grid
+from lrf3d.sweep.grid import SweepGrid
 from lrf3d.sweep.plan import Plan, make_plan
-from lrf3d.sweep.summary import CONFIDENCE, CellMean, Mean, cell_means
+from lrf3d.sweep.summary import INTERVAL_CONFIDENCE, CellMean, Mean, cell_means
 from lrf3d.sweep.task import carry_out
 
 ROOM = "paper_room"
@@ -168,7 +168,7 @@ def robustness_claim(room: tuple[Plan, list[Row]], extent: Extent) -> Claim:
         room: The sweep of the room.
         extent: How much is measured in the city.
     """
-    city = swept(Grid.usual("city", axes={}, seeds=extent.city_seeds, every=extent.every))
+    city = swept(SweepGrid.usual("city", axes={}, seeds=extent.city_seeds, every=extent.every))
     means = {name: cell_means(*each) for name, each in (("room", room), ("city", city))}
     pictures = [
         _picture(name, plan, means[name]) for name, (plan, _) in (("room", room), ("city", city))
@@ -227,7 +227,7 @@ def _picture(name: str, plan: Plan, means: Sequence[CellMean]) -> Picture:
     scans = len(next(iter(plan.places.values())).trajectory)
     words = (
         f"{scans} scans of {lrf.beams} beams  ·  {plan.grid.seeds} seeds  ·  mean and its"
-        f" {100.0 * CONFIDENCE:g} % interval"
+        f" {100.0 * INTERVAL_CONFIDENCE:g} % interval"
     )
     figure = draw_sweep(
         curves,
@@ -241,10 +241,10 @@ def _picture(name: str, plan: Plan, means: Sequence[CellMean]) -> Picture:
 
 def room_sweep(extent: Extent) -> tuple[Plan, list[Row]]:
     """Maps of the room over the usual noises, in both modes."""
-    return swept(Grid.usual(ROOM, axes={}, seeds=extent.seeds))
+    return swept(SweepGrid.usual(ROOM, axes={}, seeds=extent.seeds))
 
 
-def swept(grid: Grid) -> tuple[Plan, list[Row]]:
+def swept(grid: SweepGrid) -> tuple[Plan, list[Row]]:
     """All runs of a small grid, made in this process."""
     plan = make_plan(grid)
     rows = []

@@ -23,9 +23,10 @@ from benchmarks.render.scenes import (
     moments,
 )
 from benchmarks.render.stock import StockFilm
-from benchmarks.result import Progress, Result, Row, Table, silent
+from benchmarks.result import Result, Row, Table
 from benchmarks.timing import take_turns
 from lrf3d.geometry import Float
+from lrf3d.progress import Progress, silent
 from lrf3d.render.film import LAYERS, Film
 from lrf3d.run import Run
 

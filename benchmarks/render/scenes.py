@@ -21,7 +21,7 @@ from lrf3d.run import Run
 from lrf3d.scenario_file import load_scenario
 from lrf3d.simulation import simulate
 from lrf3d.world import World
-from lrf3d.world.generators import BLOCK, city_blocks, generate_city
+from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city
 
 FRAMES = 24
 """Moments of a run that are drawn in turn."""
@@ -48,8 +48,8 @@ def generated_run(buildings: int, scans: int = SCANS) -> Run:
     """A drive round a corner in the middle of a generated city."""
     heights = np.random.default_rng(0).uniform(LOWEST, HIGHEST, buildings)
     world = replace(generate_city(4 * buildings), heights=np.repeat(heights, 4))
-    middle = BLOCK * ((np.array(city_blocks(4 * buildings)) - 1) // 2 + 0.5)
-    route = middle + BLOCK * np.array([[-1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+    middle = BLOCK_SIDE * ((np.array(city_blocks(4 * buildings)) - 1) // 2 + 0.5)
+    route = middle + BLOCK_SIDE * np.array([[-1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
     drive = follow_route(route, speed=4.0, dt=0.2)
     return _run(world, Trajectory(drive.times[:scans], drive.poses[:scans]), LaserRangeFinder())
 

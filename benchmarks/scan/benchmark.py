@@ -14,16 +14,17 @@ from unittest.mock import patch
 from matplotlib.figure import Figure
 
 from benchmarks.chart import COLOURS, OWN, RING, draw, scatter
-from benchmarks.result import Progress, Result, Row, Table, metres, percent, silent
+from benchmarks.result import Result, Row, Table, metres, percent
 from benchmarks.scan.accuracy import corner_trial, judge, scan_trial
 from benchmarks.scan.baselines import BASELINES, Baseline, Call, Planar
 from benchmarks.scan.baselines import OWN as OWN_CASTERS
 from benchmarks.scan.processes import probe, resident_bytes
 from benchmarks.scan.savings import ablate
 from benchmarks.timing import Timing, take_turns
-from lrf3d.casting import PlanarCaster, threads
+from lrf3d.casting import PlanarCaster, batch_caster
 from lrf3d.cores import core_count
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.progress import Progress, silent
 from lrf3d.world.generators import city_crossings, generate_city
 
 WALLS = (40, 400, 10_000, 100_000, 1_000_000)
@@ -289,7 +290,7 @@ def _call(call: Call, turn: int) -> object:
 
 def _on_one_core(call: Call, turn: int) -> object:
     """Call with casters that take the machine to have one core."""
-    with patch.object(threads, "core_count", lambda: 1):
+    with patch.object(batch_caster, "core_count", lambda: 1):
         return call()
 
 

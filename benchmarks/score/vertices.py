@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.result import Progress, Row, silent
+from benchmarks.result import Row
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import fit_vertices
 from lrf3d.pose import as_pose
+from lrf3d.progress import Progress, silent
 from lrf3d.world import World
 
 GAP = 1.0

@@ -9,13 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.result import Progress, Row, silent
+from benchmarks.result import Row
 from benchmarks.timing import time_updates
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
+from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
 from lrf3d.robot.sides import inside_buildings
 from lrf3d.scoring import score_run

@@ -11,15 +11,15 @@ if TYPE_CHECKING:
     from lrf3d.casting.comparison import CrossCheck, crosscheck
     from lrf3d.casting.embree import EmbreeCaster
     from lrf3d.casting.planar import PlanarCaster
+else:
+    __getattr__, __dir__ = loading(
+        globals(),
+        {
+            "CrossCheck": "comparison",
+            "EmbreeCaster": "embree",
+            "PlanarCaster": "planar",
+            "crosscheck": "comparison",
+        },
+    )
 
 __all__ = ["CrossCheck", "EmbreeCaster", "PlanarCaster", "crosscheck"]
-
-__getattr__, __dir__ = loading(
-    globals(),
-    {
-        "CrossCheck": "comparison",
-        "EmbreeCaster": "embree",
-        "PlanarCaster": "planar",
-        "crosscheck": "comparison",
-    },
-)

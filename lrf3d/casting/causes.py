@@ -1,9 +1,9 @@
-"""Causes: why two casters see a beam differently, worked out from the beam and the walls they see.
+"""Causes of the differences between two casters, from the beam and the walls that they report.
 
-Float32 holds every place only to a resolution δ. What a caster that works in float32 does within
-δ of a decision (which side of a wall's end, which of two walls is first, above or below the top
-edge) is chance. Each cause is one such decision, and the beam is within δ of it; a difference
-within δ of none of them is unexplained.
+Float32 represents positions only to a resolution δ. Within δ of a decision (which side of a wall's
+end, which of two walls comes first, above or below the top edge) the result of a float32 caster is
+arbitrary. Each cause is such a decision within δ of the beam; a difference without one is
+unexplained.
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 
 AGREEMENT = 1e-9
-"""Two ranges that differ by no more than this [m] agree."""
+"""Largest difference [m] of two ranges that agree."""
 
 GRAZING = 1e-4
-"""Below this angle [rad] between beam and wall a float64 plane loses the 1e-9 m of agreement;
-trimesh even leaves out a wall below 1e-5."""
+"""Angle [rad] between beam and wall below which intersecting a plane in float64 is less accurate
+than 1e-9 m; below 1e-5 trimesh misses the wall."""
 
 
 class Cause(StrEnum):
-    """Why two casters see a beam differently."""
+    """Why two casters differ for a beam."""
 
     RANGE_LIMIT = "range limit"
     LASER_AT_WALL = "laser at a wall"
@@ -46,7 +46,7 @@ MEANING = {
     Cause.SEAM: "the beam slips between the two triangles of a wall",
     Cause.UNEXPLAINED: "no cause is known",
 }
-"""What each cause is, in a sentence."""
+"""A description of each cause."""
 
 EDGES = frozenset({Cause.WALL_END, Cause.CORNER_TIE})
 """The causes at the ends of walls."""
@@ -54,17 +54,17 @@ EDGES = frozenset({Cause.WALL_END, Cause.CORNER_TIE})
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What one caster says of beams: ranges (n,) [m] after REP 117, and walls (n,), −1 for none."""
+    """The answers of a caster: ranges (n,) [m] after REP 117, and walls (n,), −1 for none."""
 
     ranges: Float
     walls: Int
 
 
 def resolution(world: World, lrf: LaserRangeFinder) -> float:
-    """How well float32 knows a place along a beam [m], by a bound.
+    """Bound on the float32 resolution of positions along a beam [m].
 
-    Ends and laser are rounded at the size of the scene, the direction is over the distance, and so
-    is each step of the intersection.
+    The ends and the laser are rounded relative to the size of the scene; the direction and each
+    step of the intersection relative to the distance.
     """
     size = float(
         np.linalg.norm(np.append(np.ptp(world.bounds, axis=0), world.heights.max(initial=0)))
@@ -75,15 +75,15 @@ def resolution(world: World, lrf: LaserRangeFinder) -> float:
 def explain(
     world: World, lrf: LaserRangeFinder, origins: Float, directions: Float, a: Answers, b: Answers
 ) -> list[Cause]:
-    """The cause for which each of n beams, seen differently by two casters, is so.
+    """The cause of the difference of each of n beams.
 
     Args:
         world: The walls.
         lrf: The range finder.
-        origins: (n, 2) where the beams start [m].
+        origins: (n, 2) origins of the beams [m].
         directions: (n, 2) unit vectors.
-        a: What one caster says of them.
-        b: What the other says.
+        a: The answers of one caster.
+        b: The answers of the other.
     """
     delta = resolution(world, lrf)
     seen = [_Sight(world, lrf, origins, directions, one.walls, delta) for one in (a, b)]
@@ -91,7 +91,7 @@ def explain(
     two_walls = (a.walls >= 0) & (b.walls >= 0) & (a.walls != b.walls)
     with np.errstate(invalid="ignore", divide="ignore"):
         gap = np.abs(a.ranges - b.ranges)
-        # A shift of δ across the beam moves the place of a hit by this much along it.
+        # Shifting a wall by δ across the beam moves the hit by this distance along it.
         along = AGREEMENT + delta / least_sine
     tests = {
         Cause.RANGE_LIMIT: _at_limit(a.ranges, b.ranges, lrf),
@@ -108,7 +108,7 @@ def explain(
 
 
 class _Sight:
-    """How beams lie to the walls (n,) that one caster says they meet; NaN where it is none."""
+    """How beams lie relative to the walls (n,) that a caster reports; NaN where it has none."""
 
     def __init__(
         self,
@@ -145,7 +145,7 @@ class _Sight:
 
 
 def _at_limit(a: Float, b: Float, lrf: LaserRangeFinder) -> Bool:
-    """Where one caster measures a range by a limit, and the other has it just beyond."""
+    """Which beams are just within a range limit for one caster and just beyond it for the other."""
     near = np.zeros(len(a), dtype=bool)
     for one, other in ((a, b), (b, a)):
         near |= np.isposinf(one) & (np.abs(other - lrf.range_max) <= AGREEMENT)

@@ -1,11 +1,10 @@
-"""Cross-check: the same beams through the plane and through the 3D mesh, compared one by one.
+"""Cross-check: the same beams, cast in the plane and in the 3D mesh, compared one by one.
 
-Both casters of lrf3d prove what they say, so they agree on every beam. What that proof is worth
-is seen where ``raw`` puts Embree's bare float32 answers beside the exact planar ones.
+Both casters of lrf3d are exact, so they agree on every beam. With ``raw`` the ranges of bare
+Embree, in float32, are compared with the exact ones, which shows what the proof is worth.
 """
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,22 +16,23 @@ from lrf3d.casting.raw_embree import RawEmbreeCaster
 from lrf3d.geometry import Bool, Float
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import as_poses
+from lrf3d.progress import Progress, silent
 from lrf3d.world import World
 
-BLOCK = 512
-"""Poses that are cast and compared at once: often enough for a bar to move."""
+POSES_COMPARED = 512
+"""Poses that are cast and compared at a time: few enough for a progress bar to move."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A beam that the two casters see differently.
+    """A beam for which the two casters differ.
 
     Args:
         scan: Index of the pose.
         beam: Index of the beam.
-        planar: Range [m] and wall by the planar caster.
-        embree: Range [m] and wall by Embree.
-        cause: Why they differ.
+        planar: Range [m] and wall of the planar caster.
+        embree: Range [m] and wall of Embree.
+        cause: The cause of the difference.
     """
 
     scan: int
@@ -42,7 +42,7 @@ class Difference:
     cause: Cause
 
     def as_dict(self) -> dict[str, object]:
-        """The difference in JSON's types; a range without return is null."""
+        """The difference in JSON's types; the range of a beam without return is null."""
         return {
             "scan": self.scan,
             "beam": self.beam,
@@ -54,15 +54,15 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class CrossCheck:
-    """What the comparison of both casters found.
+    """The result of comparing both casters.
 
     Args:
-        beams: How many beams were cast.
-        hits: How many of them the planar caster sees return.
-        largest_difference: Largest difference [m] among the beams that agree.
-        differences: The beams that do not agree: on the range, or on the wall.
-        raw: Whether Embree's answers were taken as they are.
-        resolution: How well float32 knows a place in this world [m], by a bound.
+        beams: Number of beams.
+        hits: Number of beams that return, according to the planar caster.
+        largest_difference: Largest difference of the ranges [m] among the beams that agree.
+        differences: The beams whose range or wall differs.
+        raw: Whether bare Embree was compared.
+        resolution: Bound on the float32 resolution of positions in this world [m].
     """
 
     beams: int
@@ -74,7 +74,7 @@ class CrossCheck:
 
     @property
     def causes(self) -> dict[Cause, int]:
-        """How many beams differ for each cause that there is."""
+        """Number of beams that differ, by cause."""
         counted = Counter(one.cause for one in self.differences)
         return {cause: counted[cause] for cause in Cause if counted[cause]}
 
@@ -85,12 +85,12 @@ class CrossCheck:
 
     @property
     def unexplained(self) -> tuple[Difference, ...]:
-        """The differences for which no cause is known."""
+        """The differences without a known cause."""
         return tuple(one for one in self.differences if one.cause is Cause.UNEXPLAINED)
 
     @property
     def largest_error(self) -> float:
-        """Largest difference [m] between two ranges of one beam, agreed or not."""
+        """Largest difference [m] between the two ranges of any beam."""
         gaps = [abs(one.planar[0] - one.embree[0]) for one in self.differences]
         return max([self.largest_difference, *(gap for gap in gaps if np.isfinite(gap))])
 
@@ -116,7 +116,7 @@ def crosscheck(
     world: World,
     lrf: LaserRangeFinder,
     poses: Float,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = silent,
     *,
     raw: bool = False,
 ) -> CrossCheck:
@@ -126,8 +126,8 @@ def crosscheck(
         world: The walls.
         lrf: The range finder.
         poses: (k, 3) poses to scan from.
-        progress: Called with how many scans are done, and of how many.
-        raw: Compare with what trimesh and Embree answer in float32, not with ``EmbreeCaster``.
+        progress: Called with the number of scans that are done, and of all.
+        raw: Compare with trimesh and bare Embree in float32, not with ``EmbreeCaster``.
 
     Examples:
         >>> import lrf3d
@@ -141,21 +141,21 @@ def crosscheck(
     other = RawEmbreeCaster(world) if raw else EmbreeCaster(world)
     largest, hits = 0.0, 0
     differences: list[Difference] = []
-    for start in range(0, len(poses), BLOCK):
-        part = poses[start : start + BLOCK]
+    for start in range(0, len(poses), POSES_COMPARED):
+        part = poses[start : start + POSES_COMPARED]
         a, b = Answers(*planar.scan_batch(lrf, part)), Answers(*other.scan_batch(lrf, part))
         same, gap = _compared(a, b)
         largest = max(largest, float(gap[same].max(initial=0.0)))
         hits += int(np.isfinite(a.ranges).sum())
         differences += _differences(world, lrf, part, start, a, b, same)
-        progress(min(start + BLOCK, len(poses)), len(poses))
+        progress(min(start + POSES_COMPARED, len(poses)), len(poses))
     return CrossCheck(
         len(poses) * lrf.beams, hits, largest, tuple(differences), raw, resolution(world, lrf)
     )
 
 
 def _compared(a: Answers, b: Answers) -> tuple[Bool, Float]:
-    """Which beams (k, beams) agree on wall and range, and by how much [m] their ranges differ."""
+    """Which beams (k, beams) agree on wall and range, and the differences of their ranges [m]."""
     both = np.isfinite(a.ranges) & np.isfinite(b.ranges)
     gap = np.zeros(a.ranges.shape)
     gap[both] = np.abs(a.ranges[both] - b.ranges[both])
@@ -172,7 +172,7 @@ def _differences(
     b: Answers,
     same: Bool,
 ) -> list[Difference]:
-    """The beams that differ, with their causes, in scans that count from a first one."""
+    """The beams that differ, with their causes; the first scan has the number ``first``."""
     scans, beams = np.nonzero(~same)
     if not len(scans):
         return []

@@ -1,4 +1,4 @@
-"""DynamicObstacle: a dynamic obstacle among the walls, such as another robot, a person or a car."""
+"""DynamicObstacle: another robot, a person or a car that moves among the walls."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,22 +14,23 @@ from lrf3d.robot import Trajectory
 from lrf3d.robot.laps import Patrol
 from lrf3d.world.model import DEFAULT_HEIGHT
 
-ROOM = 1.0 + 1e-6
-"""How much wider an obstacle is taken to be before it is skipped."""
+WIDENED = 1.0 + 1e-6
+"""Factor by which an obstacle is widened when it is decided whether a beam may meet it."""
 
-ROUNDING = 1e-12
-"""What rounding may do to a place, as a part of its coordinates, before an obstacle is skipped."""
+PLACE_ROUNDING = 1e-12
+"""Allowance for rounding, relative to coordinates, when it is decided whether a beam may meet
+it."""
 
 
 @dataclass(frozen=True, eq=False)
 class DynamicObstacle(Value):
-    """A dynamic obstacle that moves along a path: another robot, a person, a car.
+    """An obstacle that moves along a path: another robot, a person, a car.
 
     Args:
-        outline: (n, 2) its corners [m] in its own frame, x ahead; the last joins the first.
-        path: Where it is at which time: a Trajectory, before whose first pose and after whose
-            last it stands, or a Patrol, there and back along a route for ever.
-        height: How tall it is [m].
+        outline: (n, 2) its corners [m] in its own frame, x ahead; the last one joins the first.
+        path: Its poses over time: a Trajectory, before and after which it is at rest, or a Patrol,
+            which runs there and back along a route forever.
+        height: Its height [m].
 
     Raises:
         InputError: The outline has fewer than three corners, or a number is not finite.
@@ -67,39 +68,39 @@ class DynamicObstacle(Value):
 
     @cached_property
     def reach(self) -> float:
-        """How far its corners lie from its middle at most [m]."""
+        """Largest distance of its corners from its origin [m]."""
         return float(np.hypot(self.outline[:, 0], self.outline[:, 1]).max())
 
     def may_meet(self, lrf: LaserRangeFinder, pose: Float, time: float) -> bool:
-        """Whether a beam may meet it: False only if no beam can."""
+        """Whether a beam may meet it; False only if no beam can."""
         x, y, _ = self.path.at(np.array([time]))[0].tolist()
         ahead, left = x - float(pose[0]), y - float(pose[1])
         distance = math.hypot(ahead, left)
-        reach = ROOM * self.reach + ROUNDING * (abs(x) + abs(y))
+        reach = WIDENED * self.reach + PLACE_ROUNDING * (abs(x) + abs(y))
         if distance <= reach:
             return True
         middle, half = lrf.spread
         bearing = abs(wrap_angle(math.atan2(left, ahead) - float(pose[2]) - middle))
-        beside = half + ROOM * math.asin(reach / distance)
+        beside = half + WIDENED * math.asin(reach / distance)
         return bool(distance - reach <= lrf.range_max and bearing <= beside)
 
     @property
     def poses(self) -> Trajectory:
-        """The path as poses: of a body in a run, whose path has an end.
+        """The path as a Trajectory.
 
         Raises:
-            InputError: The path goes on for ever.
+            InputError: The path is a Patrol, which has no end.
         """
         if isinstance(self.path, Patrol):
             raise InputError("dynamic obstacle on a patrol without an end; call its until(time)")
         return self.path
 
     def until(self, time: float) -> "DynamicObstacle":
-        """The body on a path whose poses up to a time [s] can be written down."""
+        """The obstacle on a Trajectory up to a time [s]."""
         return replace(self, path=self.path.until(time)) if isinstance(self.path, Patrol) else self
 
     def distances(self, points: Float, times: Float) -> Float:
-        """Distances (k,) [m] of points (k, 2), each at its time (k,) [s]; 0 within the body."""
+        """Distances (k,) [m] from points (k, 2) at times (k,) [s]; 0 inside the obstacle."""
         import shapely
 
         x, y, theta = self.path.at(times).T
@@ -117,11 +118,11 @@ class DynamicObstacle(Value):
 
 
 def round_outline(radius: float, corners: int = 16) -> Float:
-    """Outline (corners, 2) of a body as wide as a circle of a radius [m], about it."""
+    """A regular polygon (corners, 2) around a circle of a radius [m]."""
     if not (is_finite(radius) and radius > 0.0):
         raise InputError(f"radius {radius}: expected a positive number of metres")
     turns = 2.0 * np.pi / corners * (np.arange(corners) + 0.5)
-    # The sides touch the circle, so that nothing sees the body narrower than it is.
+    # The sides touch the circle, so that the polygon is nowhere narrower than it.
     reach = radius / np.cos(np.pi / corners)
     outline: Float = reach * np.column_stack([np.cos(turns), np.sin(turns)])
     return outline

@@ -1,9 +1,9 @@
-"""EmbreeCaster: Embree finds the walls, float64 proves them, and the ranges are exact.
+"""EmbreeCaster: Embree finds the walls, float64 arithmetic proves them, and the ranges are exact.
 
-Most beams are proved by one look at the wall that Embree names: see `embree_walls` for what that
-takes. The few others (near ends and other walls, at grazing incidence) are cast again among the
-float64 walls. A mesh is cut by the plane of the beams, and its cuts are cast at as walls. Layers
-and tilted lasers are cast in 3D, all in float64.
+Most beams are proved with the wall that Embree reports alone; `embree_walls` gives the argument.
+The few others (near ends and other walls, at grazing incidence) are cast again among the float64
+walls. A mesh is cut by the plane of the beams, and its cuts are treated as walls. Layers and tilted
+lasers are cast in 3D, in float64.
 """
 
 import math
@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.domain import FARTHEST, Rationals
+from lrf3d.casting.batch_caster import BatchCaster, limited
+from lrf3d.casting.exact import RationalCaster
+from lrf3d.casting.kernels.scans import BEYOND_WALLS
 from lrf3d.casting.mesh_scene import MeshScene, level_cut
-from lrf3d.casting.scans import BatchCaster, limited
 from lrf3d.casting.wall_scene import WallScene, build_wall_scene
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
@@ -24,7 +25,7 @@ from lrf3d.pose import as_pose
 from lrf3d.world import World
 
 LEVELS = 8
-"""Heights of range finders that a mesh keeps its cuts of."""
+"""Number of laser heights for which the cuts of a mesh are kept."""
 
 
 class EmbreeCaster(BatchCaster):
@@ -48,7 +49,7 @@ class EmbreeCaster(BatchCaster):
     def __init__(self, world: Any) -> None:
         self.world = world
         self._walls = world if isinstance(world, World) else None
-        self._rationals = Rationals(World(np.empty((0, 4))) if self._walls is None else world)
+        self._rationals = RationalCaster(World(np.empty((0, 4))) if self._walls is None else world)
         self._levels = np.empty(0) if self._walls is None else np.unique(self._walls.heights)
         self._scenes: dict[tuple[int, int], WallScene] = {}
         self._latest: tuple[LaserRangeFinder | None, WallScene | None] = None, None
@@ -56,7 +57,7 @@ class EmbreeCaster(BatchCaster):
         self._cuts: dict[float, tuple[EmbreeCaster, Int]] = {}
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
-        """The true scan from a pose; ``walls`` holds triangles where a mesh was given."""
+        """The true scan from a pose; for a mesh, ``walls`` holds indices of triangles."""
         pose = as_pose(pose)
         if self._walls is None:
             caster, faces = self._cut(lrf.height)
@@ -107,14 +108,14 @@ class EmbreeCaster(BatchCaster):
         return ranges, walls
 
     def _solid(self) -> MeshScene:
-        """The scene of the walls at their heights, or of the mesh; built at the first need."""
+        """The 3D scene of the walls or of the mesh, built at its first use."""
         if self._mesh is None:
             made = MeshScene.of_mesh if self._walls is None else MeshScene.of_world
             self._mesh = made(self.world)
         return self._mesh
 
     def _cut(self, height: float) -> tuple["EmbreeCaster", Int]:
-        """A caster at where a mesh meets beams of a height [m], and the triangles of its walls."""
+        """A caster for the cut of the mesh at a height [m], and the triangle of each wall."""
         found = self._cuts.get(height)
         if found is None:
             triangles = np.asarray(self.world.triangles, dtype=np.float64).reshape(-1, 3, 3)
@@ -133,7 +134,7 @@ class EmbreeCaster(BatchCaster):
             return scene
         assert self._walls is not None
         level = int(self._levels.searchsorted(lrf.height))
-        key = level, math.frexp(min(lrf.range_max, FARTHEST))[1]
+        key = level, math.frexp(min(lrf.range_max, BEYOND_WALLS))[1]
         if key not in self._scenes:
             tall = np.flatnonzero(self._walls.heights >= lrf.height).astype(np.int32)
             segments = self._walls.segments[tall]
@@ -154,5 +155,5 @@ class EmbreeCaster(BatchCaster):
 
 
 def _named(names: Int, rows: Int) -> Int:
-    """Which walls the rows are of, by their names; −1 stays −1."""
+    """The names of the walls in some rows; −1 stays −1."""
     return np.append(names, -1)[rows]

@@ -1,7 +1,7 @@
-"""Walls as triangles that Embree cannot miss, and the part of each wall where its word is final.
+"""Walls as triangles that Embree cannot miss, and the part of each wall where its hit is final.
 
-Embree works in float32: all that it says of a place may be off by an error ε. What it gets for a
-wall is therefore more than the wall (everything upright, the beams at z = 0 horizontal):
+Embree works in float32: each position may be off by an error ε. The triangles for a wall therefore
+extend beyond it (everything upright, the beams at z = 0 horizontal):
 
 - the wall's own plane, longer by 3δ at both ends, where δ = 2ε;
 - across each end, δ before it, a cap that reaches 2δ to both sides, but for square corners.
@@ -34,14 +34,15 @@ All this holds for walls of any length above 0: of one much shorter than δ the 
 stands between its caps, and no part is clear, so every beam that Embree has hit it is cast again.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.clusters import Ends, square_corners
-from lrf3d.casting.kernels.clear_parts import clear_parts
 from lrf3d.casting.kernels.embree_proof import LEAST_SINE, STEEP_SINE
+from lrf3d.casting.kernels.neighbours import clear_parts, cluster_of, least_width
 from lrf3d.casting.kernels.tree import Tree
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Int
 
 LONGER, CAP = 3.0, 2.0
 """How many δ a plane reaches beyond each end of its wall, and a cap to each side."""
@@ -55,12 +56,69 @@ THIN = APEX
 LEAN = 2.0
 """How many δ the base of such a triangle is moved, and its top APEX times as much."""
 
+SQUARE = 0.71
+"""Sine of the angle from which on a corner is square enough: a little more than of 45°."""
+
+
+class Ends(NamedTuple):
+    """The ends of walls.
+
+    Attributes:
+        point: (2 n,) which point each end is, those of a wall side by side.
+        points: (m, 2) the points [m], each once, in ascending order of x and y.
+    """
+
+    point: Int
+    points: Float
+
+
+def ends_of(segments: Float) -> Ends:
+    """The ends of segments (n, 4)."""
+    ends = segments.reshape(-1, 2)
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    ordered = ends[order]
+    first = np.ones(len(ends), dtype=bool)
+    first[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    point = np.empty(len(ends), dtype=np.int64)
+    point[order] = np.cumsum(first) - 1
+    return Ends(point, ordered[first])
+
+
+def narrowest_cluster(ends: Ends) -> float:
+    """The width [m] of the narrowest cluster of walls with these ends, or a little less.
+
+    A cluster is what hangs together by shared ends. Its width is 0 where all lies in one line;
+    without walls it is infinite.
+    """
+    point, points = ends
+    cluster = cluster_of(point.reshape(-1, 2), len(points))
+    together = np.argsort(cluster, kind="stable")
+    starts = np.flatnonzero(np.diff(cluster[together], prepend=-1))
+    return float(least_width(points[together], starts))
+
+
+def square_corners(segments: Float, ends: Ends) -> NDArray[np.bool_]:
+    """Which ends (n, 2) of segments (n, 4) are those of just one other too, about square to it."""
+    point = ends.point
+    order = np.argsort(point, kind="stable")
+    count = np.bincount(point)
+    first = order[(np.cumsum(count) - count)[count == 2]]
+    second = order[(np.cumsum(count) - 1)[count == 2]]
+    along = segments[:, 2:] - segments[:, :2]
+    one, other = along[first // 2], along[second // 2]
+    cross = abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    lengths = np.hypot(one[:, 0], one[:, 1]) * np.hypot(other[:, 0], other[:, 1])
+    square = cross > SQUARE * lengths
+    found = np.zeros(2 * len(segments), dtype=bool)
+    found[first], found[second] = square, square
+    return found.reshape(-1, 2)
+
 
 def float32_error(radius: float, distance: float) -> float:
-    """Bound on the error ε [m] of what Embree says, at coordinates up to radius from the middle.
+    """Bound on Embree's error ε [m], at coordinates up to a radius from the middle.
 
-    Ends and laser are rounded, the direction is, over the distance, and so is each of the seven
-    steps of the intersection.
+    The ends and the laser are rounded, and, in proportion to the distance, the direction and each
+    of the seven steps of the intersection.
     """
     return 2.0**-24 * (2.0 * radius + 16.0 * distance)
 
@@ -84,7 +142,7 @@ def triangles(
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """Vertices (3 m, 3) float32 of m triangles, and which wall (n, 4) each of these is for.
 
-    The vertices are seen from the centre, and so many units long as they are metres.
+    The vertices are relative to the centre, in metres times the unit.
     """
     start, end = walls[:, :2] - centre, walls[:, 2:] - centre
     # Seen from the centre both ends of a short wall may round to one point, or to a wall of another

@@ -1,23 +1,37 @@
 """The range of a beam as a rational number: the definition that casters are measured against.
 
-A float64 is a rational number with a power of two below, so the least t ≥ 0 with o + t·d on a
-wall exists as a fraction for every world and beam. In go walls and beams as they are in float64;
-out come the wall and t, with no rounding anywhere. It is slow: a reference, not a caster.
+Float64 numbers are fractions whose denominator is a power of two, so for every world and beam the
+least t ≥ 0 with o + t·d on a wall is a fraction, too. It is computed here without any rounding.
+That is slow: this is the reference for the casters.
+
+Compiled casting is exact as long as its error-free products neither under- nor overflow. With
+coordinates that are 0 or of 1e-44 to 1e44 m, their differences are 0 or at least 1e-60 m, and they
+do not. Scans with other numbers have ranges as well, by definition: `RationalCaster` computes them.
+The same holds for range finders whose beams are turned by less than that, or whose range_min is
+beyond it.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.world import World
+
+SMALLEST_NUMBER = 1e-44
+"""Smallest size of a nonzero number that compiled casting accepts [m], [rad]."""
+
+LARGEST_NUMBER = 1e44
+"""Largest size of a number that compiled casting accepts [m]."""
 
 
 def cast_exact(
     segments: Float, origin: Sequence[float], direction: Sequence[float]
 ) -> tuple[int, Fraction | None]:
-    """Cast one beam against segments (n, 4); equal t is a tie, which the lowest index wins.
+    """Cast one beam against segments (n, 4); of segments at equal t the lowest index counts.
 
     Returns:
         The wall and t in units of the direction's length, or −1 and None where nothing is hit.
@@ -26,11 +40,11 @@ def cast_exact(
 
 
 class ExactWorld:
-    """Walls and the places of lasers on one integer grid, so that beams cost integers only.
+    """Walls and laser positions on one integer grid, so that beams are cast in integers.
 
     Args:
         segments: (n, 4) ends x1 y1 x2 y2 of the walls.
-        origins: (k, 2) places that beams start from.
+        origins: (k, 2) origins of the beams.
     """
 
     def __init__(self, segments: Float, origins: Sequence[Sequence[float]]) -> None:
@@ -79,8 +93,8 @@ def _meet(ax: int, ay: int, bx: int, by: int, dx: int, dy: int) -> tuple[int, in
     side_b = dx * by - dy * bx
     if area < 0:
         area, side_a, side_b = -area, -side_a, -side_b
-    # Seen from the origin b lies counter-clockwise of a, by less than half a turn, so the beam
-    # meets the segment just where it has a on its right or on it and b on its left or on it.
+    # Seen from the origin, b is counter-clockwise of a by less than half a turn. So the beam meets
+    # the segment if and only if a is not on its left and b is not on its right.
     if side_a > 0 or side_b < 0:
         return None
     return area, side_b - side_a
@@ -94,3 +108,59 @@ def _meet_in_line(ax: int, ay: int, bx: int, by: int, dx: int, dy: int) -> tuple
         return None
     above_a, above_b, below = (ax, bx, dx) if dx else (ay, by, dy)
     return min(abs(above_a), abs(above_b)), abs(below)
+
+
+class RationalCaster:
+    """Casts by rationals the scans whose numbers are beyond what compiled casting is exact for."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        # Where the walls themselves are beyond it, no scan can be cast by compiled code.
+        self.everywhere = not bool(_inside(world.segments).all())
+
+    def needed(self, lrf: LaserRangeFinder, x: float, y: float, theta: float) -> bool:
+        """Whether a scan from this pose needs rationals; plain floats keep this check fast."""
+        return (
+            self.for_all(lrf)
+            or not (x == 0.0 or SMALLEST_NUMBER <= abs(x) <= LARGEST_NUMBER)
+            or not (y == 0.0 or SMALLEST_NUMBER <= abs(y) <= LARGEST_NUMBER)
+            or not (theta == 0.0 or abs(theta) >= SMALLEST_NUMBER)
+        )
+
+    def for_all(self, lrf: LaserRangeFinder) -> bool:
+        """Whether all scans of a range finder need rationals."""
+        return (
+            self.everywhere or lrf.least_number < SMALLEST_NUMBER or lrf.range_min > LARGEST_NUMBER
+        )
+
+    def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
+        """Ranges and walls (beams,) of the scan from a pose."""
+        tall = np.flatnonzero(self._world.heights >= lrf.height)
+        exact = ExactWorld(self._world.segments[tall], [pose[:2]])
+        ranges, walls = np.full(lrf.beams, np.inf), np.full(lrf.beams, -1)
+        for beam, direction in enumerate(lrf.directions(pose)):
+            row, distance = exact.cast(0, direction)
+            if distance is None or distance > lrf.range_max:
+                continue
+            if distance < lrf.range_min:
+                ranges[beam] = -math.inf
+                continue
+            ranges[beam], walls[beam] = float(distance), tall[row]
+        return ranges, walls
+
+    def mend(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
+        """Cast the scans of a batch that need rationals, and put their ranges and walls into it.
+
+        The walls are left out if the array is empty.
+        """
+        beyond = ~_inside(poses).all(axis=1) | self.for_all(lrf)
+        for k in np.flatnonzero(beyond).tolist():
+            x, y, theta = poses[k].tolist()
+            ranges[k], hit = self.cast(lrf, (x, y, theta))
+            walls[k : k + 1] = hit
+
+
+def _inside(values: Float) -> Bool:
+    """Which numbers compiled casting accepts."""
+    size = np.abs(values)
+    return np.asarray((size == 0.0) | ((size >= SMALLEST_NUMBER) & (size <= LARGEST_NUMBER)))

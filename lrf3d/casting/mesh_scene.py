@@ -1,4 +1,4 @@
-"""MeshScene: any triangles in 3D, cast at in float64; and where they meet a level plane."""
+"""MeshScene: casting at triangles in 3D, in float64, and cutting them by a level plane."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ class MeshScene:
 
     Args:
         triangles: (n, 3, 3) corners [m].
-        owners: (n,) what each triangle belongs to: a wall, or itself.
+        owners: (n,) the wall that each triangle belongs to, or its own index.
     """
 
     def __init__(self, triangles: Float, owners: Int) -> None:
@@ -55,8 +55,8 @@ class MeshScene:
 def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
     """Where triangles (n, 3, 3) meet the level plane at a height [m].
 
-    A cut ends on the edges of its triangle, rounded to float64, and in the same bits for both
-    triangles at an edge, so that no beam passes between them. On upright edges, as of pillars and
+    A cut ends on edges of its triangle. Its ends are rounded to float64, to the same bits for both
+    triangles at an edge, so that no beam passes between them. On vertical edges, such as those of
     houses, nothing is rounded. Triangles within the plane have no cut: their neighbours bound them.
 
     Returns:
@@ -66,7 +66,7 @@ def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
     faces = np.flatnonzero(near)
     corners = triangles[faces]
     side = np.sign(corners[:, :, 2] - height)
-    # An edge has one lower end, whichever triangle it is looked at from.
+    # The lower end of an edge is the same for both of its triangles.
     one, other = corners, np.roll(corners, -1, axis=1)
     swap = (one[:, :, 2] > other[:, :, 2])[:, :, None]
     low, high = np.where(swap, other, one), np.where(swap, one, other)

@@ -5,10 +5,10 @@ from functools import partial
 
 import numpy as np
 
-from lrf3d.casting.domain import Rationals, laser_of
-from lrf3d.casting.kernels.scans import cast_scan, cast_scans
+from lrf3d.casting.batch_caster import BatchCaster
+from lrf3d.casting.exact import RationalCaster
+from lrf3d.casting.kernels.scans import cast_scan, cast_scans, laser_of
 from lrf3d.casting.kernels.tree import Tree, build_tree
-from lrf3d.casting.scans import BatchCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import as_pose
@@ -16,11 +16,11 @@ from lrf3d.world import World
 
 
 class PlanarCaster(BatchCaster):
-    """Casts scans at the walls of a world that are at least as tall as the beams are high.
+    """Casts scans at the walls of a world that reach up to the height of the beams.
 
-    The wall that a beam hits is the exact one for the float64 pose, directions and walls; of
-    walls hit at the same distance the first. The range is that distance, off by half a unit in
-    its last place.
+    For the float64 pose, directions and walls the wall that a beam hits is exact; of walls at the
+    same distance it is the first. The range is that distance, to within half a unit in its last
+    place.
 
     Examples:
         >>> import lrf3d
@@ -34,7 +34,7 @@ class PlanarCaster(BatchCaster):
         self.world = world
         self._levels = np.unique(world.heights)
         self._trees: dict[int, Tree] = {}
-        self._rationals = Rationals(world)
+        self._rationals = RationalCaster(world)
 
     def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]; built once for each level."""

@@ -1,23 +1,22 @@
-"""RawEmbreeCaster: what trimesh and Embree answer by themselves, with nothing proved.
+"""RawEmbreeCaster: the ranges of trimesh and Embree, without a proof.
 
-In go a world and poses; out come ranges and walls as ``mesh.ray.intersects_location`` has them:
-the triangle is chosen in float32, the distance is that of its plane in float64. It is what lrf3d
-is compared with, not what it casts with.
+Ranges and walls are those of ``mesh.ray.intersects_location``: the triangle is found in float32,
+the distance is that of its plane in float64. It serves only for comparison.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.casting.scans import limited
+from lrf3d.casting.batch_caster import limited
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import as_pose, as_poses
 from lrf3d.world import World
 from lrf3d.world.extrude import extrude
 
-BLOCK = 256
-"""Poses whose rays trimesh gets at once: with 181 beams some 20 MB of its arrays."""
+POSES_TRACED = 256
+"""Poses whose rays are passed to trimesh at a time: with 181 beams its arrays take 20 MB."""
 
 
 class RawEmbreeCaster:
@@ -28,7 +27,7 @@ class RawEmbreeCaster:
         self.mesh = extrude(world)
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
-        """The scan from a pose as trimesh sees it."""
+        """The scan of trimesh from a pose."""
         ranges, walls = self.scan_batch(lrf, as_poses([pose]))
         return LaserScan.unchecked(lrf, as_pose(pose), ranges[0], walls[0])
 
@@ -37,8 +36,8 @@ class RawEmbreeCaster:
         poses = as_poses(poses)
         ranges = np.empty((len(poses), lrf.beams))
         walls = np.empty((len(poses), lrf.beams), np.int64)
-        for start in range(0, len(poses), BLOCK):
-            part = slice(start, start + BLOCK)
+        for start in range(0, len(poses), POSES_TRACED):
+            part = slice(start, start + POSES_TRACED)
             ranges[part], walls[part] = limited(lrf, *self._cast(lrf, poses[part]))
         return ranges, walls
 

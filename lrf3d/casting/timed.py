@@ -1,13 +1,13 @@
-"""Timed casters: the robot moves while its beams turn, and others move on its way.
+"""Timed casters: the robot moves during a scan, among obstacles that move as well.
 
-Casters know walls and poses, no time. A TimedCaster casts the scan that begins at a time:
+Casters know walls and poses, but no time. A TimedCaster casts the scan that begins at a time:
 
-- `Still` is the usual one: all beams at once, and only walls;
-- `Sweep` sends each beam at its own time from its own pose;
-- `Among` sees dynamic obstacles between the walls, where they are at the time of the beams.
+- `StillCaster`, the usual one, sends all beams at once, among walls alone;
+- `SweepCaster` sends each beam at its own time, from its own pose;
+- `ObstacleCaster` adds dynamic obstacles, at their places at the time of the beams.
 
-Each of them wraps the one before it and casts exactly: a beam of a sweep is the caster's own,
-and obstacles are walls, cast like all others; the nearer of the two is what the beam meets.
+Each wraps another caster and casts exactly. Obstacles are cast as walls, and a beam ends at the
+nearer of the two.
 """
 
 from collections.abc import Sequence
@@ -43,8 +43,8 @@ class TimedCaster(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Still:
-    """All beams at once, among walls that stand."""
+class StillCaster:
+    """Casts all beams at once, among static walls."""
 
     caster: Caster
 
@@ -54,14 +54,14 @@ class Still:
 
 
 @dataclass(frozen=True, slots=True)
-class Among:
+class ObstacleCaster:
     """Adds dynamic obstacles to the scans of another caster; their wall index is −1."""
 
     caster: TimedCaster
     obstacles: tuple[DynamicObstacle, ...]
 
     def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
-        """The scan in which each beam ends at the nearer of a wall and a obstacle."""
+        """The scan, in which each beam ends at the nearer of wall and obstacle."""
         scan = self.caster.cast_at(lrf, pose, time)
         met = [obstacle for obstacle in self.obstacles if obstacle.may_meet(lrf, pose, time)]
         if not met:
@@ -69,7 +69,7 @@ class Among:
         sides = [obstacle.walls(time) for obstacle in met]
         heights = np.repeat([obstacle.height for obstacle in met], [len(part) for part in sides])
         moving = PlanarCaster(World(np.concatenate(sides), heights=heights)).cast(lrf, pose).ranges
-        # Of two beams that are too short, −inf, neither is nearer, and −1 says the same of both.
+        # If both ranges are below range_min, −inf, neither is nearer; the wall is −1 in any case.
         nearer = moving < scan.ranges
         return replace(
             scan,
@@ -79,22 +79,22 @@ class Among:
 
 
 @dataclass(frozen=True, slots=True)
-class Sweep:
-    """Beams one after the other while the robot moves along its path.
+class SweepCaster:
+    """Casts the beams one after the other while the robot moves along its path.
 
-    The pose of a scan is that of its first beam. A robot that stands has the very scan that the
-    caster would have cast at once.
+    The pose of a scan is that of its first beam. For a robot at rest the scan equals that of the
+    caster bit for bit.
     """
 
     caster: TimedCaster
     path: Trajectory
 
     def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
-        """The scan, each beam cast from where the robot is when it is sent."""
+        """The scan, each beam cast from the pose of the robot at its time."""
         times: Float = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
         ways = self.path.at(times)
         poses = ways + (np.asarray(pose) - ways[0])
-        # What the robot has turned is added to the heading as given, beyond full turns or not.
+        # The turn is added to the given heading, which may lie beyond a full turn.
         poses[:, 2] = pose[2] + wrap_angle(ways[:, 2] - ways[0, 2])
         beams = [
             self.caster.cast_at(single, place, at)
@@ -116,26 +116,26 @@ def timed(
     path: Trajectory | None,
     obstacles: Sequence[DynamicObstacle] = (),
 ) -> TimedCaster:
-    """The caster for scans along a path, with no more in it than the scans need.
+    """The caster for scans along a path, composed of no more than the scans need.
 
-    Where no path is known, all beams of a scan are sent at once. The last scan of a drive is taken
-    where the robot arrives, so that it may come sooner after the one before; whose last beams
+    Without a path all beams of a scan are sent at once. The last scan of a drive is taken where the
+    robot arrives, so the interval before it may be shorter; the last beams of the scan before it
     are then sent from there.
 
     Raises:
         InputError: A scan takes longer than the time to the next.
     """
-    cast: TimedCaster = Still(caster)
+    cast: TimedCaster = StillCaster(caster)
     if obstacles:
-        cast = Among(cast, tuple(obstacles))
+        cast = ObstacleCaster(cast, tuple(obstacles))
     if path is None or lrf.time_increment == 0.0:
         return cast
     between = float(np.diff(path.times[:-1]).min(initial=np.inf))
-    # Times are sums, so that intervals of 0.2 s differ from it by some roundings.
+    # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
     rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
     if lrf.scan_duration > between + rounding:
         raise InputError(
             f"scan_duration {lrf.scan_duration:g} s: longer than the {between:g} s between two"
             " scans; scan less often or faster"
         )
-    return Sweep(cast, path)
+    return SweepCaster(cast, path)

@@ -1,4 +1,4 @@
-"""WallScene: the walls of a world as Embree and as float64 have them, to cast scans at."""
+"""WallScene: the walls of a world, in float64 and as triangles for Embree, to cast scans at."""
 
 import math
 from typing import Protocol
@@ -6,27 +6,32 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.clusters import ends_of, narrowest_cluster
-from lrf3d.casting.domain import laser_of
 from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
-from lrf3d.casting.embree_walls import all_clear_parts, float32_error, triangles
-from lrf3d.casting.kernels.embree_proof import Known, Local
+from lrf3d.casting.embree_walls import (
+    all_clear_parts,
+    ends_of,
+    float32_error,
+    narrowest_cluster,
+    triangles,
+)
+from lrf3d.casting.kernels.embree_proof import Local, ProvedWalls
 from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
+from lrf3d.casting.kernels.scans import laser_of
 from lrf3d.casting.kernels.tree import build_tree
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder
 
-BLOCK = 64
-"""Poses whose rays are handed to embreex at once: 600 kB with 181 beams, no copy of a batch."""
+POSES_SENT = 64
+"""Poses whose rays are passed to embreex at a time: 600 kB with 181 beams, not a whole batch."""
 
-Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
+Faces32 = tuple[NDArray[np.float32], NDArray[np.int32]]
 
 
 class WallScene(Protocol):
     """Walls that scans are cast at, exactly."""
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls of a scan, one of each for a beam."""
+        """The ranges and walls (beams,) of a scan."""
         ...
 
     def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
@@ -35,18 +40,20 @@ class WallScene(Protocol):
 
 
 def build_wall_scene(segments: Float, index: NDArray[np.int32], distance: float) -> WallScene:
-    """The scene of segments (n, 4), which an index (n,) names, for ranges up to a distance [m].
+    """The scene of segments (n, 4), with their indices (n,), for ranges up to a distance [m].
 
-    Embree is called from compiled code where its library can be used, and else by embreex; the
-    scans are the same.
+    Embree is called from compiled code if its library can be used, and otherwise through embreex;
+    the scans are the same.
     """
     prepared = _prepare(segments, index, distance)
     library = embree_library()
     return RunScene(*prepared) if library is None else PacketScene(*prepared, library)
 
 
-def _prepare(segments: Float, index: NDArray[np.int32], distance: float) -> tuple[Known, Triangles]:
-    """What the proof knows of the walls, and the triangles that Embree gets for them."""
+def _prepare(
+    segments: Float, index: NDArray[np.int32], distance: float
+) -> tuple[ProvedWalls, Faces32]:
+    """The walls as the proof needs them, and the triangles that stand for them in Embree."""
     tree = build_tree(segments, index)
     box = tree.boxes[0] if len(segments) else np.zeros(4)
     centre = np.round(0.5 * (box[:2] + box[2:]))
@@ -63,21 +70,21 @@ def _prepare(segments: Float, index: NDArray[np.int32], distance: float) -> tupl
     width = narrowest_cluster(ends)
     local = Local(x, y, unit, radius, 1.5 * delta, longest + 8.0 * delta, width)
     vertices, owners = triangles(tree.walls, ends, (x, y), delta, unit)
-    known = Known(tree, all_clear_parts(tree, delta), owners, local)
+    known = ProvedWalls(tree, all_clear_parts(tree, delta), owners, local)
     return known, (vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
 
 
 class PacketScene:
-    """Casts by compiled code that itself calls Embree, packet by packet."""
+    """Casts by compiled code that calls Embree directly, packet by packet."""
 
-    def __init__(self, known: Known, mesh: Triangles, library: EmbreeLibrary) -> None:
+    def __init__(self, known: ProvedWalls, mesh: Faces32, library: EmbreeLibrary) -> None:
         # The scene is kept here for as long as its address is in use.
         self._scene = library.build(*mesh)
         plain = known.tree[:], known.clear, known.owners, known.local[:]
         self._fixed = self._scene.intersect, self._scene.address, plain
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls of a scan, one of each for a beam."""
+        """The ranges and walls (beams,) of a scan."""
         return cast_scan(*self._fixed, laser_of(lrf), *pose)
 
     def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
@@ -86,9 +93,9 @@ class PacketScene:
 
 
 class RunScene:
-    """Casts by way of embreex: rays are made, handed over, and what comes back is proved."""
+    """Casts through embreex: rays are passed to it, and its answers are proved."""
 
-    def __init__(self, known: Known, mesh: Triangles) -> None:
+    def __init__(self, known: ProvedWalls, mesh: Faces32) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
@@ -97,7 +104,7 @@ class RunScene:
         self._kept = TriangleMesh(self._embree, *mesh) if len(known.tree.walls) else None
 
     def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls of a scan, one of each for a beam."""
+        """The ranges and walls (beams,) of a scan."""
         ranges, walls = np.empty((1, lrf.beams)), np.empty((1, lrf.beams), np.int64)
         self.cast_many(lrf, np.array([pose]), ranges, walls)
         return ranges[0], walls[0]
@@ -106,8 +113,8 @@ class RunScene:
         """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
         laser, known = laser_of(lrf), self._known
         reach = (laser[-1] + known.local.beyond) * known.local.unit
-        for k in range(0, len(poses), BLOCK):
-            part = slice(k, k + BLOCK)
+        for k in range(0, len(poses), POSES_SENT):
+            part = slice(k, k + POSES_SENT)
             found = np.empty(0, dtype=np.int32)
             if self._kept is not None:
                 rays = send_rays(laser, poses[part], known.local)

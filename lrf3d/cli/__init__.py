@@ -1,4 +1,4 @@
-"""The command line: one typed function a command, heavy imports inside."""
+"""The command line: one typed function for each command, with heavy imports inside."""
 
 from lrf3d.cli.program import main
 

@@ -14,7 +14,7 @@ from lrf3d.cli.sweep import sweep
 from lrf3d.cli.view import view
 from lrf3d.cli.world import world
 
-# Rich help would cost a third of the time that a help page may take.
+# Rich help would take a third of the time budget of a help page.
 app = typer.Typer(
     name="lrf3d",
     epilog="Example: lrf3d run city",
@@ -26,7 +26,7 @@ app = typer.Typer(
 
 
 def print_version(asked: bool) -> None:
-    """Print the version, where it is asked for, and end."""
+    """Print the version and exit, if asked for."""
     if asked:
         import lrf3d
 

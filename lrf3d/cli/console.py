@@ -4,28 +4,29 @@ import json
 import logging
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from lrf3d.errors import one_line
-
-Progress = Callable[[int, int], None]
+from lrf3d.progress import Progress, silent
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
-    """A progress bar on stderr; nothing if stderr is not a terminal."""
+    """A progress bar on stderr; none if stderr is not a terminal."""
     if not sys.stderr.isatty():
-        yield lambda done, total: None
+        yield silent
         return
     from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
-        Progress,
         TextColumn,
         TimeRemainingColumn,
+    )
+    from rich.progress import (
+        Progress as Bar,
     )
 
     columns = (
@@ -35,8 +36,8 @@ def progress_bar(title: str) -> Iterator[Progress]:
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        # The first time, the compiler has half a minute of work before anything is done.
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        # At the first use the compiler works for half a minute before the first step.
         task = bar.add_task("getting ready", total=None, rate="")
 
         def report(done: int, total: int) -> None:
@@ -48,23 +49,23 @@ def progress_bar(title: str) -> Iterator[Progress]:
 
 
 def quiet_libraries() -> None:
-    """Silence the warnings of libraries, which the user cannot mend.
+    """Silence the warnings of libraries, which the user cannot fix.
 
-    ``python -W default -m lrf3d`` shows it.
+    ``python -W default -m lrf3d`` shows them.
     """
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
-    # Where no handler is set up, as here, Python prints what libraries log from warnings on.
+    # Without a handler, Python prints log messages of libraries from warnings on.
     logging.lastResort = logging.NullHandler()
 
 
 def say(message: str) -> None:
-    """Print on stderr what was chosen for the user."""
+    """Print on stderr what was chosen by default."""
     print(f"lrf3d: {one_line(message)}", file=sys.stderr)
 
 
 def warn(message: str) -> None:
-    """Print a warning on stderr; the work goes on."""
+    """Print a warning on stderr."""
     print(f"lrf3d: warning: {one_line(message)}", file=sys.stderr)
 
 
@@ -74,13 +75,13 @@ def print_json(value: Any) -> None:
 
 
 def json_text(value: Any) -> str:
-    """A value as JSON that every reader accepts: without NaN and infinity."""
+    """A value as standard JSON, without NaN and infinity."""
     return json.dumps(value, indent=2, allow_nan=False) + "\n"
 
 
 def print_table(rows: list[tuple[str, str]], width: int = 0) -> None:
-    """Print names and values in two columns, the first at least of a width [letters], at once."""
-    # Rich is imported where a table is printed: the help of a command needs none.
+    """Print names and values in two columns, the first with a least width [characters]."""
+    # Imported here, because the help of a command needs no rich.
     from lrf3d.text import table
 
     cells = [(name, one_line(value)) for name, value in rows]
@@ -88,7 +89,7 @@ def print_table(rows: list[tuple[str, str]], width: int = 0) -> None:
 
 
 def print_text(text: str) -> None:
-    """Print a text, and see that it reaches the reader now.
+    """Print a text and flush it.
 
     Raises:
         OSError: It cannot be written; the error names the standard output.

@@ -1,4 +1,4 @@
-"""The folder that a command writes its results to: where it is, who made it, and one writer."""
+"""The folder for the results of a command: its path, its origin, and its lock."""
 
 import json
 import os
@@ -17,22 +17,23 @@ from lrf3d.input import read_text
 from lrf3d.output import clear_unfinished, locked, make_folder
 from lrf3d.world import world_names
 
-LONGEST = 100
-"""Bytes of a folder's name: file systems take 255, and some names are joined to it."""
+LONGEST_NAME = 100
+"""Largest length of a folder's name [bytes]: file systems allow 255, and suffixes are added."""
 
 LARGEST_SUMMARY = 1 << 26
-"""Bytes of a summary.json that is looked into."""
+"""Largest size of a summary.json that is read [bytes]."""
 
 LOCK, SUMMARY = ".lrf3d.lock", "summary.json"
-"""Files that say what made the results: while they are made or unfinished, and afterwards."""
+"""Files that record the origin of results: during the command or if it is interrupted, and after
+it."""
 
 RESULTS = ("run.npz", "sweep.parquet", SUMMARY, "map.geojson")
-"""Files that are results, whoever made them."""
+"""Files that are results of any command."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResultsFolder:
-    """A folder for results, and what makes them.
+    """A folder for results, and their origin.
 
     Args:
         path: The folder.
@@ -52,9 +53,9 @@ def results_folder(
     Args:
         context: The command.
         sources: The worlds, or the log, that the results are of.
-        name: What these are called.
-        out: The folder that was asked for. Where None, ``out/NAME``, or where that holds results
-            of something else the first of ``out/NAME_2``, ``out/NAME_3``, … that does not.
+        name: Their name.
+        out: The folder. If None, ``out/NAME``, or the first of ``out/NAME_2``, ``out/NAME_3``, …
+            if that holds results of something else.
 
     Raises:
         InputError: Another process writes to it.
@@ -77,18 +78,18 @@ def results_folder(
 
 
 def folder_name(name: str) -> str:
-    """A name as one of a folder: of letters, digits, dots, hyphens and underscores.
+    """A name for a folder, of letters, digits, dots, hyphens and underscores.
 
     Example:
         >>> folder_name("Lab 3/west"), folder_name("../..")
         ('Lab_3_west', 'world')
     """
     plain = re.sub(r"[^\w.+-]+", "_", name.encode(errors="ignore").decode()).strip("._")
-    return plain.encode()[:LONGEST].decode(errors="ignore") or "world"
+    return plain.encode()[:LONGEST_NAME].decode(errors="ignore") or "world"
 
 
 def _free(folder: Path, made_by: dict[str, Any]) -> Path:
-    """The folder, or the first numbered one after it, that holds no results of something else."""
+    """The folder, or the first numbered one, without results of something else."""
     numbered = (Path(f"{folder}_{number}") for number in count(2))
     place = next(place for place in chain([folder], numbered) if _maker(place) in (None, made_by))
     if place != folder:
@@ -110,17 +111,17 @@ def _held(folder: Path, made_by: dict[str, Any]) -> Iterator[None]:
         try:
             yield
         finally:
-            # Until a summary says it, the lock file keeps in mind whose unfinished work lies here.
+            # Until there is a summary, the lock file records the origin of unfinished results.
             work = any(entry.name != LOCK for entry in folder.iterdir())
             lock.keep = work and _member(folder / SUMMARY) != made_by
 
 
 def _maker(folder: Path, left: Mapping[str, Any] | None = None) -> object:
-    """What made the results in a folder; an empty dict where that is not known.
+    """The origin of the results in a folder; an empty dict if it is unknown.
 
     Args:
         folder: The folder.
-        left: What its lock file says, where that is read already.
+        left: The note in its lock file, if it has been read.
     """
     noted = _member(folder / LOCK) if left is None else left.get("made_by")
     noted = noted or _member(folder / SUMMARY)
@@ -130,7 +131,7 @@ def _maker(folder: Path, left: Mapping[str, Any] | None = None) -> object:
 
 
 def _member(path: Path) -> object:
-    """What made the results, as a JSON file says; None if it does not say."""
+    """The origin of results according to a JSON file; None if it has none."""
     if not path.exists():
         return None
     try:
@@ -140,7 +141,7 @@ def _member(path: Path) -> object:
 
 
 def _said(maker: object, folder: Path) -> str:
-    """What made results, as a user gave it."""
+    """The origin of results as a command line."""
     try:
         command, sources = maker["command"], maker["sources"]  # type: ignore[index]
         shown = [

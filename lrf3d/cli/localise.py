@@ -9,7 +9,7 @@ from lrf3d.cli import options
 from lrf3d.cli.console import print_json, print_table, progress_bar, warn
 
 
-class Known(StrEnum):
+class KnownMap(StrEnum):
     """Which map is known."""
 
     WALLS = "walls"
@@ -26,8 +26,8 @@ class Strategy(StrEnum):
 def localise(
     world: options.WorldArgument,
     known: Annotated[
-        Known, typer.Option(help="The known map: the true walls, or the map of a first run.")
-    ] = Known.WALLS,
+        KnownMap, typer.Option(help="The known map: the true walls, or the map of a first run.")
+    ] = KnownMap.WALLS,
     strategy: Annotated[
         Strategy, typer.Option(help="Which known lines are compared with those of a scan.")
     ] = Strategy.SEEN_OBJECTS_FIRST,

@@ -148,7 +148,9 @@ def read_drive(
     scenario = read_world(name, settings, scale=scale).with_route(where=where)
     if scenario.planned is None and where is not None:
         raise InputError(f"--{where}: {name} has its own route or poses, so none is planned")
-    if scenario.planned is not None:
+    if scenario.planned is not None and scenario.world.free is not None:
+        say("the route is planned in the cells that the map shows to be free")
+    elif scenario.planned is not None:
         other = {"inside": "outside", "outside": "inside"}[scenario.planned]
         say(f"the route is planned {scenario.planned} the walls; --{other} plans it {other}")
     return scenario

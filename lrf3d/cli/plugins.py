@@ -1,6 +1,6 @@
 """Users' own mappers, controllers and noises, named as ``module:object``.
 
-Only what the user names is ever imported: nothing that a world file or a log says is run.
+Only what the user names is ever imported: nothing in a world file or a log is executed.
 """
 
 import inspect
@@ -23,13 +23,13 @@ from lrf3d.errors import InputError, Lrf3dError
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """An object of the user's, and how it is made anew for each run.
+    """A user's object, or class to instantiate for each run.
 
     Args:
         name: ``module:object``.
-        found: What stands there: a class, which is called without arguments, or an object.
-        needs: The method that it must have; it must be callable where there is none.
-        kind: What it is to be.
+        found: A class, which is called without arguments, or an object.
+        needs: The method that it must have.
+        kind: ``mapper``, ``controller`` or ``noise``.
     """
 
     name: str
@@ -38,10 +38,10 @@ class Plugin:
     kind: str
 
     def make(self) -> Any:
-        """A new object of the class, or the object; what a named one raises bears its name.
+        """A new object of the class, or the object, guarded so that errors name it.
 
         Raises:
-            InputError: The class cannot be made, or what it makes lacks the method.
+            InputError: The class cannot be instantiated, or the object lacks the method.
         """
         made = self.found
         if isinstance(made, type):
@@ -75,15 +75,14 @@ def _expected(kind: str, method: str) -> str:
 
 
 def load_plugin(kind: str, name: str) -> Plugin:
-    """Find what is named ``module:object``; modules in the current folder are found as well.
+    """Find ``module:object``; modules in the current folder are found as well.
 
-    A file is loaded itself, even where another module bears its name. What it imports is looked
-    for in its folder last, so that nothing there takes the place of an installed module.
+    A file is loaded itself, even if another module has its name. Its folder is searched last for
+    the modules that it imports, so that none of them replaces an installed one.
 
     Args:
         kind: ``mapper``, ``controller`` or ``noise``.
-        name: The name, with dots in both parts where needed; a path of a file ``.py`` may stand
-            for the module.
+        name: The name; the path of a ``.py`` file may replace the module.
 
     Raises:
         InputError: The name is invalid, or there is no such module or object.
@@ -123,7 +122,7 @@ def _import(name: str) -> Any:
 
 
 def _load(file: Path) -> ModuleType:
-    """Run a file as a module, once: this very file, whatever else bears its name."""
+    """Run a file as a module, once, even if another module has its name."""
     name = file.stem
     if not _is_free(name, file):
         name = f"{name}_{sha256(os.fsencode(file)).hexdigest()[:12]}"
@@ -134,9 +133,9 @@ def _load(file: Path) -> ModuleType:
         raise ModuleNotFoundError(name=str(file))
     module = module_from_spec(spec)
     _find_also_in(file.parent)
-    # Of the user's own file, warnings are of use to the user.
+    # Warnings of the user's own file are shown.
     warnings.filterwarnings("default", module=re.escape(name))
-    # Dataclasses and pickles look a class up in the module that its name says.
+    # Dataclasses and pickle look up a class in the module of this name.
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
@@ -147,7 +146,7 @@ def _load(file: Path) -> ModuleType:
 
 
 def _is_free(name: str, file: Path) -> bool:
-    """Whether a file may be the module of this name: nothing else is, or would be imported."""
+    """Whether no other module has, or would be imported by, the name of a file."""
     if name in sys.modules:
         known = getattr(sys.modules[name], "__file__", None)
     elif name.isidentifier():
@@ -161,7 +160,7 @@ def _is_free(name: str, file: Path) -> bool:
 
 
 def _find_also_in(folder: Path) -> None:
-    """Let modules in a folder be found, after all others: none of them takes another's place."""
+    """Add a folder to the end of the search path of modules."""
     if str(folder) not in sys.path:
         sys.path.append(str(folder))
 
@@ -174,32 +173,32 @@ def _nearest(name: str, names: list[str]) -> str:
 
 
 METHODS = {"update", "command", "report", "state", "restore"}
-"""What lrf3d calls of a mapper and of a controller; a noise is called itself."""
+"""The methods of mappers and controllers that lrf3d calls; a noise is called itself."""
 
 COPY_FIRST = (
     "copy what is to be changed, as ranges = scan.ranges.copy(), and return"
     " dataclasses.replace(scan, ranges=ranges)"
 )
-"""The mend where a plug-in writes to the scan that it is given, which others still need."""
+"""The remedy for a plug-in that writes to its read-only scan."""
 
 
 class Guarded:
-    """A plug-in whose mistakes are reported in one line, with its name and place.
+    """A plug-in whose errors are reported in one line, with its name and the line of code.
 
-    In all else it is the plug-in itself: what it raises becomes an InputError with the user's own
-    error as its cause.
+    It behaves like the plug-in, but its exceptions become InputErrors with the original one as
+    their cause.
 
     Args:
         made: The plug-in.
-        label: How the user named it: ``--mapper module:object``.
+        label: The option that named it: ``--mapper module:object``.
     """
 
     def __init__(self, made: Any, label: str) -> None:
         self._made, self._label = made, label
-        # By which recordings know it, whoever makes them.
+        # Recordings identify the plug-in by this.
         self.__wrapped__ = made
         if callable(made):
-            # Who asks how many arguments a noise takes is to be told those of the user's.
+            # The number of arguments of a noise is that of the user's function.
             self.__signature__ = inspect.signature(made)
 
     def __getattr__(self, name: str) -> Any:
@@ -217,10 +216,10 @@ class Guarded:
 
 
 def called(label: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """What a function of the user's returns.
+    """Call a user's function.
 
     Raises:
-        InputError: It fails; the message names the plug-in, the error, and where it arose.
+        InputError: It fails; the message names the plug-in, the error and the line of code.
     """
     try:
         return function(*arguments)

@@ -1,7 +1,7 @@
-"""The program ``lrf3d``: how it is stopped at any moment, and how its errors reach the user.
+"""The program ``lrf3d``: stopping it at any moment, and reporting its errors.
 
-Only what costs nothing to load is imported here, so that Ctrl-C is taken care of before anything
-else is loaded.
+Only modules that load quickly are imported here, so that Ctrl-C is handled before anything else is
+loaded.
 """
 
 import os
@@ -20,20 +20,20 @@ ENDS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if has
 """Signals that ask a program to end: Ctrl-C, ``kill``, and a terminal that is closed."""
 
 AGAIN = 0.05
-"""How often an interrupt that was lost is raised again [s]: short for whoever waits, and long
-beside what a look at it takes."""
+"""Interval [s] at which a lost interrupt is raised again: short for the user, and long compared
+with the check."""
 
 PATIENCE = 10.0
-"""How long tidying up may take [s] before another Ctrl-C ends the program on the spot. Tidying up
-takes two or three seconds at most; a key that is held down must not cut it off."""
+"""Time for cleaning up [s] before another Ctrl-C ends the program immediately. Cleaning up takes
+two or three seconds; holding the key down must not cut it off."""
 
 
 def main(program: "Any" = None, name: str = "lrf3d") -> None:
-    """Run a program; a known error ends it with one line and the status 1.
+    """Run a program; a known error ends it with one line and exit status 1.
 
     Args:
         program: The commands, a Typer; those of lrf3d if not given.
-        name: What the program is called.
+        name: Name of the program.
     """
     stops = Stops(name)
     error: BaseException | None = None
@@ -41,13 +41,13 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
         _run(stops, program, name)
         stops.over = True
     except BaseException as caught:
-        # Nothing may come before this: from here on, an interrupt would leave this function.
+        # This comes first: from here on an interrupt would leave this function.
         stops.over = True
         error = caught
     stops.end()
     if stops.number:
-        # Where an interrupt came out of code that was made from a string, as methods of data
-        # classes are, Python ends by the signal itself; running another such code undoes that.
+        # If the interrupt came from code that was made from a string, such as methods of data
+        # classes, Python ends by the signal itself; running other such code prevents that.
         exec("")
         sys.exit(_stopped(name, stops.number, error))
     if isinstance(error, SystemExit):
@@ -56,10 +56,10 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
 
 
 def _run(stops: "Stops", program: "Any", name: str) -> None:
-    """Do what the command line asks for, and print it."""
+    """Run the command, and flush its output."""
     stops.begin()
     for stream in (sys.stdout, sys.stderr):
-        # A terminal that lacks a letter, σ or one of a file's name, is no reason to fail.
+        # A terminal without a character, such as σ or one of a file name, is no reason to fail.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     from lrf3d.cli.console import print_text, quiet_libraries
@@ -73,17 +73,17 @@ def _run(stops: "Stops", program: "Any", name: str) -> None:
         if _keeps_compiled():
             program(prog_name=name)
         else:
-            # Numba refuses to start where it finds no place; what it compiles lasts for this run.
+            # Numba does not start without a writeable cache; this one is removed afterwards.
             with scratch_folder() as folder:
                 os.environ["NUMBA_CACHE_DIR"] = str(folder)
                 program(prog_name=name)
     finally:
-        # What cannot be printed is better known now than when Python ends.
+        # An error of the standard output is reported here, not when Python ends.
         print_text("")
 
 
 def _keeps_compiled() -> bool:
-    """Whether Numba finds a place to keep what it compiles: beside the modules, or at home."""
+    """Whether Numba finds a writeable cache: next to the modules, or in the home folder."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     for place in (os.path.dirname(os.path.dirname(__file__)), home):
         while place and not os.path.exists(place):
@@ -96,9 +96,9 @@ def _keeps_compiled() -> bool:
 class Stops:
     """Requests to stop: recorded once, and raised as KeyboardInterrupt until it takes effect.
 
-    An interrupt may be lost: libraries catch it, compiled code turns it into another exception,
-    and what a destructor or a callback raises is dropped. So any exception that follows is taken
-    for the interrupt, and where none is on its way out of the program, it is raised again.
+    An interrupt may be lost: libraries catch it, compiled code turns it into another exception, and
+    exceptions of destructors and callbacks are dropped. So any exception that follows counts as the
+    interrupt, and if none is propagating, it is raised again.
     """
 
     def __init__(self, name: str) -> None:
@@ -110,14 +110,14 @@ class Stops:
         self._asked = 0.0
 
     def begin(self) -> None:
-        """Listen from now on."""
+        """Install the handlers."""
         for number in ENDS:
-            # A program that is started in the background, or by nohup, ignores these.
+            # A program in the background, or under nohup, ignores these signals.
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, self._ask)
 
     def end(self) -> None:
-        """Listen no more: only Python itself has to end."""
+        """Ignore the signals: only Python itself has to end."""
         for number in ENDS:
             signal.signal(number, signal.SIG_IGN)
         if hasattr(signal, "setitimer"):
@@ -138,10 +138,10 @@ class Stops:
         self._raise(number, where)
 
     def _raise(self, _: int, where: "FrameType | None") -> None:
-        """Raise the interrupt, unless it is on its way out or modules are being loaded."""
+        """Raise the interrupt, unless it is propagating or modules are being loaded."""
         on_its_way = any(isinstance(each, KeyboardInterrupt) for each in chain(sys.exc_info()[1]))
-        # Half-loaded libraries of C fail in ways of their own. Loading ends, or is interrupted
-        # when it takes too long, as a user's module may that never ends.
+        # Half-loaded C libraries fail unpredictably. Loading ends by itself, or is interrupted
+        # when it takes too long, as in a user's module that never ends.
         if self.over or on_its_way or (_loads(where) and monotonic() < self._asked + PATIENCE):
             return
         raise KeyboardInterrupt
@@ -167,7 +167,7 @@ def _be_quiet() -> None:
 
 
 def _stopped(name: str, number: int, error: BaseException | None) -> int:
-    """Print that the program was stopped and what is kept; returns the exit status."""
+    """Print that the program was stopped and what is kept; return the exit status."""
     from lrf3d.errors import OutputError
 
     said = ["stopped", *notes(error)]
@@ -178,7 +178,7 @@ def _stopped(name: str, number: int, error: BaseException | None) -> int:
 
 
 def _failed(name: str, error: BaseException) -> int:
-    """Print an error, in one line if it is not a bug of the program; returns the exit status."""
+    """Print an error, in one line unless it is a bug of the program; return the exit status."""
     from lrf3d.errors import Lrf3dError
 
     if isinstance(error, BrokenPipeError):
@@ -198,7 +198,7 @@ def _failed(name: str, error: BaseException) -> int:
 
 
 def _system_error(error: OSError, place: str) -> str:
-    """What the system refused, and where: at the file that it names, or else at a place."""
+    """The error of the system, with the file that it names, or else a place."""
     reason = error.strerror or str(error) or type(error).__name__
     names = [os.fsdecode(name) for name in (error.filename, error.filename2)
              if isinstance(name, str | bytes)]  # fmt: skip
@@ -206,7 +206,7 @@ def _system_error(error: OSError, place: str) -> str:
 
 
 def _give_up(*streams: "Any") -> bool:
-    """Leave streams without what they cannot print, or Python would try again at its end.
+    """Drop the output that streams cannot print; otherwise Python would try again when it ends.
 
     Returns:
         Whether there was such a stream.
@@ -222,7 +222,7 @@ def _give_up(*streams: "Any") -> bool:
 
 
 def _say(name: str, message: str) -> None:
-    """Print a line on stderr, if anybody can still read it."""
+    """Print a line on stderr, if it is still open."""
     try:
         print(f"{name}: {' '.join(message.splitlines())}", file=sys.stderr, flush=True)
     except OSError:

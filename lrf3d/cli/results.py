@@ -1,4 +1,4 @@
-"""What ``lrf3d run`` gives: runs of a scenario at its noises, their figures, and their files."""
+"""The results of ``lrf3d run``: runs of a scenario at its noise levels, figures and files."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -15,16 +15,17 @@ from lrf3d.interrupts import noting
 from lrf3d.io import record
 from lrf3d.mapping import save_map
 from lrf3d.output import Drawing
+from lrf3d.progress import Progress
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring.summary import drawn_part, summarise
-from lrf3d.simulation import Progress, Simulation, collect
+from lrf3d.simulation import Simulation, collect
 from lrf3d.text import counted
 
 Bar = Callable[[str], AbstractContextManager[Progress]]
 
 KEPT = "all scans kept; go on with --resume"
-"""What is said of a run that is stopped when its scans are taken but not all is drawn."""
+"""The note on a run that is stopped after its last scan."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,11 @@ class Results:
     """The runs of a scenario, one for each noise, and the summary.
 
     Args:
-        scenario: What was run.
-        sigmas: The noises [m]; the first is that of the main run.
-        runs: A run for each noise.
+        scenario: The scenario.
+        sigmas: The noise levels [m]; the first is that of the main run.
+        runs: A run for each noise level.
         summary: The figures, in JSON's types.
-        stands: Whether the robot was set down at poses and drove nowhere.
+        stands: Whether the scans are from single poses, without a drive.
     """
 
     scenario: Scenario
@@ -61,12 +62,12 @@ class Results:
         on_collision: Callable[[str], None] | None,
         **settings: Any,
     ) -> "Results":
-        """Drive, scan and map a scenario at each of the noises, and sum it up.
+        """Drive, scan and map a scenario at each noise level, and summarise it.
 
-        The main run goes into a run.npz in the folder as it comes, where it may be resumed.
+        The main run is recorded to a run.npz in the folder, where it may be resumed.
         """
         if "controller" not in plugins:
-            # Each noise is that of the same drive, which is worked out and checked once.
+            # All noise levels have the same drive, which is computed and checked once.
             settings["drive"] = scenario.trajectory(scans=scans, on_collision=on_collision)
 
         def simulation(sigma: float | None) -> Simulation:
@@ -80,7 +81,7 @@ class Results:
         with bar("scans") as progress:
 
             def count(done: int, total: int) -> None:
-                # Of a resumed run only what is done now takes time now.
+                # Only the scans of this call count, not those before a resumed run.
                 nonlocal taken
                 taken += 1
                 progress(done, total)
@@ -104,11 +105,11 @@ class Results:
         }
         stands = "controller" not in plugins and scenario.poses is not None
         if stands:
-            # What lies between its poses it has not driven.
+            # The robot did not drive between the poses.
             summary["drive"]["length_m"] = 0.0
         if callable(getattr(mapper, "report", None)):
             if not main.updates:
-                # The run was finished before, so that this mapper has seen nothing of it.
+                # The run was finished before, so this mapper has no scans yet.
                 for scan in runs[0].scans:
                     mapper.update(scan)
             summary["report"] = _checked(mapper, mapper.report(runs[0], folder))
@@ -125,7 +126,7 @@ class Results:
         return self.runs[0]
 
     def rows(self) -> list[tuple[str, str]]:
-        """The summary in a few lines for people."""
+        """The summary as a table."""
         drive, score = self.summary["drive"], self.summary["score"]
         buildings, stored = self.summary["buildings"], self.summary["storage"]
         scans = f"{counted(drive['scans'], 'scan')} of {counted(self.run.lrf.beams, 'beam')}"
@@ -153,10 +154,10 @@ class Results:
 
 
 def _checked(mapper: Any, report: Any) -> dict[str, Any]:
-    """What a mapper reports, if JSON can tell it.
+    """The report of a mapper in JSON's types.
 
     Raises:
-        InputError: It cannot.
+        InputError: JSON cannot represent it.
     """
     try:
         return dict(json.loads(json.dumps(dict(report), allow_nan=False)))
@@ -172,16 +173,16 @@ def _share(value: float | None) -> str:
 
 
 def write_results(results: Results, folder: Path) -> dict[str, Path]:
-    """Write the map of the run to a folder, which holds the run itself already.
+    """Write the map of the run to the folder of the run.
 
     Returns:
-        The files by what they hold.
+        The files by their contents.
 
     Raises:
         OutputError: A file cannot be written.
     """
     files = {"run": folder / "run.npz"}
-    # A mapper of the user's may make no map of lines.
+    # A user's mapper may make no LineMap.
     if results.run.maps:
         files["map"] = folder / "map.geojson"
         save_map(results.run.map, files["map"], free=results.run.free_cells())
@@ -189,7 +190,7 @@ def write_results(results: Results, folder: Path) -> dict[str, Path]:
 
 
 def pictures_of(results: Results, folder: Path) -> dict[str, Drawing]:
-    """The pictures of a run, by what they show."""
+    """The pictures of a run by name."""
     from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 
     run, scenario = drawn_part(results.run), results.scenario

@@ -67,7 +67,7 @@ def sweep(
     from lrf3d.output import draw_all, write_text
     from lrf3d.sweep.cluster import check_address
     from lrf3d.sweep.drawing import figures_of, table_text
-    from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, Grid, parse_axis, parse_values, read_grid
+    from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, SweepGrid, parse_axis, parse_values, read_grid
     from lrf3d.sweep.plan import make_plan
     from lrf3d.sweep.sweeping import sweep as run
 
@@ -82,7 +82,7 @@ def sweep(
     if grid is not None:
         chosen = read_grid(grid, axes, worlds=tuple(worlds or ()), **counts)
     elif worlds:
-        chosen = Grid.usual(*worlds, axes=axes, **counts)
+        chosen = SweepGrid.usual(*worlds, axes=axes, **counts)
     else:
         raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
     plan = make_plan(

@@ -24,7 +24,7 @@ GOAL_NEAR, GOAL_FAR = 5.0, 20.0
 CANDIDATES = 32
 """Places that are drawn for a goal, of which the first at such a distance is taken."""
 
-ARRIVED = 0.5
+GOAL_RADIUS = 0.5
 """How near to its goal a robot has arrived [m]."""
 
 AT_GOAL, AT_WALL = 10.0, -10.0
@@ -33,10 +33,10 @@ AT_GOAL, AT_WALL = 10.0, -10.0
 EACH_STEP = -0.01
 """What each step costs, so that dawdling does not pay."""
 
-MAX_TURN_RATE = 1.5
+ACTION_TURN_RATE = 1.5
 """Fastest turn that can be asked for [rad/s], as of the follower of routes."""
 
-MARGIN = 0.1
+GOAL_MARGIN = 0.1
 """How much farther from walls than its radius a robot starts [m]."""
 
 
@@ -80,7 +80,7 @@ class DriveTask:
             scenario.world, self.lrf, caster="embree", noise=noise, obstacles=scenario.obstacles
         )
         self._obstacles = Obstacles(scenario.world)
-        least = scenario.radius + MARGIN
+        least = scenario.radius + GOAL_MARGIN
         space = find_free_space(scenario.world, least=least, clearance=least)
         self._cells = space.cells + scenario.world.origin
         self.farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
@@ -107,7 +107,7 @@ class DriveTask:
                 what lies beyond −1 to 1 is cut off. They are held up to the next scan.
         """
         shares = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0)
-        v, omega = self.scenario.speed * shares[:, 0], MAX_TURN_RATE * shares[:, 1]
+        v, omega = self.scenario.speed * shares[:, 0], ACTION_TURN_RATE * shares[:, 1]
         before = self.distances()
         moved = arcs(self.poses, v, omega, np.full(self.count, self.dt))
         ways, _ = self._obstacles.hit(self.poses[:, :2], moved[:, :2], self.scenario.radius)
@@ -119,7 +119,7 @@ class DriveTask:
             collided |= obstacle.distances(moved[:, :2], self.times) < self.scenario.radius
         self.poses = np.where(collided[:, None], self.poses, moved)
         after = self.distances()
-        reached = (after < ARRIVED) & ~collided
+        reached = (after < GOAL_RADIUS) & ~collided
         rewards = before - after + EACH_STEP + AT_GOAL * reached + AT_WALL * collided
         return Outcome(rewards, reached, collided)
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
 from lrf3d.input import check_ordinary
 from lrf3d.io.laser_log import BadLine
-from lrf3d.io.packed import BLOCK, LARGEST_RATIO, UNSUSPICIOUS
+from lrf3d.io.packed import BLOCK_BYTES, LARGEST_RATIO, SMALL_LOG
 
 SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -37,7 +37,7 @@ LONGEST_METADATA = 1 << 17
 
 
 class Message(NamedTuple):
-    """A message of a bag: its number from 1, its topic and type, and what it says."""
+    """A message of a bag: its number from 1, its topic, its type and its contents."""
 
     number: int
     topic: str
@@ -59,7 +59,7 @@ class Bag:
         }
 
     def messages(self, topics: set[str]) -> Iterator[Message | BadLine]:
-        """The messages of some topics in the order of the bag, or why one cannot be read."""
+        """The messages of some topics in the order of the bag; a BadLine for an unreadable one."""
         wanted = [
             c for c in self._reader.connections if c.topic in topics and c.topic in self.topics
         ]
@@ -159,7 +159,7 @@ def bounded_unpacking() -> Iterator[None]:
 
 
 def check_metadata(folder: Path) -> None:
-    """See that what a folder says of its bag is not longer than takes a second to read.
+    """Check that the metadata of a bag are short enough to be read in a second.
 
     Raises:
         InputError: It is.
@@ -172,15 +172,15 @@ def check_metadata(folder: Path) -> None:
 
 
 def check_packed_files(folder: Path) -> None:
-    """See that files of a bag that are packed as a whole do not unpack to far more than they are.
+    """Check that compressed files of a bag do not unpack to far more than their size.
 
     Raises:
         InputError: One of them does.
     """
     for path in sorted(folder.glob("*.zstd")):
-        allowed, total = max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size), 0
+        allowed, total = max(SMALL_LOG, LARGEST_RATIO * path.stat().st_size), 0
         with _zstd().open(path, "rb") as stream:
-            while block := stream.read(BLOCK):
+            while block := stream.read(BLOCK_BYTES):
                 total += len(block)
                 if total > allowed:
                     raise InputError(

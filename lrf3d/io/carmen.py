@@ -1,8 +1,8 @@
 """CARMEN logs: one message a line, as the CARMEN toolkit and its log archives write them.
 
-A log enters, packed with gzip or not; its scans leave, with the poses as logged, or those that
-odometry or the truth gives for their times. Of a log from which a SLAM has taken the drift, the
-logged ones are the corrected ones. The messages read are::
+A log may be gzipped. Its scans have the logged poses, or those of odometry or ground truth at their
+times. In a log that a SLAM system has corrected, the logged poses are the corrected ones. These
+messages are read::
 
     FLASER n r1 … rn  x y theta  odom_x odom_y odom_theta  time host logger_time
     ROBOTLASER1 type start fov step max_range accuracy mode  n r1 … rn  m s1 … sm  x y theta
@@ -12,11 +12,11 @@ logged ones are the corrected ones. The messages read are::
 
 Lines that cannot be read are skipped and reported.
 
-A run is written as four messages a scan: where the robot truly was, what its wheels say (the same,
-for they do not drift), the scan with its own angles and range, and, where its fan is the one that
-FLASER messages have, the scan once more for tools that read no other. Numbers have all their
-digits: what is read back is what was written, bit for bit, but for what the format has no word
-for. A beam without return is written as range_max, one that met something too near as 0.
+A run is written as four messages for each scan: the true pose, the odometry (the same, without
+drift), the scan with its angles and range_max, and, if its fan is that of FLASER messages, the scan
+again for tools that read only those. Numbers have all their digits, so a log that is read back is
+the same bit for bit, as far as the format can express it. A beam without return is written as
+range_max, one below range_min as 0.
 """
 
 import gzip
@@ -37,23 +37,23 @@ from lrf3d.output import replacing
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.world.schema import FARTHEST
+from lrf3d.world.schema import LARGEST_COORDINATE
 
 MOST_WITHOUT_SCAN = 1_000_000
-"""Lines in a row without a scan before a file is given up: hours of other messages."""
+"""Largest number of successive lines without a scan: hours of other messages."""
 
 LONGEST_NAME = 40
-"""Letters of the longest name that a message may have."""
+"""Length of the longest name of a message [characters]."""
 
 HOST = "lrf3d"
-"""The host that a message says it comes from."""
+"""The host name in messages."""
 
 SAME = 1e-9
-"""Angles [rad] that differ by no more are the same."""
+"""Largest difference [rad] of angles that count as equal."""
 
 
 class _BadMessage(ValueError):
-    """What is wrong with a message."""
+    """A message that cannot be read, with the reason."""
 
 
 class LoggedPose(NamedTuple):
@@ -259,9 +259,9 @@ def _robot_laser(
 
 
 def _farthest(said: float, largest_range: float | None) -> float:
-    """From where on a reading is no return: what the message says, if anything, or the user."""
-    if said > FARTHEST:
-        raise _BadMessage(f"a range of {said:g} m, expected at most {FARTHEST:g} m")
+    """Least reading that means no return: that of the message, if it has one, or the user's."""
+    if said > LARGEST_COORDINATE:
+        raise _BadMessage(f"a range of {said:g} m, expected at most {LARGEST_COORDINATE:g} m")
     if largest_range is None:
         return said if said > 0.0 else LARGEST_RANGE
     return min(said, largest_range) if said > 0.0 else largest_range
@@ -299,8 +299,8 @@ def _pose(words: list[bytes]) -> Pose:
     x, y, theta = (
         _number(word, what) for word, what in zip(words, "x y theta".split(), strict=True)
     )
-    if not max(abs(x), abs(y), abs(theta)) <= FARTHEST:
-        raise _BadMessage(f"pose {x:g} {y:g} {theta:g}, expected at most {FARTHEST:g} m")
+    if not max(abs(x), abs(y), abs(theta)) <= LARGEST_COORDINATE:
+        raise _BadMessage(f"pose {x:g} {y:g} {theta:g}, expected at most {LARGEST_COORDINATE:g} m")
     return Pose(x, y, float(wrap_angle(theta)))
 
 
@@ -334,12 +334,12 @@ def _number(word: bytes, what: str = "a value", *, finite: bool = True) -> float
 
 
 def _shown(word: bytes) -> str:
-    """A word as it can stand in a message of one line."""
+    """A word without spaces, for a message of one line."""
     return repr(word[:LONGEST_NAME].decode("ascii", "backslashreplace"))
 
 
 def write_carmen(run: Run, path: Path) -> None:
-    """Write a run to a CARMEN log, whole or not at all.
+    """Write a run to a CARMEN log, completely or not at all.
 
     Raises:
         OutputError: The file cannot be written.
@@ -375,13 +375,13 @@ def _lines(run: Run) -> Iterator[str]:
 
 
 def _readings(scan: LaserScan) -> str:
-    """The ranges as CARMEN's readings."""
+    """The ranges as readings of CARMEN."""
     ranges = np.where(scan.ranges > scan.range_max, scan.range_max, scan.ranges)
     return " ".join(map(repr, np.where(ranges < 0.0, 0.0, ranges).tolist()))
 
 
 def _is_front(angles: Float) -> bool:
-    """Whether a fan of beams is the one that FLASER messages have for as many."""
+    """Whether a fan is that of FLASER messages with the same number of beams."""
     if len(angles) < 2:
         return False
     front = front_angles(len(angles))

@@ -1,9 +1,9 @@
-"""The journal of a run: what was scanned so far, so that a crash loses no more than a moment.
+"""The journal of a run: the scans so far, so that a crash loses only a moment.
 
-A file that is only ever added to. A line says what it is, a JSON object what the run is made of:
-the run's fingerprint, by which a recording knows whether it is the same run. Then come chunks of
-scans, each with its length and a checksum before it and on the disk before the next is begun. Where
-the file breaks off or is damaged, the chunks before that place are whole.
+The file is append-only. Its first line identifies the format; a JSON object holds the run's
+fingerprint, which identifies the run. Chunks of scans follow, each after its length and a checksum,
+and on the disk before the next is begun. If the file is truncated or damaged, the chunks before
+that place are valid.
 
 A chunk holds, for c scans of n beams:
 
@@ -55,7 +55,7 @@ COLUMNS: dict[str, tuple[type[Any], str]] = {
     "truth": (np.float64, "beams"),
     "walls": (np.int64, "beams"),
 }
-"""What each scan has, in this order: the type, and how many of it."""
+"""The columns of a chunk, in this order, with their types and shapes."""
 
 Array = NDArray[Any]
 
@@ -71,7 +71,7 @@ class Chunk:
 
     Args:
         first: Its first scan.
-        scans: How many it holds.
+        scans: Its number of scans.
         begin: Where its columns begin in the file.
         end: Where it ends.
         sums: The checksum of each column, in their order.
@@ -89,19 +89,19 @@ class Chunk:
 
 
 class Journal:
-    """A journal that is open to be added to.
+    """A journal, open for appending.
 
     Args:
         path: The file.
-        fingerprint: What the run is made of; a journal of another run is begun anew.
+        fingerprint: Fingerprint of the run; a journal of another run is replaced.
         beams: Beams of a scan.
-        keep: Whether what is there is kept, as far as it is whole and of the same run.
+        keep: Whether the valid chunks of a journal of the same run are kept.
     """
 
     def __init__(self, path: Path, fingerprint: dict[str, str], beams: int, *, keep: bool) -> None:
         self.path, self.beams = path, beams
         self.chunks: list[Chunk] = []
-        # The finished run holds the same, and may not depend on the order.
+        # The finished run holds the same text, which must not depend on the order.
         header = json.dumps(fingerprint, sort_keys=True).encode()
         mode = "r+b" if keep and path.exists() else "w+b"
         self._file: IO[bytes] = path.open(mode)
@@ -119,18 +119,18 @@ class Journal:
 
     @property
     def scans(self) -> int:
-        """How many scans it holds."""
+        """Number of scans."""
         return self.chunks[-1].first + self.chunks[-1].scans if self.chunks else 0
 
     @property
     def _end(self) -> int:
-        """Where the last whole chunk ends."""
+        """End of the last valid chunk."""
         return self.chunks[-1].end if self.chunks else self._begin
 
     def add(
         self, columns: dict[str, Array], rng: dict[str, Any], snapshots: dict[int, LineMap]
     ) -> None:
-        """Add a chunk of scans; when this returns, it is on the disk."""
+        """Append a chunk of scans; when this returns, it is on the disk."""
         sizes = {scan: len(line_map) for scan, line_map in snapshots.items()}
         state = json.dumps({"rng": rng, "snapshots": sizes}).encode()
         first, scans = self.scans, len(columns["times"])
@@ -143,7 +143,7 @@ class Journal:
         checksum = 0
         for part in parts:
             checksum = zlib.crc32(part, checksum)
-        # What an interrupt left of a chunk is written over.
+        # A chunk that an interrupt left incomplete is overwritten.
         place, size = self._file.seek(self._end), sum(map(len, parts))
         self._file.write(_LENGTH.pack(size, checksum))
         for part in parts:
@@ -155,13 +155,13 @@ class Journal:
         self.chunks.append(Chunk(first, scans, begin, end, sums, rng, dict(snapshots)))
 
     def column(self, name: str, *, first: int = 0) -> Iterator[Array]:
-        """A column, chunk by chunk, from the chunk with a scan on.
+        """A column, chunk by chunk, starting with the chunk of a scan.
 
         Raises:
             OutputError: The file no longer holds what was written to it.
         """
         dtype, place = np.dtype(COLUMNS[name][0]), list(COLUMNS).index(name)
-        # Another handle, so that reading does not move where is written.
+        # A separate handle, so that reading does not move the position for writing.
         try:
             reading = self.path.open("rb")
         except FileNotFoundError:
@@ -196,12 +196,12 @@ class Journal:
         os.fsync(self._file.fileno())
 
     def _read_chunks(self) -> None:
-        """Find the chunks that are whole."""
+        """Find the valid chunks."""
         while (chunk := self._read_chunk(self._end)) is not None:
             self.chunks.append(chunk)
 
     def _read_chunk(self, place: int) -> Chunk | None:
-        """The chunk at a place in the file, or None where it is not whole."""
+        """The chunk at a position in the file, or None if it is not valid."""
         payload = read_checked(self._file)
         if payload is None or len(payload) < _COUNTS.size:
             return None
@@ -213,7 +213,7 @@ class Journal:
             segments = np.frombuffer(payload, np.float64, 4 * size, at).reshape(size, 4)
             objects = np.frombuffer(payload, np.int64, size, at + 32 * size)
             points = np.frombuffer(payload, np.int64, size, at + 40 * size)
-            # Copies, so that a map does not hold all of the chunk.
+            # Copies, so that a map does not keep the whole chunk in memory.
             snapshots[int(scan)] = LineMap(segments.copy(), objects.copy(), points.copy())
             at += 48 * size
         if first != self.scans:
@@ -230,7 +230,7 @@ class Journal:
 
 
 def read_fingerprint(file: IO[bytes]) -> dict[str, str] | None:
-    """What the run of a journal is made of; None where the file is no journal."""
+    """The fingerprint in a journal; None if the file is not a journal."""
     if file.read(len(MAGIC)) != MAGIC:
         return None
     header = read_checked(file)
@@ -238,7 +238,7 @@ def read_fingerprint(file: IO[bytes]) -> dict[str, str] | None:
 
 
 def read_checked(file: IO[bytes]) -> bytes | None:
-    """What comes next, or None where it breaks off or its checksum is wrong."""
+    """The next record, or None if it is truncated or its checksum is wrong."""
     head = file.read(_LENGTH.size)
     if len(head) < _LENGTH.size:
         return None
@@ -254,7 +254,7 @@ def _bytes(array: Array) -> bytes:
 
 
 def fingerprint_of(simulation: "Simulation") -> dict[str, str]:
-    """What a simulation is made of: a digest or a name of each part."""
+    """The fingerprint of a simulation: a digest or a name of each part."""
     world, drive = simulation.world, simulation.drive
     if isinstance(drive, RecordedDrive):
         drive_parts: list[Any] = [drive.trajectory.times, drive.trajectory.poses]
@@ -280,10 +280,10 @@ def fingerprint_of(simulation: "Simulation") -> dict[str, str]:
 
 
 def _plain(rng: np.random.Generator) -> dict[str, Any]:
-    """The state of random numbers in JSON's types.
+    """The state of a random generator in JSON's types.
 
     Raises:
-        InputError: JSON cannot hold it.
+        InputError: JSON cannot represent it.
     """
     state = dict(rng.bit_generator.state)
     try:
@@ -297,10 +297,10 @@ def _plain(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _name_of(part: Any) -> str:
-    """The repr of a part, or its class if the repr holds no more than its address."""
+    """The repr of a part, or its class if the repr contains only its address."""
     while isinstance(part, DeterministicNoise):
         part = part.change
-    # A plug-in that is guarded is the plug-in itself.
+    # A guarded plug-in counts as the plug-in.
     part = getattr(part, "__wrapped__", part)
     if isinstance(part, type | FunctionType):
         return f"{part.__module__}:{part.__qualname__}"

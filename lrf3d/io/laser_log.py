@@ -1,4 +1,4 @@
-"""LaserLog: the scans of a recorded drive, whatever format they were kept in."""
+"""LaserLog: the scans of a recorded drive, from any format."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,10 +18,10 @@ some 81.9 m or some 50 m then, and none of them sees as far."""
 
 
 NAMED = 5
-"""How many bad lines are kept to be named; the others are only counted."""
+"""Number of bad lines that are kept; the others are only counted."""
 
 MOST_READINGS = 50_000_000
-"""Readings that are held at most: 400 MB of them."""
+"""Largest number of readings in memory: 400 MB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +29,9 @@ class BadLine:
     """A line, or a message, that could not be read.
 
     Args:
-        number: Which one of the file, from 1.
-        reason: What is wrong with it.
-        kind: What it is.
+        number: Its number in the file, from 1.
+        reason: Why it could not be read.
+        kind: ``line``, ``message`` or ``scan``.
     """
 
     number: int
@@ -44,15 +44,15 @@ class BadLine:
 
 @dataclass(frozen=True, eq=False)
 class LaserLog(Value):
-    """Scans with the poses that were logged, and what could not be read.
+    """Scans with their logged poses, and the lines that could not be read.
 
     Args:
-        name: What the log is called.
+        name: Name of the log.
         scans: The scans in the order of the file.
-        bad_count: How many lines could not be read.
+        bad_count: Number of lines that could not be read.
         bad_lines: The first few of them.
         source: Where the poses come from, in words.
-        tracks: What else was logged of the robot's way: ``odom`` by its wheels, ``truth``.
+        tracks: Other trajectories in the log: ``odom`` from wheels, ``truth``.
     """
 
     name: str

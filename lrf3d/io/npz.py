@@ -1,9 +1,8 @@
-"""Arrays of a .npz file, in and out as streams, within bounds of memory and never unpickled.
+"""Reading and writing .npz files with limited memory; nothing is ever unpickled.
 
-Reading maps huge arrays that are not packed: they take memory as they are looked at, and none when
-memory is short. Writing takes arrays in blocks, so that none is ever held whole. They lie in the
-file as they are in memory, not packed and each at a multiple of 64 bytes, so that huge ones can be
-mapped. Nothing but the arrays decides the bytes of the file.
+Large uncompressed arrays are memory-mapped when read. Arrays are written in blocks, so that none
+has to be in memory as a whole; they are stored uncompressed and aligned to 64 bytes, so that they
+can be mapped. The bytes of the file depend on nothing but the arrays.
 """
 
 import os
@@ -24,14 +23,14 @@ from lrf3d.input import check_ordinary
 from lrf3d.io.packed import LARGEST_RATIO
 from lrf3d.output import replacing
 
-UNSUSPICIOUS = 1 << 28
-"""Bytes that any file may unpack to, however small."""
+SMALL_RUN = 1 << 28
+"""Bytes that any file may unpack to, regardless of its size."""
 
 MAPPED = 1 << 26
-"""Bytes from which on an array is mapped where it can be: smaller ones are read and checked."""
+"""Least size [bytes] of an array that is mapped; smaller ones are read and checked."""
 
 _LOCAL_HEADER = 30
-"""Size of what stands before a member of a zip file [bytes], beside its name and its fields."""
+"""Size [bytes] of the header of a member of a zip file, without its name and its extra fields."""
 
 DAMAGES = (
     OSError,
@@ -45,13 +44,13 @@ DAMAGES = (
     zlib.error,
     struct.error,
 )
-"""What reading a damaged file may raise."""
+"""Exceptions of reading a damaged file."""
 
 ALIGNED = 64
-"""Bytes that arrays begin at a multiple of, as NumPy's own files have it."""
+"""Alignment of arrays [bytes], as in NumPy's own files."""
 
 EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The time of all members, the earliest of a zip file: equal runs are equal files at any time."""
+"""The time stamp of all members, the earliest of zip files, so that equal runs are equal files."""
 
 _ZIP64, _PADDING = 20, 4
 """Sizes [bytes] of a zip member's field for large sizes, and of an empty field."""
@@ -63,14 +62,14 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
     """The arrays of a .npz file by their names.
 
     Raises:
-        InputError: There is no such file, or it is no ordinary one.
-        ValueError: It holds what is no array, or unpacks to far more than a run does; or one of
-            the others of :data:`DAMAGES`.
+        InputError: There is no such file, or it is not a regular file.
+        ValueError: It holds something other than arrays, or unpacks to far more than a run does;
+            or another exception of :data:`DAMAGES`.
     """
     check_ordinary(path, what="a .npz file")
     with zipfile.ZipFile(path) as file:
         total = sum(entry.file_size for entry in file.infolist())
-        if total > max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size):
+        if total > max(SMALL_RUN, LARGEST_RATIO * path.stat().st_size):
             raise ValueError(f"it unpacks to {total:,} bytes, over {LARGEST_RATIO} times its size")
         return {
             entry.filename.removesuffix(".npy"): _read(path, file, entry)
@@ -86,7 +85,7 @@ def _read(path: Path, file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
         shape, by_columns, dtype = read(stream)
         begin = stream.tell()
-        # Room is made for all of an array before any of it is read.
+        # NumPy allocates the whole array before it reads any of it.
         size = dtype.itemsize
         for length in shape:
             size *= length
@@ -103,7 +102,7 @@ def _read(path: Path, file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[
 
 
 def _start_of(path: Path, entry: zipfile.ZipInfo) -> int:
-    """Where in a zip file the data of a member begin."""
+    """Position of the data of a member in a zip file."""
     with path.open("rb") as file:
         file.seek(entry.header_offset)
         header = file.read(_LOCAL_HEADER)
@@ -113,7 +112,7 @@ def _start_of(path: Path, entry: zipfile.ZipInfo) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """An array that comes in blocks.
+    """An array in blocks.
 
     Args:
         name: Its name.
@@ -129,12 +128,12 @@ class Column:
 
     @classmethod
     def of(cls, name: str, array: Array) -> "Column":
-        """The column of an array that is there."""
+        """The column of an array in memory."""
         return cls(name, array.shape, array.dtype, [array])
 
 
 def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
-    """Write arrays to a file whole or not at all, so that it stays when the power fails.
+    """Write arrays to a file, completely or not at all, and flush it to the disk.
 
     Raises:
         OutputError: The file cannot be written.
@@ -145,7 +144,7 @@ def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
                 member = zipfile.ZipInfo(f"{column.name}.npy", EPOCH)
                 taken = file.tell() + _LOCAL_HEADER + len(member.filename) + _ZIP64 + _PADDING
                 padding = -taken % ALIGNED
-                # A field of its own kind, which readers pass over.
+                # An extra field of an unknown kind, which readers skip.
                 member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
                 with archive.open(member, "w", force_zip64=True) as stream:
                     stream.write(_header(column))
@@ -156,7 +155,7 @@ def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
 
 
 def _checked(column: Column, path: str | Path) -> Iterator[Array]:
-    """The blocks of a column; together they are of the type and the shape that stand before it."""
+    """The blocks of a column, checked against its type and its shape."""
     rows = 0
     for block in column.blocks:
         rows += len(block) if block.ndim else 1
@@ -168,7 +167,7 @@ def _checked(column: Column, path: str | Path) -> Iterator[Array]:
 
 
 def _header(column: Column) -> bytes:
-    """What stands before an array in a .npy file."""
+    """The header of a .npy file."""
     header = BytesIO()
     described = npy.dtype_to_descr(np.dtype(column.dtype))
     npy.write_array_header_1_0(

@@ -1,4 +1,4 @@
-"""Lines of a file, packed with gzip or not, within bounds of memory and time."""
+"""Lines of a file, gzipped or not, with limits on memory and time."""
 
 import gzip
 import zlib
@@ -9,18 +9,18 @@ from typing import BinaryIO, NamedTuple
 from lrf3d.errors import InputError
 from lrf3d.input import opened
 
-BLOCK = 1 << 20
-"""Bytes that are read at a time, and the longest line: a scan of 100,000 beams is shorter."""
+BLOCK_BYTES = 1 << 20
+"""Bytes that are read at a time, and length of the longest line: more than 100,000 beams."""
 
 LARGEST_RATIO = 100
-"""How many times its packed size a file may unpack to: recorded scans come to 5 times, those of
-a robot that stands still to some tens, a bomb of zeros to 1,000."""
+"""Largest ratio of the sizes of unpacked and packed data: that of recorded scans is 5, for a robot
+at rest some tens, for a decompression bomb 1,000."""
 
-UNSUSPICIOUS = 1 << 23
-"""Bytes that any file may unpack to, however small: they take no time worth speaking of."""
+SMALL_LOG = 1 << 23
+"""Bytes that any file may unpack to, regardless of its size: they take hardly any time."""
 
 GZIP = b"\x1f\x8b"
-"""How packed files begin; the name of a file may say otherwise."""
+"""First bytes of gzipped files, whatever their name is."""
 
 
 class LogLine(NamedTuple):
@@ -32,10 +32,10 @@ class LogLine(NamedTuple):
 
 
 def lines_of(path: Path) -> Iterator[LogLine]:
-    """Go through the lines of a file that are not empty, holding a block of it at a time.
+    """Yield the lines of a file that are not empty, with one block of it in memory.
 
-    A line that is too long comes without its text, but with a fault; where packed data are
-    damaged or break off, a last line says so.
+    A line that is too long has no text, but a fault; if packed data are damaged or truncated, a
+    last line reports it.
 
     Raises:
         InputError: The file cannot be read, or unpacks to far more than a log would.
@@ -46,7 +46,7 @@ def lines_of(path: Path) -> Iterator[LogLine]:
         if not packed:
             yield from _lines(file, path, None)
             return
-        allowed = max(UNSUSPICIOUS, LARGEST_RATIO * path.stat().st_size)
+        allowed = max(SMALL_LOG, LARGEST_RATIO * path.stat().st_size)
         with gzip.open(file) as unpacked:
             yield from _lines(unpacked, path, allowed)
 
@@ -56,7 +56,11 @@ def _lines(stream: BinaryIO | gzip.GzipFile, path: Path, allowed: int | None) ->
     while True:
         fault = ""
         try:
-            block = stream.read1(BLOCK) if isinstance(stream, gzip.GzipFile) else stream.read(BLOCK)
+            block = (
+                stream.read1(BLOCK_BYTES)
+                if isinstance(stream, gzip.GzipFile)
+                else stream.read(BLOCK_BYTES)
+            )
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             block, fault = b"", f"the packed data are damaged from here on ({error})"
         total += len(block)
@@ -65,17 +69,17 @@ def _lines(stream: BinaryIO | gzip.GzipFile, path: Path, allowed: int | None) ->
                 f"{path}: line {number}: unpacks to over {LARGEST_RATIO} times its size, which no"
                 " log does; unpack it first if it is one"
             )
-        # A line that breaks off with the data looks the same as that.
+        # A truncated last line cannot be distinguished from a complete one.
         parts = [] if fault else (rest + block).split(b"\n")
-        # The last part goes on in the next block, unless this was the end.
+        # The last part continues in the next block, unless this is the end.
         rest = parts.pop() if block else b""
         for text in parts:
             if long:
-                yield LogLine(number, b"", f"longer than {BLOCK} bytes")
+                yield LogLine(number, b"", f"longer than {BLOCK_BYTES} bytes")
             elif text:
                 yield LogLine(number, text)
             number, long = number + 1, False
-        if len(rest) > BLOCK:
+        if len(rest) > BLOCK_BYTES:
             rest, long = b"", True
         if not block:
             if fault:

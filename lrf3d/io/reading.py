@@ -20,7 +20,7 @@ POSES = ("auto", "truth", "tf", "odom")
 def is_run(name: str) -> bool:
     """Whether a name is that of a run, a ``.npz`` or a folder, and not of a world.
 
-    As everywhere, a built-in world comes before a folder that is called the same.
+    A built-in world comes before a folder of the same name, as everywhere.
     """
     if name in world_names():
         return False
@@ -37,17 +37,16 @@ def load_log(
     """Read the scans of a log; the ending of its name gives the format.
 
     Args:
-        path: A CARMEN log, packed with gzip or not; a ROS 2 bag, as .mcap, .db3 or a folder; or
+        path: A CARMEN log, gzipped or not; a ROS 2 bag, as .mcap, .db3 or a folder; or
             a run.npz or its folder.
-        largest_range: CARMEN: readings from here on are no return [m]; what the log says, or 50,
-            if not given.
-        poses: Where the poses come from: ``auto`` for what the format trusts most, or ``truth``,
-            ``tf`` or ``odom``.
-        scan_topic: Bags: the topic of the scans; ``/scan``, or the first there is, where not
-            given.
+        largest_range: CARMEN: least reading that means no return [m]; that of the log, or 50, if
+            not given.
+        poses: Source of the poses: ``auto`` for the best that the format has, or ``truth``, ``tf``
+            or ``odom``.
+        scan_topic: Bags: the topic of the scans; ``/scan``, or the first one, if not given.
 
     Raises:
-        InputError: The file cannot be read, is of no known format, or holds no scan.
+        InputError: The file cannot be read, has an unknown format, or holds no scan.
         MissingLibraryError: A bag needs rosbags, which is not installed.
 
     Examples:
@@ -75,7 +74,7 @@ def load_log(
         if poses not in ("auto", "truth"):
             raise InputError(f"{path}: no poses from {poses} in it; a run has only true poses")
         run = load_run(path)
-        # Not called like the run, so that its map does not take the place of the run's own.
+        # Another name than the run's, so that its map does not replace that of the run.
         name = own_name(path.resolve().parent if path.name == "run.npz" else path)
         return LaserLog(f"{name}_map", list(run.scans), source="the run")
     if ending.endswith(BAG_ENDINGS) or path.is_dir():

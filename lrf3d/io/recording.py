@@ -26,6 +26,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.output import beside, locked
 from lrf3d.pose import Pose
+from lrf3d.progress import Progress, silent
 from lrf3d.run import Run, SnapshotSchedule, run_bytes
 from lrf3d.steering import ControlledDrive
 from lrf3d.world.cameras import FilmPlan
@@ -34,12 +35,10 @@ if TYPE_CHECKING:
     from lrf3d.simulation import Simulation, Step
 
 CHUNK_BYTES = 1 << 22
-"""About how much of a run is held in memory before it is written [bytes]."""
+"""Approximate size of the scans that are in memory before they are written [bytes]."""
 
 CHECKPOINT_SCANS = 1 << 14
 """Scans from one checkpoint to the next: mapping them again takes some seconds."""
-
-Progress = Callable[[int, int], None]
 
 
 def record(
@@ -48,25 +47,25 @@ def record(
     *,
     resume: bool = False,
     film: FilmPlan | None = None,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> Run:
     """Run a simulation into a file, in constant memory and safe from crashes.
 
     Args:
         simulation: The simulation, at its beginning.
         path: The file; its ending is ``.npz``.
-        resume: Go on where a run of the same simulation into this file was stopped; where none
-            was, begin. Without it, what was left of one is given up.
+        resume: Continue an interrupted run of the same simulation into this file, if there is one;
+            otherwise it is discarded.
         film: How the run is filmed if nothing else is given, instead of the simulation's
             plan; it is kept beside the run.
-        progress: Called with the scans that are done and all.
+        progress: Called with the number of scans that are done, and of all.
 
     Returns:
         The run, whose large arrays are mapped from the file.
 
     Raises:
-        InputError: Nobody says when the simulation ends, the file has another ending, what is to
-            be resumed is another run, or another process writes to the file.
+        InputError: The number of scans is unknown, the file has another ending, the run to resume
+            is a different one, or another process writes to the file.
         OutputError: The file cannot be written.
 
     Examples:
@@ -91,10 +90,10 @@ def record(
 
 @contextmanager
 def _writing(path: Path) -> Iterator[None]:
-    """Keep other processes from a run and from what lies beside it until it is whole."""
+    """Lock a run and its auxiliary files until it is complete."""
     with locked(beside(path), path):
         for name in (path, path.with_suffix(".journal"), path.with_suffix(".checkpoint")):
-            # After hours of work it would be too late to see that it cannot be replaced.
+            # Files that cannot be replaced are found now, not after hours of work.
             if name.exists():
                 check_ordinary(name, what="a file of an earlier run")
         yield
@@ -110,7 +109,7 @@ def _record(
 ) -> Run:
     journal_path, checkpoint = path.with_suffix(".journal"), path.with_suffix(".checkpoint")
     if resume and _finished(path, fingerprint):
-        # It may have been stopped when only these were still to be taken away.
+        # It may have been stopped before these were removed.
         return _tidied(path, journal_path, checkpoint)
     if resume:
         _check_same(journal_path, fingerprint)
@@ -136,22 +135,22 @@ def _record(
 
 
 def _tidied(path: Path, *beside: Path) -> Run:
-    """The finished run, when what was beside it until then is taken away."""
+    """Remove the auxiliary files, and load the finished run."""
     for each in beside:
         each.unlink(missing_ok=True)
     return load_run(path)
 
 
 def _check_room(path: Path, size: int) -> None:
-    """See that a file finds room on its disk.
+    """Check that the disk has room for a file.
 
     Raises:
-        OutputError: It does not.
+        OutputError: It has not.
     """
     try:
         free = shutil.disk_usage(path.parent).free
     except OSError:
-        # A folder that is not there is reported where the file is made.
+        # A missing folder is reported when the file is made.
         return
     if size > free:
         raise OutputError(
@@ -161,7 +160,7 @@ def _check_room(path: Path, size: int) -> None:
 
 
 class _Recorder:
-    """What is recorded but not yet written."""
+    """Collects scans and writes them in chunks."""
 
     def __init__(
         self,
@@ -180,32 +179,32 @@ class _Recorder:
             for name, (dtype, _) in COLUMNS.items()
         }
         self._room = scans
-        # The first scan that waits, how many do, and the random numbers after the last of them:
-        # set at once, so that an interrupt finds them alike.
+        # First scan not yet written, their number, and the state of the random numbers after the
+        # last one: assigned together, so that they are consistent at an interrupt.
         self._waiting: tuple[int, int, dict[str, Any]] = 0, 0, {}
         self._maps: dict[int, LineMap] = {}
         self._checked = 0
 
     def run(self, progress: Callable[[int], None]) -> None:
-        """Run to the end; what came before an interrupt is written."""
+        """Run to the end; scans before an interrupt are written."""
         try:
             for step in self.simulation:
                 self._add(step)
                 progress(step.index + 1)
         except (Exception, KeyboardInterrupt):
-            # A drive that ended at a wall, or a user's error, leaves what was before it.
+            # After a collision or an error of the user's code the scans before it are kept.
             self._flush()
             raise
         self._flush()
 
     def catch_up(self) -> None:
-        """Bring the simulation to where the journal ends."""
+        """Bring the simulation to the end of the journal."""
         simulation, journal = self.simulation, self.journal
         if not journal.chunks:
             return
         self._checked = self._restore_mapper()
         steered = isinstance(simulation.drive, ControlledDrive)
-        # A trajectory does not depend on scans, so it need not be given those that are mapped.
+        # A trajectory does not depend on scans, so those before the checkpoint are skipped.
         simulation.done = 0 if steered else self._checked
         columns = [journal.column(name, first=simulation.done) for name in COLUMNS]
         for times, poses, ranges, _, walls in zip(*columns, strict=True):
@@ -220,7 +219,7 @@ class _Recorder:
         self._waiting = journal.scans, 0, {}
 
     def write(self, path: Path, fingerprint: str) -> None:
-        """Write the finished run, streaming."""
+        """Write the finished run, chunk by chunk."""
         journal, simulation = self.journal, self.simulation
         scans, beams = journal.scans, simulation.lrf.beams
         maps: dict[int, LineMap] = {}
@@ -299,13 +298,13 @@ class _Recorder:
         return scans
 
     def _name(self) -> str:
-        """By what a checkpoint knows its journal."""
+        """The fingerprint by which a checkpoint identifies its journal."""
         with self.journal.path.open("rb") as file:
             return json.dumps(read_fingerprint(file), sort_keys=True)
 
 
 def _finished(path: Path, fingerprint: Mapping[str, str]) -> bool:
-    """Whether a file is the finished run already."""
+    """Whether a file is the finished run."""
     if not path.exists():
         return False
     try:
@@ -315,7 +314,7 @@ def _finished(path: Path, fingerprint: Mapping[str, str]) -> bool:
 
 
 def _check_same(path: Path, fingerprint: Mapping[str, str]) -> None:
-    """See that a journal, if there is one, is of this run."""
+    """Check that a journal, if there is one, belongs to this run."""
     if not path.exists():
         return
     with path.open("rb") as file:

@@ -1,6 +1,6 @@
-"""ROS 2 bags in: the scans of a recorded drive, and the poses that the bag knows for them.
+"""Reading ROS 2 bags: the scans of a recorded drive, with their poses.
 
-The poses come from the first of these that the bag has, or from the one that is asked for:
+The poses come from the first of these sources that the bag has, or from the one that is chosen:
 
 ========  ==================================================================================
 truth     a topic with ``ground_truth`` in its name: Odometry or PoseStamped
@@ -9,9 +9,9 @@ tf        the transforms from the frame of the laser up to the root of its tree,
 odom      a topic of Odometry, ``/odom`` before others
 ========  ==================================================================================
 
-How the laser is mounted is taken from the transforms: its place, its turn, and whether it hangs
-upside down. Each scan has the pose of its stamp, that of its first beam, between the two poses
-next to it; scans before the first pose or after the last are left out and counted.
+The transforms give the mounting of the laser: its position, its heading, and whether it is upside
+down. The pose of a scan is interpolated at its stamp, which is that of its first beam. Scans before
+the first pose or after the last are left out and counted.
 """
 
 import math
@@ -39,167 +39,13 @@ from lrf3d.io.bag_messages import (
 from lrf3d.io.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.pose import Pose
-from lrf3d.world.schema import FARTHEST
+from lrf3d.world.schema import LARGEST_COORDINATE
 
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
-"""A laser that stands more askew than this does not scan in the plane."""
+"""Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane."""
 
 BASE = "base_link"
-"""The robot's frame where a pose does not say whose it is."""
-
-
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """Where a frame stands in another at some times.
-
-    Args:
-        places: (n, 3) its origin [m].
-        turns: Its turn at each of the times.
-        known: (n,) whether anything is known of that time.
-    """
-
-    places: Float
-    turns: Rotation
-    known: Bool
-
-    def __matmul__(self, other: "Placed") -> "Placed":
-        """Compose: ``world_from_robot @ robot_from_laser`` is ``world_from_laser``."""
-        return Placed(
-            self.places + self.turns.apply(other.places),
-            self.turns * other.turns,
-            self.known & other.known,
-        )
-
-    @classmethod
-    def identity(cls, count: int) -> "Placed":
-        """The frame itself, at a number of times."""
-        return cls(np.zeros((count, 3)), Rotation.identity(count), np.ones(count, np.bool_))
-
-    def in_the_plane(self) -> tuple[Float, Float]:
-        """Poses (n, 3) x, y, theta as seen from above, and how the z axis stands (n,).
-
-        The latter is the cosine of its tilt: 1 upright, −1 upside down.
-        """
-        matrices = self.turns.as_matrix()
-        theta = np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])
-        return np.column_stack([self.places[:, :2], theta]), matrices[:, 2, 2]
-
-
-class Rows:
-    """Stamped places and turns as they come, packed: transforms come by the million."""
-
-    def __init__(self) -> None:
-        self.stamps = array("q")
-        self.values = array("d")
-
-    def __len__(self) -> int:
-        return len(self.stamps)
-
-    def add(self, stamp: int, values: Iterable[float]) -> None:
-        """Add a stamp [ns] with x, y, z [m] and a quaternion x, y, z, w."""
-        self.stamps.append(stamp)
-        self.values.extend(values)
-
-
-@dataclass(frozen=True, eq=False)
-class FrameTrack:
-    """A frame in another one over time.
-
-    Args:
-        times: (k,) stamps [ns], rising.
-        places: (k, 3) its origin [m].
-        turns: Its turn at each of the stamps.
-        stands: Whether it stands as it was said once, at all times.
-    """
-
-    times: Int
-    places: Float
-    turns: Rotation
-    stands: bool = False
-
-    @classmethod
-    def of(cls, rows: "Rows", *, stands: bool = False) -> "FrameTrack":
-        """The track of rows in any order; of two at the same time the later counts."""
-        stamps = np.array(rows.stamps, dtype=np.int64)
-        values = np.array(rows.values, dtype=np.float64).reshape(-1, 7)
-        times, last = np.unique(stamps[::-1], return_index=True)
-        values = values[::-1][last]
-        return cls(times, values[:, :3], Rotation.from_quat(values[:, 3:]), stands)
-
-    @property
-    def moves(self) -> bool:
-        """Whether it is ever elsewhere than at first; fixed joints are published repeatedly too."""
-        turns = self.turns.as_matrix()
-        same = (self.places == self.places[0]).all() and (turns == turns[0]).all()
-        return not (self.stands or same)
-
-    def at(self, times: Int) -> Placed:
-        """Where it was at times (n,) [ns]: straight and evenly turning between two stamps.
-
-        Before its first stamp and after its last nothing is known of it.
-        """
-        if self.stands or len(self.times) == 1:
-            row = np.zeros(len(times), np.int64)
-            known = np.full(len(times), self.stands) | (times == self.times[0])
-            return Placed(self.places[row], self.turns[row], known)
-        after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self.times) - 1)
-        before = after - 1
-        span = self.times[after] - self.times[before]
-        share = (times - self.times[before]) / span
-        places = self.places[before]
-        places = places + share[:, None] * (self.places[after] - places)
-        start = self.turns[before]
-        turn = (start.inv() * self.turns[after]).as_rotvec()
-        turns = start * Rotation.from_rotvec(share[:, None] * turn)
-        return Placed(places, turns, (times >= self.times[0]) & (times <= self.times[-1]))
-
-
-class FrameTree:
-    """Frames that hang on each other by tracks; each hangs on one parent."""
-
-    def __init__(self, edges: dict[str, tuple[str, FrameTrack]]) -> None:
-        self._edges = edges
-
-    def chain(self, frame: str) -> list[str]:
-        """The frame and those that it hangs on, up to the root."""
-        frames = [frame]
-        while frame in self._edges and self._edges[frame][0] not in frames:
-            frame = self._edges[frame][0]
-            frames.append(frame)
-        return frames
-
-    def moves(self, frame: str) -> bool:
-        """Whether the frame moves against the root of its chain."""
-        return any(self._edges[child][1].moves for child in self.chain(frame)[:-1])
-
-    def placed(self, frame: str, above: str, times: Int) -> Placed:
-        """The frame in one of those that it hangs on, at times (n,) [ns]."""
-        result = Placed.identity(len(times))
-        for child in self.chain(frame):
-            if child == above:
-                break
-            result = self._edges[child][1].at(times) @ result
-        return result
-
-
-@dataclass(slots=True)
-class _Contents:
-    """What was found in a bag."""
-
-    scans: list[LaserScan] = field(default_factory=list)
-    stamps: list[int] = field(default_factory=list)
-    frame: str = ""
-    rows: dict[str, Rows] = field(default_factory=lambda: defaultdict(Rows))
-    children: dict[str, str] = field(default_factory=dict)
-    edges: dict[str, tuple[str, Rows, bool]] = field(default_factory=dict)
-    bad: list[BadLine] = field(default_factory=list)
-    bad_count: int = 0
-
-    def refuse(self, bad: BadLine) -> None:
-        """Count what cannot be used, and keep the first few of it."""
-        self.bad_count += 1
-        if len(self.bad) < NAMED:
-            self.bad.append(bad)
+"""Frame of the robot for poses that name none."""
 
 
 def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = None) -> LaserLog:
@@ -224,6 +70,160 @@ def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = 
     times = np.array(contents.stamps, dtype=np.int64)
     source, placed = _placed(path, contents, times, poses)
     return _log(path, contents, times, placed, source)
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Poses of a frame in another one at some times.
+
+    Args:
+        places: (n, 3) its origin [m].
+        rotations: Its rotation at each of the times.
+        known: (n,) whether the pose is known at that time.
+    """
+
+    places: Float
+    rotations: Rotation
+    known: Bool
+
+    def __matmul__(self, other: "Placed") -> "Placed":
+        """Compose: ``world_from_robot @ robot_from_laser`` is ``world_from_laser``."""
+        return Placed(
+            self.places + self.rotations.apply(other.places),
+            self.rotations * other.rotations,
+            self.known & other.known,
+        )
+
+    @classmethod
+    def identity(cls, count: int) -> "Placed":
+        """The identity at a number of times."""
+        return cls(np.zeros((count, 3)), Rotation.identity(count), np.ones(count, np.bool_))
+
+    def in_the_plane(self) -> tuple[Float, Float]:
+        """Poses (n, 3) x, y, theta in the plane, and the cosine of the z axis's tilt (n,).
+
+        The cosine is 1 for an upright frame and −1 for one upside down.
+        """
+        matrices = self.rotations.as_matrix()
+        theta = np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])
+        return np.column_stack([self.places[:, :2], theta]), matrices[:, 2, 2]
+
+
+class Rows:
+    """Stamped poses in the order of the bag, packed: a bag holds millions of transforms."""
+
+    def __init__(self) -> None:
+        self.stamps = array("q")
+        self.values = array("d")
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    def add(self, stamp: int, values: Iterable[float]) -> None:
+        """Add a stamp [ns] with x, y, z [m] and a quaternion x, y, z, w."""
+        self.stamps.append(stamp)
+        self.values.extend(values)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTrack:
+    """The pose of a frame in another one over time.
+
+    Args:
+        times: (k,) stamps [ns], in ascending order.
+        places: (k, 3) its origin [m].
+        rotations: Its rotation at each of the stamps.
+        is_static: Whether the pose holds at all times, as on ``/tf_static``.
+    """
+
+    times: Int
+    places: Float
+    rotations: Rotation
+    is_static: bool = False
+
+    @classmethod
+    def of(cls, rows: "Rows", *, is_static: bool = False) -> "FrameTrack":
+        """The track of rows in any order; the later of two with the same stamp counts."""
+        stamps = np.array(rows.stamps, dtype=np.int64)
+        values = np.array(rows.values, dtype=np.float64).reshape(-1, 7)
+        times, last = np.unique(stamps[::-1], return_index=True)
+        values = values[::-1][last]
+        return cls(times, values[:, :3], Rotation.from_quat(values[:, 3:]), is_static)
+
+    @property
+    def moves(self) -> bool:
+        """Whether its pose ever changes; fixed joints may be published repeatedly."""
+        rotations = self.rotations.as_matrix()
+        same = (self.places == self.places[0]).all() and (rotations == rotations[0]).all()
+        return not (self.is_static or same)
+
+    def at(self, times: Int) -> Placed:
+        """Its poses at times (n,) [ns], interpolated linearly between two stamps.
+
+        Before the first stamp and after the last they are unknown.
+        """
+        if self.is_static or len(self.times) == 1:
+            row = np.zeros(len(times), np.int64)
+            known = np.full(len(times), self.is_static) | (times == self.times[0])
+            return Placed(self.places[row], self.rotations[row], known)
+        after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self.times) - 1)
+        before = after - 1
+        span = self.times[after] - self.times[before]
+        share = (times - self.times[before]) / span
+        places = self.places[before]
+        places = places + share[:, None] * (self.places[after] - places)
+        start = self.rotations[before]
+        turn = (start.inv() * self.rotations[after]).as_rotvec()
+        rotations = start * Rotation.from_rotvec(share[:, None] * turn)
+        return Placed(places, rotations, (times >= self.times[0]) & (times <= self.times[-1]))
+
+
+class FrameTree:
+    """Frames with their tracks; each frame has one parent."""
+
+    def __init__(self, edges: dict[str, tuple[str, FrameTrack]]) -> None:
+        self._edges = edges
+
+    def chain(self, frame: str) -> list[str]:
+        """The frame and its ancestors, up to the root."""
+        frames = [frame]
+        while frame in self._edges and self._edges[frame][0] not in frames:
+            frame = self._edges[frame][0]
+            frames.append(frame)
+        return frames
+
+    def moves(self, frame: str) -> bool:
+        """Whether the frame moves relative to the root of its chain."""
+        return any(self._edges[child][1].moves for child in self.chain(frame)[:-1])
+
+    def placed(self, frame: str, above: str, times: Int) -> Placed:
+        """Poses of the frame in one of its ancestors at times (n,) [ns]."""
+        result = Placed.identity(len(times))
+        for child in self.chain(frame):
+            if child == above:
+                break
+            result = self._edges[child][1].at(times) @ result
+        return result
+
+
+@dataclass(slots=True)
+class _Contents:
+    """What a bag holds."""
+
+    scans: list[LaserScan] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    frame: str = ""
+    rows: dict[str, Rows] = field(default_factory=lambda: defaultdict(Rows))
+    children: dict[str, str] = field(default_factory=dict)
+    edges: dict[str, tuple[str, Rows, bool]] = field(default_factory=dict)
+    bad: list[BadLine] = field(default_factory=list)
+    bad_count: int = 0
+
+    def refuse(self, bad: BadLine) -> None:
+        """Count a message that cannot be used; the first few are kept."""
+        self.bad_count += 1
+        if len(self.bad) < NAMED:
+            self.bad.append(bad)
 
 
 def _scan_topic(bag: Bag, wanted: str | None) -> str:
@@ -261,10 +261,10 @@ def _read(bag: Bag, scan_topic: str) -> _Contents:
 
 def _take_scan(contents: _Contents, said: Any) -> None:
     scan = LaserScan.from_ros(said)
-    # A range finder that says it sees without end has not seen as far as that.
-    scan = replace(scan, ranges=np.where(scan.ranges > FARTHEST, np.inf, scan.ranges))
+    # A range finder whose range_max is infinite does not measure such ranges either.
+    scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
     if contents.scans and np.array_equal(contents.scans[-1].angles, scan.angles):
-        # One array for all scans that share it.
+        # Scans with the same angles share one array.
         scan = replace(scan, angles=contents.scans[-1].angles)
     contents.frame = contents.frame or _frame(said.header.frame_id)
     contents.scans.append(scan)
@@ -272,13 +272,13 @@ def _take_scan(contents: _Contents, said: Any) -> None:
 
 
 def _take_transforms(contents: _Contents, message: Message) -> None:
-    stands = message.topic == STATIC_FRAMES
+    is_static = message.topic == STATIC_FRAMES
     for said in message.said.transforms:
         child, parent = _frame(said.child_frame_id), _frame(said.header.frame_id)
-        hangs_on, rows, _ = contents.edges.setdefault(child, (parent, Rows(), stands))
+        known_parent, rows, _ = contents.edges.setdefault(child, (parent, Rows(), is_static))
         row = _row(said.transform.translation, said.transform.rotation)
         # A frame has one parent; if two programs publish different ones, the first counts.
-        if hangs_on == parent:
+        if known_parent == parent:
             rows.add(_stamp(said.header), row)
 
 
@@ -292,10 +292,12 @@ def _take_pose(contents: _Contents, message: Message) -> None:
 
 
 def _row(place: Any, turn: Any) -> tuple[float, ...]:
-    """Numbers x, y, z and the quaternion x, y, z, w of a pose or a transform."""
+    """Position x, y, z and quaternion x, y, z, w of a pose or a transform."""
     row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
-    # Compared in this order so that NaN is refused as well.
-    if not (all(abs(value) <= FARTHEST for value in row) and 0.5 < math.hypot(*row[3:]) < 2.0):
+    # In this order the comparisons refuse NaN as well.
+    if not (
+        all(abs(value) <= LARGEST_COORDINATE for value in row) and 0.5 < math.hypot(*row[3:]) < 2.0
+    ):
         raise InputError(f"pose {row}: expected numbers and a unit quaternion")
     return row
 
@@ -305,27 +307,27 @@ def _stamp(header: Any) -> int:
 
 
 def _frame(name: str) -> str:
-    """A frame as ROS 2 calls it; ROS 1 put a stroke before it."""
+    """The name of a frame in ROS 2; ROS 1 put a slash before it."""
     return name.removeprefix("/")
 
 
 def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> tuple[str, Placed]:
-    """Where the laser was at the times, and what says so."""
+    """The poses of the laser at the times, and the source that they come from."""
     tree = FrameTree(
         {
-            child: (parent, FrameTrack.of(rows, stands=stands))
-            for child, (parent, rows, stands) in contents.edges.items()
+            child: (parent, FrameTrack.of(rows, is_static=is_static))
+            for child, (parent, rows, is_static) in contents.edges.items()
             if len(rows)
         }
     )
     truths = [topic for topic in sorted(contents.rows) if "ground_truth" in topic]
     drives = sorted(set(contents.rows) - set(truths), key=lambda topic: (topic != "/odom", topic))
     root = tree.chain(contents.frame)[-1]
-    ways = {"truth": truths[:1], "tf": [root] if tree.moves(contents.frame) else []}
-    ways["odom"] = drives[:1]
-    there = [name for name, topics in ways.items() if topics]
-    if wanted not in ("auto", *ways):
-        raise InputError(f"poses from {wanted!r}: expected auto, {', '.join(ways)}")
+    sources = {"truth": truths[:1], "tf": [root] if tree.moves(contents.frame) else []}
+    sources["odom"] = drives[:1]
+    there = [name for name, topics in sources.items() if topics]
+    if wanted not in ("auto", *sources):
+        raise InputError(f"poses from {wanted!r}: expected auto, {', '.join(sources)}")
     if not there:
         raise InputError(f"{path}: no poses in it: no ground truth, no transforms, no odometry")
     if wanted != "auto" and wanted not in there:
@@ -334,7 +336,7 @@ def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> tuple[s
     if chosen == "tf":
         source = f"/tf, {contents.frame} in {root}"
         return source, tree.placed(contents.frame, root, times)
-    topic = ways[chosen][0]
+    topic = sources[chosen][0]
     base = contents.children[topic]
     robot = FrameTrack.of(contents.rows[topic]).at(times)
     if base in tree.chain(contents.frame):

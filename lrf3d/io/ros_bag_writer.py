@@ -37,7 +37,7 @@ BAG_VERSION: Literal[8] = 8
 
 
 def write(run: Run, path: Path) -> None:
-    """Write a run to an MCAP file, whole or not at all.
+    """Write a run to an MCAP file, completely or not at all.
 
     Raises:
         InputError: The run has times before 0, which a bag cannot hold.
@@ -49,7 +49,7 @@ def write(run: Run, path: Path) -> None:
 
 
 def write_folder(run: Run, path: Path) -> None:
-    """Write a run to the folder of a bag; a bag that stands there is replaced.
+    """Write a run to the folder of a bag; a bag in its place is replaced.
 
     Raises:
         InputError: The run has times before 0, which a bag cannot hold.
@@ -67,7 +67,7 @@ def write_folder(run: Run, path: Path) -> None:
 
 @contextmanager
 def _bag_of(run: Run, path: Path) -> Iterator[Path]:
-    """The bag of a run, in a folder that is called like a path and is gone afterwards."""
+    """The bag of a run, in a temporary folder with the name of a path."""
     if run.trajectory.times[0] < 0.0:
         raise InputError(f"{path}: a bag cannot hold times before 0, but the run begins earlier")
     try:
@@ -177,7 +177,7 @@ class _Messages:
         )
 
     def scan(self, scan: LaserScan, scan_time: float) -> Any:
-        """The scan as ROS has it."""
+        """The scan as a ROS message."""
         told = scan.as_ros(LASER, scan_time=scan_time)
         return self._make(
             SCAN,

@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 
 VERSION = 1
 
-KINDS = {
+DTYPE_KINDS = {
     **dict.fromkeys(("version", "objects", "walls", "snapshot_scans", "map_sizes"), "iu"),
     **dict.fromkeys(("map_objects", "map_points", "obstacle_corners", "obstacle_stops"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
@@ -259,7 +259,7 @@ def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
 def _run(arrays: dict[str, Any]) -> Run:
     for name, array in arrays.items():
         # An empty array may have any kind: NumPy takes an empty list of names for floats.
-        if array.size and array.dtype.kind not in KINDS.get(name, "f"):
+        if array.size and array.dtype.kind not in DTYPE_KINDS.get(name, "f"):
             raise ValueError(f"{name} holds {array.dtype}, which a run does not")
     scans = len(arrays["times"]), int(arrays["lrf"][2])
     if arrays["poses"].shape != (scans[0], 3):

@@ -1,7 +1,7 @@
-"""Imperfections: what a range finder does beside the noise of Eq. 7.
+"""Imperfections of a range finder, in addition to the noise of Eq. 7.
 
-Beams look a little beside their angle, return too little light, or lie half on a near and half on
-a far surface. Each is a noise of its own; Imperfections chains those that are given.
+Beams deviate from their angle, do not return, or hit a near and a far surface at once. Each is a
+separate noise; Imperfections chains those that are given.
 """
 
 from dataclasses import dataclass, replace
@@ -26,15 +26,15 @@ from lrf3d.laser.scan import LaserScan
 
 @dataclass(frozen=True, slots=True)
 class Imperfections:
-    """What a range finder does beside the noise of Eq. 7; all of it off by default.
+    """Imperfections in addition to the noise of Eq. 7; all are off by default.
 
     Args:
         constant: Noise of every range [m]; see ConstantNoise.
         angle_deg: Noise of every angle [°]; see AngleNoise.
-        beam_deg: How wide a beam is [°]; see MixedPixels.
-        drop_outs: Share of beams that are lost anywhere; see DropOuts.
-        drop_outs_far: Probability of being lost at range_max.
-        drop_outs_grazing: Probability of being lost along a wall.
+        beam_deg: Width of a beam [°]; see MixedPixels.
+        drop_outs: Probability that any beam is lost; see DropOuts.
+        drop_outs_far: Probability that a beam is lost at range_max.
+        drop_outs_grazing: Probability that a beam along a wall is lost.
         resolution: Ranges are rounded to multiples of it [m]; see Quantised.
     """
 
@@ -47,9 +47,9 @@ class Imperfections:
     resolution: float = 0.0
 
     def noise(self, sigma: float) -> Noise:
-        """All of it, with noise of σ [m] at range_max, in the order in which it comes about.
+        """The chain of all imperfections, with noise of σ [m] at range_max, in physical order.
 
-        What is off is not in the chain; where all is off, the noise of Eq. 7 is left alone.
+        Imperfections that are off are left out; if all are off, it is the noise of Eq. 7 alone.
         """
         lost = self.drop_outs, self.drop_outs_far, self.drop_outs_grazing
         chain: list[Noise] = []
@@ -91,12 +91,12 @@ class AngleNoise:
 
 @dataclass(frozen=True, slots=True)
 class DropOuts:
-    """Beams that do not return: some anywhere, more from afar, more at a grazing angle.
+    """Beams that do not return: some anywhere, more at long range, more at a grazing angle.
 
     A beam is lost for one of three reasons, independent of each other: anywhere with the
     probability ``share``; at the range d with ``far`` · (d / range_max)², as the light spreads;
     at the angle i from the wall's normal with ``grazing`` · (1 − cos i), as a dull wall reflects.
-    In a chain it belongs before what changes ranges, from which the angle is known.
+    In a chain it comes before noises of the range, because it derives the angle from the ranges.
 
     Args:
         share: Probability anywhere.
@@ -120,7 +120,7 @@ class DropOuts:
                 )
 
     def probabilities(self, scan: LaserScan) -> Float:
-        """How likely each of the beams (beams,) is to be lost.
+        """The probability (beams,) that each beam is lost.
 
         Raises:
             InputError: Losses by range are asked for, and the scan has no finite range_max.
@@ -157,7 +157,7 @@ class MixedPixels:
     is −1. Beams that did not return are not mixed.
 
     Args:
-        divergence: How wide a beam is [rad].
+        divergence: Width of a beam [rad].
         jump: Least difference of the ranges at an edge [m].
 
     Raises:
@@ -176,7 +176,7 @@ class MixedPixels:
                 )
 
     def edges(self, scan: LaserScan) -> Bool:
-        """Between which beams (beams − 1,) and the next there is an edge."""
+        """Whether there is an edge between each beam and the next (beams − 1,)."""
         returned = np.isfinite(scan.ranges)
         ranges = np.where(returned, scan.ranges, 0.0)
         apart = np.abs(np.diff(ranges)) > self.jump
@@ -189,7 +189,7 @@ class MixedPixels:
         edge = np.flatnonzero(self.edges(scan))
         ranges = scan.ranges.copy()
         near, far = scan.ranges[edge], scan.ranges[edge + 1]
-        # A beam may have an edge on either side; the light beyond each of them is another's.
+        # A beam may have an edge on either side, each with light on the neighbour's surface.
         ranges[edge] += self._beyond(places[edge]) * (far - near)
         ranges[edge + 1] += self._beyond((gaps - places)[edge]) * (near - far)
         walls = np.where(ranges == scan.ranges, scan.walls, -1)

@@ -1,13 +1,13 @@
 """Noise of the laser range finder: what turns a true scan into a measured one.
 
-All of it is off by default. The imperfections of a range finder are chained in the order in which
-they arise: the beam's angle, what it meets, what comes back, what is measured, what is reported::
+All models are off by default. The imperfections of a range finder are chained in physical order:
+the angle of the beam, what it hits, what returns, what is measured, what is reported::
 
     Chain([AngleNoise(0.002), MixedPixels(0.01), DropOuts(far=0.1), ConstantNoise(0.01),
            ProportionalNoise(0.04), Quantised(0.01), Limits()])
 
-Each draws one random number for each beam, or a multiple of that, so that a seed gives the same
-noise whatever the scan shows.
+Each draws a fixed number of random numbers for each beam, so that a seed gives the same noise for
+any scan.
 """
 
 import inspect
@@ -33,25 +33,24 @@ class Noise(Protocol):
 
 
 SIGMA = 0.04
-"""Standard deviation of a range [m] at range_max that is expected if none is given: that of
-the paper's city (Fig. 7)."""
+"""Default standard deviation of a range [m] at range_max: that of the paper's city (Fig. 7)."""
 
 FLOOR = 0.01
-"""Standard deviation of a range [m] at no distance that is expected if none is given: a
-centimetre, as of the usual range finders."""
+"""Default standard deviation of a range [m] at zero distance: a centimetre, as of common range
+finders."""
 
 USUAL_RANGE = 80.0
-"""The range [m] at which a range has the deviation sigma where a scan has no range_max."""
+"""The range [m] at which the standard deviation is sigma, for scans without a range_max."""
 
 
 class RangeNoise(NamedTuple):
-    """How far a range may be off, as mapping and localisation expect it.
+    """The noise of ranges that mapping and localisation assume.
 
-    The standard deviation at the range r is hypot(floor, growth · r): that of Eq. 7 and, beside
-    it, one that does not depend on the range. A named tuple, which compiled code takes as it is.
+    The standard deviation at the range r is hypot(floor, growth · r): that of Eq. 7 and one that
+    does not depend on the range. It is a named tuple, for compiled code.
 
     Attributes:
-        floor: Standard deviation [m] at no distance.
+        floor: Standard deviation [m] at zero distance.
         growth: Growth of the standard deviation with the range.
 
     Examples:
@@ -67,11 +66,11 @@ class RangeNoise(NamedTuple):
     def from_sigma(
         cls, sigma: float = SIGMA, floor: float = FLOOR, range_max: float = USUAL_RANGE
     ) -> "RangeNoise":
-        """The noise of Eq. 7 with a floor beside it.
+        """The noise of Eq. 7 with a floor.
 
         Args:
             sigma: Standard deviation [m] at range_max.
-            floor: Standard deviation [m] at no distance.
+            floor: Standard deviation [m] at zero distance.
             range_max: Range [m] that sigma is given at.
 
         Raises:
@@ -88,7 +87,7 @@ class RangeNoise(NamedTuple):
 
 
 AnyNoise = Noise | Callable[[LaserScan], LaserScan]
-"""A noise as users write it: one that draws nothing needs no rng."""
+"""A noise as users write it; a deterministic one needs no rng."""
 
 
 NO_SPREAD = (0.0, 0.0)
@@ -96,10 +95,10 @@ NO_SPREAD = (0.0, 0.0)
 
 
 def spread_of(noise: object) -> tuple[float, float] | None:
-    """Standard deviations of the ranges that a noise makes [m]: at no distance, and its growth.
+    """Standard deviations [m] of the ranges of a noise: its constant and its growing part.
 
-    The first part is the same at every distance; the second grows with the distance and is what
-    it has become at range_max. A noise reports them as its attribute ``spread``.
+    The first part is the same at every distance; the second grows with the distance and is given
+    at range_max. A noise reports both as its attribute ``spread``.
 
     Returns:
         Both, or None if the noise does not report them.
@@ -108,7 +107,7 @@ def spread_of(noise: object) -> tuple[float, float] | None:
         constant, growing = noise.spread  # type: ignore[attr-defined]
         return float(constant), float(growing)
     except (AttributeError, TypeError, ValueError):
-        # A noise of the user's need not report them, and may give the name to something else.
+        # A noise written by the user may lack the attribute, or use the name for something else.
         return None
 
 
@@ -120,16 +119,16 @@ class DeterministicNoise:
 
     @property
     def spread(self) -> tuple[float, float] | None:
-        """What the noise of the user's says of its standard deviations."""
+        """The standard deviations that the user's noise reports."""
         return spread_of(self.change)
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """Return what it makes of the scan."""
+        """Return the measured scan."""
         return self.change(scan)
 
 
 def as_noise(noise: AnyNoise) -> Noise:
-    """A noise as simulations call it, of ``noise(scan, rng)`` or ``noise(scan)``.
+    """A noise as simulations call it, from ``noise(scan, rng)`` or ``noise(scan)``.
 
     Raises:
         InputError: It can be called in neither way.
@@ -151,9 +150,9 @@ def as_noise(noise: AnyNoise) -> Noise:
 class ProportionalNoise:
     """Gaussian noise that grows with the distance (Eq. 7): d + d/d_max · N(0, σ).
 
-    σ is the standard deviation [m] at range_max. A beam without return stays without; a noisy
-    range below 0 is reported as 0, as no range finder measures less. With σ = 0 the scan is
-    returned unchanged and no random numbers are drawn.
+    σ is the standard deviation [m] at range_max. A beam without return stays without; a noisy range
+    below 0 is reported as 0. With σ = 0 the scan is returned unchanged and no random numbers are
+    drawn.
 
     Examples:
         >>> import lrf3d
@@ -172,7 +171,7 @@ class ProportionalNoise:
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Standard deviations [m] at no distance and, beside it, at range_max."""
+        """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return 0.0, self.sigma
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
@@ -196,7 +195,7 @@ class ProportionalNoise:
 class ConstantNoise:
     """Gaussian noise that is the same at every distance: d + N(0, σ), σ in metres.
 
-    With ProportionalNoise in a chain the variances add up. What goes below 0 is reported as there.
+    With ProportionalNoise in a chain the variances add up. A range below 0 is reported as 0.
     """
 
     sigma: float
@@ -206,14 +205,14 @@ class ConstantNoise:
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Standard deviations [m] at no distance and, beside it, at range_max."""
+        """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return self.sigma, 0.0
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the scan with noise on each range; a beam without return stays without."""
         if self.sigma == 0.0:
             return scan
-        # Adding to an infinity leaves it as it is.
+        # Adding to an infinity does not change it.
         ranges = scan.ranges + rng.normal(0.0, self.sigma, len(scan.ranges))
         return replace(scan, ranges=not_negative(ranges))
 
@@ -230,7 +229,7 @@ class Quantised:
             raise InputError(f"resolution {self.step}: expected a positive number of metres")
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """Return the scan with its ranges rounded; an infinity stays one."""
+        """Return the scan with rounded ranges; infinities stay."""
         return replace(scan, ranges=np.round(scan.ranges / self.step) * self.step)
 
 
@@ -253,7 +252,7 @@ class Chain:
     """Noise models applied in order; an empty chain returns the scan unchanged.
 
     Args:
-        noises: The noises, the first to come about first.
+        noises: The noises, in the order in which they are applied.
     """
 
     noises: tuple[Noise, ...] = field(default=())
@@ -263,7 +262,7 @@ class Chain:
 
     @property
     def spread(self) -> tuple[float, float] | None:
-        """The spreads of its noises, whose variances add up; None where one does not say its."""
+        """The spread of all its noises, whose variances add up; None if one does not report it."""
         spreads = [spread_of(noise) for noise in self.noises]
         if any(spread is None for spread in spreads):
             return None
@@ -272,14 +271,14 @@ class Chain:
         return constant, growing
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """Return what the last noise makes of what the others made."""
+        """Return the scan after all noises."""
         for noise in self.noises:
             scan = noise(scan, rng)
         return scan
 
 
 def at_sigma(noise: Noise, sigma: float) -> Noise:
-    """The noise with another standard deviation [m] at range_max, all else as it is.
+    """The noise with another standard deviation [m] at range_max, otherwise unchanged.
 
     Raises:
         InputError: No part of it is a ProportionalNoise.
@@ -295,7 +294,7 @@ def at_sigma(noise: Noise, sigma: float) -> Noise:
 
 
 def not_negative(ranges: Float) -> Float:
-    """Noisy ranges as a range finder reports them: at least 0; infinities stay what they are."""
+    """Noisy ranges as a range finder reports them: at least 0; infinities stay."""
     return np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges)
 
 

@@ -1,4 +1,4 @@
-"""LaserRangeFinder: the fan of beams that a laser range finder sends out (section 2.3)."""
+"""LaserRangeFinder: the fan of beams of a laser range finder (section 2.3)."""
 
 import math
 from collections.abc import Sequence
@@ -12,12 +12,12 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Value, is_finite, sealed, whole_number
 
 MOST_BEAMS = 1_000_000
-"""Most beams of a scan: some hundred times as many as any range finder sends."""
+"""Largest number of beams of a scan, some hundred times that of any range finder."""
 
 Number = TypeVar("Number", float, Float)
 
 LARGEST_ANGLE = 63.0
-"""Largest angle [rad] of a beam: ten turns. Far beyond, float64 no longer resolves a beam."""
+"""Largest angle [rad] of a beam: ten turns. Far beyond it float64 does not resolve beams."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class LaserRangeFinder(Value):
 
     @cached_property
     def least_number(self) -> float:
-        """Least size of a number other than 0 among range_min [m] and the fan; casters need it."""
+        """Smallest size of a nonzero number among range_min [m] and the fan, for the casters."""
         numbers = np.abs(np.append(self.fan, self.range_min))
         return float(numbers.min(where=numbers > 0.0, initial=np.inf))
 
@@ -105,18 +105,18 @@ class LaserRangeFinder(Value):
 
     @cached_property
     def single_beams(self) -> tuple["LaserRangeFinder", ...]:
-        """A range finder for each of the beams alone, which sends just this beam."""
+        """A range finder for each beam, which sends only this beam."""
         singles = []
         for beam, angle in enumerate(self.angles.tolist()):
             single = LaserRangeFinder(angle, angle, 1, self.range_min, self.range_max, self.height)
-            # The very same numbers, so that the beam is the same one to the last bit.
+            # The same numbers, so that the beam is the same to the last bit.
             single.__dict__["fan"] = self.fan[:, beam : beam + 1]
             singles.append(single)
         return tuple(singles)
 
     @cached_property
     def spread(self) -> tuple[float, float]:
-        """Angle in the middle of the fan, and from there to its last beam [rad]."""
+        """Angle of the middle of the fan, and half of its width [rad]."""
         return 0.5 * (self.angle_min + self.angle_max), 0.5 * (self.angle_max - self.angle_min)
 
     def directions(self, pose: Sequence[float] | Float) -> Float:
@@ -165,7 +165,7 @@ def turned(fan: Float, theta: float) -> Float:
 def turn(x: Number, y: Number, cos: float, sin: float) -> tuple[Number, Number]:
     """Turn vectors by an angle of which the cosine and sine are given.
 
-    Casters compile this very function, so that all use the same beam to the last bit.
+    Casters compile this function, so that all use the same beam to the last bit.
     """
     return cos * x - sin * y, sin * x + cos * y
 

@@ -1,10 +1,9 @@
-"""RosScan: a scan just as ROS has it, ``sensor_msgs/LaserScan``, field by field.
+"""RosScan: ``sensor_msgs/LaserScan``, field by field.
 
-A LaserScan enters and a RosScan leaves, or any object or dict with ROS's fields enters and a
-LaserScan leaves. All numbers but the stamp are float32, and only here: the angles fit together in
-float32, ``angle_max == angle_min + (n − 1) · angle_increment``, the stamp is that of the first
-beam, and after REP 117 a beam without return is +inf, one that met something nearer than
-range_min is −inf.
+It is made from a LaserScan; any object or dict with ROS's fields can be converted back. All numbers
+except the stamp are float32, and only here: the angles are consistent in float32, ``angle_max ==
+angle_min + (n − 1) · angle_increment``, the stamp is that of the first beam, and after REP 117 a
+beam without return is +inf, one that met something nearer than range_min is −inf.
 """
 
 import math
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 Float32 = NDArray[np.float32]
 
-WIDEST = 2.1 * math.pi
+WIDEST_SCAN = 2.1 * math.pi
 """Largest angle [rad] from the first beam to the last: a full turn, and room for rounding."""
 
 UNEVEN = 1e-3
@@ -33,7 +32,7 @@ UNEVEN = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """A time as ROS has it: whole seconds, and nanoseconds from 0 to 999,999,999 beside them."""
+    """A time in ROS: seconds, and nanoseconds from 0 to 999,999,999."""
 
     sec: int
     nanosec: int
@@ -71,7 +70,7 @@ class RosHeader:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RosScan:
-    """``sensor_msgs/LaserScan``; each number is one that float32 holds.
+    """``sensor_msgs/LaserScan``; all numbers are exact in float32.
 
     Args:
         header: Stamp of the first beam, and frame of the laser.
@@ -83,7 +82,7 @@ class RosScan:
         range_min: Nearest range that counts [m].
         range_max: Farthest range that counts [m].
         ranges: (n,) float32 ranges [m]; +inf and −inf after REP 117.
-        intensities: (n,) float32, or none at all.
+        intensities: (n,) float32, or empty.
     """
 
     header: RosHeader
@@ -98,12 +97,12 @@ class RosScan:
     intensities: Float32
 
     def as_dict(self) -> dict[str, Any]:
-        """The message as dicts within dicts."""
+        """The message as nested dicts."""
         return asdict(self)
 
 
 def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan:
-    """A scan as ROS has it.
+    """A scan as a ROS message.
 
     Raises:
         InputError: The beams are not evenly spaced, which the message cannot express.
@@ -124,11 +123,10 @@ def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan
 
 
 def read_ros_scan(message: Any) -> dict[str, Any]:
-    """The arguments of a LaserScan, its pose aside, that a message holds.
+    """The arguments of a LaserScan, except its pose, from a message.
 
-    A message is a RosScan, one of rclpy or of rosbags, or dicts within dicts.
-
-    A range that is NaN, which REP 117 calls erroneous, is treated like one below range_min.
+    A message is a RosScan, a message of rclpy or rosbags, or nested dicts. A range that is NaN,
+    which REP 117 calls erroneous, is treated like one below range_min.
 
     Raises:
         InputError: The message is invalid, or its angles and limits are.
@@ -146,7 +144,7 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     count = len(ranges) if ranges.ndim == 1 else 0
     if count == 0:
         raise InputError("scan without ranges")
-    if not (math.isfinite(low) and abs(step) * (count - 1) <= WIDEST and (step or count == 1)):
+    if not (math.isfinite(low) and abs(step) * (count - 1) <= WIDEST_SCAN and (step or count == 1)):
         raise InputError(
             f"scan of {count} beams {step:g} rad apart from {low:g} rad, expected at most a turn"
         )
@@ -172,7 +170,7 @@ def _field(message: Any, name: str) -> Any:
 
 
 def _even_spread(angles: Float) -> tuple[np.float32, np.float32, np.float32]:
-    """First angle, last angle and step in float32, that fit together in float32."""
+    """First angle, last angle and step, consistent in float32."""
     low = np.float32(angles[0])
     if len(angles) == 1:
         return low, low, np.float32(0.0)

@@ -1,4 +1,4 @@
-"""LaserScan: what one turn of the laser range finder measured, and from where."""
+"""LaserScan: the ranges of one scan, with its pose."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from lrf3d.pose import Pose, as_pose
 
 @dataclass(frozen=True, eq=False)
 class LaserScan(Value):
-    """The ranges of one scan, with the pose they were taken at.
+    """The ranges of one scan, with the pose that they were measured at.
 
     Args:
         pose: Pose x, y [m], theta [rad] of the laser in the world.
         angles: (beams,) angles of the beams [rad], 0 ahead, counter-clockwise.
         ranges: (beams,) distances [m]; +inf where nothing returned, −inf where the wall is
             nearer than range_min (REP 117).
-        walls: (beams,) index of the segment that was hit, −1 where there is no range and where
-            what was hit is no wall.
+        walls: (beams,) index of the segment that was hit; −1 for beams without a range or that
+            hit no wall.
         range_min: Nearest distance that the range finder measures [m].
         range_max: Farthest distance that the range finder measures [m].
-        time: When the first beam was sent [s].
+        time: Time of the first beam [s].
         time_increment: Time from one beam to the next [s].
 
     Examples:
@@ -93,7 +93,7 @@ class LaserScan(Value):
 
     @classmethod
     def unchecked(cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> "LaserScan":
-        """The scan of arrays that a caster just made: they are sealed, not checked or copied."""
+        """The scan of new arrays of a caster: they are made read-only, not checked or copied."""
         scan = object.__new__(cls)
         scan.__dict__.update(
             pose=pose,
@@ -126,8 +126,8 @@ class LaserScan(Value):
         """The scan as a ROS ``sensor_msgs/LaserScan``: see `ros_scan`.
 
         Args:
-            frame_id: What the frame of the laser is called.
-            scan_time: Time between two scans [s]; 0 where it is not known.
+            frame_id: Name of the frame of the laser.
+            scan_time: Time between two scans [s]; 0 if it is unknown.
 
         Raises:
             InputError: The beams are not evenly spaced, which the message cannot express.

@@ -1,7 +1,7 @@
 """PoseEstimate: a pose with its covariance, and the two steps of the extended Kalman filter.
 
-The prediction moves the pose by a step of odometry; the correction takes in pairs of lines, as in
-the localisation that Teslić et al. build their map for.
+The prediction moves the pose by an odometry increment; the correction uses pairs of lines, as in
+the localisation for which Teslić et al. build their map.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from lrf3d.localization.pairing import GATE, Innovation
 from lrf3d.pose import Pose, as_pose
 
 LEAST_FREE, ROUNDED = 1e-9, 64.0
-"""Share of a pair's noise that others must be able to contradict for it to be tested, beside so
-many times what rounding makes of the share."""
+"""Least share of a pair's noise that the other pairs determine, for the pair to be tested: a
+constant, plus this multiple of the rounding error of the share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class PoseEstimate(Value):
         object.__setattr__(self, "covariance", covariance)
 
     def moved(self, step: Float, noise: Float) -> "PoseEstimate":
-        """The estimate after a step (3,) of odometry whose noise has a covariance (3, 3)."""
+        """The estimate after an odometry increment (3,) whose noise has a covariance (3, 3)."""
         ahead, left, turn = step.tolist()
         x, y, theta = self.pose
         cos, sin = np.cos(theta), np.sin(theta)
@@ -65,14 +65,13 @@ class PoseEstimate(Value):
     def corrected(self, pairs: Innovation, *, gate: float = GATE) -> "Correction":
         """The estimate after pairs of lines (k,), without those that contradict the others.
 
-        A pair is left out, the worst first, while it lies beyond the gate of what the prediction
-        and all other pairs say together. So a wrong pair that the wide gate of the prediction
-        let pass cannot make right ones look wrong, and many lines that agree can outvote a
-        prediction that was far off.
+        The worst pair is left out as long as it lies beyond the gate of the estimate from the
+        prediction and all other pairs. So a wrong pair within the wide gate of the prediction does
+        not make right ones look wrong, and many consistent lines outweigh a poor prediction.
 
         Args:
             pairs: Their innovations at this estimate's pose, in which they are linear.
-            gate: Largest squared Mahalanobis distance, of two degrees of freedom.
+            gate: Largest squared Mahalanobis distance, with two degrees of freedom.
         """
         measured = np.column_stack([pairs.angle, pairs.offset])
         gradient = np.zeros((len(measured), 2, 3))
@@ -99,27 +98,27 @@ class PoseEstimate(Value):
 
 
 class Correction(NamedTuple):
-    """A corrected estimate, and which of the pairs (k,) it took in."""
+    """A corrected estimate, and which of the pairs (k,) it uses."""
 
     estimate: PoseEstimate
     used: Bool
 
 
 def _disagreement(left: Float, gradient: Float, noise: Float, before: Float, after: Float) -> Float:
-    """Squared distance (k,) of each pair from what the prediction and all other pairs say.
+    """Squared distance (k,) of each pair from the estimate of the prediction and all other pairs.
 
-    What is left (k, 2) over varies by the noise less the share that the correction took; in these
-    units it is as far off as from a correction made without the pair itself. Where a pair alone
-    decides, nothing is left to vary, and nothing that it could disagree with.
+    The covariance of a residual (k, 2) is the noise minus the share that the correction used; in
+    these units the residual is as large as after a correction without the pair. Where a pair alone
+    determines the pose, its residual does not vary and cannot contradict anything.
 
     Args:
-        left: What the correction left over of the measurements.
+        left: Residuals of the measurements after the correction.
         gradient: (k, 2, 3) their gradients.
         noise: (k, 2, 2) their covariances.
-        before: (3, 3) the covariance of the pose before the correction.
-        after: (3, 3) the same after it.
+        before: (3, 3) covariance of the pose before the correction.
+        after: (3, 3) covariance after it.
     """
-    # In units of the noise, where the share taken lies between none and all.
+    # In units of the noise the used share lies between 0 and 1.
     root = np.linalg.cholesky(noise)
     left = np.linalg.solve(root, left[:, :, None])[:, :, 0]
     gradient = np.linalg.solve(root, gradient)
@@ -135,7 +134,7 @@ def _disagreement(left: Float, gradient: Float, noise: Float, before: Float, aft
 def _correct(
     covariance: Float, measured: Float, gradient: Float, noise: Float
 ) -> tuple[Float, Float]:
-    """The change (3,) of a pose by measurements (k, 2), and its covariance (3, 3) then."""
+    """The change (3,) of a pose by measurements (k, 2), and its covariance (3, 3) afterwards."""
     size = 2 * len(measured)
     stacked, spread = gradient.reshape(size, 3), np.zeros((size, size))
     for row in range(len(noise)):
@@ -143,13 +142,13 @@ def _correct(
     across = stacked @ covariance
     gain = np.linalg.solve(across @ stacked.T + spread, across).T
     keep = np.eye(3) - gain @ stacked
-    # Joseph's form stays positive whatever is rounded.
+    # Joseph's form stays positive under rounding.
     corrected = keep @ covariance @ keep.T + gain @ spread @ gain.T
     return gain @ measured.reshape(size), _symmetric(corrected)
 
 
 def _symmetric(matrix: Float) -> Float:
-    """A covariance without what rounding leaves of asymmetry, and of variances below 0."""
+    """A covariance without asymmetry and negative variances from rounding."""
     even = 0.5 * (matrix + matrix.T)
     np.fill_diagonal(even, np.maximum(np.diag(even), 0.0))
     return np.asarray(even)

@@ -1,8 +1,7 @@
-"""Lines to find a robot by: those that one scan shows, and those of a known map.
+"""Lines for localisation: those of one scan, and those of a known map.
 
-The local map of a scan, a world or a built map enters; lines (alpha, p) with what is known of
-their accuracy leave. Local lines are computed around the robot, so that it does not matter where
-the world has its origin.
+The input is the local map of a scan, a world or a built map; the output is lines (alpha, p) with
+their accuracy. Local lines are computed in the robot's frame, independently of the world's origin.
 """
 
 from dataclasses import dataclass
@@ -14,27 +13,26 @@ from lrf3d.laser import RangeNoise
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.world import World
 
-SAMPLES = 16
-"""Beams that stand for all that met a segment when its covariance is computed: with more, the
-covariance changes by less than a percent."""
+COVARIANCE_BEAMS = 16
+"""Number of beams that represent all returns of a segment when its covariance is computed: with
+more, the covariance changes by less than a percent."""
 
 LEAST_INCIDENCE = 0.05
-"""Smallest cosine of the incidence that a variance is computed with: along grazing beams other
-errors than that of the range decide."""
+"""Smallest cosine of incidence in a variance: for grazing beams other errors dominate."""
 
 
 LEAST_DEVIATION = 1e-5
-"""Deviation of a range [m] that is reckoned with at least, so that lines without noise still have
-a covariance that can be inverted: a hundredth of a millimetre is less than any wall is flat."""
+"""Least standard deviation of a range [m], so that covariances can be inverted without noise: no
+wall is flat to a hundredth of a millimetre."""
 
 
 @dataclass(frozen=True, eq=False)
 class LocalLines(Value):
-    """Lines that one scan shows, in the frame of the robot.
+    """Lines of one scan, in the frame of the robot.
 
     Args:
-        segments: (m, 4) x1 y1 x2 y2 [m]; the robot stands on their left.
-        lines: (m, 2) alpha [rad], p [m], the normals pointing away from the robot.
+        segments: (m, 4) x1 y1 x2 y2 [m]; the robot is on their left.
+        lines: (m, 2) alpha [rad], p [m]; the normals point away from the robot.
         covariances: (m, 2, 2) of alpha and p.
     """
 
@@ -54,7 +52,7 @@ class LocalLines(Value):
         Args:
             local_map: The local map.
             noise: The noise of the ranges.
-            spacing: Angle [rad] between two beams of the scan, where it is known.
+            spacing: Angle [rad] between two beams of the scan, if it is known.
         """
         segments = local_map.segments.copy()
         right = segments[:, 0] * segments[:, 3] - segments[:, 1] * segments[:, 2] < 0.0
@@ -87,15 +85,15 @@ def line_covariances(
     The points of a segment were met by beams a constant angle apart. One at the distance t
     along the line from the foot of the robot's perpendicular sees the line move sideways by
     t·δα − δp, with the variance of its range times the square of the cosine of incidence; the
-    sum of what all tell is the information.
+    sum over all points is the information matrix.
 
     Args:
         segments: (m, 4) around the robot [m].
         lines: (m, 2) alpha [rad], p [m] of the segments.
         points: (m,) number of points that each was fitted to.
         noise: The noise of their ranges.
-        spacing: Angle [rad] between two beams; if not given, the ends are taken for points.
-            With it, a segment that was drawn out to a corner counts no longer than its points.
+        spacing: Angle [rad] between two beams; if not given, the ends are taken for points. With
+            it, the extension of a segment to a corner does not count.
     """
     alpha, p = lines[:, :1], lines[:, 1:]
     along = np.stack([-np.sin(alpha[:, 0]), np.cos(alpha[:, 0])], axis=-1)
@@ -103,19 +101,23 @@ def line_covariances(
     last = np.einsum("ij,ij->i", segments[:, 2:], along)[:, None]
     low, high = np.minimum(first, last), np.maximum(first, last)
     start, turn = np.arctan2(low, p), np.arctan2(high, p) - np.arctan2(low, p)
-    # Each beam stands for the angle half way to its neighbours, also beyond the outermost.
+    # Each beam covers the angle halfway to its neighbours; so do the outermost ones.
     step = turn / (points[:, None] - 1.0)
     if spacing is not None:
         step = np.minimum(step, spacing)
     width = points[:, None] * step
-    angles = start + 0.5 * (turn - width) + width * (np.arange(SAMPLES) + 0.5) / SAMPLES
-    # A wall that points at the robot has beams along it, whose tangent knows no bound.
+    angles = (
+        start
+        + 0.5 * (turn - width)
+        + width * (np.arange(COVARIANCE_BEAMS) + 0.5) / COVARIANCE_BEAMS
+    )
+    # For a wall that points at the robot the tangent is unbounded.
     margin = (high - low) / (points[:, None] - 1.0)
     t = np.clip(p * np.tan(angles), low - margin, high + margin)
     ranges = np.maximum(np.hypot(p, t), np.finfo(np.float64).tiny)
     incidence = np.maximum(p / ranges, LEAST_INCIDENCE)
     variance = np.maximum(noise.variance(ranges), LEAST_DEVIATION**2)
-    weights = points[:, None] / SAMPLES / (variance * incidence**2)
+    weights = points[:, None] / COVARIANCE_BEAMS / (variance * incidence**2)
     total, first_moment = weights.sum(axis=1), (weights * t).sum(axis=1)
     mean = first_moment / total
     # About the mean, so that a short segment far along its line loses no digits. Points that lie
@@ -123,8 +125,8 @@ def line_covariances(
     spread = (weights * (t - mean[:, None]) ** 2).sum(axis=1)
     share = np.divide(width, turn, out=np.ones_like(turn), where=turn > 0.0)
     evenly = total * ((high - low) * share)[:, 0] ** 2 / 12.0
-    spread += evenly * (1.0 / SAMPLES**2 - 1.0 / points**2)
-    # Along a wall that points straight at the robot the samples fall on one place.
+    spread += evenly * (1.0 / COVARIANCE_BEAMS**2 - 1.0 / points**2)
+    # On a wall that points straight at the robot all samples are at one place.
     spread = np.maximum(spread, evenly / points**2)
     sway = 1.0 / spread
     covariances = np.empty((len(lines), 2, 2))
@@ -147,7 +149,7 @@ class KnownLines(Value):
         lines: (n, 2) alpha [rad], p [m] in the world (Eq. 3).
         deviations: (n, 2) standard deviation of the direction [rad], and of the offset in the
             middle [m].
-        one_sided: Whether each is seen only from its left.
+        one_sided: Whether each is visible only from its left.
 
     Examples:
         >>> import lrf3d
@@ -171,7 +173,7 @@ class KnownLines(Value):
 
     @classmethod
     def from_world(cls, world: World) -> "KnownLines":
-        """The true walls of a world, seen from both sides."""
+        """The true walls of a world, visible from both sides."""
         return cls._of(world.segments, world.objects, np.zeros((len(world.segments), 2)), False)
 
     @classmethod
@@ -180,8 +182,8 @@ class KnownLines(Value):
 
         Args:
             line_map: The map.
-            deviation: Standard deviation [m] of the points that the map was fitted to; with 0
-                the map is taken for the truth.
+            deviation: Standard deviation [m] of the points that the map was fitted to; 0 treats the
+                map as the truth.
         """
         solid = np.flatnonzero(lengths(line_map.segments) > 0.0)
         segments = line_map.segments[solid]
@@ -195,7 +197,7 @@ class KnownLines(Value):
         return cls(
             segments=segments,
             objects=objects,
-            # Halves are added to the first end, which keeps the digits of places far away.
+            # Adding half the difference to the first end keeps digits far from the origin.
             middles=segments[:, :2] + 0.5 * (segments[:, 2:] - segments[:, :2]),
             units=directions(segments),
             halves=0.5 * lengths(segments),

@@ -1,7 +1,7 @@
-"""Localiser: follows the robot over a known map, step by step.
+"""Localiser: tracks the robot on a known map.
 
-Steps of odometry and scans enter; poses with covariances leave. The pose that a scan brings along
-is never looked at.
+The input is odometry increments and scans; the output is poses with covariances. The pose that is
+stored in a scan is never used.
 """
 
 from collections.abc import Iterable
@@ -27,12 +27,12 @@ ROBOT = Pose(0.0, 0.0, 0.0)
 
 
 LEAST_FLOOR = 0.001
-"""Floor of the noise [m] that lines are extracted with at least: a wall drawn in whole
-millimetres is no straighter."""
+"""Least floor of the noise [m] when lines are extracted: walls that were drawn in whole millimetres
+are no straighter."""
 
 
 class Extractor(Protocol):
-    """Anything that makes a local map of one scan; a LineMapper does."""
+    """Anything that makes a local map of one scan, such as a LineMapper."""
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """Return the local map, in the frame that the scan's pose is given in."""
@@ -41,13 +41,13 @@ class Extractor(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Track(Value):
-    """Where the robot was thought to be at each scan.
+    """The estimated poses of the robot at each scan.
 
     Args:
         poses: (k, 3) x, y [m], theta [rad].
-        covariances: (k, 3, 3) of them.
-        lines: (k,) how many pairs of lines each correction took in.
-        comparisons: (k,) how many comparisons finding them took.
+        covariances: (k, 3, 3) their covariances.
+        lines: (k,) number of pairs of lines that each correction used.
+        comparisons: (k,) number of comparisons that finding them took.
     """
 
     poses: Float
@@ -69,9 +69,9 @@ class Track(Value):
         return difference
 
     def nees(self, truth: Float) -> Float:
-        """Normalised estimation error squared (k,): of three degrees of freedom, 3 on average.
+        """Normalised estimation error squared (k,), with three degrees of freedom: 3 on average.
 
-        What the covariance takes for certain is left out.
+        Directions in which the covariance is 0 are left out.
         """
         errors = self.errors(truth)
         information = np.linalg.pinv(self.covariances, hermitian=True)
@@ -83,12 +83,12 @@ class Localiser:
 
     Args:
         known: The map.
-        start: Where the robot is at the first scan, and how well that is known.
+        start: The pose at the first scan, with its covariance.
         range_noise: The noise of the ranges.
         odometry_noise: The noise of the odometry.
-        extractor: What finds the lines of a scan; a LineMapper with this noise if not given.
-        criterion: What makes a pair; a MahalanobisGate if not given.
-        strategy: ``seen-objects-first`` or ``all``: which lines are compared.
+        extractor: Finds the lines of a scan; a LineMapper with this noise if not given.
+        criterion: Decides what is a pair; a MahalanobisGate if not given.
+        strategy: Which lines are compared: ``seen-objects-first`` or ``all``.
 
     Examples:
         >>> import lrf3d
@@ -125,14 +125,14 @@ class Localiser:
         self._criterion, self._strategy = criterion, strategy
 
     def move(self, step: Float) -> PoseEstimate:
-        """Predict the pose after a step (3,) of odometry: ahead, to the left [m], turn [rad]."""
+        """Predict the pose after an odometry increment (3,): ahead, to the left [m], turn [rad]."""
         self.estimate = self.estimate.moved(step, self._step_covariance)
         return self.estimate
 
     def see(self, scan: LaserScan) -> PoseEstimate:
-        """Correct the pose by what a scan shows."""
+        """Correct the pose by a scan."""
         if self._extractor is None:
-            # Eq. 7 scales the noise by how far the scans reach.
+            # Eq. 7 gives the noise at range_max.
             reach = scan.range_max if scan.range_max < np.inf else USUAL_RANGE
             floor = max(self._range_noise.floor, LEAST_FLOOR)
             self._extractor = LineMapper(sigma=self._range_noise.growth * reach, floor=floor)
@@ -164,10 +164,10 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: Float) -> 
     Args:
         localiser: The filter at the first scan.
         scans: The scans (k); a run has them as ``run.scans``.
-        steps: (k − 1, 3) the odometry from each scan to the next.
+        steps: (k − 1, 3) odometry increments from each scan to the next.
 
     Raises:
-        InputError: There is not one step from each scan to the next.
+        InputError: There is not one increment from each scan to the next.
 
     Examples:
         >>> import lrf3d
@@ -206,5 +206,5 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: Float) -> 
 
 
 def _spacing(scan: LaserScan) -> float | None:
-    """The usual angle [rad] between two beams of a scan."""
+    """The median angle [rad] between two beams of a scan."""
     return float(np.median(np.abs(np.diff(scan.angles)))) if len(scan.angles) > 1 else None

@@ -1,11 +1,10 @@
-"""How well the robot is localised on a known map, over many seeds.
+"""Monte Carlo evaluation of the localisation on a known map.
 
-A scenario enters, driven once; the errors of the extended Kalman filter and its consistency leave.
-Each seed draws its own start, noise of the ranges and noise of the odometry.
+A drive is followed with many seeds, each with its own start, range noise and odometry noise; the
+output is the errors of the extended Kalman filter and its consistency.
 """
 
 import os
-from collections.abc import Callable
 from concurrent.futures import as_completed
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -26,18 +25,17 @@ from lrf3d.localization import (
 )
 from lrf3d.localization.lines import KnownLines
 from lrf3d.pose import Pose
+from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
 
-Progress = Callable[[int, int], None]
-
 MAPS = ("walls", "map")
-"""What is known: the true walls, or the map that the run built."""
+"""The known map: the true walls, or the map that the run built."""
 
-USUAL_RANGE = 10.0
-"""How far off [m] a wall is when most of the points that a map is fitted to are measured."""
+MAPPED_RANGE = 10.0
+"""Typical range [m] of the points that a map is fitted to."""
 
-CONFIDENCE = 0.95
-"""Share of the averages over the seeds that a consistent filter has within the bounds."""
+NEES_CONFIDENCE = 0.95
+"""Share of the averages over seeds that lie within the bounds for a consistent filter."""
 
 FREEDOMS = 3
 """Numbers in a pose."""
@@ -45,17 +43,17 @@ FREEDOMS = 3
 
 @dataclass(frozen=True, eq=False)
 class LocalisationTask:
-    """A drive that was simulated, to be followed by odometry and scans alone.
+    """A simulated drive, to be followed by odometry and scans alone.
 
     Args:
         run: The drive, with the true ranges.
         sigma: Noise of the ranges [m] at range_max.
-        odometry: Noise of each step; the start is as uncertain as one step.
+        odometry: Noise of each increment; the start is as uncertain as one increment.
         known: ``walls`` for the true walls, ``map`` for the map of the run.
         strategy: Which lines are compared: ``seen-objects-first`` or ``all``.
 
     Raises:
-        InputError: What is known is neither of the two.
+        InputError: ``known`` is neither of the two.
     """
 
     run: Run
@@ -72,7 +70,7 @@ class LocalisationTask:
         """The map that the robot is localised on."""
         if self.known == "walls":
             return KnownLines.from_world(self.run.world)
-        deviation = self.sigma * USUAL_RANGE / self.run.lrf.range_max
+        deviation = self.sigma * MAPPED_RANGE / self.run.lrf.range_max
         return KnownLines.from_map(self.run.map, deviation=deviation)
 
     def follow(self, seed: int) -> Track:
@@ -82,9 +80,9 @@ class LocalisationTask:
         poses = run.trajectory.poses
         start = PoseEstimate(Pose(*poses[0].tolist()), np.zeros((3, 3)))
         covariance = self.odometry.covariance
-        # The start is off as a step of odometry is, and known to be.
+        # The start has the error, and the covariance, of an odometry increment.
         start = start.moved(self.odometry(np.zeros((1, 3)), rng)[0], covariance)
-        # Eq. 7 has no floor: with one, near walls would be trusted less than they deserve.
+        # Eq. 7 has no floor; with one, near walls would get too little weight.
         localiser = Localiser(
             self.known_lines(),
             start,
@@ -99,13 +97,13 @@ class LocalisationTask:
 
 @dataclass(frozen=True, eq=False)
 class LocalisationScore:
-    """Errors over seeds (s) and scans (k), and what the filter said of them.
+    """Errors over seeds (s) and scans (k), and the consistency of the filter.
 
     Args:
         errors: (s, k, 3) estimated less true pose: x, y [m], theta [rad].
         nees: (s, k) squared errors in units of the covariance.
-        lines: (s, k) pairs of lines taken in.
-        comparisons: (s, k) comparisons of lines.
+        lines: (s, k) numbers of pairs of lines used.
+        comparisons: (s, k) numbers of comparisons of lines.
     """
 
     errors: Float
@@ -115,11 +113,11 @@ class LocalisationScore:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Where the NEES, averaged over the seeds, of a consistent filter lies 95 % of the time."""
+        """The 95 % interval of a consistent filter's NEES, averaged over the seeds."""
         from scipy.stats import chi2
 
         seeds = len(self.nees)
-        tail = 0.5 * (1.0 - CONFIDENCE)
+        tail = 0.5 * (1.0 - NEES_CONFIDENCE)
         averages = chi2(FREEDOMS * seeds)
         return float(averages.ppf(tail)) / seeds, float(averages.ppf(1.0 - tail)) / seeds
 
@@ -153,23 +151,23 @@ def score_localisation(
     *,
     seeds: int = 100,
     workers: int | None = 1,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> LocalisationScore:
     """Follow a drive with many seeds.
 
     Args:
         task: The drive.
-        seeds: How many seeds, from 0.
-        workers: Processes to share the seeds; one a core where None, and none besides this one
-            where 1. The figures do not depend on it.
-        progress: Called with the seeds that are done and all.
+        seeds: Number of seeds, from 0.
+        workers: Number of processes; None for one for each core, 1 for this process alone. The
+            result does not depend on it.
+        progress: Called with the number of seeds that are done, and of all.
 
     Raises:
-        InputError: There is not one seed.
+        InputError: The number of seeds is below 1.
     """
     if seeds < 1:
         raise InputError(f"{seeds} seeds: expected at least 1")
-    # What was measured when the map was built is not needed, and would only be copied around.
+    # Other map snapshots are not needed, and would only be copied to the processes.
     run = task.run
     task = replace(
         task, run=replace(run, snapshot_scans=run.snapshot_scans[-1:], maps=run.maps[-1:])

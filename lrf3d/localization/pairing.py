@@ -1,10 +1,10 @@
-"""Pairing: which line of a known map each line of a scan shows (end of section 3.1).
+"""Pairing lines of a scan with lines of a known map (end of section 3.1).
 
-Local lines, known lines and a predicted pose enter; pairs leave, with the number of comparisons
-that it took. A strategy says which are compared, a criterion which of those may be a pair. Both
-judge the innovation, the difference of a pair in the robot's frame: the known line is expected at
-alpha − theta and at the distance p = n·(middle − place). Both are linear in the pose, and no large
-number enters: the innovation does not depend on where the world has its origin.
+The input is local lines, known lines and a predicted pose; the output is pairs, with the number of
+comparisons. A strategy selects the lines to compare, a criterion decides which of them may be a
+pair, by their innovation, the difference of both lines in the robot's frame: the known line is
+expected at the angle alpha − theta and at the distance p = n·(middle − position). Both are linear
+in the pose and do not depend on the origin of the world.
 """
 
 from dataclasses import dataclass
@@ -20,20 +20,20 @@ from lrf3d.pose import Pose
 STRATEGIES = ("seen-objects-first", "all")
 
 GATE = 13.8
-"""Largest squared Mahalanobis distance of a pair: one true pair in a thousand lies beyond it, of
-two degrees of freedom."""
+"""Largest squared Mahalanobis distance of a pair, with two degrees of freedom: it rejects one true
+pair in a thousand."""
 
-LEAST_OVERLAP = 0.5
-"""Share of the shorter segment of a pair that must lie alongside the longer one, after what the
-pose's uncertainty may shift it: the half, so that a wall is never taken for its neighbour."""
+LEAST_ALONGSIDE = 0.5
+"""Share of the shorter segment of a pair that must overlap the longer one, with an allowance for
+the uncertainty of the pose: half, so that no wall is paired with its neighbour."""
 
 END_DEVIATION = 0.1
-"""How far the end of a segment may be off along its wall [m], beside what the pose's uncertainty
-shifts it: about the distance of two neighbouring returns."""
+"""Standard deviation of the end of a segment along its wall [m], in addition to the uncertainty of
+the pose: about the distance between neighbouring returns."""
 
 
 class Criterion(Protocol):
-    """Anything that says how well local lines fit known ones."""
+    """Anything that scores how well local lines fit known ones."""
 
     def scores(
         self, local: LocalLines, known: KnownLines, rows: Int, pose: Pose, covariance: Float
@@ -41,17 +41,17 @@ class Criterion(Protocol):
         """Compare all local lines (m) with some known rows (n,).
 
         Returns:
-            (m, n) scores, the least the best; +inf for what is no pair.
+            (m, n) scores, of which the lowest is best; +inf for lines that are not a pair.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SquaredDifferences:
-    """The paper's: the squared differences of (alpha, p) in the world sum up to little.
+    """The paper's criterion: a small sum of the squared differences of alpha and p in the world.
 
-    It adds radians to metres, and p is counted from the world's origin: a direction off by
-    0.01 rad moves the p of a line 100 m away by 1 m. Collinear walls cannot be told apart.
+    It adds radians to metres, and p is relative to the world's origin: an error of 0.01 rad moves
+    the p of a line 100 m away by 1 m. It cannot distinguish collinear walls.
 
     Args:
         threshold: Largest sum of the squares.
@@ -73,13 +73,13 @@ class SquaredDifferences:
 
 @dataclass(frozen=True, slots=True)
 class MahalanobisGate:
-    """A pair differs by no more than its lines and the pose are uncertain, in the robot's frame.
+    """A gate on the Mahalanobis distance of both lines in the robot's frame.
 
-    It also lies side by side, and the known line shows its seen side. Among walls on one line,
-    that one fits best beyond which the local line reaches least.
+    The segments must overlap as well, and the robot must be on the side that the known line is seen
+    from. Of collinear walls the best is the one that the local line extends beyond least.
 
     Args:
-        gate: Largest squared distance, of two degrees of freedom.
+        gate: Largest squared distance, with two degrees of freedom.
     """
 
     gate: float = GATE
@@ -99,13 +99,13 @@ class MahalanobisGate:
 def _alongside(
     local: LocalLines, known: KnownLines, rows: Int, pose: Pose, covariance: Float
 ) -> tuple[Bool, Float]:
-    """Whether local and known lines overlap, and the squared excess in deviations (m, n)."""
+    """Whether local and known lines overlap, and the squared normalised excess (m, n)."""
     cos, sin = np.cos(pose.theta), np.sin(pose.theta)
     turned = local.segments.reshape(-1, 2, 2) @ np.array([[cos, sin], [-sin, cos]])
     middle = turned.mean(axis=1)
     unit = (turned[:, 1] - turned[:, 0]) / lengths(local.segments)[:, None]
     half = 0.5 * lengths(local.segments)[:, None]
-    # Where the middle goes along the wall as the pose moves: with the place, and with the turn.
+    # How the middle moves along the wall with the position and the heading of the pose.
     gradient = np.column_stack([unit, unit[:, 1] * middle[:, 0] - unit[:, 0] * middle[:, 1]])
     variance = np.einsum("ij,jk,ik->i", gradient, covariance, gradient)[:, None]
     slack = 3.0 * np.sqrt(variance) + END_DEVIATION
@@ -113,7 +113,7 @@ def _alongside(
     apart = np.abs(unit @ place.T - np.einsum("ij,ij->i", unit, middle)[:, None])
     other = known.halves[rows]
     overlap = np.minimum(half + other - apart, 2.0 * np.minimum(half, other))
-    beside = overlap + slack >= LEAST_OVERLAP * 2.0 * np.minimum(half, other)
+    beside = overlap + slack >= LEAST_ALONGSIDE * 2.0 * np.minimum(half, other)
     excess = np.maximum(half + apart - other, 0.0)
     return beside, np.asarray(excess**2 / (variance + END_DEVIATION**2))
 
@@ -123,10 +123,10 @@ class Pairs(Value):
     """Lines of a scan with the known lines that they show.
 
     Args:
-        local: (k,) rows of the local lines, rising.
-        known: (k,) the row of the known line of each.
-        comparisons: How often a local line was compared with a known one.
-        objects: The objects that were seen, rising.
+        local: (k,) rows of the local lines, in ascending order.
+        known: (k,) rows of their known lines.
+        comparisons: Number of comparisons of a local line with a known one.
+        objects: The objects that were seen, in ascending order.
     """
 
     local: Int
@@ -151,17 +151,14 @@ def pair_lines(
     strategy: str = "seen-objects-first",
     seen: Int | None = None,
 ) -> Pairs:
-    """Find for each line of a scan the known line that it shows.
+    """Find the known line of each line of a scan.
 
-    Args:
-        local: The lines of the scan, in the robot's frame.
-        known: The known map.
-        pose: The predicted pose.
-        covariance: (3, 3) covariance of the pose, x, y [m], theta [rad].
-        criterion: What makes a pair; a MahalanobisGate if not given.
-        strategy: ``all`` compares all with all; ``seen-objects-first`` looks among the lines of the
-            objects seen before, and among the rest only for what is not found there.
-        seen: Objects that the previous scan showed; none if not given.
+    Args: local: The lines of the scan, in the robot's frame. known: The known map. pose: The
+            predicted pose. covariance: (3, 3) covariance of the pose, x, y [m], theta [rad].
+            criterion: Decides what is a pair; a MahalanobisGate if not given. strategy: ``all``
+            compares all lines with all; ``seen-objects-first`` compares first with the lines of the
+            objects in ``seen``, and with the others only where that finds no pair.
+        seen: Objects that were seen in the previous scan; none if not given.
 
     Raises:
         InputError: There is no such strategy.
@@ -188,7 +185,7 @@ def pair_lines(
 
 
 def _best(scores: Float, rows: Int) -> Int:
-    """The row with the least score for each local line (m,), −1 where none is a pair."""
+    """The row with the lowest score for each local line (m,), or −1 if none is a pair."""
     if not scores.size:
         return np.full(len(scores), -1)
     best = scores.argmin(axis=1)
@@ -204,7 +201,7 @@ class Innovation(NamedTuple):
         offset: Measured less expected p [m].
         normal_x: x and y of the known line's normal in the world, pointing away from the robot.
         normal_y: See above.
-        variance_angle: Variances [rad², rad·m, m²] of the difference, but for the pose's share.
+        variance_angle: Variances [rad², rad·m, m²] of the difference, without the pose's share.
         covariance: See above.
         variance_offset: See above.
         faces: Whether the robot stands on the side that the known line is seen from.
@@ -246,7 +243,7 @@ def innovation(
     Args:
         local: The lines of the scan.
         known: The known map.
-        pose: Where the robot is thought to be.
+        pose: The estimated pose.
         rows: Rows of the scan's lines, of any shape that broadcasts with known_rows.
         known_rows: Rows of the known lines.
     """
@@ -257,7 +254,7 @@ def innovation(
     faces = np.abs(turn) <= 0.5 * np.pi
     side = np.where(faces, 1.0, -1.0)
     angle = turn - np.where(faces, 0.0, np.copysign(np.pi, turn))
-    # The expected p turns with the known line's direction by the lever from foot to middle.
+    # The expected p changes with the direction of the known line by the lever from foot to middle.
     expected, lever = side * (x * dx + y * dy), side * (x * dy - y * dx)
     turn_variance = known.deviations[known_rows, 0] ** 2
     covariances = local.covariances[rows]

@@ -1,4 +1,4 @@
-"""Collisions: does a drive keep clear of all walls?"""
+"""Collisions of a drive with walls."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from lrf3d.world import World
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """The first place where a drive runs into a wall: time [s], place [m], wall index."""
+    """The first collision of a drive with a wall: time [s], position [m], wall index."""
 
     time: float
     x: float
@@ -28,7 +28,7 @@ class Collision:
 
 
 class Obstacles:
-    """The walls of a world in a tree, to be asked again and again."""
+    """The walls of a world in a search tree."""
 
     def __init__(self, world: World) -> None:
         import shapely
@@ -39,22 +39,22 @@ class Obstacles:
         self._tree = shapely.STRtree(self._walls)
 
     def hit(self, starts: Float, ends: Float, radius: float) -> tuple[Int, Int]:
-        """Which straight ways (n, 2) to (n, 2) lead nearer to walls than a radius [m].
+        """Which straight paths, from (n, 2) to (n, 2), come nearer to walls than a radius [m].
 
         Returns:
-            The ways (k,) and the walls (k,), a row for each pair of them.
+            Indices of the paths (k,) and of the walls (k,), a row for each pair.
         """
         import shapely
 
         steps = shapely.linestrings(np.stack([starts, ends], axis=1) - self.world.origin)
-        # A line without length is near nothing, but a robot that stands may stand in a wall.
+        # Shapely finds nothing near a line of zero length, so a robot at rest is a point.
         stands = (starts == ends).all(axis=1)
         steps[stands] = shapely.points(starts[stands] - self.world.origin)
         ways, walls = self._tree.query(steps, predicate="dwithin", distance=radius)
         return ways, walls
 
     def first(self, trajectory: Trajectory, radius: float) -> Collision | None:
-        """The first collision of a round robot of a radius [m] on its way, or None."""
+        """The first collision of a round robot of a radius [m], or None."""
         import shapely
 
         world = self.world
@@ -74,7 +74,7 @@ class Obstacles:
 
 
 def find_collision(trajectory: Trajectory, world: World, radius: float) -> Collision | None:
-    """The first collision of a round robot of a radius [m] on its way, or None."""
+    """The first collision of a round robot of a radius [m], or None."""
     return Obstacles(world).first(trajectory, radius) if len(world.segments) else None
 
 
@@ -82,7 +82,7 @@ def check_drive(trajectory: Trajectory, world: World, radius: float) -> None:
     """Check that a drive does not hit a wall.
 
     Raises:
-        CollisionError: It does; the message names the time, the place and the wall.
+        CollisionError: It does; the message gives the time, the position and the wall.
 
     Examples:
         >>> import lrf3d

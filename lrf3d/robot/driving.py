@@ -12,7 +12,7 @@ from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle, arcs
 
 Input = float | ArrayLike | Callable[[float], float]
-"""A speed over time: a number, one number for each piece of time, or a function of time [s]."""
+"""A speed over time: a number, one number for each time interval, or a function of time [s]."""
 
 
 def drive(
@@ -91,7 +91,7 @@ def _integrate(
 
     robot = Unicycle()
     times = _sample_times(duration, dt)
-    # Steps no longer than the sampling keep RK45 from leaping over short pulses of the input.
+    # Steps no longer than dt keep RK45 from skipping short pulses of the input.
     solution = solve_ivp(
         lambda t, state: robot.derivative(state, v(t), omega(t)),
         (0.0, duration),
@@ -131,7 +131,7 @@ def _chain_arcs(
 
 
 def _knots(start: Float, v: Float, omega: Float, durations: Float) -> Float:
-    """Poses (k + 1, 3) between the pieces: headings first, then the chords, added up."""
+    """Poses (k + 1, 3) between the pieces: sums of the turns, then of the chords."""
     headings = start[2] + np.concatenate([[0.0], np.cumsum(omega * durations)])
     turned = np.column_stack([np.zeros((len(v), 2)), headings[:-1]])
     steps = arcs(turned, v, omega, durations)[:, :2]

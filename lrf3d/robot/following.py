@@ -12,14 +12,14 @@ from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle
 
 CONTROL_STEP = 0.05
-"""How long each command of the follower is held [s]: 20 Hz, as on a real robot."""
+"""Time that each command of the follower is held [s]: 20 Hz, as on a real robot."""
 
 SPEED = 3.0
 """Speed of a drive [m/s] if none is given."""
 
 LOOKAHEAD = 1.0
-"""How far ahead on its route the robot steers at [m] if not given: about three of its
-radii, so that it cuts corners by no more than the clearance that planned routes keep."""
+"""Default look-ahead along the route [m]: about three radii of the robot, so that it cuts corners
+by no more than the clearance of planned routes."""
 
 SCAN_INTERVAL = 0.25
 """Time between two scans [s] if none is given."""
@@ -28,17 +28,17 @@ MAX_TURN_RATE = 1.5
 """Fastest turn that the follower asks for [rad/s]."""
 
 TURN_IN_PLACE = np.radians(75.0)
-"""A goal farther round than this [rad] is turned to on the spot, so that no loop is driven."""
+"""Bearing [rad] of the goal above which the robot turns in place, so that it drives no loop."""
 
 SHARPEST_TURN = np.radians(100.0)
-"""Where the route turns by more than this [rad] the robot drives to the way-point itself and
-turns there: a point to steer at beyond it would lie at the robot's back, or just where it is."""
+"""Turn of the route [rad] above which the robot drives to the way-point itself and turns there: the
+point to steer at would be behind the robot, or at its own position."""
 
 MOST_COMMANDS = 2_000_000
-"""How many commands a drive may need: more than a day at 20 Hz, and minutes of computing."""
+"""Largest number of commands of a drive: more than a day at 20 Hz, and minutes of computing."""
 
 ARRIVED = 1e-3
-"""How near to a way-point to stop at the robot has arrived [m]."""
+"""Distance to a way-point at which the robot has arrived [m]."""
 
 
 def follow_route(
@@ -54,15 +54,15 @@ def follow_route(
 
     Args:
         route: (m, 2) way-points [m], two or more.
-        start: Pose at time 0; on the first way-point with the second ahead if not given.
-        speed: Speed on straight parts [m/s]; turns are driven slower where they must be.
-        lookahead: Distance along the route to the point that is steered at [m].
+        start: Initial pose; on the first way-point, facing the second, if not given.
+        speed: Speed on straight parts [m/s]; tight turns are slower.
+        lookahead: Distance along the route to the point that the robot steers at [m].
         dt: Time between the poses of the trajectory [s].
-        most: After how many poses to end on the way; at the end of the route if not given.
+        most: Largest number of poses; the whole route if not given.
 
     Raises:
-        InputError: The route has fewer than two different points, a number makes no sense, or
-            the drive needs more than two million commands.
+        InputError: The route has fewer than two different points, a number is invalid, or the
+            drive needs more than two million commands.
 
     Examples:
         >>> import lrf3d
@@ -85,8 +85,8 @@ def follow_route(
     step = dt / per_sample
     reach, poses, times = 0.0, [pose], [0.0]
     stops = path.stops()
-    # Ten times the time that the route takes at full speed, and a minute to turn: then no
-    # follower arrives any more.
+    # After ten times the duration at full speed and a minute for turns, the follower will not
+    # arrive any more.
     limit = int((10.0 * path.length / speed + 60.0) / step)
     straight = path.length / speed / step
     needed = straight if most is None else min(straight, float(most - 1) * per_sample)
@@ -115,7 +115,7 @@ def follow_route(
 
 
 class _Path:
-    """The way-points as a curve by its length."""
+    """The way-points as a curve, parametrised by length."""
 
     def __init__(self, route: ArrayLike) -> None:
         points = np.asarray(numbers(route, "route"), dtype=np.float64)
@@ -140,13 +140,13 @@ class _Path:
         )
 
     def stops(self) -> list[float]:
-        """Stations of the way-points that the robot must come to: sharp turns and the end."""
+        """Stations of the way-points that the robot must reach: sharp turns and the end."""
         headings = np.arctan2(*np.diff(self.points, axis=0).T[::-1])
         sharp = np.abs(wrap_angle(np.diff(headings))) > SHARPEST_TURN
         return [*self.stations[1:-1][sharp].tolist(), self.length]
 
     def progress(self, pose: Pose, reach: float, limit: float) -> float:
-        """The station nearest to the pose, never back and no farther than a limit."""
+        """The station nearest to the pose, from the last one up to a limit."""
         stations = np.linspace(reach, limit, 33)
         near = np.column_stack(
             [np.interp(stations, self.stations, self.points[:, axis]) for axis in (0, 1)]

@@ -1,7 +1,7 @@
-"""Free space: where a robot can be between the walls, as a lattice of cells joined to a graph.
+"""Free space: the places between the walls where a robot can be, as a graph of lattice cells.
 
-A world enters; the cells that keep off the walls leave, in the local frame of the world, with
-the steps between them and what each step costs.
+The cells keep a distance to the walls. They are in the local frame of the world, with the steps
+between neighbouring cells and the costs of these.
 """
 
 from dataclasses import dataclass
@@ -26,19 +26,19 @@ Side = Literal["inside", "outside"]
 """Side of the walls: inside, among them, or outside of them."""
 
 CELLS = 100_000
-"""About how many cells the lattice has, as far as their size allows."""
+"""Approximate number of cells of the lattice, within the limits of their size."""
 
 CELL_SIZES = (0.1, 1.0)
 """Smallest and largest side of a cell [m]: a fifth of a door, and a third of a narrow street."""
 
 WALL_PENALTY = 6.0
-"""How many times dearer than in the open a step is at the least distance to a wall."""
+"""Factor by which a step at the least distance to a wall costs more than in the open."""
 
 TIGHT_PENALTY = 10.0
-"""How many times dearer again a step through a tight place is: none is taken but to get behind."""
+"""Additional cost factor of a step through a tight place, which is taken only to get behind it."""
 
 LARGEST_PARTS = 8
-"""How many parts of the free space, the largest, are compared."""
+"""Number of the largest parts of the free space that are compared."""
 
 SUBSTANTIAL = 0.7
 """Length of the walls that stand along the inside, as a share of those along the outside, from
@@ -46,9 +46,8 @@ which on a world is driven through inside. Of a house it is more than 1, and les
 walls are thicker than any wall."""
 
 BUILDING, OPEN = 0.3, 0.95
-"""What a metre of wall counts for, seen from within a building and from open land: both sides of
-one wall look alike, so that a room goes before the land around it, and what is inside a building
-stays out unless little else is there."""
+"""Weights of walls seen from within a building and from open land: a room is preferred to the land
+around it, and the inside of a building is left out unless there is little else."""
 
 
 @dataclass(frozen=True)
@@ -56,19 +55,19 @@ class FreeSpace:
     """The cells that a robot can stand in, all joined to each other.
 
     Args:
-        cells: (k, 2) their middles [m] in the local frame.
+        cells: (k, 2) their centres [m] in the local frame.
         clearances: (k,) distance [m] of each to the nearest wall.
         graph: (k, k) sparse matrix of the costs of steps between neighbours.
         size: Side of a cell [m].
-        least: Distance [m] to walls that is always kept.
-        roomy: (k,) whether each is no tight place.
-        worth: Length [m] of the walls along it, weighed by how much they are to be driven to.
+        least: Least distance [m] to walls.
+        roomy: (k,) whether each cell is not in a tight place.
+        worth: Weighted length [m] of the walls along it.
         walls: The nearest-neighbour tree over points of the walls.
-        side: The side of the walls that it lies on.
+        side: The side of the walls that it is on.
         low: (2,) the corner of the lattice [m].
-        barred: (columns, rows) which cells of the lattice have room and are yet not to be driven
-            through: they lie on the other side, or are not known to be free.
-        start: The cell where the drive is to start, or None where it may start anywhere.
+        barred: (columns, rows) which cells of the lattice have room but are excluded: they are on
+            the other side, or not known to be free.
+        start: The cell where the drive starts, or None if it may start anywhere.
     """
 
     cells: Float
@@ -105,17 +104,17 @@ def find_free_space(
 ) -> FreeSpace:
     """The free space of a world, or of its densest part where it is very large.
 
-    A plan of rooms is driven through inside, a town outside of its buildings. Where walls part the
-    free space, the part along most of the walls is chosen. Of a map that says what is free, only
-    free cells are taken.
+    In a plan of rooms it is inside, in a town outside of the buildings. If walls divide the free
+    space, the part along most of the walls is chosen. In a map with known free cells only those are
+    used.
 
     Args:
         world: The walls.
-        least: Distance to walls [m] that is always kept.
+        least: Least distance to walls [m].
         clearance: Distance to walls [m] that is kept where there is room.
-        comfortable: Distance to walls [m] below which a place is tight: a door.
-        where: The side of the walls to stay on; by the world if not given.
-        start: Place x, y [m] that the space must hold; anywhere if not given.
+        comfortable: Distance to walls [m] below which a place is tight, such as a door.
+        where: The side of the walls to stay on; it depends on the world if not given.
+        start: Position x, y [m] that the space must contain; any if not given.
 
     Raises:
         InputError: There are no walls, or there is no room for the robot between them.
@@ -128,14 +127,14 @@ def find_free_space(
     segments = world.segments - np.tile(world.origin, 2)
     start = None if start is None else start - world.origin
     low, high = planning_window(segments, start)
-    # Walls out of reach of the window change nothing in it, however many and however long.
+    # Walls beyond the reach of the window have no effect in it.
     reach = clearance + least + SURROUNDINGS
     segments, which = walls_within(segments, low - reach, high + reach)
     if not len(segments):
         raise InputError(f"{name}: no walls near the start, so no route can be found")
     points, weights = thinned(*sample_walls(segments, spacing_for(segments)))
     size = float(np.clip(np.sqrt(np.prod(high - low) / CELLS), *CELL_SIZES))
-    # The samples stop short of the ends of the walls, which stand out the most.
+    # The samples do not include the ends of the walls, which protrude the most.
     tree = cKDTree(np.vstack([points, segments.reshape(-1, 2)]))
     shape = np.ceil((high - low) / size).astype(int)
     axes = [low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1)]
@@ -212,7 +211,7 @@ def _graph(
         start, end = middles[here][both], middles[there][both]
         length = np.hypot(*(end - start).T)
         nearest = np.minimum(gaps[here][both], gaps[there][both])
-        # Only steps by a wall need a look at what lies between their ends.
+        # Only steps near a wall need checks between their ends.
         close = np.flatnonzero(nearest < least + 0.5 * length)
         for place in (0.25, 0.5, 0.75):
             between = start[close] * (1.0 - place) + end[close] * place
@@ -231,13 +230,13 @@ def _graph(
 
 @dataclass(frozen=True)
 class _Worths:
-    """How long the walls along some of the cells are.
+    """The length of the walls along some of the cells.
 
     Args:
         cells: (n, 2) the cells [m].
         points: (k, 2) points of the walls [m].
-        weights: (k,) the length of wall that each stands for [m].
-        reach: How far from a cell [m] a wall stands along it.
+        weights: (k,) the length of wall that each represents [m].
+        reach: Largest distance [m] from a cell of a wall along it.
     """
 
     cells: Float
@@ -258,7 +257,7 @@ class _Worths:
 def _allowed(
     sides: Sides, known: Bool, where: Side | None, begin: int | None, worths: _Worths
 ) -> Bool:
-    """Which cells (n,) may be driven through, as far as they are known to be free."""
+    """Which cells (n,) may be driven through, if they are known to be free."""
     if where is not None:
         return sides.outside if where == "outside" else ~sides.outside
     everywhere = np.ones(len(known), dtype=np.bool_)
@@ -267,7 +266,7 @@ def _allowed(
     before = known & sides.outside
     rooms = known & ~sides.outside & ~sides.in_building
     if before.any() and worths.of(rooms) < SUBSTANTIAL * worths.of(before):
-        # A few walls in the open, which enclose next to nothing.
+        # A few walls in the open, which enclose hardly anything.
         return everywhere
     inside = begin is None or not sides.outside[begin]
     return ~sides.outside if inside else sides.outside
@@ -276,7 +275,7 @@ def _allowed(
 def _cell_of(
     start: Float, cells: Float, known: Bool, tree: Any, least: float, size: float
 ) -> int | None:
-    """The nearest known cell that a straight way from the start leads to, or None."""
+    """The nearest known cell that a straight path from the start leads to, or None."""
     from scipy.spatial import cKDTree
 
     candidates = np.flatnonzero(known)
@@ -302,7 +301,7 @@ def _best_part(
     begin: int | None,
     worths: _Worths,
 ) -> tuple[Int, float]:
-    """The part of the allowed cells along which the most walls stand, and their weighed length."""
+    """The part of the allowed cells along the most walls, and their weighted length."""
     from scipy.sparse.csgraph import connected_components
 
     _, label = connected_components(graph[allowed][:, allowed], directed=False)

@@ -1,4 +1,4 @@
-"""Routes that are driven for ever: laps of the robot, and patrols as people and carts go."""
+"""Routes that are repeated forever: laps of the robot, and patrols of people and carts."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ from lrf3d.pose import Pose
 from lrf3d.robot.following import follow_route
 from lrf3d.robot.trajectory import Trajectory
 
-TURN = 0.5
+LAP_TURN = 0.5
 """Time that a turn on the spot takes [s]."""
 
 
@@ -82,7 +82,7 @@ def _waited_for(lap: Trajectory) -> Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class Patrol(Value):
-    """A path straight from way-point to way-point and back the same way, for ever.
+    """A path straight from way-point to way-point and back the same way, forever.
 
     It turns on the spot at each way-point.
 
@@ -128,12 +128,12 @@ class Patrol(Value):
         while begin <= time or not times:
             times += [begin, begin + durations[leg]]
             poses += [np.append(place, headings[leg]), np.append(place + legs[leg], headings[leg])]
-            begin, place = begin + durations[leg] + TURN, place + legs[leg]
+            begin, place = begin + durations[leg] + LAP_TURN, place + legs[leg]
             leg = (leg + 1) % len(legs)
         return Trajectory(times, poses)
 
     def at(self, times: Float) -> Float:
-        """Poses (m, 3) at times (m,) [s]; before time 0 it stands."""
+        """Poses (m, 3) at times (m,) [s]; at rest before time 0."""
         last = float(times.max(initial=0.0))
         known: Trajectory | None = self.__dict__.get("_known")
         if known is None or known.times[-1] <= last:

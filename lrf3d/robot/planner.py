@@ -1,7 +1,7 @@
-"""Planning a route: way-points through a world that names none, past most of its walls.
+"""Planning a route: way-points through a world without a route, past most of its walls.
 
-A world enters, way-points leave. Places to look from are chosen in the free space and joined to
-a tour by paths that keep off the walls, and the paths are straightened.
+Viewpoints are chosen in the free space and joined to a tour by paths with clearance to the walls;
+then the paths are straightened.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,25 +22,25 @@ from lrf3d.robot.viewpoints import look_around
 from lrf3d.world import World
 
 SHORTEST_ROUTE = 20.0
-"""Shortest route [m], some seconds of driving: where a few steps show all walls, as in a room, the
-robot drives to the ends of the free space and back besides."""
+"""Shortest route [m], some seconds of driving: if a few steps show all walls, as in a room, the
+robot also drives to the ends of the free space and back."""
 
 FEW_STEPS = 5.0
-"""A route of no more than this [m] is only taken where none farther from the walls is longer."""
+"""Length [m] up to which a route is taken only if no route farther from the walls is longer."""
 
 LONGEST_ROUTE = 800.0
 """Longest route [m]: about five minutes at 3 m/s."""
 
 MARGINS = (0.3, 0.6, 0.9)
-"""How much farther [m] than its radius a robot stays from walls, for the corners that a follower
-cuts: the least that it can follow is taken, for a wider one shuts doors."""
+"""Margins [m] between the robot and walls, for the corners that a follower cuts: the smallest one
+that can be followed is used, because wider ones close doors."""
 
 TIGHT_MARGINS = (0.05, 0.12)
-"""The same [m] in doors that are too narrow for it."""
+"""Margins [m] in doors that are too narrow for these."""
 
 MORE = 1.1
-"""How many times as much room, or as long walls, there must be with narrow doors as without them
-for a robot to go through them."""
+"""Least factor by which narrow doors must increase the free space, or the length of its walls, for
+a robot to go through them."""
 
 LONGEST_LEG = 30.0
 """Longest straight piece of a route [m]."""
@@ -50,11 +50,11 @@ NO_ROOM = "no room to drive between the walls; give a route or poses to stand at
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
-    """A route, and where it leads.
+    """A route, and the side of the walls that it is on.
 
     Args:
         waypoints: (m, 2) way-points [m], two or more.
-        side: The side of the walls that it starts on; from the outside it may lead on inside.
+        side: The side of the walls that it starts on; from the outside it may lead inside.
     """
 
     waypoints: Float
@@ -71,7 +71,7 @@ def plan_route(
     where: Side | None = None,
     start: Sequence[float] | Float | None = None,
 ) -> Float:
-    """Find way-points (m, 2) [m], two or more, along which most of the walls are seen.
+    """Find way-points (m, 2) [m], two or more, from which most of the walls are seen.
 
     The same world gives the same route. In a world wider than 500 m the route is planned only in
     the part with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a
@@ -81,18 +81,18 @@ def plan_route(
         world: The walls.
         radius: Radius of the robot [m]; it keeps this and 0.3 m away from walls, except in
             narrower doors that lead to rooms.
-        clearance: Distance to walls [m] that it keeps where there is room.
+        clearance: Distance to walls [m] that is kept where there is room.
         range_max: Largest range of the laser [m].
-        lookahead: Look-ahead [m] with which `follow_route` is to follow it; the shorter it is,
-            the narrower are the doors that it gets through.
-        where: ``"inside"`` or ``"outside"``, the side of the walls to stay on; by the world and
-            the start if not given.
-        start: Pose x, y [m], theta [rad] where the drive begins, or its place; the route begins
-            there and stays in the space around it. Anywhere if not given.
+        lookahead: Look-ahead [m] of `follow_route` on the route; a shorter one fits through
+            narrower doors.
+        where: ``"inside"`` or ``"outside"``, the side of the walls to stay on; it depends on the
+            world and the start if not given.
+        start: Initial pose x, y [m], theta [rad], or only the position; the route begins there and
+            stays in the space around it. Anywhere if not given.
 
     Raises:
         InputError: There are no walls, there is no room to drive, the start is in a wall or on
-            the other side of it, or a number makes no sense.
+            the other side of it, or a number is invalid.
 
     Examples:
         >>> import lrf3d
@@ -122,7 +122,7 @@ def find_route(
     where: Side | None = None,
     start: Sequence[float] | Float | None = None,
 ) -> PlannedRoute:
-    """Find the route that `plan_route` returns, and the side of the walls that it lies on.
+    """Find the route that `plan_route` returns, and the side of the walls that it is on.
 
     Raises:
         InputError: As of `plan_route`.
@@ -142,7 +142,7 @@ def find_route(
             break
         try:
             tour = _tour(space, world, range_max)
-            # A tour that shows all walls in a few steps is made longer, where that can be followed.
+            # A tour that shows all walls in a few steps is extended, if that can be followed.
             longer = _lengthened(space, tour)
             for legs in [longer, tour] if 0 < len(tour) < len(longer) else [longer]:
                 route = _waypoints(space, world, legs, clearance, place)
@@ -164,10 +164,10 @@ def find_route(
 
 
 def _checked_start(world: World, start: Sequence[float] | Float, radius: float) -> Float:
-    """The place (2,) of a start [m].
+    """The position (2,) of a start [m].
 
     Raises:
-        InputError: It is invalid, or a wall stands there.
+        InputError: It is invalid, or in a wall.
     """
     place = np.asarray(start, dtype=np.float64)
     if place.shape not in ((2,), (3,)) or not np.isfinite(place).all():
@@ -185,7 +185,7 @@ def _checked_start(world: World, start: Sequence[float] | Float, radius: float) 
 def _spaces(
     world: World, radius: float, clearance: float, where: Side | None, start: Float | None
 ) -> Iterator[FreeSpace]:
-    """Free spaces to find a route in, the most wanted first.
+    """Free spaces to find a route in, the preferred one first.
 
     Raises:
         InputError: There is no such place.
@@ -228,12 +228,12 @@ def _spaces(
 
 
 def _tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
-    """Paths over the cells of a free space, one after the other, that show most of the walls."""
+    """Consecutive paths over the cells of a free space that show most of the walls."""
     views = look_around(space, world, range_max=range_max)
     places = views.places[views.best_places()]
     if space.start is not None:
         places = np.append(space.start, places[places != space.start])
-    # A laser may see nothing from anywhere.
+    # With a short range_max no wall may be visible.
     if not len(places):
         return []
     network = Network.between(space, views, places)
@@ -265,7 +265,7 @@ def _can_be_followed(
 
 
 def _lengthened(space: FreeSpace, legs: list[Int]) -> list[Int]:
-    """The legs of a tour and, where they are short, ways across the free space after them."""
+    """The legs of a tour and, if they are short, paths across the free space after them."""
     legs = list(legs)
     if legs:
         end = int(legs[-1][-1])
@@ -286,7 +286,7 @@ def _length(space: FreeSpace, leg: Int) -> float:
 
 
 def _across(space: FreeSpace, start: int) -> Int:
-    """The path from a cell to the one that is the farthest way from it.
+    """The path from a cell to the one with the longest path from it.
 
     Raises:
         InputError: There is no other cell.
@@ -294,7 +294,7 @@ def _across(space: FreeSpace, start: int) -> Int:
     from scipy.sparse.csgraph import dijkstra
 
     costs, before = dijkstra(space.graph, indices=[start], return_predecessors=True)
-    # Cells that no path leads to are infinitely far.
+    # The cost of cells without a path is infinite.
     cells = [int(np.argmax(np.where(np.isfinite(costs[0]), costs[0], -1.0)))]
     while cells[-1] != start:
         cells.append(int(before[0, cells[-1]]))
@@ -304,7 +304,7 @@ def _across(space: FreeSpace, start: int) -> Int:
 
 
 def _straightened(space: FreeSpace, legs: list[Int], clearance: float) -> Float:
-    """Way-points (m, 2) along the legs, straight as far as the walls stay as far off."""
+    """Way-points (m, 2) along the legs, straight as long as the clearance is kept."""
     waypoints = [space.cells[legs[0][0]]]
     for leg in legs:
         cells, room = space.cells[leg], np.minimum(space.clearances[leg], clearance)
@@ -319,7 +319,7 @@ def _straightened(space: FreeSpace, legs: list[Int], clearance: float) -> Float:
 
 
 def _is_clear(space: FreeSpace, cells: Float, room: Float, here: int, there: int) -> bool:
-    """Whether the straight way keeps about as far from walls as the path that it replaces."""
+    """Whether the straight path has about the clearance of the path that it replaces."""
     length = float(np.hypot(*(cells[there] - cells[here])))
     if length > LONGEST_LEG:
         return False

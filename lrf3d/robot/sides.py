@@ -1,9 +1,8 @@
-"""Sides: which part of the free space lies inside, among walls, and which outside of them.
+"""Sides: which free cells are inside, among walls, and which are outside of them.
 
-Free cells enter; which of them lie outside leaves, and which in a building. Doors, windows and
-gaps make one space of both, so that being connected says little. A plan is told by how far
-the walls surround a place: in a room they stand in nearly all directions, before a house in half
-of them. A town of closed outlines, streets and courtyards is one in which the streets are outside.
+Doors, windows and gaps connect both, so connectivity alone does not decide it. A place is inside if
+walls surround it: in a room there are walls in nearly all directions, in front of a house in half
+of them. In a town of closed outlines the streets are outside.
 """
 
 from dataclasses import dataclass
@@ -20,14 +19,15 @@ DIRECTIONS = [
     *[(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)],
     *[(-1, 0), (-2, -1), (-1, -1), (-1, -2), (0, -1), (1, -2), (1, -1), (2, -1)],
 ]
-"""Directions that are looked in from each cell, in cells; a step is at most 2.3 cells long."""
+"""Directions of the rays from each cell, in cells; a step is at most 2.3 cells long."""
 
 SURROUNDED = 12
-"""In how many of them there is a wall where a place is surrounded: three quarters. Before a
-straight façade it is 8 or 9, and one metre behind a garage door of 2 m it is 12."""
+"""Least number of these directions with a wall for a surrounded place: three quarters. In front of
+a straight façade there are 8 or 9, and one metre behind a garage door of 2 m there are 12."""
 
 BLOCKING = 1.2
-"""A cell nearer than this to a wall [cells] blocks the view: no step leaps over so thick a wall."""
+"""Distance to a wall [cells] below which a cell blocks the view: no step skips such a thick
+wall."""
 
 SPECK = 1.0
 """Length [m] of all walls of an object below which it surrounds nothing: a post or a bush, and in

@@ -1,6 +1,6 @@
-"""Tours: in which order to drive to places so that the way shows the most walls.
+"""Tours: the order in which to visit places so that the drive shows the most walls.
 
-A free space and what is seen in it enter; the paths of the tour, cell by cell, leave.
+The input is a free space and what is visible in it; the output is the paths of the tour, as cells.
 """
 
 from collections.abc import Iterator
@@ -16,13 +16,13 @@ from lrf3d.robot.free_space import FreeSpace
 from lrf3d.robot.viewpoints import Views
 
 LEAST_WORTH = 0.02
-"""Metres of wall that a metre more of driving must show."""
+"""Least length of wall [m] that each additional metre of driving must show."""
 
 STARTS = 3
-"""From how many places a tour is grown."""
+"""Number of places from which tours are grown."""
 
 POSITIONS = 3
-"""In how many places of the tour, those with the shortest detour, a place is tried."""
+"""Number of positions in the tour, those with the shortest detours, that are tried for a place."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Network:
 
 
 def best_tour(network: Network, *, longest: float, from_first: bool = False) -> list[int]:
-    """An order of places whose way shows much and is not longer than allowed.
+    """An order of places whose path shows much and is not longer than allowed.
 
     Tours are grown from each of the places that show the most, and the best is kept.
 
@@ -106,7 +106,7 @@ def best_tour(network: Network, *, longest: float, from_first: bool = False) -> 
 
 
 def _grown(network: Network, start: int, longest: float, kept: int = 0) -> list[int]:
-    """A tour that takes in one place after the other, from a first one on.
+    """A tour from a first place, to which one place after the other is added.
 
     It is always the one that shows the most more walls for each metre more. As many places as are
     kept stay at the beginning.
@@ -171,7 +171,7 @@ def _worth(network: Network, order: list[int]) -> float:
 
 
 def _turned(network: Network, order: list[int], kept: int) -> list[int]:
-    """2-opt: turn round pieces of an open tour after those kept, as long as that is cheaper."""
+    """2-opt: reverse pieces of an open tour, after the kept places, as long as that is cheaper."""
     costs, tour, count = network.costs, list(order), len(order)
     better = True
     while better:

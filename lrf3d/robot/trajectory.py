@@ -16,7 +16,7 @@ class Trajectory(Value):
     """Poses of a drive at increasing times.
 
     Args:
-        times: (k,) times [s], rising.
+        times: (k,) times [s], ascending.
         poses: (k, 3) poses x, y [m], theta [rad]; theta is continuous over full turns.
 
     Examples:
@@ -81,12 +81,12 @@ class Trajectory(Value):
     def at(self, times: Float) -> Float:
         """Poses (m, 3) at times (m,) [s].
 
-        Between two poses the robot goes straight and turns the shorter way; before the first and
-        after the last it stands.
+        Between two poses the robot moves straight and turns the shorter way; before the first and
+        after the last it is at rest.
         """
         if len(self) == 1:
             return np.tile(self.poses, (len(times), 1))
-        # Only the poses on either side are looked at, so that long drives cost no more.
+        # Only the neighbouring poses are used, so that long drives take no longer.
         after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self) - 1)
         start, stop = self.times[after - 1], self.times[after]
         share = np.clip((times - start) / (stop - start), 0.0, 1.0)

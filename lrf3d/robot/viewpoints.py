@@ -1,7 +1,7 @@
-"""What is seen from where in the free space: the pieces of wall in each direction from each patch.
+"""Visibility in the free space: the pieces of wall that are visible from each patch and heading.
 
-The free space is cut into patches, with one place to look from in each. Places to drive to are
-chosen among them, and what a path shows is counted from the patches that it runs through.
+The free space is divided into patches, each with one viewpoint. Places to drive to are chosen among
+them, and what a path shows is the sum over the patches that it passes.
 """
 
 from dataclasses import dataclass
@@ -14,32 +14,32 @@ from lrf3d.robot.wall_samples import sample_walls, walls_within
 from lrf3d.world import World
 
 PATCHES = 300
-"""About how many patches the free space is cut into."""
+"""Approximate number of patches of the free space."""
 
 RAYS = 360
 """Directions that are looked in from each place, one to a degree."""
 
 HEADINGS = 8
-"""Headings, evenly spread, for which is kept what a laser sees that looks half way round."""
+"""Number of headings for which the view of a laser with 180° is stored."""
 
 FARTHEST_VIEW = 40.0
-"""How far [m] a wall counts as seen: farther off, beams at a degree's distance leave gaps."""
+"""Largest distance [m] at which a wall counts as seen: farther away, beams of 1° leave gaps."""
 
 SHALLOWEST = np.sin(np.radians(8.0))
 """Sine of the angle below which a beam grazes a wall and shows little of it."""
 
 FULL_WEIGHT = 2.0
-"""Length [m] from which on a wall counts in full; niches and steps are not worth a way."""
+"""Length [m] from which a wall counts in full; niches and steps are not worth a detour."""
 
 MOST_RARITY = 3.0
-"""How many times more a wall of a small object may count than its length says: a shed is to be on
-the map as well as a long block, but no post is worth a long way."""
+"""Largest weight of walls of small objects: a shed should be on the map as well as a long block,
+but a post is not worth a long detour."""
 
-PIECES = 6000
-"""About how many pieces all walls are cut into to count what is seen of them."""
+WALL_PIECES = 6000
+"""Approximate number of pieces of all walls."""
 
 LEAST_GAIN = 0.004
-"""Share of the walls that one more place must add to be worth a look."""
+"""Least share of the walls that another place must add."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def look_around(space: FreeSpace, world: World, *, range_max: float) -> Views:
     reach = min(range_max, FARTHEST_VIEW)
     low, high = space.cells.min(axis=0) - reach, space.cells.max(axis=0) + reach
     segments, near = walls_within(world.segments - np.tile(world.origin, 2), low, high)
-    size = max(0.25, float(lengths(segments).sum()) / PIECES)
+    size = max(0.25, float(lengths(segments).sum()) / WALL_PIECES)
     _, weights = sample_walls(segments, size)
     pieces = np.ceil(lengths(segments) / size).astype(int)
     rank = np.minimum(lengths(segments) / FULL_WEIGHT, 1.0) * _rarity(segments, world.objects[near])
@@ -140,7 +140,7 @@ def _seen_from(place: Float, segments: Float, pieces: Int, reach: float) -> Bool
         first = (np.cumsum(pieces) - pieces)[near][wall]
         count = pieces[near][wall]
         piece = first + np.minimum((share * count).astype(int), count - 1)
-        # Between two neighbouring rays that meet the same wall nothing stands in between.
+        # Between two neighbouring rays that hit the same wall there is nothing else.
         following = np.roll(np.arange(RAYS), -1)
         joined = seen & seen[following] & (wall == wall[following])
         other = np.where(joined, piece[following], piece)

@@ -9,16 +9,16 @@ import numpy as np
 from lrf3d.geometry import Float, Int, lengths
 
 SURROUNDINGS = 6.0
-"""How far [m] around the walls a robot may drive."""
+"""Width [m] of the land around the walls where a robot may drive."""
 
-WIDEST = 500.0
+WIDEST_WINDOW = 500.0
 """Largest side [m] of the part of a world that is planned in: as much as a drive can show."""
 
 FARTHEST_APART = 100_000.0
 """Side [m] of a world from which on it is first narrowed to the part with the most corners: walls
 as long as a country do not show where the town is, and are too long to be sampled."""
 
-BINS = 256
+WINDOW_BINS = 256
 """Into how many bins along each axis such a world is cut to count corners."""
 
 SPACING = 0.2
@@ -46,20 +46,20 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
     low, high = points.min(axis=0) - SURROUNDINGS, points.max(axis=0) + SURROUNDINGS
     if around is not None:
         low, high = np.minimum(low, around - SURROUNDINGS), np.maximum(high, around + SURROUNDINGS)
-    if (high - low).max() <= WIDEST:
+    if (high - low).max() <= WIDEST_WINDOW:
         return low, high
     if around is None:
         # However long a wall is, it is but one, and no town.
-        long = np.maximum(lengths(near) / WIDEST, 1.0)
+        long = np.maximum(lengths(near) / WIDEST_WINDOW, 1.0)
         weights /= np.repeat(long, np.ceil(lengths(near) / spacing).astype(int))
-        tile = WIDEST / 10.0
+        tile = WIDEST_WINDOW / 10.0
         counts = np.minimum(np.ceil((high - low) / tile).astype(int), 4000)
         edges = [np.linspace(low[axis], high[axis], counts[axis] + 1) for axis in (0, 1)]
         amount, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=edges, weights=weights)
         amount = uniform_filter(amount, size=9, mode="constant")
         place = np.array(np.unravel_index(int(np.argmax(amount)), amount.shape))
         around = low + (place + 0.5) * (high - low) / counts
-    return np.maximum(low, around - WIDEST / 2), np.minimum(high, around + WIDEST / 2)
+    return np.maximum(low, around - WIDEST_WINDOW / 2), np.minimum(high, around + WIDEST_WINDOW / 2)
 
 
 def _detailed(segments: Float) -> Float:
@@ -70,7 +70,7 @@ def _detailed(segments: Float) -> Float:
         return segments
     while (high - low).max() > FARTHEST_APART:
         inside = ends[((ends >= low) & (ends <= high)).all(axis=1)]
-        edges = [np.linspace(low[axis], high[axis], BINS + 1) for axis in (0, 1)]
+        edges = [np.linspace(low[axis], high[axis], WINDOW_BINS + 1) for axis in (0, 1)]
         if not all((np.diff(edge) > 0.0).all() for edge in edges):
             # A world of one straight line has no width to cut.
             low, high = low - 1.0, high + 1.0

@@ -1,14 +1,18 @@
-"""Scoring: how near a map comes to the truth, and what it costs to store.
+"""Scoring: the error of a map against the truth, and the numbers that it takes to store.
 
-Everything is computed in a local frame, so that worlds far from the origin lose no digits.
+Everything is computed in a local frame, so that no digits are lost far from the origin.
 """
 
-from lrf3d.scoring.buildings import BuildingCount, buildings_seen
 from lrf3d.scoring.log_score import LogScore, score_log
 from lrf3d.scoring.map_score import MapScore, adjusted_rand_index, score_map, score_run
 from lrf3d.scoring.matching import match_segments
 from lrf3d.scoring.storage import StorageCount, storage
-from lrf3d.scoring.visibility import visible_parts, visible_walls
+from lrf3d.scoring.visibility import (
+    BuildingCount,
+    buildings_seen,
+    visible_parts,
+    visible_walls,
+)
 
 __all__ = [
     "BuildingCount",

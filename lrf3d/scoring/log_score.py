@@ -1,4 +1,4 @@
-"""LogScore: how well a map predicts scans that it was not built from, where no truth is known."""
+"""LogScore: how well a map predicts scans that it was not built from, without a truth."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,17 +13,18 @@ from lrf3d.pose import Pose
 from lrf3d.scoring.report import Report
 from lrf3d.world import World
 
-NEAREST, FARTHEST = 0.1, 20.0
-"""Returns between these ranges are judged [m]: nearer is the robot, farther is too sparse."""
+NEAREST_RETURN, FARTHEST_RETURN = 0.1, 20.0
+"""Range limits [m] of the returns that count: nearer ones hit the robot, farther ones are
+sparse."""
 
 EXPLAINED_WITHIN = 0.1
-"""A return is explained by a map segment this near [m]."""
+"""Distance [m] within which a map segment explains a return."""
 
 VIOLATED_BEYOND = 0.2
-"""A beam that passes a map segment by more than this violates the map [m]."""
+"""Distance [m] between map and return above which a beam violates the map."""
 
 CAST_RANGE = 80.0
-"""How far beams are cast at the map if a scan has no range_max [m]."""
+"""Range of beams cast at the map if a scan has no range_max [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +35,11 @@ class LogScore(Report):
         explained: Share of returns within 0.1 m of a map segment.
         violation: Share of returns whose beam hits the map over 0.2 m before the return.
         median_range_error: Median |map range − measured range| [m] of the returns whose beam
-            hits the map; NaN where none does.
+            hits the map; NaN if none does.
         segments: Number of segments in the map.
         length: Total length of the map's segments [m].
         scans: Number of scans.
-        returns: Number of returns judged.
+        returns: Number of returns that count.
     """
 
     explained: float
@@ -51,14 +52,14 @@ class LogScore(Report):
 
 
 def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
-    """Score a map by test scans; customarily built from the even scans and tested on the odd.
+    """Score a map by test scans; usually the even scans build the map and the odd ones test it.
 
     Args:
         line_map: The map.
         scans: Test scans that the map was not built from, beams evenly spaced; read once.
 
     Raises:
-        InputError: The beams of a scan are not evenly spread.
+        InputError: The beams of a scan are not evenly spaced.
     """
     solid = line_map.segments[lengths(line_map.segments) > 0.0]
     origin = np.round(solid.reshape(-1, 2).mean(axis=0)) if len(solid) else np.zeros(2)
@@ -68,7 +69,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     scan_count = return_count = explained = violations = 0
     errors: list[Float] = [np.empty(0)]
     for scan in scans:
-        judged = (scan.ranges > NEAREST) & (scan.ranges < FARTHEST)
+        judged = (scan.ranges > NEAREST_RETURN) & (scan.ranges < FARTHEST_RETURN)
         ranges = scan.ranges[judged]
         pose = Pose(scan.pose.x - origin[0], scan.pose.y - origin[1], scan.pose.theta)
         expected = cast.ranges(scan, pose)[judged]

@@ -1,4 +1,4 @@
-"""MapScore: how near a map of line segments comes to the walls that were visible."""
+"""MapScore: the agreement of a map of line segments with the visible walls."""
 
 from dataclasses import dataclass
 
@@ -12,16 +12,16 @@ from lrf3d.scoring.report import Report
 from lrf3d.scoring.visibility import visible_walls
 from lrf3d.world.touching import joined_objects
 
-REACH = 0.1
-"""Farthest that a right sample may lie from a wall [m]."""
+SAMPLE_TOLERANCE = 0.1
+"""Largest distance of a right sample from a wall [m]."""
 
-ANGLE = np.deg2rad(5.0)
+SAMPLE_ANGLE = np.deg2rad(5.0)
 """Largest angle between a right sample's segment and the wall [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapScore(Report):
-    """How near a map comes to the truth.
+    """The agreement of a map with the truth.
 
     Args:
         length_precision: Share of samples along the map that lie by a true wall, within 0.1 m
@@ -31,7 +31,7 @@ class MapScore(Report):
         segment_precision: Share of map segments that match a visible wall one to one.
         segment_recall: Share of visible walls that are matched.
         segment_f1: Harmonic mean of the two.
-        segment_ratio: Map segments by visible walls; 1 is right.
+        segment_ratio: Map segments divided by visible walls; ideally 1.
         perpendicular_rms: Root mean square distance of the right map samples from the line of
             their wall [m]; NaN where there are none.
         object_purity: Adjusted Rand index of the map's objects against true objects, over matched
@@ -85,10 +85,10 @@ def score_map(
         line_map: The map.
         visible_segments: (v, 4) the visible parts, see :func:`visible_walls`.
         visible_objects: (v,) the object that each part belongs to.
-        walls: (n, 4) all true walls, by any of which a map sample is right; just the visible
-            parts if not given.
+        walls: (n, 4) all true walls, any of which makes a map sample right; only the visible parts
+            if not given.
 
-    Where there is no map, nothing in it is wrong; where nothing is visible, nothing is missed.
+    The precision of an empty map is 1, and so is the recall if nothing is visible.
 
     Examples:
         >>> import lrf3d
@@ -101,9 +101,11 @@ def score_map(
     """
     found, visible = line_map.segments, visible_segments
     true = visible if walls is None else walls
-    offsets = sample_offsets(found, true, reach=REACH, angle=ANGLE)
+    offsets = sample_offsets(found, true, reach=SAMPLE_TOLERANCE, angle=SAMPLE_ANGLE)
     right = np.isfinite(offsets)
-    recalled = np.isfinite(sample_offsets(visible, found, reach=REACH, angle=ANGLE))
+    recalled = np.isfinite(
+        sample_offsets(visible, found, reach=SAMPLE_TOLERANCE, angle=SAMPLE_ANGLE)
+    )
     precision, recall = _share(right.sum(), len(right)), _share(recalled.sum(), len(recalled))
     pairs = match_segments(found, visible)
     segment_precision = _share(len(pairs), len(found))
@@ -146,13 +148,12 @@ def _root_mean_square(values: Float) -> float:
 def adjusted_rand_index(first: Int, second: Int) -> float:
     """Agreement of two labelings (n,) of the same things (Hubert and Arabie, 1985).
 
-    1 says that they group alike, whatever the labels are called; 0 is what chance gives. Where
-    chance leaves no room (fewer than two things, all things apart in both, all things together
-    in both) the two agree, and the index is 1.
+    1 means equal groups, whatever the labels; 0 is the value of random labels. In the degenerate
+    cases (fewer than two things, all things apart in both, all things together in both) it is 1.
     """
     _, row = np.unique(first, return_inverse=True)
     _, column = np.unique(second, return_inverse=True)
-    # Only cells of the contingency table that are not empty are kept: it may be large.
+    # Only nonempty cells of the contingency table are stored, as it may be large.
     _, cells = np.unique(np.column_stack([row, column]), axis=0, return_counts=True)
     together = _pairs(cells)
     in_first, in_second = _pairs(np.bincount(row)), _pairs(np.bincount(column))

@@ -1,6 +1,6 @@
-"""Matching: which segments of two sets lie close, and which map segment stands for which wall.
+"""Matching: pairs of close segments, and of map segments with the walls that they represent.
 
-A spatial index finds the neighbours and the work goes in blocks, so that a map of 100,000
+A spatial index finds the neighbours and the work is done in blocks, so that a map of 100,000
 segments needs no table of all pairs.
 """
 
@@ -14,7 +14,7 @@ LEAST_OVERLAP = 0.5
 """Intersection over union along the true line that a match must exceed."""
 
 END_TOLERANCE = 0.15
-"""Farthest that an end point of a match may lie from the true line [m]."""
+"""Largest distance of the end points of a match from the true line [m]."""
 
 
 def match_segments(segments: Float, walls: Float) -> Int:
@@ -82,13 +82,13 @@ def _assign_rivals(own: Int, wall: Int, cost: Float) -> Int:
     return np.column_stack([names[columns[paired]], wall_names[rows[paired]]]).astype(np.int64)
 
 
-SPACING = 0.05
+SAMPLE_SPACING = 0.05
 """Distance of samples along a segment [m]: a tenth of the shortest wall that counts."""
 
-ROUNDING = 1e-6
+LENGTH_ROUNDING = 1e-6
 """Part of a sample's piece that rounding may add to a length, also 10⁶ m from the origin."""
 
-BLOCK = 1_000_000
+SAMPLES_AT_ONCE = 1_000_000
 """Samples compared at a time: some tens of megabytes."""
 
 
@@ -115,14 +115,14 @@ def close_pairs(segments: Float, others: Float, reach: float) -> tuple[Int, Int]
     return mine[own[order]], theirs[other[order]]
 
 
-def sample_counts(segments: Float, spacing: float = SPACING) -> Int:
-    """How many samples (n,) lie along each of the segments (n, 4).
+def sample_counts(segments: Float, spacing: float = SAMPLE_SPACING) -> Int:
+    """The number of samples (n,) along each of the segments (n, 4).
 
-    A segment is cut into equal pieces no longer than the spacing [m], with a sample in the
-    middle of each: so no end of the segment is preferred.
+    A segment is divided into equal pieces no longer than the spacing [m], with a sample in the
+    middle of each.
     """
-    # The allowance lets a length of whole pieces keep its count when rounding adds a trifle.
-    return np.ceil(lengths(segments) / spacing - ROUNDING).astype(np.int64)
+    # The tolerance keeps the number of pieces when rounding makes a length slightly larger.
+    return np.ceil(lengths(segments) / spacing - LENGTH_ROUNDING).astype(np.int64)
 
 
 def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float) -> Float:
@@ -136,7 +136,7 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
 
     Returns:
         (s,) distance of each sample, segment after segment, to the line of the nearest such
-        wall; +inf where there is none.
+        wall; +inf if there is none.
     """
     counts = sample_counts(segments)
     segments, walls = in_local_frame(segments, walls)
@@ -161,21 +161,23 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
 
 
 def _blocks(own: Int, samples: Int) -> Iterator[Int]:
-    """Cut pairs into blocks of about a million samples, where no segment comes twice in one.
+    """Divide pairs into blocks of about a million samples, in which no segment occurs twice.
 
-    So all samples of a block can be written at once. Pairs come sorted by their segment.
+    So all samples of a block can be written at once. Pairs are sorted by their segment.
     """
     rank = np.arange(len(own)) - np.searchsorted(own, own)
     order = np.argsort(rank, kind="stable")
     ends = np.cumsum(samples[order])
-    full = np.searchsorted(ends, np.arange(BLOCK, ends[-1] if len(ends) else 0, BLOCK))
+    full = np.searchsorted(
+        ends, np.arange(SAMPLES_AT_ONCE, ends[-1] if len(ends) else 0, SAMPLES_AT_ONCE)
+    )
     next_rank = np.flatnonzero(np.diff(rank[order])) + 1
     cuts = np.union1d(full, next_rank).astype(np.int64)
     yield from (each for each in np.split(order, cuts) if len(each))
 
 
 def _place_beside(segments: Float, place: Float, walls: Float) -> tuple[Float, Float]:
-    """Distance [m] of one place (n,) on each segment (n, 4) to its wall, and to the wall's line."""
+    """Distance [m] of a place (n,) on each segment (n, 4) to its wall, and to the wall's line."""
     point = segments[:, :2] + place[:, None] * (segments[:, 2:] - segments[:, :2])
     gap, along = point - walls[:, :2], directions(walls)
     forward = np.einsum("ij,ij->i", gap, along)

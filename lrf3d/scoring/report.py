@@ -1,4 +1,4 @@
-"""Report: a value whose numbers go into a summary file."""
+"""Report: base class of the figures in summary files."""
 
 from dataclasses import fields
 from math import isfinite
@@ -11,6 +11,6 @@ class Report:
     __slots__ = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """The figures by name; None where a figure has no finite value, as JSON knows none."""
+        """The figures by name; None for values that are not finite, which JSON lacks."""
         values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
         return {name: value if isfinite(value) else None for name, value in values.items()}

@@ -28,7 +28,7 @@ ALONGSIDE = np.deg2rad(30.0)
 
 @dataclass(frozen=True, slots=True)
 class StorageCount(Report):
-    """How many numbers a run's map takes to store.
+    """The numbers that it takes to store the map of a run.
 
     Args:
         segments: Line segments of the map.
@@ -52,12 +52,11 @@ class StorageCount(Report):
 
 
 def storage(run: Run, polylines: Sequence[Sequence[Float]]) -> StorageCount:
-    """Count what the map of a run takes as unions, as polylines and as an occupancy grid.
+    """Count the numbers of the map of a run as unions, as polylines and as an occupancy grid.
 
     A polyline is a row of consecutive segments as seen from one place; views from different
-    sides are not joined (reference [5] of Teslić et al.). A polyline is held unless nine tenths
-    of its length lie along those held already; those that it makes superfluous in the same way
-    are removed.
+    sides are not joined (reference [5] of Teslić et al.). A polyline is kept unless nine tenths
+    of its length lie along those kept already; those that it makes redundant likewise are removed.
 
     Args:
         run: The run.
@@ -89,7 +88,7 @@ def held_polylines(polylines: Sequence[Sequence[Float]], tolerance: float) -> li
 
 
 def _uncovered(polylines: list[Float], others: list[Float], tolerance: float) -> list[Float]:
-    """Those of the polylines that lie for less than nine tenths along the others."""
+    """The polylines of which less than nine tenths lie along the others."""
     if not polylines or not others:
         return polylines
     segments, owner = _segments(polylines)
@@ -122,6 +121,6 @@ def _grid_cells(run: Run) -> int:
     for places in (run.trajectory.poses[:, :2], *(scan.points() for scan in run.scans)):
         low = np.minimum(low, places.min(axis=0, initial=np.inf))
         high = np.maximum(high, places.max(axis=0, initial=-np.inf))
-    # The small allowance keeps rounding, far from the origin, from adding a row of cells.
+    # The tolerance keeps rounding errors far from the origin from adding a row of cells.
     columns, rows = np.maximum(np.ceil((high - low) / GRID_CELL - 1e-6), 1.0)
     return int(columns) * int(rows)

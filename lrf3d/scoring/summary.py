@@ -1,4 +1,4 @@
-"""The summary of a run: what was driven, seen and mapped, in JSON's types."""
+"""The summary of a run: its drive, its scans and its map, in JSON's types."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,17 +7,17 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan
-from lrf3d.mapped import in_parts
+from lrf3d.mapped_files import in_parts
 from lrf3d.mapping import LineMap
 from lrf3d.run import Run
 from lrf3d.scoring import buildings_seen, score_run, storage
 
 MOST_JUDGED = 2000
-"""Scans that the walls in sight and the storage are judged by, at most: of a longer run as many,
-taken at random, show as much of the walls, and the time does not grow with the run."""
+"""Largest number of scans from which visible walls and storage are computed: a random sample of a
+long run shows as much of the walls, and the time does not grow with the run."""
 
 MOST_DRAWN = 4000
-"""Scans that a picture shows: the first of a longer run."""
+"""Largest number of scans in a picture: the first ones of a longer run."""
 
 LocalMap = Callable[[LaserScan], LineMap]
 
@@ -25,12 +25,12 @@ LocalMap = Callable[[LaserScan], LineMap]
 def summarise(run: Run, local_map: LocalMap | None) -> dict[str, Any]:
     """The figures of a run.
 
-    What speaks of a map of lines is None where the mapper makes none.
+    Figures of the map are None if the mapper makes no LineMap.
 
     Args:
         run: The run.
-        local_map: Makes the map of one scan alone, for the comparison of storage; None where the
-            mapper makes no map of lines.
+        local_map: Makes the map of a single scan, for the comparison of storage; None if the
+            mapper makes no LineMap.
     """
     judged = judged_part(run)
     returned = sum(int(np.isfinite(part).sum()) for part in in_parts(run.ranges))
@@ -66,7 +66,7 @@ def summarise(run: Run, local_map: LocalMap | None) -> dict[str, Any]:
 
 
 def judged_part(run: Run) -> Run:
-    """The run, or where it is long some of its scans."""
+    """The run, or a sample of the scans of a long one."""
     if len(run) <= MOST_JUDGED:
         return run
     scans = np.random.default_rng(0).choice(len(run), MOST_JUDGED, replace=False)
@@ -74,14 +74,14 @@ def judged_part(run: Run) -> Run:
 
 
 def drawn_part(run: Run) -> Run:
-    """The run, or where it is long its beginning, with the map of its end."""
+    """The run, or the beginning of a long one, with the final map."""
     return run if len(run) <= MOST_DRAWN else run.part(np.arange(MOST_DRAWN))
 
 
 def local_polylines(local: LineMap) -> list[Float]:
     """Vertices (k, 2) of each polyline of the map of one scan.
 
-    Where two segments follow each other, their vertex lies midway between their ends.
+    The vertex of two consecutive segments lies midway between their ends.
     """
     polylines = []
     for union in np.unique(local.objects):

@@ -1,20 +1,25 @@
-"""Visibility: the parts of the walls that a run could have mapped."""
+"""Visibility: the parts of the walls that a run could map, and the buildings seen on all sides."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from lrf3d.geometry import Float, Int, directions
 from lrf3d.laser import beam_directions
 from lrf3d.run import Run
+from lrf3d.scoring.matching import match_segments
+from lrf3d.scoring.report import Report
+from lrf3d.world.touching import joined_objects
 
-LEAST_LENGTH = 0.5
-"""Length [m] that the visible part of a wall must exceed to count."""
+LEAST_VISIBLE = 0.5
+"""Length [m] above which the visible part of a wall counts."""
 
 
 def visible_walls(run: Run) -> tuple[Float, Int]:
     """The part of each wall between the outermost noise-free returns of a run.
 
     Returns:
-        (v, 4) the parts longer than 0.5 m, and (v,) the walls that they lie on, rising.
+        (v, 4) the parts longer than 0.5 m, and (v,) their walls, in ascending order.
     """
     poses, angles = run.trajectory.poses, run.lrf.angles
     return visible_parts(run.world.segments, poses, angles, run.truth, run.walls)
@@ -33,19 +38,60 @@ def visible_parts(
         walls: (k, beams) the segment that each beam hit, −1 for none.
 
     Returns:
-        (v, 4) the parts longer than 0.5 m, and (v,) the segments that they lie on, rising.
+        (v, 4) the parts longer than 0.5 m, and (v,) their segments, in ascending order.
     """
     along = directions(segments)
     low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
     for pose, ranges, hit in zip(poses, truth, walls, strict=True):
         seen = (hit >= 0) & np.isfinite(ranges)
         wall = hit[seen]
-        # From the wall's own end, so that a world far from the origin loses no digits.
+        # Relative to the end of the wall, so that no digits are lost far from the origin.
         reach = ranges[seen, None] * beam_directions(pose[2], angles[seen])
         place = np.einsum("ij,ij->i", pose[:2] - segments[wall, :2] + reach, along[wall])
         np.minimum.at(low, wall, place)
         np.maximum.at(high, wall, place)
-    visible = np.flatnonzero(high - low > LEAST_LENGTH)
+    visible = np.flatnonzero(high - low > LEAST_VISIBLE)
     start, unit = segments[visible, :2], along[visible]
     first = start + low[visible, None] * unit
     return np.hstack([first, start + high[visible, None] * unit]), visible
+
+
+@dataclass(frozen=True, slots=True)
+class BuildingCount(Report):
+    """Buildings of a run.
+
+    Args:
+        buildings: Objects of the world, where those that touch count as one.
+        seen_on_all_sides: Those of which every wall has a visible part.
+        whole: Those of the latter that are one object of the map with exactly one segment for
+            each wall of the building ("each building is represented with four
+            line segments", section 4 of Teslić et al.).
+    """
+
+    buildings: int
+    seen_on_all_sides: int
+    whole: int
+
+
+def buildings_seen(run: Run) -> BuildingCount:
+    """Count the buildings of a run that were seen on all sides, and those mapped whole."""
+    objects = joined_objects(run.world)
+    walls_of = np.bincount(objects)
+    parts, walls = visible_walls(run)
+    seen = (np.bincount(objects[walls], minlength=len(walls_of)) == walls_of) & (walls_of > 0)
+    _, union, union_sizes = np.unique(run.map.objects, return_inverse=True, return_counts=True)
+    pairs = match_segments(run.map.segments, parts)
+    building, union_hit = objects[walls[pairs[:, 1]]], union[pairs[:, 0]]
+    # A building is whole if all its walls are matched, and all matches are of one object.
+    matched = np.bincount(building, minlength=len(walls_of))
+    lowest = np.full(len(walls_of), len(union_sizes))
+    highest = np.full(len(walls_of), -1)
+    np.minimum.at(lowest, building, union_hit)
+    np.maximum.at(highest, building, union_hit)
+    one_union = (matched == walls_of) & (lowest == highest) & (highest >= 0)
+    sizes = np.append(union_sizes, 0)[np.where(one_union, highest, len(union_sizes))]
+    return BuildingCount(
+        buildings=int((walls_of > 0).sum()),
+        seen_on_all_sides=int(seen.sum()),
+        whole=int((seen & one_union & (sizes == walls_of)).sum()),
+    )

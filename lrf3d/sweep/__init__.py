@@ -1,5 +1,6 @@
 """Sweeps: many runs over worlds, settings and seeds, on one machine or on a cluster.
 
-A grid says what is varied, a plan lists every run with a key of its own, Dask spreads them over
-processes, and Parquet keeps each result once. No result depends on where or when it was made.
+A grid defines what is varied, a plan lists all runs with unique keys, Dask distributes them to
+processes, and Parquet stores each result once. Results do not depend on where or when they are
+computed.
 """

@@ -1,8 +1,8 @@
-"""Clusters: processes on this machine, or a scheduler that the user has started, by Dask.
+"""Dask clusters: processes on this machine, or a scheduler that the user has started.
 
-Without an address, processes on this machine are started, one a core with one thread each; with
-the address of a scheduler its workers are used. Nothing listens beyond 127.0.0.1 but what the
-user has started, and there is no dashboard.
+Without an address, processes with one thread each are started on this machine, one for each core;
+with the address of a scheduler its workers are used. lrf3d itself listens only on 127.0.0.1, and
+there is no dashboard.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ from lrf3d.output import scratch_folder
 
 
 def missing_sweep() -> MissingLibraryError:
-    """The error that says how to get Dask and Parquet."""
+    """The error that explains how to install Dask and Parquet."""
     return MissingLibraryError("sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'")
 
 
@@ -35,16 +35,16 @@ except ImportError as error:
 ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+/?")
 """Addresses of schedulers."""
 
-PATIENCE = 30.0
-"""How long to wait for a scheduler and its first worker [s]."""
+SCHEDULER_SECONDS = 30.0
+"""Time to wait for a scheduler and its first worker [s]."""
 
 LIVES = 20
-"""Workers that may die of one task: a machine that is short of memory kills many by chance, but a
-task that kills each of its workers must not go round for ever."""
+"""Largest number of workers that die of one task: a machine short of memory kills some by chance,
+but a task that kills all of its workers must not be repeated forever."""
 
 
 def check_address(address: str) -> None:
-    """See that an address is one of a scheduler, before anything else is done.
+    """Check the address of a scheduler, before anything else is done.
 
     Raises:
         InputError: It is invalid.
@@ -70,7 +70,7 @@ def connected(scheduler: str | None, workers: int | None = None) -> Iterator[Cli
         return
     settings = {
         "distributed.scheduler.allowed-failures": LIVES,
-        # Results are small, so that workers short of memory are so for another's sake.
+        # Results are small, so other programs use the memory if workers are short of it.
         "distributed.worker.memory.pause": False,
         "distributed.worker.memory.terminate": False,
     }
@@ -79,7 +79,7 @@ def connected(scheduler: str | None, workers: int | None = None) -> Iterator[Cli
         dask.config.set({**settings, "temporary-directory": str(folder)}),
         ExitStack() as started,
     ):
-        # Ctrl-C is for the one that talks to the user: a terminal sends it to all processes.
+        # A terminal sends Ctrl-C to all processes; only this one is to handle it.
         with whole():
             client = started.enter_context(_started(core_count() if workers is None else workers))
         yield client
@@ -118,16 +118,16 @@ def _started(workers: int) -> Iterator[Client]:
 @contextmanager
 def _remote(address: str) -> Iterator[Client]:
     try:
-        client = Client(address, timeout=PATIENCE)
+        client = Client(address, timeout=SCHEDULER_SECONDS)
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(
             f"--scheduler {address}: no scheduler answers there; start one with dask scheduler,"
             " and give the tcp:// address that it prints"
         ) from error
-    # A lost scheduler is reported by lrf3d itself, in one line.
+    # lrf3d reports a lost scheduler itself, in one line.
     with client, silence_logging_cmgr(logging.CRITICAL):
         try:
-            client.wait_for_workers(1, timeout=PATIENCE)
+            client.wait_for_workers(1, timeout=SCHEDULER_SECONDS)
         except TimeoutError as error:
             raise InputError(
                 f"--scheduler {address}: it has no workers; start some with dask worker {address}"
@@ -137,7 +137,7 @@ def _remote(address: str) -> Iterator[Client]:
 
 
 def _check_code(client: Client, address: str) -> None:
-    """See that the workers have just this lrf3d: another could give other figures."""
+    """Check that the workers have this version of lrf3d; another could give other results."""
     try:
         found: dict[str, str] = client.run(code_digest)
     except Exception as error:
@@ -154,7 +154,7 @@ def _check_code(client: Client, address: str) -> None:
 
 
 def code_digest() -> str:
-    """A digest of the source of lrf3d as it lies on this machine."""
+    """A digest of the source of lrf3d on this machine."""
     package = Path(__file__).parents[1]
     total = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
@@ -163,14 +163,14 @@ def code_digest() -> str:
 
 
 def hold(client: Any, make: Callable[[bytes], Any], packed: bytes, *, key: str) -> Any:
-    """What is made of packed data, on the cluster, as an argument for tasks.
+    """An object on the cluster, made from packed data, as an argument for tasks.
 
-    It is the result of a task and no data that was handed around: when the last worker that held
-    it has died, it is made again.
+    It is the result of a task instead of scattered data: if the last worker that holds it dies, it
+    is made again.
 
     Args:
         client: The client of the cluster.
-        make: Makes it of the packed data, on a worker.
+        make: Makes the object from the packed data, on a worker.
         packed: The data, which the scheduler keeps.
         key: Its name on the cluster.
     """

@@ -1,4 +1,4 @@
-"""What a sweep found, handed to the pictures and to the eye: figures and a table."""
+"""The results of a sweep as figures and as a table."""
 
 import itertools
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import numpy as np
 from lrf3d.output import Drawing
 from lrf3d.render.sweep_figure import Curve, draw_sweep
 from lrf3d.sweep.plan import Plan
-from lrf3d.sweep.summary import CONFIDENCE, MEASURES, CellMean, Mean, cell_means
+from lrf3d.sweep.summary import INTERVAL_CONFIDENCE, MEASURES, CellMean, Mean, cell_means
 from lrf3d.sweep.task import Row
 from lrf3d.text import table
 
@@ -45,7 +45,7 @@ def figures_of(plan: Plan, rows: Sequence[Row], folder: Path) -> dict[str, Drawi
                 continue
             curves, averaged = curves_of(mine, column, plan)
             words = f"{_scans(plan, world)}  ·  {plan.grid.seeds} seeds"
-            words += f"  ·  mean and its {100.0 * CONFIDENCE:g} % interval"
+            words += f"  ·  mean and its {100.0 * INTERVAL_CONFIDENCE:g} % interval"
             words += (
                 f"  ·  averaged over {', '.join(each.removesuffix('_m') for each in averaged)}"
                 if averaged
@@ -133,8 +133,9 @@ def table_text(plan: Plan, rows: Sequence[Row]) -> str:
     if len(lines) > MOST_LINES:
         text += f"\n… and {len(lines) - MOST_LINES} more in summary.json"
     return (
-        f"{text}\nMean of {plan.grid.seeds} seeds ± half of its {100.0 * CONFIDENCE:g} % interval."
-        " segments: by visible walls; objects: of the map by those\nvisible; 1 is right."
+        f"{text}\nMean of {plan.grid.seeds} seeds ± half of its"
+        f" {100.0 * INTERVAL_CONFIDENCE:g} % interval. segments: by visible walls;"
+        " objects: of the map by those\nvisible; 1 is right."
     )
 
 

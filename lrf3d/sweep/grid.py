@@ -1,4 +1,4 @@
-"""Grid: what a sweep varies: worlds, settings of world files with many values each, and seeds."""
+"""What a sweep varies: worlds, settings of world files with several values each, and seeds."""
 
 import json
 import tomllib
@@ -21,7 +21,7 @@ SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
 SEEDS = 20
 """Seeds of each setting if not given."""
 
-MOST = 1_000_000
+MOST_RUNS = 1_000_000
 """Seeds at most; scans of a drive of which one is used; and runs, for the plan of all of them is
 held in memory, and the fastest take a core hours."""
 
@@ -32,7 +32,7 @@ SettingValue = float | int | str | bool
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class SweepGrid:
     """What a sweep varies; every combination is run with every seed.
 
     Args:
@@ -54,8 +54,8 @@ class Grid:
         if not self.worlds:
             raise InputError("sweep: no world; name one, such as city")
         for name, least in (("seeds", self.seeds), ("every", self.every)):
-            if not 1 <= least <= MOST:
-                raise InputError(f"sweep: {name} is {shown(least)}, expected 1 to {MOST:,}")
+            if not 1 <= least <= MOST_RUNS:
+                raise InputError(f"sweep: {name} is {shown(least)}, expected 1 to {MOST_RUNS:,}")
         axes = {name: tuple(_checked(name, v) for v in vs) for name, vs in self.axes.items()}
         for name, values in axes.items():
             if not values:
@@ -64,17 +64,17 @@ class Grid:
                 raise InputError(f"sweep: {name} has a value twice: {values}")
         object.__setattr__(self, "axes", axes)
         settings = len(self.worlds) * prod(len(values) for values in axes.values())
-        if settings * self.seeds > MOST:
+        if settings * self.seeds > MOST_RUNS:
             raise InputError(
                 f"sweep: {settings} settings with {self.seeds} seeds each are"
-                f" {settings * self.seeds:,} runs; expected at most {MOST:,}"
+                f" {settings * self.seeds:,} runs; expected at most {MOST_RUNS:,}"
             )
 
     @classmethod
     def usual(
         cls, *worlds: str, axes: Mapping[str, tuple[SettingValue, ...]], **rest: Any
-    ) -> "Grid":
-        """The grid with both modes and the usual noises, where the axes say nothing else."""
+    ) -> "SweepGrid":
+        """The grid with both modes and the usual noises, unless the axes contain them."""
         return cls(worlds, {MODE: MODES, SIGMA: SIGMAS, **axes}, **rest)
 
     @property
@@ -102,7 +102,7 @@ def setting(name: str, value: SettingValue) -> str:
 
 
 def _checked(name: str, value: SettingValue) -> SettingValue:
-    """A value in the type that the setting has."""
+    """A value in the type of its setting."""
     if not isinstance(value, float | int | str | bool):
         raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
     [table] = read_settings([setting(name, value)]).values()
@@ -144,13 +144,13 @@ def _value(text: str) -> SettingValue:
     return value if isinstance(value, float | int | str | bool) else text
 
 
-def read_grid(path: Path, axes: Mapping[str, tuple[SettingValue, ...]], **rest: Any) -> Grid:
-    """Read a grid file: a world file's tables with lists of values, beside worlds and seeds.
+def read_grid(path: Path, axes: Mapping[str, tuple[SettingValue, ...]], **rest: Any) -> SweepGrid:
+    """Read a grid file: the tables of a world file with lists of values, worlds and seeds.
 
     Args:
-        path: The file; worlds that it names as files are looked for beside it.
-        axes: Axes that hold instead of those of the file.
-        rest: What else holds instead of what the file says: worlds, seeds and every.
+        path: The file; its paths of worlds are relative to its folder.
+        axes: Axes that override those of the file.
+        rest: Worlds, seeds and every, which override those of the file.
 
     Raises:
         InputError: The file cannot be read or used.
@@ -183,7 +183,7 @@ def read_grid(path: Path, axes: Mapping[str, tuple[SettingValue, ...]], **rest: 
         **{name: value for name, value in rest.items() if value},
     }
     try:
-        return Grid.usual(*chosen.pop("worlds"), axes={**found, **axes}, **chosen)
+        return SweepGrid.usual(*chosen.pop("worlds"), axes={**found, **axes}, **chosen)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

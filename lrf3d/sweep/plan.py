@@ -1,6 +1,6 @@
-"""Plan: every run of a grid, with a key and a seed that come from what it holds.
+"""Plan: all runs of a grid, with keys and seeds that are derived from their contents.
 
-A grid enters; places, each a world with its drive and range finder, and the runs at them leave.
+A plan holds places, each a world with its drive and range finder, and the runs at them.
 """
 
 import hashlib
@@ -17,19 +17,20 @@ from lrf3d.robot.free_space import Side
 from lrf3d.scenario import Scenario
 from lrf3d.scenario_file import read_scenario_file, scenario_of
 from lrf3d.simulation import line_mapper
-from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, Grid, SettingValue, setting
+from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, SettingValue, SweepGrid, setting
 from lrf3d.sweep.task import Order, Place
 from lrf3d.world import World
 from lrf3d.world.size import size_warning
 
-COLUMNS = {MODE: "mode", SIGMA: "sigma_m", BEAMS: "beams"}
+SETTING_COLUMNS = {MODE: "mode", SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep lists; others keep their names."""
 
 KEY_DIGITS = 32
-"""Hexadecimal digits of a key: 128 bits, of which no two are the same by chance."""
+"""Hexadecimal digits of a key: 128 bits, so that no two keys are equal by chance."""
 
 FORMAT = 1
-"""Counts up when the same run would give other figures, so that old ones are not mixed in."""
+"""Incremented when the same run would give other figures, so that they are not mixed with old
+ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class Cell:
     Args:
         world: Name of the world.
         place: Digest of the place where its runs are made.
-        columns: What the table holds of it, by column.
+        columns: Its settings, by column of the table.
     """
 
     world: str
@@ -49,7 +50,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """A run: what to do, the number of its cell and that of its seed."""
+    """A run: its order, the number of its cell and that of its seed."""
 
     order: Order
     cell: int
@@ -61,19 +62,19 @@ class Plan:
     """All runs of a grid.
 
     Args:
-        grid: What is varied.
+        grid: The grid.
         places: The places by their digests.
         cells: The combinations.
         runs: The runs, in the order of the table.
     """
 
-    grid: Grid
+    grid: SweepGrid
     places: dict[str, Place]
     cells: tuple[Cell, ...]
     runs: tuple[PlannedRun, ...]
 
     def described(self, run: PlannedRun) -> dict[str, SettingValue]:
-        """What the table holds of a run before it is made."""
+        """The columns of a run that are known before it is made."""
         cell = self.cells[run.cell]
         return {
             "key": run.order.key,
@@ -90,35 +91,36 @@ class Plan:
 
     @property
     def axes(self) -> dict[str, tuple[SettingValue, ...]]:
-        """The values of what is varied, by column."""
+        """The values of each axis, by column."""
         return {column_of(name): values for name, values in self.grid.axes.items()}
 
 
 def column_of(name: str) -> str:
     """The column of a setting."""
-    return COLUMNS.get(name, name)
+    return SETTING_COLUMNS.get(name, name)
 
 
 def make_plan(
-    grid: Grid,
+    grid: SweepGrid,
     *,
     collision: Callable[[str], None] | None = None,
     where: Side | None = None,
     say: Callable[[str], None] = lambda message: None,
     warn: Callable[[str], None] = lambda message: None,
 ) -> Plan:
-    """Plan all runs of a grid: worlds are read, routes found and drives driven once each.
+    """Plan all runs of a grid: each world is read once, and each route and drive computed once.
 
     Args:
-        grid: What is varied.
-        collision: Called with what is wrong with a drive into a wall, which then goes on.
-        where: The side of the walls on which routes are planned; by the world if not given.
-        say: Called with where the routes are planned.
-        warn: Called with what is odd about the size of a world, and what figures will not show.
+        grid: The grid.
+        collision: Called with the message of a collision, after which the drive continues.
+        where: The side of the walls on which routes are planned; it depends on the world if not
+            given.
+        say: Called with the side on which routes are planned.
+        warn: Called with warnings.
 
     Raises:
         InputError: A world, a setting or a drive is invalid.
-        CollisionError: A drive would run into a wall.
+        CollisionError: A drive would hit a wall.
     """
     places: dict[str, Place] = {}
     cells: list[Cell] = []
@@ -135,7 +137,7 @@ def make_plan(
         for values in grid.combinations:
             scenario = scenario_of(file, [setting(*each) for each in values.items()])
             seen, place = drives.place(scenario)
-            # A threshold that cannot be is better known now than on a worker.
+            # An invalid threshold is found here, not on a worker.
             mode = line_mapper(scenario.noise, **scenario.mapper).mode
             usual: dict[str, SettingValue] = {
                 "mode": mode,
@@ -153,14 +155,14 @@ def make_plan(
 
 def _run(scenario: Scenario, seen: str, cell: int, seed: int) -> PlannedRun:
     noise, mapper = scenario.noise, dict(scenario.mapper)
-    # What a noise says of itself names its kind; its numbers alone do not.
+    # The repr of a noise contains its kind, not only its numbers.
     key = digest((FORMAT, scenario.name, seen, repr(noise), mapper, seed))[:KEY_DIGITS]
-    # All mappers and all noises are given one draw, so that they can be compared run by run.
+    # All mappers and noises have the same seeds, so that they can be compared run by run.
     return PlannedRun(Order(key, noise, mapper, seed_of((seen, seed))), cell, seed)
 
 
 class _Drives:
-    """The drives through one world, each driven once."""
+    """The drives through one world, each computed once."""
 
     def __init__(
         self,
@@ -182,7 +184,7 @@ class _Drives:
             scenario.start, scenario.route, scenario.poses, scenario.speed,
             scenario.scan_interval, scenario.radius,
         )  # fmt: skip
-        # A route that is found goes where the walls are seen from.
+        # A planned route depends on range_max.
         asked = digest((robot, scenario.lrf.range_max if scenario.route is None else None))
         if asked not in self._driven:
             routed = scenario.with_route(where=self._where)
@@ -211,13 +213,13 @@ def digest(value: Any) -> str:
 
 
 def seed_of(value: Any) -> int:
-    """A seed of 63 bits for numpy's SeedSequence, from what a value holds."""
+    """A seed of 63 bits for NumPy's SeedSequence, from the contents of a value."""
     return int(digest(value)[:16], 16) >> 1
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
-        # Fixed order of bytes, so that machines of either kind agree; −0 is 0.
+        # A fixed byte order makes the digest the same on all machines; −0 counts as 0.
         kind = "<f8" if value.dtype.kind == "f" else "<i8"
         ordered = np.ascontiguousarray(value + 0, dtype=kind)
         return ["array", value.shape, hashlib.sha256(ordered.tobytes()).hexdigest()]

@@ -1,8 +1,8 @@
-"""Store: the rows of a sweep in a folder, each run exactly once, whatever happens to the sweep.
+"""Store: the rows of a sweep in a folder, each run exactly once.
 
-While the sweep runs, rows are kept in part files that appear whole or not at all. At the end they
-become one table in the order of the plan. One process writes; workers only compute, so that a
-run that was made twice is kept once.
+During the sweep, rows are written to part files, each completely or not at all. At the end they
+become one table in the order of the plan. Only one process writes, so a run that was made twice is
+stored once.
 """
 
 import shutil
@@ -36,7 +36,7 @@ SCORES = (
     "length_precision", "length_recall", "length_f1", "segment_precision", "segment_recall",
     "segment_f1", "segment_ratio", "perpendicular_rms", "object_purity", "object_ratio",
 )  # fmt: skip
-"""Figures of a run that are not; null where a run has none."""
+"""Other figures of a run; null if a run has none."""
 
 
 def schema_of(plan: Plan) -> Any:
@@ -55,16 +55,16 @@ _TYPES = {float: arrow.float64(), int: arrow.int64(), str: arrow.string(), bool:
 
 
 class Store:
-    """The rows of a sweep in a folder; use it in a ``with`` block, which keeps others out.
+    """The rows of a sweep in a folder, which is locked during the ``with`` block.
 
     Args:
         folder: The folder; it is made.
-        plan: What is to be run.
-        resume: Go on with the runs that are there.
+        plan: The plan.
+        resume: Continue with the runs in the folder.
 
     Raises:
-        InputError: The folder holds runs and is not to be gone on with, holds runs of another
-            plan, or another process writes a sweep to it.
+        InputError: The folder holds runs and ``resume`` is not set, it holds runs of another plan,
+            or another process writes a sweep to it.
         OutputError: It cannot be written to.
     """
 
@@ -99,7 +99,7 @@ class Store:
         return self
 
     def __exit__(self, *_: object) -> None:
-        # What is known when a sweep is stopped is kept.
+        # The results so far are kept when a sweep is stopped.
         try:
             self.flush()
         finally:
@@ -110,14 +110,14 @@ class Store:
 
     @property
     def kept(self) -> int:
-        """How many of the rows are on the disk."""
+        """Number of rows on the disk."""
         return len(self._rows) - len(self._waiting)
 
     def __contains__(self, key: object) -> bool:
         return key in self._rows
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Take in what workers found; a run that is known already is not taken twice."""
+        """Add results of workers; a run that is there already is not added again."""
         for row in rows:
             if row["key"] not in self._rows:
                 whole = {**self._plan.described(self._planned[row["key"]]), **row}
@@ -125,18 +125,18 @@ class Store:
                 self._waiting.append(whole)
 
     def flush(self) -> None:
-        """Write the rows that came in since the last time as one more part."""
+        """Write the rows since the last call as another part."""
         if not self._waiting:
             return
-        # Named by its first run: no other part has it.
+        # Its name is that of its first run, which no other part has.
         path = self._parts / f"{self._waiting[0]['key']}.parquet"
         self._write(self._waiting, path)
         self._waiting = []
 
     def finish(self) -> list[Row]:
-        """Write all rows as one table in the order of the plan, and give them.
+        """Write all rows as one table in the order of the plan, and return them.
 
-        Only when it is there are the parts taken away.
+        The parts are removed afterwards.
         """
         self.flush()
         rows = [self._rows[run.order.key] for run in self._plan.runs]
@@ -145,7 +145,7 @@ class Store:
         return rows
 
     def close(self) -> None:
-        """Let others in."""
+        """Release the lock."""
         self._held.close()
 
     def _write(self, rows: Sequence[Row], path: Path) -> None:

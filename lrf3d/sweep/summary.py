@@ -9,14 +9,14 @@ import numpy as np
 from lrf3d.sweep.plan import Plan
 from lrf3d.sweep.task import Row
 
-CONFIDENCE = 0.95
-"""Probability with which an interval holds the mean."""
+INTERVAL_CONFIDENCE = 0.95
+"""Probability that an interval contains the mean."""
 
 MEASURES = (
     "length_f1", "segment_f1", "segment_ratio", "perpendicular_rms", "object_purity",
     "object_ratio",
 )  # fmt: skip
-"""What is averaged."""
+"""The figures that are averaged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +24,9 @@ class Mean:
     """A mean over seeds.
 
     Args:
-        mean: The mean; NaN where no run has the figure.
-        half: Half of the width of its interval, by Student's t; NaN for fewer than two runs.
+        mean: The mean; NaN if no run has the figure.
+        half: Half of the width of its confidence interval, by Student's t; NaN for fewer than two
+            runs.
         runs: Runs that have the figure.
     """
 
@@ -35,7 +36,7 @@ class Mean:
 
     @classmethod
     def of(cls, values: Sequence[float | None]) -> "Mean":
-        """The mean of values, and how sure it is."""
+        """The mean of values, with its confidence interval."""
         from scipy.stats import t
 
         known = np.array([value for value in values if value is not None], dtype=np.float64)
@@ -43,7 +44,7 @@ class Mean:
         if count < 2:
             return cls(float(known[0]) if count else np.nan, np.nan, count)
         spread = float(known.std(ddof=1)) / np.sqrt(count)
-        half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1)) * spread
+        half = float(t.ppf(0.5 + 0.5 * INTERVAL_CONFIDENCE, count - 1)) * spread
         return cls(float(known.mean()), half, count)
 
     def as_dict(self) -> dict[str, float | int | None]:
@@ -56,12 +57,12 @@ class Mean:
 
 @dataclass(frozen=True, slots=True)
 class CellMean:
-    """What a combination of settings gave.
+    """The means of a combination of settings.
 
     Args:
         world: Name of the world.
         columns: The settings, by column.
-        measures: The means, by what is averaged.
+        measures: The means by figure.
     """
 
     world: str
@@ -89,7 +90,7 @@ def summarise(plan: Plan, rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "sweep": {**plan.grid.as_dict(), "worlds": plan.worlds},
         "runs": len(rows),
-        "confidence": CONFIDENCE,
+        "confidence": INTERVAL_CONFIDENCE,
         "combinations": [
             {
                 "world": mean.world,

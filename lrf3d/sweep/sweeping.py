@@ -1,37 +1,36 @@
-"""The sweep: all runs of a plan over a cluster, into a folder, and what they amount to.
+"""The sweep: all runs of a plan on a cluster, their results in a folder, and the summary.
 
-Runs are sent in batches that take about as long as is worth sending.
+Runs are sent in batches, so that sending them takes a small share of the time.
 """
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, Lrf3dError
 from lrf3d.interrupts import noting
+from lrf3d.progress import Progress, silent
 from lrf3d.sweep.cluster import connected, hold
 from lrf3d.sweep.plan import Cell, Plan, PlannedRun, digest
 from lrf3d.sweep.store import TABLE, Store
 from lrf3d.sweep.summary import summarise
 from lrf3d.sweep.task import Row, carry_out, unpack
 
-Progress = Callable[[int, int], None]
-
 AHEAD = 3
-"""Batches for each worker that are under way: one at work and some in line, so that none waits."""
+"""Batches sent for each worker: one in progress and some queued, so that no worker waits."""
 
 FLUSH_SECONDS = 2.0
-"""How often rows are written [s]: what a killed sweep loses at most."""
+"""Interval between writing rows [s]: the most that a killed sweep loses."""
 
 BATCH_SECONDS = 0.5
-"""How long a batch should take [s]: a hundred times what sending it costs, and short enough that
-little is lost with a worker or at the end."""
+"""Target duration of a batch [s]: a hundred times that of sending it, and short enough that little
+is lost with a worker or at the end."""
 
 LARGEST_BATCH = 256
-"""Runs of a batch at most."""
+"""Largest number of runs in a batch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +42,12 @@ class Batch:
 
 
 class Batches:
-    """Cuts runs into batches, by how long those before them took.
+    """Divides runs into batches, by the durations of earlier ones.
 
     Args:
         runs: The runs, in order.
         cells: The cells that they belong to.
-        workers: How many workers share them.
+        workers: Number of workers.
     """
 
     def __init__(self, runs: Iterable[PlannedRun], cells: Sequence[Cell], *, workers: int) -> None:
@@ -60,11 +59,11 @@ class Batches:
         return len(self._waiting)
 
     def take(self) -> Batch | None:
-        """The next batch; None when there is none."""
+        """The next batch; None at the end."""
         if not self._waiting:
             return None
         place = self._cells[self._waiting[0].cell].place
-        # Towards the end batches get smaller, so that all workers end at about one time.
+        # Towards the end batches get smaller, so that all workers finish at about the same time.
         most = min(LARGEST_BATCH, max(1, len(self._waiting) // (2 * self._workers)))
         runs: list[PlannedRun] = []
         seconds = 0.0
@@ -76,34 +75,34 @@ class Batches:
         return Batch(place, tuple(runs))
 
     def learn(self, batch: Batch, seconds: float) -> None:
-        """Take in how long a batch took [s].
+        """Record the duration of a batch [s].
 
-        Only the last counts: the first in a process also load what was compiled.
+        Only the latest one counts: the first ones in a process also load compiled code.
         """
         for name in {each for run in batch.runs for each in self._names(run)}:
             self._pace[name] = seconds / len(batch.runs)
 
     def _expected(self, run: PlannedRun) -> float:
-        """How long a run will take [s]; a whole batch where nothing like it has been made."""
+        """Expected duration of a run [s]; that of a batch if there was no similar run."""
         return next((self._pace[n] for n in self._names(run) if n in self._pace), BATCH_SECONDS)
 
     def _names(self, run: PlannedRun) -> tuple[object, ...]:
-        """What a run is like: its cell, or else its world and mode."""
+        """Keys of similar runs: the same cell, or else the same world and mode."""
         cell = self._cells[run.cell]
         return run.cell, (cell.world, cell.columns["mode"])
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep that is done.
+    """A finished sweep.
 
     Args:
-        plan: What was run.
+        plan: The plan.
         rows: The table, a row for each run.
         table: The file of the table.
         summary: The means with their confidence intervals, in JSON's types.
-        resumed: Runs that had been made before.
-        took: How long the others took [s].
+        resumed: Number of runs that were there before.
+        took: Duration of the others [s].
     """
 
     plan: Plan
@@ -121,21 +120,21 @@ def sweep(
     scheduler: str | None = None,
     workers: int | None = None,
     resume: bool = False,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> Sweep:
-    """Make all runs of a plan; what comes out does not depend on where, when or in what order.
+    """Make all runs of a plan; the results do not depend on where, when or in what order.
 
     Args:
-        plan: What to run.
-        folder: Where rows are kept as they come, and where ``sweep.parquet`` is written.
-        scheduler: Address of a Dask scheduler; processes on this machine where None.
-        workers: Processes on this machine; one a core where None.
-        resume: Go on with the runs that are in the folder.
-        progress: Called with the runs that are done and all.
+        plan: The plan.
+        folder: The folder for the rows and for ``sweep.parquet``.
+        scheduler: Address of a Dask scheduler; None for processes on this machine.
+        workers: Number of processes on this machine; None for one for each core.
+        resume: Continue with the runs that are in the folder.
+        progress: Called with the number of runs that are done, and of all.
 
     Raises:
-        InputError: The folder holds runs that are not to be gone on with, the scheduler cannot
-            be used, or a run kills every worker that it is given to.
+        InputError: The folder holds other runs, the scheduler cannot be used, or a run kills every
+            worker that it is sent to.
         OutputError: The folder cannot be written to.
     """
     begin = time.perf_counter()
@@ -153,7 +152,7 @@ def sweep(
 
 
 def _work(client: Any, plan: Plan, runs: list[Any], store: Store, progress: Progress) -> None:
-    """Send batches, a few for each worker at a time, and keep what comes back."""
+    """Send batches, a few for each worker at a time, and store their results."""
     from distributed import CancelledError, KilledWorker, as_completed
 
     count = sum(client.nthreads().values())

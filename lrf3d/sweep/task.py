@@ -1,6 +1,6 @@
-"""What a worker does: runs of one place, each a pure function of what is sent.
+"""The work of a worker: runs at one place, each a pure function of its arguments.
 
-A place enters, with the runs to make there; a row of figures for each leaves.
+The input is a place with the runs to make there; the output is a row of figures for each.
 """
 
 import pickle
@@ -24,10 +24,10 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A world with the drive through it and the range finder: all that is seen but the noise.
+    """A world with a drive and a range finder, which determine the scans without noise.
 
     Args:
-        scenario: The scenario; its mapper and its noise are those of no run in particular.
+        scenario: The scenario; its mapper and its noise are not used.
         trajectory: The drive.
     """
 
@@ -36,11 +36,11 @@ class Place:
 
     @cached_property
     def caster(self) -> PlanarCaster:
-        """The caster, which all runs at this place share."""
+        """The caster, shared by all runs at this place."""
         return PlanarCaster(self.scenario.world)
 
     def packed(self) -> bytes:
-        """The place, as it is sent to workers; casters are quicker built than sent."""
+        """The place for sending to workers; building a caster is faster than sending it."""
         return pickle.dumps((replace(self.scenario, mapper={}), self.trajectory), protocol=5)
 
 
@@ -54,7 +54,7 @@ class Order(NamedTuple):
 
     Attributes:
         key: The key of the run.
-        noise: What makes measured scans of true ones.
+        noise: Turns true scans into measured ones.
         mapper: Keyword arguments for the mapper.
         seed: Seed of the noise.
     """
@@ -66,7 +66,7 @@ class Order(NamedTuple):
 
 
 class BatchResult(NamedTuple):
-    """What came of some runs: their rows, and how long they took together [s]."""
+    """The rows of some runs, and their duration [s]."""
 
     rows: list[Row]
     seconds: float

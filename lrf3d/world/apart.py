@@ -1,8 +1,7 @@
-"""Reading a world apart: in a process of its own, with bounds on its time and its memory.
+"""Reading a world in a separate process, with limits on its time and its memory.
 
-Libraries that read drawings and meshes take what a file says at its word, and a file may be
-damaged or hostile. A process that only reads can be stopped; arrays come back from it, and nothing
-of it is executed or unpickled.
+Libraries for drawings and meshes trust the contents of a file, which may be damaged or hostile. A
+separate process can be stopped. It returns plain arrays; nothing is executed or unpickled.
 """
 
 import json
@@ -22,13 +21,13 @@ from lrf3d.errors import WorldError
 from lrf3d.world.model import World
 
 SECONDS, SECONDS_A_MEGABYTE = 4.0, 1.5
-"""How long a processor may be at it [s]: to start, and for each megabyte of the file."""
+"""Limit of the processor time [s]: for the start, and for each megabyte of the file."""
 
-PATIENCE = 10.0
-"""How many times longer it may take on a machine that has other things to do."""
+SLOWEST_MACHINE = 10.0
+"""Factor between the limits of wall time and processor time, for busy machines."""
 
 MEMORY, MEMORY_A_BYTE = 300 << 20, 30
-"""How much memory reading may take [bytes]: at least, and for each byte of the file."""
+"""Limit of the memory [bytes]: a constant part, and one for each byte of the file."""
 
 WALLS = np.dtype([("segment", "<f8", 4), ("object", "<i8"), ("height", "<f8")])
 
@@ -54,12 +53,12 @@ def read_apart(path: Path, read: Callable[[Path], World]) -> World:
             command,
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            timeout=PATIENCE * seconds,
+            timeout=SLOWEST_MACHINE * seconds,
             env=environment,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise WorldError(_too_long(path, PATIENCE * seconds)) from None
+        raise WorldError(_too_long(path, SLOWEST_MACHINE * seconds)) from None
     if done.returncode == -getattr(signal, "SIGXCPU", 0):
         raise WorldError(_too_long(path, seconds))
     header, _, body = done.stdout.partition(b"\n")
@@ -93,14 +92,14 @@ def read_here(path: Path, read: Callable[[Path], World]) -> World:
     except MemoryError:
         raise WorldError(f"{path}: needs too much memory to read; simplify it") from None
     except Exception as error:
-        # What is raised depends on the library, and on the place where the damage is.
+        # The exception depends on the library and on the damage.
         words = " ".join(str(error).split())
         reason = f"{type(error).__name__}: {words}"[:120] if words else type(error).__name__
         raise WorldError(f"{path}: damaged, or not a {path.suffix[1:]} file ({reason})") from None
 
 
 def _seconds(path: Path) -> float:
-    """How long reading a file may take a processor [s]."""
+    """Limit of the processor time for a file [s]."""
     return SECONDS + SECONDS_A_MEGABYTE * path.stat().st_size / 1e6
 
 
@@ -109,7 +108,7 @@ def _too_long(path: Path, seconds: float) -> str:
 
 
 def _limit(memory: int, seconds: int) -> None:
-    """Let this process have so much memory and time, where the system knows such limits."""
+    """Limit the memory and the processor time of this process, if the system supports it."""
     try:
         import resource
     except ImportError:
@@ -121,7 +120,7 @@ def _limit(memory: int, seconds: int) -> None:
     }
     for limit, most in limits.items():
         try:
-            # The hard limit of the time is a second later, so that the signal shows which it was.
+            # The hard limit of the time is a second longer, so that SIGXCPU comes before SIGKILL.
             resource.setrlimit(limit, (most, most + (limit == resource.RLIMIT_CPU)))
         except (ValueError, OSError):
             continue
@@ -130,7 +129,7 @@ def _limit(memory: int, seconds: int) -> None:
 def _main(module: str, function: str, path: Path) -> NoReturn:
     """Read a file by a function of a module; write the world, or the error, to standard output."""
     _limit(MEMORY + MEMORY_A_BYTE * path.stat().st_size, math.ceil(_seconds(path)))
-    # What libraries print must not come between the data.
+    # The output of libraries must not mix with the data.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:

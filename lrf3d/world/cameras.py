@@ -12,7 +12,7 @@ MOVING_VIEWS = ("chase", "first", "orbit", "top")
 DEFAULT_FIELD = 50.0
 """Angle of view from the bottom to the top of the picture [degrees] if none is given."""
 
-WIDEST = 170.0
+WIDEST_VIEW = 170.0
 """Angles of view are less than this [degrees]."""
 
 
@@ -42,10 +42,10 @@ class FixedCamera:
             )
         if self.position == self.target:
             raise WorldError(f"camera {self.name!r}: position and target are the same point")
-        if not 0.0 < self.field_deg < WIDEST:
+        if not 0.0 < self.field_deg < WIDEST_VIEW:
             raise WorldError(
                 f"camera {self.name!r}: field_deg {self.field_deg:g}, expected more than 0 and"
-                f" less than {WIDEST:g}"
+                f" less than {WIDEST_VIEW:g}"
             )
 
     def scaled(self, factor: float) -> "FixedCamera":

@@ -1,11 +1,11 @@
-"""Merging segments that lie on one line and touch, so that a straight wall is one segment."""
+"""Merging collinear segments that touch, so that a straight wall is one segment."""
 
 import numpy as np
 
 from lrf3d.geometry import Float, Int, directions, lengths
 
 PARALLEL = 1e-5
-"""Angle [rad] between neighbours in a sorted row of lines that are tried as one."""
+"""Largest difference [rad] of neighbours in a sorted list of directions that are one cluster."""
 
 
 def merge_collinear(segments: Float, labels: Int, *, tolerance: float) -> tuple[Float, Int]:
@@ -14,23 +14,23 @@ def merge_collinear(segments: Float, labels: Int, *, tolerance: float) -> tuple[
     Args:
         segments: (n, 4) segments [m].
         labels: (n,) only segments of the same label are merged.
-        tolerance: How far off the line, and how far apart, the segments may be [m].
+        tolerance: Largest distance of segments from their line, and from each other [m].
 
     Returns:
-        The merged segments (m, 4), no end of which is farther than the tolerance from one of the
-        given, and the label (m,) of each.
+        The merged segments (m, 4), whose ends lie within the tolerance of given ends, and the label
+        (m,) of each.
     """
     if not len(segments):
         return segments, labels
     origin = np.round(segments.reshape(-1, 2).mean(axis=0))
     local = segments - np.tile(origin, 2)
     unit = directions(local)
-    # One direction for both ways to write a segment, in the half circle [0, π).
+    # Both orders of the ends give the same direction, in the half circle [0, π).
     unit[(unit[:, 1] < 0.0) | ((unit[:, 1] == 0.0) & (unit[:, 0] < 0.0))] *= -1.0
     angle = np.arctan2(unit[:, 1], unit[:, 0])
     angle[angle >= np.pi - 0.5 * PARALLEL] -= np.pi
     line = _clusters(angle, PARALLEL, labels)
-    # All of a cluster are measured along the direction of its longest segment.
+    # The segments of a cluster are measured along the direction of its longest one.
     longest = np.lexsort((-lengths(local), line))
     first = longest[np.searchsorted(line[longest], np.arange(line.max() + 1))]
     along = unit[first][line]
@@ -61,7 +61,7 @@ def merge_collinear(segments: Float, labels: Int, *, tolerance: float) -> tuple[
 
 
 def _clusters(values: Float, gap: float, labels: Int) -> Int:
-    """A number (n,) for each run of sorted values of one label with no wider gap than this."""
+    """Cluster numbers (n,): values of one label without a wider gap between them are a cluster."""
     order = np.lexsort((values, labels))
     apart = (np.diff(values[order]) > gap) | (np.diff(labels[order]) != 0)
     numbers = np.empty(len(values), dtype=np.int64)
@@ -70,7 +70,7 @@ def _clusters(values: Float, gap: float, labels: Int) -> Int:
 
 
 def _runs(row: Int, low: Float, high: Float, gap: float) -> Int:
-    """A number (n,) for each run of intervals, sorted by row and low end, that touch."""
+    """Numbers (n,) of the runs of intervals that touch; they are sorted by row and low end."""
     reach = np.empty(len(row))
     last = -np.inf
     for index in range(len(row)):

@@ -1,7 +1,7 @@
-"""Dissolving: footprints of buildings that touch become blocks, whose outer walls alone remain.
+"""Dissolving: footprints of buildings that touch become blocks, with only their outer walls.
 
-Footprints enter, with a height each; blocks leave. A wall that two buildings share is met by no
-beam, and a façade that runs straight over several buildings is one segment to a laser.
+The input is footprints with heights, the output blocks. No beam can reach a wall that two buildings
+share, and a straight façade of several buildings is one segment to a laser.
 """
 
 from collections.abc import Sequence
@@ -14,13 +14,13 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
 
 CLOSING = 0.05
-"""Widest gap [m] between two footprints that counts as touching: surveys leave hairs open."""
+"""Widest gap [m] between footprints that touch: surveys leave hairline gaps."""
 
 STRAIGHT = 0.01
-"""Farthest [m] that a corner may lie off a straight façade and be left out of it."""
+"""Largest distance [m] from a straight façade of a corner that is left out."""
 
 SNAP = 0.002
-"""How near [m] to a corner of the source a corner of a block is taken to be that very corner."""
+"""Distance [m] within which a corner of a block takes the coordinates of a corner of the source."""
 
 SMALLEST_COURTYARD = 1.0
 """Area [m²] below which a hole in a block is a gap between footprints and not a courtyard."""
@@ -29,11 +29,11 @@ MITRE_LIMIT = 20.0
 """Corners sharper than 6° are cut when gaps are closed; all others come back as they were."""
 
 MOST_CROSSINGS, CROSSINGS_A_WALL = 10_000, 10
-"""How often walls of one outline may meet, in all and for each wall: neighbours meet anyway, and
-slips of the pen are few."""
+"""Largest number of intersections of the walls of one outline, in all and for each wall: neighbours
+always meet, and drawing errors are few."""
 
 MOST_AT_ONCE = 100
-"""Walls that are compared with all others before the meetings are counted."""
+"""Walls that are intersected with all others before the intersections are counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Block:
     Args:
         rings: Rings (k, 2) [m]: outer ones counter-clockwise, courtyards clockwise.
         heights: For each ring the heights (k,) [m] of the walls from point i to point i + 1.
-        footprints: Indices of the footprints in it, rising.
+        footprints: Indices of its footprints, in ascending order.
     """
 
     rings: tuple[Float, ...]
@@ -62,12 +62,12 @@ class Block:
 def dissolve(
     footprints: Sequence[Footprint], *, closing: float = CLOSING, simplify: float = STRAIGHT
 ) -> list[Block]:
-    """Join footprints that touch, overlap or are a hair apart into blocks.
+    """Join footprints that touch, overlap or nearly touch into blocks.
 
     Args:
         footprints: The buildings.
         closing: Widest gap between two footprints of a block [m].
-        simplify: Farthest that a corner may lie off a straight wall and be left out [m].
+        simplify: Largest distance from a straight wall of a corner that is left out [m].
 
     Returns:
         The blocks, in the order of the first footprint of each.
@@ -85,7 +85,7 @@ def dissolve(
     count = len(polygons)
     links = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     _, label = connected_components(links, directed=False)
-    # Labels are numbered as their first members come, so blocks keep the order of the source.
+    # Labels are numbered by their first members, so blocks keep the order of the source.
     members = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
     outlines = _Corners(corners, origin)
     blocks = []
@@ -100,7 +100,7 @@ def dissolve(
 
 
 def _polygon(footprint: Footprint, origin: Float) -> Any:
-    """The polygon of a footprint in the local frame; one that crosses itself is mended."""
+    """The polygon of a footprint in the local frame; one that crosses itself is made valid."""
     import shapely
 
     outer, *holes = (ring - origin for ring in footprint.rings)
@@ -108,12 +108,12 @@ def _polygon(footprint: Footprint, origin: Float) -> Any:
     if polygon.is_valid:
         return polygon
     _check_crossings(footprint.rings)
-    # Mending may leave lines where an outline ran forth and back; they enclose nothing.
+    # This may leave lines where an outline ran there and back; they enclose nothing.
     return shapely.union_all(_polygons_in(shapely.make_valid(polygon)))
 
 
 def _check_crossings(rings: tuple[Float, ...]) -> None:
-    """See that rings cross themselves so seldom that mending them takes no hours."""
+    """Check that rings do not cross themselves so often that making them valid takes hours."""
     import shapely
 
     ends = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
@@ -136,12 +136,12 @@ def _polygons_in(geometry: Any) -> list[Any]:
 
 
 def _close(polygons: Any, closing: float) -> list[Any]:
-    """The union of polygons as a list of polygons, gaps up to the closing filled."""
+    """The union of polygons as a list, with gaps up to the given width closed."""
     import shapely
 
     union = shapely.union_all(polygons)
     if len(polygons) > 1:
-        # A little more than half on each side, so that a gap of just that width is closed too.
+        # Slightly more than half on each side, so that a gap of exactly this width is closed.
         reach = 0.5001 * closing
         for distance in (reach, -reach):
             union = shapely.buffer(
@@ -151,7 +151,7 @@ def _close(polygons: Any, closing: float) -> list[Any]:
 
 
 def _rings(polygon: Any, simplify: float, outlines: "_Corners") -> list[Float]:
-    """The rings of a polygon as walls: straight ones whole, in the coordinates of the source."""
+    """The rings of a polygon with straightened walls, in the coordinates of the source."""
     rings = []
     for index, ring in enumerate((polygon.exterior, *polygon.interiors)):
         points = outlines.restore(_straighten(np.array(ring.coords)[:-1], simplify))
@@ -163,14 +163,14 @@ def _rings(polygon: Any, simplify: float, outlines: "_Corners") -> list[Float]:
 
 
 def _straighten(ring: Float, tolerance: float) -> Float:
-    """The corners of a ring (k, 2) that stand out of straight lines by more than the tolerance."""
+    """The corners of a ring (k, 2) that lie farther than the tolerance from straight walls."""
     import shapely
 
     before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
     base, arm = after - before, ring - before
     width = np.hypot(base[:, 0], base[:, 1])
     cross = np.abs(base[:, 0] * arm[:, 1] - base[:, 1] * arm[:, 0])
-    # A simplified line keeps its ends, so the ring is cut open at its sharpest corner.
+    # Simplifying keeps the ends of a line, so the ring is opened at its sharpest corner.
     sharpest = int(np.argmax(cross / np.maximum(width, 1e-12)))
     opened = np.roll(ring, -sharpest, axis=0)
     line = shapely.linestrings(np.vstack([opened, opened[:1]]))
@@ -185,7 +185,7 @@ def _area(ring: Float) -> float:
 
 
 def _heights(ring: Float, polygons: Any, heights: Float) -> Float:
-    """Height (k,) of each wall of a ring: that of the tallest footprint at its middle."""
+    """Height (k,) of each wall of a ring: that of the tallest footprint at the wall's middle."""
     import shapely
 
     middles = shapely.points(0.5 * (ring + np.roll(ring, -1, axis=0)))
@@ -197,7 +197,7 @@ def _heights(ring: Float, polygons: Any, heights: Float) -> Float:
 
 
 class _Corners:
-    """The corners of the source, to take their very coordinates over where a block has them.
+    """The corners of the source, whose exact coordinates the corners of blocks take over.
 
     Args:
         corners: (k, 2) all corners in the coordinates of the source [m].
@@ -211,7 +211,7 @@ class _Corners:
         self.tree = cKDTree(corners - origin)
 
     def restore(self, points: Float) -> Float:
-        """Points (k, 2) of the local frame in the source's coordinates, none twice in a row."""
+        """Points (k, 2) of the local frame in the source's coordinates, without repeated ones."""
         gaps, nearest = self.tree.query(points)
         exact = (np.asarray(gaps) <= SNAP)[:, None]
         restored = np.where(exact, self.corners[nearest], points + self.origin)

@@ -10,7 +10,7 @@ from lrf3d.geometry import Float, lengths
 from lrf3d.input import own_name
 from lrf3d.world.model import World
 from lrf3d.world.pieces import walls
-from lrf3d.world.schema import FARTHEST
+from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.touching import TOUCHING, connected
 
 CURVE_ERROR = 0.005
@@ -34,8 +34,10 @@ def world_of_strokes(strokes: Sequence[Float], path: Path, name: str = "") -> Wo
     """
     pieces = [walls(stroke, closed=False) for stroke in strokes if len(stroke) > 1]
     segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
-    if not (np.abs(segments) <= FARTHEST).all():
-        raise WorldError(f"{path}: holds a line that is not finite, or over {FARTHEST:g} m away")
+    if not (np.abs(segments) <= LARGEST_COORDINATE).all():
+        raise WorldError(
+            f"{path}: holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away"
+        )
     segments = without_repeats(segments[lengths(segments) > SHORTEST])
     if not len(segments):
         raise WorldError(f"{path}: holds no line and no outline, so there is no wall")

@@ -23,17 +23,17 @@ from lrf3d.input import opened
 from lrf3d.world.drawing import CURVE_ERROR, MOST_WALLS, world_of_strokes
 from lrf3d.world.model import World
 
-LARGEST = 1 << 26
+LARGEST_DXF = 1 << 26
 """Bytes of a drawing."""
 
 MOST_INSERTED = 20_000
 """Entities that stand in blocks, counted each time that they are inserted: blocks of blocks of
 blocks would be more than there are atoms."""
 
-DEEPEST = 30
+DEEPEST_BLOCK = 30
 """Blocks that may stand inside each other."""
 
-FINEST = 1.0 / 2000.0
+CURVE_SHARE = 1.0 / 2000.0
 """Chords lie no farther from a curve than this share of its extent."""
 
 CACHE_HOME = "XDG_CACHE_HOME"
@@ -65,7 +65,7 @@ def read_dxf(path: Path) -> World:
     from ezdxf.filemanagement import readfile
     from ezdxf.lldxf.const import DXFError
 
-    with opened(path, what="a world file", largest=LARGEST, error=WorldError):
+    with opened(path, what="a world file", largest=LARGEST_DXF, error=WorldError):
         pass
     try:
         drawing = readfile(path)
@@ -131,9 +131,9 @@ def _entities(layout: Any, path: Path, hidden: set[str]) -> Iterator[Any]:
         if entity.dxf.get("layer", "0").lower() in hidden or entity.dxf.get("invisible", 0):
             continue
         if entity.dxftype() == "INSERT":
-            if depth >= DEEPEST:
+            if depth >= DEEPEST_BLOCK:
                 name = entity.dxf.get("name", "")
-                raise WorldError(f"{path}: block {name[:40]!r} nested over {DEEPEST} deep")
+                raise WorldError(f"{path}: block {name[:40]!r} nested over {DEEPEST_BLOCK} deep")
             if entity.mcount > 1:
                 waiting.append((iter(entity.multi_insert()), depth))
             else:
@@ -157,7 +157,7 @@ def _strokes(entity: Any, tolerance: float) -> Iterator[Float]:
     extent = float(np.ptp(corners, axis=0).max())
     if not np.isfinite(extent):
         raise WorldError("a curve that is not finite")
-    distance = max(min(tolerance, FINEST * extent), 1e-9)
+    distance = max(min(tolerance, CURVE_SHARE * extent), 1e-9)
     if not extent / distance <= 1e8:
         raise WorldError("a curve that is too large to be cut into chords")
     for part in outline.sub_paths():

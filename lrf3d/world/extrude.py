@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 def extrude(world: World) -> "trimesh.Trimesh":
     """Raise every wall from the ground, z = 0, to its height.
 
-    Wall i is the triangles 2i and 2i + 1, so ``triangle // 2`` is the wall. The mesh stands in
-    the local frame: ``world.origin`` is subtracted from x and y, so that float32 casters keep
-    their digits far from the origin of the source.
+    Triangles 2i and 2i + 1 are wall i, so ``triangle // 2`` is the wall. The mesh is in the local
+    frame: ``world.origin`` is subtracted from x and y, so that float32 casters lose no digits far
+    from the origin.
     """
     import trimesh
 
@@ -27,5 +27,5 @@ def extrude(world: World) -> "trimesh.Trimesh":
     vertices[:, 2:, 2] = world.heights[:, None]
     first = 4 * np.arange(count)[:, None]
     faces = (first[:, :, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-    # Processing would merge vertices and drop faces, and with them the rule on indices.
+    # Processing would merge vertices and drop faces, and so break the numbering of the faces.
     return trimesh.Trimesh(vertices.reshape(-1, 3), faces, process=False)

@@ -1,4 +1,4 @@
-"""World files: built-in worlds by name, others by path, each read and written by its ending."""
+"""World files: built-in worlds by name, others by path; the ending of a file gives its format."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -189,9 +189,9 @@ def world_names() -> list[str]:
 
 
 def find_world(name_or_path: str | Path) -> Path:
-    """The file of a world that is named or given by its path; its ending is a known one.
+    """The file of a world, given by its name or its path, with a known ending.
 
-    A built-in name comes before a file or a folder that is called the same: that is ``./city``.
+    A built-in name comes before a file or a folder of that name, which is given as ``./city``.
 
     Raises:
         WorldError: There is no such world.

@@ -16,12 +16,12 @@ MOST_SIDE = 100_000
 
 @dataclass(frozen=True, eq=False)
 class FreeCells:
-    """A grid of cells that are free, or not known to be.
+    """A grid of cells that are known to be free, or not.
 
     Args:
-        cells: (rows, columns) whether each is free, the first row at the bottom.
+        cells: (rows, columns) whether each cell is free; the first row is at the bottom.
         resolution: Side of a cell [m].
-        origin: Place x, y [m] of the outer corner of the first cell, and yaw [rad] of the grid.
+        origin: Position x, y [m] of the outer corner of the first cell, and yaw [rad] of the grid.
     """
 
     cells: Bool
@@ -34,7 +34,7 @@ class FreeCells:
         object.__setattr__(self, "cells", cells)
 
     def contain(self, points: Float) -> Bool:
-        """Which of the points (k, 2) [m] lie in a free cell; beyond the grid nothing is known."""
+        """Which of the points (k, 2) [m] lie in a free cell; none beyond the grid does."""
         x, y, yaw = self.origin
         cos, sin = np.cos(yaw), np.sin(yaw)
         local = (points - [x, y]) @ np.array([[cos, -sin], [sin, cos]]) / self.resolution
@@ -46,7 +46,7 @@ class FreeCells:
         return free
 
     def scaled(self, factor: float) -> "FreeCells":
-        """The cells of the plan enlarged by a factor about (0, 0)."""
+        """The grid scaled about (0, 0)."""
         x, y, yaw = self.origin
         return replace(
             self, resolution=factor * self.resolution, origin=(factor * x, factor * y, yaw)

@@ -35,10 +35,10 @@ SIZES = (12.0, 1000.0)
 """Smallest and largest side of a generated world [m]."""
 
 
-BLOCK = 20.0
+BLOCK_SIDE = 20.0
 """From the middle of one building to the next [m]."""
 
-SHIFT, HALF, TURN = 2.0, (4.0, 7.0), 0.3
+SHIFT, HALF, LARGEST_TURN = 2.0, (4.0, 7.0), 0.3
 """How far a building stands off its block's middle at most [m], from what to what half its sides
 are long [m], and how far it is turned at most [rad]: the least street is 3 m wide."""
 
@@ -71,7 +71,7 @@ def generate(kind: str, *, size: float | None = None, seed: int = 0) -> World:
 
 def city(size: float, seed: int) -> World:
     """Buildings in blocks, of different heights and façades."""
-    blocks = max(2, round(size / BLOCK))
+    blocks = max(2, round(size / BLOCK_SIDE))
     plain = generate_city(4 * blocks**2, seed=seed)
     rng = np.random.default_rng([seed, 1])
     heights = np.repeat(np.round(rng.uniform(5.0, 16.0, blocks**2), 1), 4)
@@ -222,9 +222,9 @@ def generate_city(walls: int, *, seed: int = 0) -> World:
     rng = np.random.default_rng(seed)
     count = walls // 4
     row, column = np.divmod(np.arange(count), city_blocks(walls)[0])
-    middles = BLOCK * np.column_stack([column, row]) + rng.uniform(-SHIFT, SHIFT, (count, 2))
+    middles = BLOCK_SIDE * np.column_stack([column, row]) + rng.uniform(-SHIFT, SHIFT, (count, 2))
     halves = rng.uniform(*HALF, (count, 1, 2)) * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
-    turn = rng.uniform(-TURN, TURN, count)
+    turn = rng.uniform(-LARGEST_TURN, LARGEST_TURN, count)
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
     corners = middles[:, None] + np.stack(
         [cos * halves[..., 0] - sin * halves[..., 1], sin * halves[..., 0] + cos * halves[..., 1]],
@@ -254,7 +254,7 @@ def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None 
     crossings = np.maximum(np.array(city_blocks(walls)) - 1, 1)
     wide = crossings if spread is None else np.minimum(spread, crossings)
     cells = (crossings - wide) // 2 + rng.integers(0, wide, (count, 2))
-    places = BLOCK * (cells + 0.5) + rng.uniform(-AISLE, AISLE, (count, 2))
+    places = BLOCK_SIDE * (cells + 0.5) + rng.uniform(-AISLE, AISLE, (count, 2))
     return np.column_stack([places, rng.uniform(-np.pi, np.pi, count)])
 
 

@@ -11,7 +11,7 @@ from lrf3d.geometry import Float
 EARTH_RADIUS = 6_371_008.8
 """Mean radius of the Earth [m]."""
 
-WIDEST = 0.5
+WIDEST_DEGREES = 0.5
 """Extent [°] up to which a file is taken for degrees: as metres it would be half a pace wide."""
 
 LARGEST_BUILDING = 0.01
@@ -50,7 +50,7 @@ def looks_geographic(outlines: Sequence[Float]) -> bool:
     """Whether outlines (k, 2) are in degrees of longitude and latitude rather than in metres."""
     points = np.concatenate(outlines)
     low, high = points.min(axis=0), points.max(axis=0)
-    if (np.maximum(-low, high) > [180.0, 90.0]).any() or (high - low).max() > WIDEST:
+    if (np.maximum(-low, high) > [180.0, 90.0]).any() or (high - low).max() > WIDEST_DEGREES:
         return False
     return float(np.median([np.ptp(outline, axis=0).max() for outline in outlines])) < (
         LARGEST_BUILDING

@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import Float, is_finite
 from lrf3d.world.model import MOST_OBJECTS
-from lrf3d.world.schema import FARTHEST, parse_colour
+from lrf3d.world.schema import LARGEST_COORDINATE, parse_colour
 
 LEVEL_HEIGHT = 3.0
 """Height of a storey [m], for buildings that give their levels alone."""
@@ -174,10 +174,10 @@ class _Reader:
                 or not all(type(value) in (int, float) for value in point[:2])
             ):
                 self.refuse(f"{what}: point {place} is {shown(point)}, expected [x, y]")
-            if not all(abs(value) <= FARTHEST for value in point[:2]):
+            if not all(abs(value) <= LARGEST_COORDINATE for value in point[:2]):
                 self.refuse(
                     f"{what}: point {place} is {shown(point)}, expected finite coordinates"
-                    f" of at most {FARTHEST:g} m"
+                    f" of at most {LARGEST_COORDINATE:g} m"
                 )
         return np.array([point[:2] for point in points], dtype=np.float64)
 
@@ -197,7 +197,7 @@ class _Reader:
         metres = metres_of(value) if isinstance(value, str) else value
         if type(metres) in (int, float):
             assert isinstance(metres, int | float)
-            if is_finite(metres) and 0.0 <= metres <= FARTHEST:
+            if is_finite(metres) and 0.0 <= metres <= LARGEST_COORDINATE:
                 return float(metres)
         self.refuse(f'{key} is {shown(value)}, expected metres such as 12.5 or "12.5 m"')
 

@@ -1,8 +1,7 @@
-"""Walls of a grid of occupied cells: the fewest straight ones that keep within half a cell of it.
+"""Walls of an occupancy grid: the fewest straight segments within half a cell of its outlines.
 
-Cells enter; segments leave, in cells. Each point of an outline lies within half a cell of its
-wall. Pieces on one line go on over gaps of a few cells, for a measured map is full of holes; walls
-whose outlines join are sealed at their corners.
+The input is cells, the output segments in units of cells. Pieces on one line are joined across gaps
+of a few cells, because measured maps have holes; walls whose outlines join are sealed at corners.
 """
 
 from dataclasses import dataclass
@@ -11,18 +10,18 @@ import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.world.outlines import chains_of
-from lrf3d.world.sealing import WIDTH, Wall, seal
+from lrf3d.world.sealing import STRIP_WIDTH, FittedWall, seal
 from lrf3d.world.straight_runs import cut_into_runs, hull_of, is_straight
 
-GAP = 8.5
-"""Farthest [half cells] that pieces of one wall stand apart: three empty cells."""
+LARGEST_GAP = 8.5
+"""Widest gap [half cells] between pieces of one wall: three empty cells."""
 
 
 def walls_of_grid(occupied: Bool) -> Float:
-    """Segments (n, 4) [cells], from the outer corner of the first cell of the first row on.
+    """Segments (n, 4) [cells], relative to the outer corner of the first cell of the first row.
 
     Args:
-        occupied: (rows, columns) whether a cell is, the first row at the bottom.
+        occupied: (rows, columns) whether each cell is occupied; the first row is at the bottom.
     """
     runs = _Runs.of(occupied)
     if not len(runs.points):
@@ -38,8 +37,8 @@ class _Runs:
 
     Args:
         points: (n, 2) points [half cells].
-        owner: (n,) the run of each.
-        links: (k, 2) points of different runs that are joined.
+        owner: (n,) the run that each belongs to.
+        links: (k, 2) pairs of joined points of different runs.
     """
 
     points: Int
@@ -48,14 +47,14 @@ class _Runs:
 
     @classmethod
     def of(cls, occupied: Bool) -> "_Runs":
-        """The fewest runs of each chain; a lone cell is a run of its own."""
+        """The fewest runs of each outline; a single cell is a run of its own."""
         chains, lone = chains_of(occupied)
         points, owners, links = [np.empty((0, 2), dtype=np.int64)], [np.empty(0, np.int64)], []
         count = runs = 0
         for chain in chains:
             place = _first_corner(chain.points) if chain.closed else 0
             row = np.roll(chain.points, -place, axis=0)
-            cuts = cut_into_runs(row, WIDTH)
+            cuts = cut_into_runs(row, STRIP_WIDTH)
             owner = np.zeros(len(row), dtype=np.int64)
             owner[cuts[1:]] = 1
             points.append(row)
@@ -72,7 +71,7 @@ class _Runs:
         return cls(joined, np.concatenate(owners), every)
 
     def merge(self) -> None:
-        """Let the longest runs take in those near them that lie in their strip."""
+        """Merge nearby runs into the longest ones where they lie in the same strip."""
         from scipy.spatial import cKDTree
 
         count = int(self.owner.max()) + 1
@@ -80,7 +79,7 @@ class _Runs:
         members = np.split(order, np.cumsum(np.bincount(self.owner, minlength=count))[:-1])
         hulls = [hull_of(self.points[member]) for member in members]
         sizes = [float(np.ptp(hull, axis=0).max()) for hull in hulls]
-        pairs = cKDTree(self.points).query_pairs(GAP, output_type="ndarray")
+        pairs = cKDTree(self.points).query_pairs(LARGEST_GAP, output_type="ndarray")
         pairs = np.unique(np.sort(self.owner[pairs], axis=1), axis=0)
         near: list[set[int]] = [set() for _ in range(count)]
         for one, other in pairs[pairs[:, 0] != pairs[:, 1]].tolist():
@@ -98,11 +97,11 @@ class _Runs:
                 if taken[run] != run:
                     continue
                 both = np.concatenate([hulls[seed], hulls[run]])
-                if is_straight(both, WIDTH):
+                if is_straight(both, STRIP_WIDTH):
                     hulls[seed] = hull_of(both)
                     taken[run] = seed
                     waiting |= near[run] - refused
-        # A run that had grown may be taken in by none later, for longer ones come first.
+        # Longer runs come first, so no run that has grown is merged into another one later.
         self.owner = taken[self.owner]
         self.hulls = hulls
 
@@ -111,7 +110,7 @@ class _Runs:
         _, owner = np.unique(self.owner, return_inverse=True)
         order = np.argsort(owner, kind="stable")
         members = np.split(order, np.cumsum(np.bincount(owner))[:-1])
-        walls = [Wall.through(self.points[member]) for member in members]
+        walls = [FittedWall.through(self.points[member]) for member in members]
         bridges = []
         for one, other in self.links.tolist():
             a, b = walls[owner[one]], walls[owner[other]]
@@ -128,17 +127,17 @@ class _Runs:
 
 
 LONE = np.array([[-1.0, -1.0], [1.0, 1.0]])
-"""A lone cell is its diagonal [half cells]: it lies in the cell, and is seen from most sides."""
+"""A single cell becomes its diagonal [half cells], which is visible from most sides."""
 
 
 def _first_corner(points: Int) -> int:
-    """Where a ring is best cut open: at the point farthest from its middle, surely a corner."""
+    """Where to open a ring: at the point farthest from its middle, which is a corner."""
     away = points - points.mean(axis=0)
     return int(np.argmax((away**2).sum(axis=1)))
 
 
 def _same_places(points: Int, count: int) -> Int:
-    """Pairs (k, 2) of the first points that stand at one place, as chains at a fork do."""
+    """Pairs (k, 2) of equal points among the first ones, as outlines share at forks."""
     order = np.lexsort(points[:count].T)
     same = (points[order][1:] == points[order][:-1]).all(axis=1)
     return np.column_stack([order[:-1][same], order[1:][same]])

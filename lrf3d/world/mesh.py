@@ -24,13 +24,13 @@ from lrf3d.output import replacing
 from lrf3d.world.collinear import merge_collinear
 from lrf3d.world.extrude import extrude
 from lrf3d.world.model import World
-from lrf3d.world.schema import FARTHEST
+from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.touching import connected
 
 CUT = 0.5
 """Height [m] at which a mesh is cut: that of the laser if none is given."""
 
-LARGEST = 1 << 27
+LARGEST_MESH = 1 << 27
 """Bytes of a mesh, and of all files that it refers to."""
 
 FLAT = 1e-6
@@ -91,7 +91,7 @@ def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:
     """Name, colour (3,), vertices (n, 3) [m], z up, and faces (m, 3) of each part of a scene."""
     import trimesh
 
-    with opened(path, what="a world file", largest=LARGEST, error=WorldError) as file:
+    with opened(path, what="a world file", largest=LARGEST_MESH, error=WorldError) as file:
         data = file.read()
     kind = path.suffix.lower()[1:]
     if kind == "gltf":
@@ -118,10 +118,10 @@ def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:
         vertices = vertices if turn is None else vertices @ turn.T
         faces = np.asarray(mesh.faces, dtype=np.int64)
         used = vertices[np.unique(faces)]
-        if not (np.abs(used) <= FARTHEST).all():
+        if not (np.abs(used) <= LARGEST_COORDINATE).all():
             raise WorldError(
                 f"{path}: part {str(node)[:40]!r} has a vertex that is not finite, or over"
-                f" {FARTHEST:g} m away"
+                f" {LARGEST_COORDINATE:g} m away"
             )
         parts.append(("" if single else str(node), _colour(mesh), vertices, faces))
     return parts
@@ -165,7 +165,7 @@ def _beside(path: Path) -> Any:
 
         def __init__(self) -> None:
             """Start with all the bytes that may be read."""
-            self.left = LARGEST
+            self.left = LARGEST_MESH
 
         def write(self, name: str, data: object) -> None:
             """Nothing is written."""

@@ -16,7 +16,7 @@ DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] if none is given: a room's storey."""
 
 MOST_OBJECTS = 1_000_000
-"""Largest number of an object: names and colours are kept for all numbers below."""
+"""Largest number of an object: a name and a colour are stored for every number up to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,16 +26,16 @@ class World(Value):
     Args:
         segments: (n, 4) rows x1 y1 x2 y2 [m], in the coordinates of the source, also far from
             the origin.
-        objects: (n,) the object each wall belongs to, numbered from 0 to at most 1,000,000; all
-            of one object if not given.
+        objects: (n,) number of the object that each wall belongs to, from 0 to 1,000,000; 0 for
+            all walls if not given.
         heights: (n,) heights of the walls above the ground [m]; 2.5 if not given.
-        name: What the world is called in pictures and files.
-        object_names: A name for each object, or none at all.
-        cameras: Cameras that stand still in the world, each with a name of its own.
+        name: Name of the world in pictures and files.
+        object_names: A name for each object, or no names.
+        cameras: Fixed cameras, each with a unique name.
         colours: (objects, 3) red, green, blue in 0…1 for each object; NaN if none is given.
         place: Longitude and latitude [°] of the point (0, 0), where the source was in degrees.
-        free: What is known to be free, where the source is a map that says so: routes are planned
-            through it. It does not affect beams, and only ROS maps have it.
+        free: Cells that are known to be free, which only ROS maps have: routes are planned through
+            them. They do not affect beams.
 
     Raises:
         WorldError: A segment is not finite or has no length, or the shapes do not fit.
@@ -117,17 +117,17 @@ class World(Value):
 
     @cached_property
     def origin(self) -> Float:
-        """Whole metres (2,) near the middle: the origin of the local frame to compute in."""
+        """Origin (2,) of the local frame: the middle of the world, in whole metres."""
         low, high = self.bounds
         return sealed(np.asarray(np.round(low + 0.5 * (high - low)), dtype=np.float64))
 
     @cached_property
     def object_count(self) -> int:
-        """How many objects there are."""
+        """Number of objects."""
         return int(self.objects.max(initial=-1)) + 1
 
     def scaled(self, factor: float) -> "World":
-        """The world with its plan enlarged by a factor about (0, 0); heights stay.
+        """The world with x and y scaled about (0, 0); heights stay the same.
 
         Raises:
             WorldError: The factor is not from 0.000001 to 1000000, or a wall has no length left.
@@ -197,7 +197,7 @@ def _check_segments(segments: Float) -> None:
     if bad.any():
         wall = int(np.flatnonzero(bad)[0])
         raise WorldError(f"wall {wall}: ends {segments[wall].tolist()}, expected finite numbers")
-    # Not by their lengths, which overflow where the ends are farther apart than a float64 holds.
+    # The length could overflow: the ends may be farther apart than a float64 holds.
     empty = (segments[:, :2] == segments[:, 2:]).all(axis=1)
     if empty.any():
         wall = int(np.flatnonzero(empty)[0])

@@ -25,10 +25,10 @@ from lrf3d.world.model import World
 from lrf3d.world.schema import parse_colour
 from lrf3d.world.xml_file import go_through
 
-LARGEST = 1 << 28
+LARGEST_OSM = 1 << 28
 """Bytes of an extract: a town of half a million inhabitants; they take half a minute."""
 
-WIDEST = 2.0
+WIDEST_EXTRACT = 2.0
 """Largest extent [°] of the buildings: beyond it the Earth is too round to be laid flat."""
 
 MOST_POINTS = 2_000_000
@@ -57,16 +57,17 @@ def read_osm(path: Path) -> World:
         WorldError: The file cannot be read, or holds no building; the message names the line.
     """
     extract = _Extract(path)
-    go_through(path, extract.begin, extract.end, largest=LARGEST)
+    go_through(path, extract.begin, extract.end, largest=LARGEST_OSM)
     features = [feature for feature in extract.features() if feature.polygons]
     if not features:
         raise WorldError(f"{path}: holds no whole building, so there is no wall")
     outlines = [ring for feature in features for ring in feature.rings]
     centre = centre_of(outlines)
     extent = float(np.ptp(np.concatenate(outlines), axis=0).max())
-    if extent > WIDEST:
+    if extent > WIDEST_EXTRACT:
         raise WorldError(
-            f"{path}: buildings {extent:.1f}° apart, expected at most {WIDEST:g}°; cut out a part"
+            f"{path}: buildings {extent:.1f}° apart, expected at most {WIDEST_EXTRACT:g}°; cut out"
+            " a part"
         )
     features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
     place = float(centre[0]), float(centre[1])

@@ -1,9 +1,9 @@
-"""Outlines of occupied cells: where a grid is occupied, as chains of points.
+"""Outlines of the occupied cells of a grid, as chains of points.
 
-Cells enter; chains of points leave, in half cells, so that all coordinates are whole numbers. Where
-a wall is one cell thick, its points are the middles of the cells; around what is thicker, they are
-the middles of the edges between an occupied cell and one that is not. A straight wall, drawn cell
-by cell at any angle, is so a chain of points that lie within half a cell of one line.
+Coordinates are in half cells, so that they are whole numbers. The points of a wall that is one cell
+thick are the middles of its cells; those of a thicker one are the middles of the edges between
+occupied cells and others. The points of a straight wall at any angle then lie within half a cell of
+one line.
 """
 
 from collections.abc import Iterator
@@ -14,23 +14,23 @@ import numpy as np
 from lrf3d.geometry import Bool, Int
 
 BAND = 1 << 18
-"""About how many cells are looked at together: a few megabytes of them, however large the grid."""
+"""Approximate number of cells in a band that is processed at a time: some megabytes."""
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
-    """Points (k, 2) [half cells] one after the other; a closed chain goes back to its first."""
+class Outline:
+    """A chain of points (k, 2) [half cells]; a closed one ends at its first point."""
 
     points: Int
     closed: bool
 
 
-def chains_of(occupied: Bool) -> tuple[list[Chain], Int]:
-    """The chains of a grid, and the lone cells (k, 2) [half cells] that no chain goes through.
+def chains_of(occupied: Bool) -> tuple[list[Outline], Int]:
+    """The outlines of a grid, and the single cells (k, 2) [half cells] that belong to none.
 
     Args:
-        occupied: (rows, columns) whether a cell is, the first row at the bottom. What lies outside
-            of the grid is as the cells at its border are: no outline runs along the border.
+        occupied: (rows, columns) whether each cell is occupied; the first row is at the bottom.
+            Beyond the grid the cells at its border continue: no outline runs along the border.
     """
     links, lone = _links(occupied)
     if not len(links):
@@ -43,13 +43,13 @@ def chains_of(occupied: Bool) -> tuple[list[Chain], Int]:
 
 def _links(occupied: Bool) -> tuple[Int, Int]:
     """Pairs (k, 2) of points that follow each other, as keys, and the lone cells."""
-    # Cells around the grid are as those at its border; nothing goes through them.
+    # The grid is extended by the cells at its border, which outlines do not enter.
     grid = np.pad(occupied, 1, mode="edge")
     height = 2 * occupied.shape[0] + 2
     rows, columns = grid.shape
     x, y = (2 * np.arange(columns) - 1) * height, 2 * np.arange(rows) - 1
     links, cells = [np.empty((0, 2), np.int64)], [np.empty(0, np.int64)]
-    # Bands share a row, so that all that meets in a corner is in one of them.
+    # Bands share a row, so that the four cells at each corner lie in one band.
     step = max(1, BAND // columns)
     for low in range(0, rows - 1, step):
         high, below = min(low + step + 1, rows), max(low - 1, 0)
@@ -128,14 +128,14 @@ def _edge_links(grid: Bool, thin: Bool, inside: Bool, middle: Int, height: int) 
         ("n", "e", _NE),
     ]
     for first, second, corner in turns:
-        # Thin cells are linked by themselves. At a saddle the edges of each empty cell turn.
+        # Thin cells have links of their own. At a saddle the outline turns around each empty cell.
         both = met[first] & met[second] & ~(owned[first] & owned[second])
         both &= ~saddle if corner is None else ~(saddle & grid[corner])
         yield np.column_stack([point[first][both], point[second][both]])
 
 
-def _walk(points: Int, links: Int) -> Iterator[Chain]:
-    """The chains along links (k, 2) between points; straight ways go on through forks."""
+def _walk(points: Int, links: Int) -> Iterator[Outline]:
+    """The chains along links (k, 2) between points; straight ones continue through forks."""
     count = len(points)
     either = np.concatenate([links, links[:, ::-1]])
     order = np.argsort(either[:, 0], kind="stable")
@@ -164,23 +164,23 @@ def _walk(points: Int, links: Int) -> Iterator[Chain]:
                 ways.append(chain(start, following))
     for way in _through(ways, points):
         closed = way[0] == way[-1]
-        yield Chain(points[way[:-1] if closed else way], closed)
+        yield Outline(points[way[:-1] if closed else way], closed)
     for start in range(count):
         if degree[start] == 2:
             following = neighbours[first[start]]
             if (start, following) not in used:
-                yield Chain(points[chain(start, following)[:-1]], True)
+                yield Outline(points[chain(start, following)[:-1]], True)
 
 
 LOOK = 12
-"""Points along a chain that give its direction."""
+"""Number of points at the end of a chain that give its direction."""
 
 STRAIGHT_ON = -0.9
-"""Largest cosine between the ways out of a fork that go on in each other: within 26°."""
+"""Largest cosine between two chains that continue each other at a fork: within 26°."""
 
 
 def _through(ways: list[list[int]], points: Int) -> list[list[int]]:
-    """The ways with those joined that go straight on through a fork, the straightest first."""
+    """The chains, joined where they continue each other at a fork, the straightest first."""
     at: dict[int, list[tuple[int, int]]] = {}
     heading = {}
     for number, way in enumerate(ways):
@@ -205,7 +205,7 @@ def _through(ways: list[list[int]], points: Int) -> list[list[int]]:
             if one not in partner and other not in partner:
                 partner[one], partner[other] = other, one
     joined, left = [], set(range(len(ways)))
-    # Open ways are begun at an end that nothing goes on from; rings of ways wherever they are.
+    # Open chains start at an end that has no continuation, rings of chains anywhere.
     starts = [(n, end) for n in range(len(ways)) for end in (0, -1) if (n, end) not in partner]
     for number, end in starts + [(n, 0) for n in range(len(ways))]:
         if number not in left:

@@ -12,20 +12,20 @@ from lrf3d.world.model import World
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A polyline through points (k, 2) [m]; a closed one goes back to its first point."""
+    """A polyline through points (k, 2) [m]; a closed one ends at its first point."""
 
     points: Float
     closed: bool
 
     @property
     def outline(self) -> Float:
-        """The points (k or k + 1, 2) with the first one repeated where the piece is closed."""
+        """The points (k or k + 1, 2), with the first one repeated at the end of a closed piece."""
         return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
 
 
 @dataclass(frozen=True, slots=True)
 class WallRun:
-    """Walls of one object that stand one after the other in a world.
+    """Consecutive walls of one object.
 
     Args:
         number: The object they belong to.
@@ -39,7 +39,7 @@ class WallRun:
 
     @property
     def height_value(self) -> float | list[float]:
-        """The heights as a file keeps them: one number where all walls are equally high."""
+        """The heights for a file: one number if all walls have the same height, else a list."""
         heights = [float(height) for height in self.heights]
         return heights[0] if len(set(heights)) == 1 else heights
 
@@ -51,12 +51,12 @@ def walls(points: Float, closed: bool) -> Float:
 
 
 def pieces_of(segments: Float) -> tuple[Piece, ...]:
-    """The polylines that give just the segments (n, 4), bit for bit and in their order."""
+    """The polylines that reproduce the segments (n, 4), bit for bit and in their order."""
     bits = np.ascontiguousarray(segments).view(np.int64)
     pieces = []
     first = 0
     for last in range(len(segments)):
-        # A ring ends where it comes back to its start; a there-and-back of two walls is open.
+        # A ring ends at its start; two walls there and back are not a ring.
         ring = last - first >= 2 and (bits[last, 2:] == bits[first, :2]).all()
         joined = last + 1 < len(segments) and (bits[last, 2:] == bits[last + 1, :2]).all()
         if ring:
@@ -71,7 +71,7 @@ def pieces_of(segments: Float) -> tuple[Piece, ...]:
 
 
 def parts_of(world: World) -> Iterator[WallRun]:
-    """The walls of a world in their order, cut where the object changes."""
+    """The walls of a world in their order, in runs of one object each."""
     cuts = np.flatnonzero(np.diff(world.objects)) + 1
     bounds = [0, *cuts.tolist(), len(world.objects)] if len(world.objects) else [0]
     for first, end in pairwise(bounds):

@@ -23,7 +23,7 @@ from lrf3d.output import replacing, write_text
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.outlines import BAND
-from lrf3d.world.schema import FARTHEST
+from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.touching import connected
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 LARGEST_YAML = 1 << 16
 """Bytes of the description, which is six lines long."""
 
-DEEPEST = 4
+DEEPEST_YAML = 4
 """Collections inside each other: the origin is one in the description, which is one itself."""
 
 LARGEST_PICTURE = 1 << 28
@@ -57,7 +57,7 @@ DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "
 RESOLUTION = 0.05
 """Side of a cell [m], the usual one of maps, where the map does not become too large by it."""
 
-MARGIN = 1.0
+FREE_MARGIN = 1.0
 """Free space [m] around the walls."""
 
 MOST_WRITTEN = 1 << 25
@@ -109,7 +109,7 @@ class _Description:
             for event in yaml.parse(text, Loader=yaml.SafeLoader):
                 depth += isinstance(event, yaml.CollectionStartEvent)
                 depth -= isinstance(event, yaml.CollectionEndEvent)
-                if depth > DEEPEST or isinstance(event, yaml.AliasEvent):
+                if depth > DEEPEST_YAML or isinstance(event, yaml.AliasEvent):
                     line = event.start_mark.line + 1 if event.start_mark else 1
                     raise WorldError(f"{path}:{line}: more than keys and their values")
             data = yaml.safe_load(text)
@@ -169,7 +169,7 @@ def _is_place(value: object) -> bool:
     return (
         isinstance(value, int | float)
         and not isinstance(value, bool)
-        and -FARTHEST <= value <= FARTHEST
+        and -LARGEST_COORDINATE <= value <= LARGEST_COORDINATE
     )
 
 
@@ -268,7 +268,7 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     Raises:
         OutputError: The files cannot be written, or the map becomes too large.
     """
-    margin = max(MARGIN, 2.0 * (resolution or 0.0))
+    margin = max(FREE_MARGIN, 2.0 * (resolution or 0.0))
     low, high = world.bounds[0] - margin, world.bounds[1] + margin
     if resolution is None:
         resolution = max(RESOLUTION, float(np.sqrt(np.prod(high - low) / MOST_WRITTEN)) * 1.001)

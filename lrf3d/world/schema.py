@@ -1,8 +1,8 @@
-"""What may stand in a world file: the keys of each table, and how their values are checked.
+"""The schema of world files: the keys of each table, and the checks of their values.
 
-A check takes a value as tomllib gives it and returns it in the form that the program uses, or
-raises :class:`Invalid`, which says what was expected and where inside the value it went wrong.
-Settings that are given beside a file, such as ``laser.range_max=20``, have the same checks.
+A check takes a value from tomllib and returns it in the form that the program uses, or raises
+:class:`Invalid`, which names what was expected and the place inside the value. Settings on the
+command line, such as ``laser.range_max=20``, have the same checks.
 """
 
 import math
@@ -16,11 +16,11 @@ import numpy as np
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float
-from lrf3d.world.cameras import WIDEST
+from lrf3d.world.cameras import WIDEST_VIEW
 from lrf3d.world.locate import KeyPath
 from lrf3d.world.model import MOST_OBJECTS
 
-FARTHEST = 1e9
+LARGEST_COORDINATE = 1e9
 """Largest coordinate [m] in a file: above it float64 no longer resolves a micrometre."""
 
 Check = Callable[[object], object]
@@ -33,8 +33,8 @@ class Invalid(Exception):
     """A value that a check refuses.
 
     Args:
-        message: What is wrong and what was expected.
-        inside: Where in the value it is wrong, when it is an array.
+        message: What was found and what was expected.
+        inside: Indices of the invalid element, if the value is an array.
     """
 
     def __init__(self, message: str, inside: KeyPath = ()) -> None:
@@ -42,13 +42,15 @@ class Invalid(Exception):
         self.inside = inside
 
 
-def number(*, above: float = -math.inf, least: float = -math.inf, most: float = FARTHEST) -> Check:
+def number(
+    *, above: float = -math.inf, least: float = -math.inf, most: float = LARGEST_COORDINATE
+) -> Check:
     """A check for a finite number within limits."""
 
     def check(value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise Invalid(f"expected a number, found {shown(value)}")
-        if not (-FARTHEST <= value <= most and value >= least and value > above):
+        if not (-LARGEST_COORDINATE <= value <= most and value >= least and value > above):
             limit = f" above {above:g}" if above > -math.inf else ""
             limit = f" of at least {least:g}" if least > -math.inf else limit
             limit += f" and at most {most:g}" if most < value < math.inf else ""
@@ -90,7 +92,7 @@ def flag(value: object) -> bool:
 
 
 def parse_colour(value: object) -> tuple[float, float, float] | None:
-    """Red, green, blue in 0…1 of a colour from a file, or None where it is no colour."""
+    """Red, green, blue in 0…1 of a colour from a file, or None if it is invalid."""
     if isinstance(value, str) and _HEX.fullmatch(value):
         digits = value[1:] if len(value) == 7 else "".join(2 * digit for digit in value[1:])
         red, green, blue = (int(digits[place : place + 2], 16) / 255 for place in (0, 2, 4))
@@ -103,7 +105,7 @@ def parse_colour(value: object) -> tuple[float, float, float] | None:
 
 
 def colour_value(colour: Float) -> str | list[float]:
-    """The colour (3,) as a file keeps it: ``"#rrggbb"`` where that is exact, else three numbers."""
+    """The colour (3,) for a file: ``"#rrggbb"`` where that is exact, else three numbers."""
     steps = np.round(colour * 255)
     if (steps / 255 == colour).all():
         return "#" + "".join(f"{int(step):02x}" for step in steps)
@@ -125,7 +127,7 @@ def _list(value: object, expected: str) -> list[object]:
 
 
 def one_or_more(check: Check, what: str) -> Check:
-    """A check for a value or a list of such values; the value alone stays alone."""
+    """A check for a value or a list of such values; a single value is not wrapped in a list."""
 
     def check_all(value: object) -> object:
         if not isinstance(value, list):
@@ -259,19 +261,19 @@ CAMERA: Mapping[str, Check] = {
     "name": text(),
     "position": point(),
     "target": point(),
-    "field_deg": number(above=0.0, most=WIDEST),
+    "field_deg": number(above=0.0, most=WIDEST_VIEW),
 }
 
 
 _NUMBER = re.compile(r"[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?")
-"""Numbers as people write them, of which TOML wants a digit on either side of the point."""
+"""Numbers such as ``.5`` and ``5.``, which TOML does not accept without the other digit."""
 
 
 def value_of(text: str) -> Any:
-    """The value of a text as TOML has it; a text may stand without its quotes.
+    """Parse a TOML value; strings need no quotes.
 
     Raises:
-        InputError: It begins as a list or as a text in quotes, and does not end so.
+        InputError: The text begins like a list or a quoted string, and is not a valid one.
     """
     text = text.strip()
     if _NUMBER.fullmatch(text):
@@ -279,7 +281,7 @@ def value_of(text: str) -> Any:
     try:
         found = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
-        # Nested too deeply, or a number of thousands of digits.
+        # The value is nested too deeply, or is a number of thousands of digits.
         found = {}
     if list(found) == ["value"]:
         return found["value"]
@@ -292,10 +294,10 @@ def value_of(text: str) -> Any:
 
 
 def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """The values of settings by table and key; of the same twice the last.
+    """The values of settings by table and key; the last one counts if a key is set twice.
 
     Raises:
-        InputError: A text is no setting, names none, or has a value that cannot be.
+        InputError: A text is not a setting, or its name or its value is invalid.
     """
     tables: dict[str, dict[str, Any]] = {}
     for text in texts:

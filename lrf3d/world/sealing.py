@@ -1,6 +1,6 @@
-"""Sealing: walls whose outlines join are made to meet, so that no beam slips through between them.
+"""Sealing: walls whose outlines join are made to meet, so that no beam passes between them.
 
-Points of outlines enter, in half cells; walls leave that keep within half a cell of their points.
+The input is points of outlines, in half cells; the output is walls within half a cell of them.
 """
 
 from dataclasses import dataclass
@@ -10,28 +10,28 @@ import numpy as np
 from lrf3d.geometry import Float, Int, fit_line
 from lrf3d.world.straight_runs import hull_of, narrowest
 
-WIDTH = 2
+STRIP_WIDTH = 2
 """Width [half cells] of the strip in which the points of a wall lie: half a cell on each side."""
 
-FARTHEST = 20.0
-"""Farthest [half cells] from where two outlines join that the lines of their walls may meet."""
+FARTHEST_JOINT = 20.0
+"""Largest distance [half cells] from the joint of two outlines to the crossing of their lines."""
 
 EXACT = 1e-6
-"""Rounding [half cells] that is forgiven where a wall is as far from a point as it may be."""
+"""Tolerance [half cells] for rounding in the distance between a wall and its points."""
 
 
 AROUND = np.stack(np.meshgrid(*[np.linspace(-1.5, 1.5, 9)] * 2), axis=-1).reshape(-1, 2)
-"""Places [half cells] around the middle between two ends that are tried where the lines of their
-walls meet too far away, the nearest first."""
+"""Offsets [half cells] from the middle between two ends, the nearest first: joints to try if the
+lines of the walls meet too far away."""
 AROUND = AROUND[np.argsort(np.hypot(*AROUND.T), kind="stable")]
 
 
-LONG = 8
-"""Points of walls whose joint is worth that trouble: a step in a long wall is seen."""
+LONG_WALL = 8
+"""Least number of points of walls for which these joints are tried: a step in a long wall shows."""
 
 
 @dataclass
-class Wall:
+class FittedWall:
     """A wall along points of an outline.
 
     Args:
@@ -43,14 +43,14 @@ class Wall:
     ends: Float
 
     @classmethod
-    def through(cls, points: Int) -> "Wall":
-        """The wall that fits points (n, 2) best, and is within half a cell of all of them."""
+    def through(cls, points: Int) -> "FittedWall":
+        """The best fit to points (n, 2) that lies within half a cell of all of them."""
         place = points.astype(np.float64)
         if (points == points[0]).all():
             return cls(place, place[[0, 0]])
         middle, unit = fit_line(place)
-        if np.abs((place - middle) @ [-unit[1], unit[0]]).max() > 0.5 * WIDTH:
-            # The middle of the narrowest strip is farther from most points, and too far from none.
+        if np.abs((place - middle) @ [-unit[1], unit[0]]).max() > 0.5 * STRIP_WIDTH:
+            # The middle of the narrowest strip fits less well, but is too far from no point.
             corners = hull_of(points)
             edge, across = narrowest(corners)
             hull = corners.astype(np.float64)
@@ -74,13 +74,13 @@ class Wall:
         return np.asarray(self.ends[0] + min(max(share, 0.0), 1.0) * delta, dtype=np.float64)
 
     def end_by(self, point: Int) -> int | None:
-        """Which of the ends is that of a point of the outline, or None for one in between."""
+        """Which end (0 or 1) lies at a point of the outline, or None for a point in between."""
         away = np.hypot(*(self.ends - point).T)
         end = int(np.argmin(away))
-        return end if away[end] <= 1.5 * WIDTH else None
+        return end if away[end] <= 1.5 * STRIP_WIDTH else None
 
     def with_end(self, end: int | None, place: Float) -> Float | None:
-        """The ends (2, 2) with one moved to a place; None where a point is then too far away."""
+        """The ends (2, 2) with one of them moved; None if a point is then too far away."""
         if end is None:
             return self.ends if np.hypot(*(self.nearest(place) - place)) <= EXACT else None
         ends = self.ends.copy()
@@ -91,25 +91,25 @@ class Wall:
             return None
         share = np.clip((self.points - ends[0]) @ delta / square, 0.0, 1.0)
         gap = self.points - ends[0] - share[:, None] * delta
-        near = (gap**2).sum(axis=1).max() <= (0.5 * WIDTH + EXACT) ** 2
+        near = (gap**2).sum(axis=1).max() <= (0.5 * STRIP_WIDTH + EXACT) ** 2
         return ends if near else None
 
 
-def seal(one: Wall, other: Wall, near: Int, far: Int) -> list[Float]:
-    """Let two walls meet where their outlines join, at points near and far.
+def seal(one: FittedWall, other: FittedWall, near: Int, far: Int) -> list[Float]:
+    """Make two walls meet where their outlines join, at the points near and far.
 
     Returns:
-        The bridge [(4,)] between them, where neither can be moved to the other; else nothing.
+        A bridge [(4,)] between them if neither can be moved to the other; else an empty list.
     """
     first, second = one.end_by(near), other.end_by(far)
     a, b = one.nearest(near), other.nearest(far)
     middle = 0.5 * (near + far)
     places = [0.5 * (a + b), a, b]
     crossing = _crossing(one, other)
-    if crossing is not None and np.hypot(*(crossing - middle)) <= FARTHEST:
+    if crossing is not None and np.hypot(*(crossing - middle)) <= FARTHEST_JOINT:
         places.insert(0, crossing)
     if not (one.is_point or other.is_point):
-        if min(len(one.points), len(other.points)) >= LONG:
+        if min(len(one.points), len(other.points)) >= LONG_WALL:
             places += list(0.5 * (a + b) + AROUND)
         for place in places:
             ends, other_ends = one.with_end(first, place), other.with_end(second, place)
@@ -120,8 +120,8 @@ def seal(one: Wall, other: Wall, near: Int, far: Int) -> list[Float]:
     return [np.concatenate([a, b])] if gap > EXACT else []
 
 
-def _crossing(one: Wall, other: Wall) -> Float | None:
-    """Where the lines of two walls meet, or None where they are all but parallel."""
+def _crossing(one: FittedWall, other: FittedWall) -> Float | None:
+    """The crossing of the lines of two walls, or None if they are nearly parallel."""
     a, b = one.ends[1] - one.ends[0], other.ends[1] - other.ends[0]
     cross = float(a[0] * b[1] - a[1] * b[0])
     if cross**2 <= 1e-6 * float(a @ a) * float(b @ b):

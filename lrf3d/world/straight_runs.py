@@ -1,9 +1,8 @@
-"""The fewest straight runs: a chain of points cut where, and only where, no line fits any longer.
+"""The fewest straight runs of a chain of points.
 
-A run is straight when all of its points lie within a tolerance of one line, which is so when the
-strip around its convex hull is narrow enough. Any part of a straight run is straight, so the
-longest runs, taken one after the other, are the fewest. Points are whole numbers, and all is
-decided in whole numbers: exactly.
+A run is straight if all its points lie within a tolerance of one line, that is, if the narrowest
+strip around its convex hull is narrow enough. Any part of a straight run is straight, so taking the
+longest run each time gives the fewest. Points are integers, and all decisions are exact.
 """
 
 import math
@@ -112,8 +111,8 @@ def _misfit(points: Int, start: int, end: int) -> float:
     return max(0.0, 0.5 * (xx + yy) - math.sqrt(half * half + xy * xy))
 
 
-REACH = 6
-"""Points that a cut is moved to either side, to where both runs fit best."""
+CUT_SHIFT = 6
+"""Number of points by which a cut may be moved to either side to improve the fit of both runs."""
 
 
 @compiled
@@ -130,12 +129,12 @@ def cut_into_runs(points: Int, width: int) -> Int:
     while cuts[runs] < count:
         cuts[runs + 1] = _end_of_run(points, cuts[runs], width)
         runs += 1
-    # A greedy run takes a few points beyond the corner; cuts go to where the runs fit best.
+    # A greedy run takes a few points beyond the corner; each cut is moved to the best fit.
     for _ in range(2):
         for cut in range(1, runs):
             before, here, after = cuts[cut - 1], cuts[cut], cuts[cut + 1]
             best, chosen = np.inf, here
-            for place in range(max(before + 1, here - REACH), min(after, here + REACH + 1)):
+            for place in range(max(before + 1, here - CUT_SHIFT), min(after, here + CUT_SHIFT + 1)):
                 misfit = _misfit(points, before, place) + _misfit(points, place, after)
                 if misfit < best - 1e-9 and (
                     place == here

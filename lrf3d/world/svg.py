@@ -26,10 +26,10 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float
 from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
 from lrf3d.world.model import World
-from lrf3d.world.schema import FARTHEST
+from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.xml_file import go_through
 
-FINEST = 2e-4
+SHEET_SHARE = 2e-4
 """Chords lie no farther from their curves than this share of the sheet: a drawing on paper is a
 thousandth of the size of what it shows."""
 
@@ -52,7 +52,7 @@ UNITS = {
 _LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*)\s*")
 
 
-LARGEST = 1 << 25
+LARGEST_SVG = 1 << 25
 """Bytes of a drawing: a plan of a whole works is smaller."""
 
 MOST_ELEMENTS = 50_000
@@ -83,7 +83,7 @@ def read_svg(path: Path) -> World:
     flatten_viewports(root)
     root.attrib.update(viewBox=f"{x} {y} {width} {height}", width=f"{width}", height=f"{height}")
     drawing = SVG.parse(BytesIO(ElementTree.tostring(root)), ppi=96.0)
-    tolerance = min(CURVE_ERROR, FINEST * max(width, height) * sheet.scale) / sheet.scale
+    tolerance = min(CURVE_ERROR, SHEET_SHARE * max(width, height) * sheet.scale) / sheet.scale
     strokes = []
     for element in drawing.elements():
         if isinstance(element, Shape) and element.values.get("visibility") in (None, "visible"):
@@ -113,7 +113,10 @@ class _Sheet:
             x, y, wide, high = map(float, given.replace(",", " ").split())
         except ValueError:
             raise WorldError(f"{path}: viewBox is {given[:40]!r}, expected four numbers") from None
-        if not (max(abs(x), abs(y), wide, high) <= FARTHEST and min(wide, high) > 1.0 / FARTHEST):
+        if not (
+            max(abs(x), abs(y), wide, high) <= LARGEST_COORDINATE
+            and min(wide, high) > 1.0 / LARGEST_COORDINATE
+        ):
             raise WorldError(
                 f"{path}: viewBox is {given[:40]!r}, expected a place and a size above 0"
             )
@@ -131,7 +134,7 @@ def _metres(path: Path, key: str, text: str) -> float | None:
     if match is None or unit is None:
         raise WorldError(f"{path}: {key} is {text[:40]!r}, expected a length such as 120mm")
     length = float(match.group(1)) * unit
-    if not 0.0 < length <= FARTHEST:
+    if not 0.0 < length <= LARGEST_COORDINATE:
         raise WorldError(f"{path}: {key} is {text[:40]!r}, expected more than 0")
     return length
 
@@ -191,7 +194,7 @@ def check_svg(path: Path) -> None:
         WorldError: It is not so; the message names the line.
     """
     bounds = _Bounds(path)
-    go_through(path, bounds.begin, bounds.end, largest=LARGEST)
+    go_through(path, bounds.begin, bounds.end, largest=LARGEST_SVG)
     bounds.count(bounds.root)
 
 

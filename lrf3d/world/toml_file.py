@@ -39,19 +39,19 @@ from lrf3d.world.schema import (
 _DEEP_KEY = re.compile(
     r"""(?:^|[\[{,])[ \t]*(?:(?:[\w-]{1,99}|"[^"\n]{0,99}")[ \t]*\.[ \t]*){40}""", re.M
 )
-"""A key of over forty parts; those of world files have two."""
+"""A key of over forty parts; keys of world files have two."""
 
 
 @dataclass(frozen=True)
 class WorldFile:
-    """What a world file says.
+    """The contents of a world file.
 
     Args:
         world: The walls.
         tables: The checked values of the tables robot, laser, noise, mapper and film.
         obstacles: The checked values of each table ``obstacle``, a dynamic obstacle.
         path: The file.
-        text: Its text, by which :meth:`refuse` finds lines.
+        text: Its text, in which :meth:`refuse` finds lines.
     """
 
     world: World
@@ -61,7 +61,7 @@ class WorldFile:
     text: str = ""
 
     def scaled(self, factor: float) -> "WorldFile":
-        """The file with its plan, and the way through it, enlarged by a factor; heights stay.
+        """The file with its plan and its routes scaled by a factor; heights stay the same.
 
         Raises:
             WorldError: The factor is invalid.
@@ -70,7 +70,7 @@ class WorldFile:
             return self
         robot = dict(self.tables.get("robot", {}))
         for key in {"start", "route", "poses"} & set(robot):
-            # Places are enlarged, headings stay.
+            # Positions are scaled, headings stay.
             robot[key] = robot[key] * ([factor, factor, 1.0][: robot[key].shape[-1]])
         tables = {**self.tables, "robot": robot}
         obstacles = tuple(
@@ -79,7 +79,7 @@ class WorldFile:
         return replace(self, world=self.world.scaled(factor), tables=tables, obstacles=obstacles)
 
     def refuse(self, path: KeyPath, message: str) -> NoReturn:
-        """Raise the error that something at a path of the file is wrong."""
+        """Raise the error that a value of the file is invalid, with the line of its path."""
         _Document(self.path, self.text).refuse(path, message)
 
 
@@ -87,8 +87,8 @@ def read_toml(path: Path) -> WorldFile:
     """Read a world file.
 
     Raises:
-        WorldError: The file cannot be read, does not parse, or holds what is no world; the
-            message names the file, the line and the key.
+        WorldError: The file cannot be read, does not parse, or is not a valid world; the message
+            names the file, the line and the key.
     """
     document = _Document(path, read_text(path, what="a world file", error=WorldError))
     data = document.parse()
@@ -130,7 +130,7 @@ class _Document:
         raise WorldError(f"{self.path}:{line}: {place}{message}")
 
     def parse(self) -> dict[str, Any]:
-        # The library takes time that grows with the cube of the parts of a key.
+        # The time that tomllib takes grows with the cube of the number of parts of a key.
         deep = _DEEP_KEY.search(self.text)
         if deep:
             begin = self.text.count("\n", 0, deep.start()) + 1
@@ -140,7 +140,7 @@ class _Document:
         except RecursionError:
             raise WorldError(f"{self.path}:1: nested too deeply for a world file") from None
         except ValueError as error:
-            # tomllib of Python 3.11 gives the place only in its message.
+            # In Python 3.11 tomllib reports the line only in its message.
             place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", str(error))
             reason = str(error)[: place.start()] if place else str(error)
             line = (place and place.group(1)) or max(len(self.text.splitlines()), 1)
@@ -358,7 +358,7 @@ def _free(free: FreeCells) -> str:
 
 
 def _objects_without_walls(world: World) -> list[WallRun]:
-    """Objects of a name or a colour that no wall belongs to, so that they are not lost."""
+    """Objects with a name or a colour but without walls, so that they are not lost."""
     bare = set(range(world.object_count)) - set(world.objects.tolist())
     return [WallRun(n, (), np.empty(0)) for n in sorted(bare) if _description(world, n)]
 

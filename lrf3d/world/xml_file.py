@@ -12,10 +12,10 @@ from xml.parsers import expat
 from lrf3d.errors import WorldError
 from lrf3d.input import opened
 
-BLOCK = 1 << 16
+BYTES_AT_ONCE = 1 << 16
 """Bytes that are parsed at a time."""
 
-DEEPEST = 100
+DEEPEST_ELEMENT = 100
 """Elements that may stand inside each other: drawings nest by tens."""
 
 Start = Callable[[str, dict[str, str], int], None]
@@ -44,8 +44,8 @@ def go_through(path: Path, start: Start, end: End | None = None, *, largest: int
     def begin(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
-        if depth > DEEPEST:
-            refuse(f"elements nested more than {DEEPEST} deep")
+        if depth > DEEPEST_ELEMENT:
+            refuse(f"elements nested more than {DEEPEST_ELEMENT} deep")
         start(tag.rpartition(" ")[2], attributes, parser.CurrentLineNumber)
 
     def finish(tag: str) -> None:
@@ -62,7 +62,7 @@ def go_through(path: Path, start: Start, end: End | None = None, *, largest: int
     parser.EntityDeclHandler = entity
     with opened(path, what="a world file", largest=largest, error=WorldError) as file:
         try:
-            while block := file.read(BLOCK):
+            while block := file.read(BYTES_AT_ONCE):
                 parser.Parse(block, False)
             parser.Parse(b"", True)
         except expat.ExpatError as error:

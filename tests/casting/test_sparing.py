@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.casting.clusters import ends_of, narrowest_cluster
 from lrf3d.casting.embree_library import embree_library
-from lrf3d.casting.embree_walls import all_clear_parts
+from lrf3d.casting.embree_walls import all_clear_parts, ends_of, narrowest_cluster
 from lrf3d.casting.kernels.tree import build_tree
 
 pytestmark = pytest.mark.skipif(embree_library() is None, reason="Embree is called by embreex")

@@ -7,7 +7,7 @@ from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world,
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.casting.exact import ExactWorld
-from lrf3d.casting.timed import Among, Still, Sweep, timed
+from lrf3d.casting.timed import ObstacleCaster, StillCaster, SweepCaster, timed
 from lrf3d.errors import InputError
 from lrf3d.fleet import simulate_fleet
 from lrf3d.laser import LaserScan
@@ -30,7 +30,7 @@ def test_a_robot_that_stands_has_the_scan_of_one_moment_to_the_last_bit(make):
     pose = np.array([50.1, 30.7, 7.3])
     stand = Trajectory([3.0, 4.0], [pose, pose])
     caster = make(CITY)
-    swept = Sweep(Still(caster), stand).cast_at(TURNING, pose, 3.0)
+    swept = SweepCaster(StillCaster(caster), stand).cast_at(TURNING, pose, 3.0)
     plain = caster.cast(TURNING, pose)
     assert np.array_equal(swept.ranges, plain.ranges)
     assert np.array_equal(swept.walls, plain.walls)
@@ -39,7 +39,7 @@ def test_a_robot_that_stands_has_the_scan_of_one_moment_to_the_last_bit(make):
 
 @CASTERS
 def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make):
-    swept = Sweep(Still(make(CITY)), DRIVE).cast_at(TURNING, DRIVE.poses[1], 0.5)
+    swept = SweepCaster(StillCaster(make(CITY)), DRIVE).cast_at(TURNING, DRIVE.poses[1], 0.5)
     times = 0.5 + TURNING.time_increment * np.arange(45)
     poses = DRIVE.at(times)
     assert (np.diff(poses[:, 0]) > 0.0).all()
@@ -57,10 +57,10 @@ def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make
 def test_what_is_off_is_not_there():
     still, among = LaserRangeFinder(), [DynamicObstacle(SQUARE, DRIVE)]
     caster = PlanarCaster(CITY)
-    assert timed(caster, still, DRIVE) == Still(caster)
-    assert isinstance(timed(caster, still, DRIVE, among), Among)
-    assert isinstance(timed(caster, TURNING, DRIVE), Sweep)
-    assert isinstance(timed(caster, TURNING, DRIVE, among).caster, Among)
+    assert timed(caster, still, DRIVE) == StillCaster(caster)
+    assert isinstance(timed(caster, still, DRIVE, among), ObstacleCaster)
+    assert isinstance(timed(caster, TURNING, DRIVE), SweepCaster)
+    assert isinstance(timed(caster, TURNING, DRIVE, among).caster, ObstacleCaster)
 
 
 def test_a_scan_that_takes_longer_than_the_time_to_the_next_is_refused():
@@ -74,7 +74,7 @@ def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_
     times = np.append(0.2 * np.arange(1000), 199.85)
     assert np.diff(times)[:-1].min() < 0.2
     path = Trajectory(times, np.tile([50.0, 31.0, 0.1], (len(times), 1)))
-    assert isinstance(timed(PlanarCaster(CITY), TURNING, path), Sweep)
+    assert isinstance(timed(PlanarCaster(CITY), TURNING, path), SweepCaster)
     with pytest.raises(InputError, match="longer than"):
         timed(PlanarCaster(CITY), LaserRangeFinder(scan_duration=0.2001), path)
 
@@ -86,7 +86,7 @@ def test_obstacles_are_cast_as_exactly_as_walls(make):
         DynamicObstacle(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])),
     )
     lrf, pose = LaserRangeFinder(-np.pi, np.pi, 361), np.array([49.0, 32.0, 0.2])
-    scan = Among(Still(make(CITY)), obstacles).cast_at(lrf, pose, 0.75)
+    scan = ObstacleCaster(StillCaster(make(CITY)), obstacles).cast_at(lrf, pose, 0.75)
     sides = np.concatenate([obstacle.walls(0.75) for obstacle in obstacles])
     together = PlanarCaster(World(np.concatenate([CITY.segments, sides]))).cast(lrf, pose)
     assert np.array_equal(scan.ranges, together.ranges)
@@ -100,7 +100,8 @@ def test_an_obstacle_lower_than_the_beams_is_not_seen():
     low, high = (DynamicObstacle(SQUARE, DRIVE, height) for height in (0.4, 0.6))
     plain = PlanarCaster(CITY).cast(lrf, pose)
     seen = [
-        Among(Still(PlanarCaster(CITY)), (each,)).cast_at(lrf, pose, 0.0) for each in (low, high)
+        ObstacleCaster(StillCaster(PlanarCaster(CITY)), (each,)).cast_at(lrf, pose, 0.0)
+        for each in (low, high)
     ]
     assert np.array_equal(seen[0].ranges, plain.ranges)
     assert (seen[1].ranges < plain.ranges).sum() > 5
@@ -110,11 +111,12 @@ def test_what_is_too_near_is_told_so_whoever_it_is():
     lrf = LaserRangeFinder(0.0, 0.0, 1, range_min=2.0, range_max=20.0)
     world = World([[10.0, -5, 10, 5], [-1.0, -5, -1, 5]])
     near = DynamicObstacle(SQUARE, Trajectory([0.0], [(1.0, 0, 0)]))
-    caster = Among(Still(PlanarCaster(world)), (near,))
+    caster = ObstacleCaster(StillCaster(PlanarCaster(world)), (near,))
     assert caster.cast_at(lrf, np.array([0.0, 0, 0]), 0.0).ranges[0] == -np.inf
     assert caster.cast_at(lrf, np.array([0.0, 0, np.pi]), 0.0).ranges[0] == -np.inf
-    far = Among(
-        Still(PlanarCaster(world)), (DynamicObstacle(SQUARE, Trajectory([0.0], [(5.0, 0, 0)])),)
+    far = ObstacleCaster(
+        StillCaster(PlanarCaster(world)),
+        (DynamicObstacle(SQUARE, Trajectory([0.0], [(5.0, 0, 0)])),),
     )
     scan = far.cast_at(lrf, np.array([0.0, 0, 0]), 0.0)
     assert scan.ranges[0] == 4.6 and scan.walls[0] == -1
@@ -180,7 +182,7 @@ def test_an_obstacle_without_an_area_is_refused(outline):
 def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
     rng = np.random.default_rng(seed)
     lrf, world = LaserRangeFinder(-0.7, 1.1, 61, range_max=12.0), World([[90.0, 90, 91, 90]])
-    still = Still(PlanarCaster(world))
+    still = StillCaster(PlanarCaster(world))
     seen = 0
     for _ in range(150):
         place = Trajectory([0.0], [(*rng.uniform(-15, 15, 2), rng.uniform(-9, 9))])
@@ -189,7 +191,7 @@ def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
             np.array([*rng.uniform(-2, 2, 2), rng.uniform(-9, 9)]),
         )
         met = PlanarCaster(World(obstacle.walls(0.0))).cast(lrf, pose).ranges
-        scan = Among(still, (obstacle,)).cast_at(lrf, pose, 0.0)
+        scan = ObstacleCaster(still, (obstacle,)).cast_at(lrf, pose, 0.0)
         assert np.array_equal(scan.ranges, met)
         seen += bool(np.isfinite(met).any())
         assert obstacle.may_meet(lrf, pose, 0.0) or not np.isfinite(met).any()

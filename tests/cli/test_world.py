@@ -59,6 +59,7 @@ def test_a_map_becomes_a_world_that_is_driven_inside_its_free_space(tmp_path):
     for world in (mapped, rooms):
         second = lrf3d("run", world, *quiet, "--out", tmp_path / "second")
         assert second.returncode == 0, second.stderr
+        assert "in the cells that the map shows to be free" in second.stderr
         run = load_run(tmp_path / "second")
         assert load_world(world).free.contain(run.trajectory.poses[:, :2]).mean() > 0.95
         assert json.loads(second.stdout)["score"]["length_f1"] > 0.95

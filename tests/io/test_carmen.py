@@ -12,7 +12,7 @@ from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
 from lrf3d.io import BadLine, LaserLog, load_log
 from lrf3d.io.carmen import read_carmen
-from lrf3d.io.packed import BLOCK, LogLine, lines_of
+from lrf3d.io.packed import BLOCK_BYTES, LogLine, lines_of
 from lrf3d.laser import LaserRangeFinder
 
 
@@ -169,7 +169,7 @@ def test_a_bomb_is_refused_early(tmp_path):
 
 def test_an_endless_line_is_never_held_whole(tmp_path):
     path = tmp_path / "a.log"
-    path.write_bytes(b"\nFLASER 2 " + b"1 " * 2 * BLOCK + b"\n\n" + front([1, 2]).encode())
+    path.write_bytes(b"\nFLASER 2 " + b"1 " * 2 * BLOCK_BYTES + b"\n\n" + front([1, 2]).encode())
     assert [line.number for line in lines_of(path)] == [2, 4]
     log = load_log(path)
     assert len(log) == 1 and log.bad_count == 1

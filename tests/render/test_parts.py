@@ -10,7 +10,7 @@ from test_render import SIZE, city_run, needs_gl, ranges_of, room_run, run_of
 from lrf3d.errors import InputError
 from lrf3d.world import World
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.generators import BLOCK, generate_city
+from lrf3d.world.generators import BLOCK_SIDE, generate_city
 
 BLOCKS = 20
 
@@ -20,7 +20,7 @@ def large_run():
     """A drive between some hundred buildings, round a corner."""
     heights = np.random.default_rng(3).uniform(4.0, 16.0, BLOCKS**2)
     world = replace(generate_city(4 * BLOCKS**2), heights=np.repeat(heights, 4))
-    x, y = BLOCK * np.array([9.5, 9.5])
+    x, y = BLOCK_SIDE * np.array([9.5, 9.5])
     times = np.arange(0.0, 5.0, 0.25)
     ahead = np.clip(2.0 * times - 5.0, 0.0, None)
     poses = np.column_stack([x + np.minimum(2.0 * times - 5.0, 0.0), y + ahead, 0.6 * times])
@@ -190,7 +190,7 @@ def test_the_skyline_hides_nothing_that_a_ray_can_reach():
     high = np.column_stack([boxes.max(axis=1), heights])
     left_out = 0
     for k in range(6):
-        eye = np.array([*(BLOCK * (rng.integers(2, 10, 2) + 0.5)), 1.7])
+        eye = np.array([*(BLOCK_SIDE * (rng.integers(2, 10, 2) + 0.5)), 1.7])
         turn = 1.1 * k
         gap = np.maximum(low[:, :2] - eye[:2], eye[:2] - high[:, :2])
         away = np.hypot(*np.maximum(gap, 0.0).T)

@@ -185,7 +185,7 @@ def test_blocks_change_no_offset(monkeypatch):
     segments, walls = rng.uniform(0, 10, (40, 4)), rng.uniform(0, 10, (60, 4))
     segments = np.vstack([segments, walls + rng.normal(0, 0.03, walls.shape)])
     whole = sample_offsets(segments, walls, reach=0.3, angle=0.3)
-    monkeypatch.setattr(matching, "BLOCK", 37)
+    monkeypatch.setattr(matching, "SAMPLES_AT_ONCE", 37)
     np.testing.assert_array_equal(sample_offsets(segments, walls, reach=0.3, angle=0.3), whole)
     assert np.isfinite(whole).any()
     assert np.isinf(whole).any()

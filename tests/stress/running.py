@@ -1,6 +1,6 @@
 """Running the cases: shared over processes, repeatable, and within a time."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from itertools import islice
@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from lrf3d.cores import core_count, process_pool
+from lrf3d.progress import Progress, silent
 from stress.angles import ANGLES
 from stress.cases import Case, Findings, Report
 from stress.casting import CASTING
@@ -54,7 +55,7 @@ def stress(
     seconds: float = float("inf"),
     seed: int = 0,
     processes: int | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = silent,
 ) -> Report:
     """Try all cases: those of casters share the beams, the others have trials of their own.
 

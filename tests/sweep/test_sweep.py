@@ -19,7 +19,7 @@ from lrf3d.output import draw_all
 from lrf3d.scenario_file import load_scenario
 from lrf3d.sweep import sweeping
 from lrf3d.sweep.drawing import curves_of, figures_of, table_text
-from lrf3d.sweep.grid import Grid, parse_axis, parse_values, read_grid
+from lrf3d.sweep.grid import SweepGrid, parse_axis, parse_values, read_grid
 from lrf3d.sweep.plan import digest, make_plan, seed_of
 from lrf3d.sweep.store import PARTS, TABLE, Store
 from lrf3d.sweep.summary import Mean, cell_means, summarise
@@ -49,7 +49,7 @@ def room(tmp_path):
 def tiny(room, *, seeds=3, **axes):
     """A plan of a few very small runs."""
     chosen = {"noise.sigma": (0.0, 0.3), "laser.beams": (31, 61), **axes}
-    return make_plan(Grid.usual(room, axes=chosen, seeds=seeds))
+    return make_plan(SweepGrid.usual(room, axes=chosen, seeds=seeds))
 
 
 def done_here(plan, folder, *, order=1):
@@ -223,7 +223,7 @@ def test_keys_come_from_what_a_world_holds_and_not_from_where_it_lies(room, tmp_
     elsewhere.write_text(ROOM.replace("[10, 8]", "[10, 8.5]"))
     assert not set(keys) & {run.order.key for run in tiny(str(elsewhere)).runs}
     with pytest.raises(InputError, match="another world of the sweep is called box"):
-        make_plan(Grid((room, str(elsewhere)), seeds=1))
+        make_plan(SweepGrid((room, str(elsewhere)), seeds=1))
 
 
 def test_digests_tell_values_apart_and_no_others():
@@ -293,7 +293,7 @@ def test_values_are_numbers_words_and_nothing_else():
     assert parse_values("0, 0.5,true,paper", "--vary") == (0, 0.5, True, "paper")
     for wrong in ("mapper.gap", "=1"):
         with pytest.raises(InputError):
-            Grid(("city",), dict([parse_axis(wrong)]))
+            SweepGrid(("city",), dict([parse_axis(wrong)]))
 
 
 def test_numbers_are_written_as_run_takes_them():
@@ -302,14 +302,14 @@ def test_numbers_are_written_as_run_takes_them():
 
 def test_more_runs_than_can_be_made_are_refused_before_they_are_planned(room):
     with pytest.raises(InputError, match=r"2 settings with 900000 .* 1,800,000 runs"):
-        Grid((room,), {"noise.sigma": (0.1, 0.2)}, seeds=900_000)
+        SweepGrid((room,), {"noise.sigma": (0.1, 0.2)}, seeds=900_000)
 
 
 def test_a_drive_that_is_thinned_to_one_scan_is_warned_of():
     said = []
-    make_plan(Grid(("paper_room",), {}, seeds=1, every=100), warn=said.append)
+    make_plan(SweepGrid(("paper_room",), {}, seeds=1, every=100), warn=said.append)
     assert len(said) == 1 and "paper_room: one scan in 100 leaves one of" in said[0]
-    make_plan(Grid(("paper_room",), {}, seeds=1, every=2), warn=said.append)
+    make_plan(SweepGrid(("paper_room",), {}, seeds=1, every=2), warn=said.append)
     assert len(said) == 1
 
 

@@ -107,7 +107,7 @@ def test_on_the_command_line_it_is_one_line_and_the_status_1(name, tmp_path):
 
 def test_a_file_that_takes_too_long_is_given_up(tmp_path, monkeypatch):
     path = write(tmp_path, damaged_worlds.valid()["svg"])
-    monkeypatch.setattr("lrf3d.world.apart.PATIENCE", 0.001)
+    monkeypatch.setattr("lrf3d.world.apart.SLOWEST_MACHINE", 0.001)
     with pytest.raises(WorldError, match=r"a\.svg: takes more than"):
         load_world(path)
 

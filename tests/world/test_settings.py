@@ -6,7 +6,7 @@ import pytest
 
 import lrf3d
 from lrf3d import load_scenario
-from lrf3d.casting.timed import Sweep
+from lrf3d.casting.timed import SweepCaster
 from lrf3d.cli import main
 from lrf3d.errors import InputError
 from lrf3d.laser import Imperfections
@@ -190,4 +190,4 @@ def test_scans_take_time_only_where_they_are_said_to(room):
     scenario = load_scenario(room)
     from lrf3d.casting.timed import timed
 
-    assert isinstance(timed(None, scenario.lrf, scenario.trajectory()), Sweep)
+    assert isinstance(timed(None, scenario.lrf, scenario.trajectory()), SweepCaster)

@@ -50,7 +50,7 @@ class Local(NamedTuple):
     width: float
 
 
-class Known(NamedTuple):
+class ProvedWalls(NamedTuple):
     """What the proof takes of the walls.
 
     Attributes:
@@ -71,15 +71,15 @@ PlainKnown = tuple[PlainTree, Float, NDArray[np.int32], tuple[float, ...]]
 
 
 @inner
-def known_of(plain: PlainKnown) -> Known:
+def known_of(plain: PlainKnown) -> ProvedWalls:
     """What the proof takes, with the names of its parts."""
     tree, clear, owners, local = plain
-    return Known(Tree(*tree), clear, owners, Local(*local))
+    return ProvedWalls(Tree(*tree), clear, owners, Local(*local))
 
 
 @inner
 def prove(
-    known: Known,
+    known: ProvedWalls,
     faces: NDArray[np.int32],
     x: float,
     y: float,

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.embree_proof import (
-    Known,
     Local,
     PlainKnown,
+    ProvedWalls,
     cast_again,
     known_of,
     near_a_wall,
@@ -69,7 +69,7 @@ def cast_scans(
 @inner
 def _cast_into(
     packets: Packets,
-    known: Known,
+    known: ProvedWalls,
     laser: Laser,
     pose: tuple[float, float, float],
     stride: int,
@@ -109,7 +109,7 @@ def send_rays(
 
 @compiled
 def prove_scans(
-    known: Known,
+    known: ProvedWalls,
     found: NDArray[np.int32],
     plain_laser: PlainLaser,
     poses: Float,

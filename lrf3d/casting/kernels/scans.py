@@ -19,7 +19,7 @@ from lrf3d.casting.kernels.predicates import (
 from lrf3d.casting.kernels.tree import PlainTree, Tree
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import range_finder
+from lrf3d.laser import LaserRangeFinder, range_finder
 
 turn = inner(range_finder.turn)
 
@@ -28,7 +28,7 @@ PADDING = LANES - 1
 
 
 class Laser(NamedTuple):
-    """What kernels take of a range finder.
+    """A range finder as kernels take it.
 
     Attributes:
         fan: (2, beams) cosines and sines of the beams' angles.
@@ -46,7 +46,16 @@ class Laser(NamedTuple):
 
 
 PlainLaser = tuple[Float, float, float, float, float]
-"""A laser as Python passes it: numba takes ten times as long to tell the type of a named tuple."""
+"""A laser as Python passes it: numba needs ten times as long to find the type of a named tuple."""
+
+
+BEYOND_WALLS = 1e50
+"""A distance [m] that is beyond every wall that compiled casting takes."""
+
+
+def laser_of(lrf: LaserRangeFinder) -> PlainLaser:
+    """A range finder for kernels, with a range_max whose products do not overflow."""
+    return lrf.fan, *lrf.spread, float(lrf.range_min), float(min(lrf.range_max, BEYOND_WALLS))
 
 
 @compiled
@@ -95,7 +104,7 @@ def aim(laser: Laser, x: float, y: float, theta: float, dx: Float, dy: Float) ->
 def measure(tree: Tree, fan: Fan, laser: Laser, ranges: Float, hit: Int) -> None:
     """Turn the rows that the beams hit into ranges and indices of walls.
 
-    The fan's directions have PADDING numbers more than there are beams, that may be anything.
+    The fan's directions are followed by PADDING numbers of any value.
     """
     range_min, range_max = laser.range_min, laser.range_max
     ox, oy, dx, dy = fan.x, fan.y, fan.dx, fan.dy
@@ -114,7 +123,7 @@ def measure(tree: Tree, fan: Fan, laser: Laser, ranges: Float, hit: Int) -> None
         wall = wall_at(tree.walls, row)
         lengths(ox, oy, dx[start:], dy[start:], wall, stop - start, values[start:])
         for i in range(start, stop):
-            # Half an ulp is no reason to be out of range: near a limit t is compared exactly.
+            # Near a limit t is compared exactly, as its rounding error must not decide.
             t = values[i]
             ranges[i], hit[i] = t, tree.rows[row]
             if range_min * ROOM < t < range_max / ROOM:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.buffer import Fan
-from lrf3d.casting.kernels.embree_proof import Known, prove
+from lrf3d.casting.kernels.embree_proof import ProvedWalls, prove
 from lrf3d.casting.kernels.packets import WIDTH, Packets, find
 from lrf3d.casting.kernels.predicates import FILTER, Beam, Wall, wall_at
 from lrf3d.casting.kernels.scans import PADDING
@@ -44,7 +44,7 @@ BEHIND = max(PADDING, WIDTH - 1)
 
 
 class Room(NamedTuple):
-    """Room for the numbers of a scan; so many beams, and BEHIND where whole packets are taken.
+    """Work space for a scan: its beams, and BEHIND more where whole packets are taken.
 
     Attributes:
         dx: Directions of all beams.
@@ -67,7 +67,7 @@ class Room(NamedTuple):
 
 @inner
 def room_for(beams: int) -> Room:
-    """Room for a scan of so many beams."""
+    """Work space for a scan of a number of beams."""
     wide = beams + BEHIND
     return Room(
         np.zeros(wide),
@@ -93,7 +93,13 @@ def stride_for(beams: int, half: float, range_max: float, width: float) -> int:
 
 @inner
 def find_all(
-    packets: Packets, known: Known, fan: Fan, range_max: float, stride: int, room: Room, hit: Int
+    packets: Packets,
+    known: ProvedWalls,
+    fan: Fan,
+    range_max: float,
+    stride: int,
+    room: Room,
+    hit: Int,
 ) -> int:
     """Find the rows of walls that beams hit, or −1; how many are UNSURE.
 

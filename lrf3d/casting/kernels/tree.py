@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 
-BINS = 16
+SPLIT_BINS = 16
 """Places tried for a cut; more make a tree that is hardly better."""
 
 LEAF = 8
@@ -82,9 +82,9 @@ def _build(
     used = 1
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, len(order), 0
     top = 1
-    weight = np.empty(BINS, dtype=np.int64)
-    bin_box = np.empty((BINS, 4))
-    cost = np.empty(BINS)
+    weight = np.empty(SPLIT_BINS, dtype=np.int64)
+    bin_box = np.empty((SPLIT_BINS, 4))
+    cost = np.empty(SPLIT_BINS)
     cuts = np.empty(CHILDREN + 1, dtype=np.int64)
     while top > 0:
         top -= 1
@@ -148,24 +148,24 @@ def _cut(
     for axis in range(2):
         if not high[axis] > low[axis]:
             continue
-        scale = BINS / (high[axis] - low[axis])
-        for b in range(BINS):
+        scale = SPLIT_BINS / (high[axis] - low[axis])
+        for b in range(SPLIT_BINS):
             weight[b] = 0
             _empty(bin_box[b])
         for row in range(start, stop):
             wall = segments[order[row]]
-            b = min(BINS - 1, int((wall[axis] + wall[axis + 2] - low[axis]) * scale))
+            b = min(SPLIT_BINS - 1, int((wall[axis] + wall[axis + 2] - low[axis]) * scale))
             weight[b] += 1
             _widen(bin_box[b], wall)
         _empty(box)
         below = 0
-        for b in range(BINS - 1):
+        for b in range(SPLIT_BINS - 1):
             below += weight[b]
             _join(box, bin_box[b])
             cost[b] = below * _half_perimeter(box) if below > 0 else np.inf
         _empty(box)
         above = 0
-        for b in range(BINS - 1, 0, -1):
+        for b in range(SPLIT_BINS - 1, 0, -1):
             above += weight[b]
             _join(box, bin_box[b])
             total = cost[b - 1] + above * _half_perimeter(box) if above > 0 else np.inf
@@ -174,12 +174,12 @@ def _cut(
     if best_bin < 0:
         # All middles are one point: cut by number, so that no leaf grows without bound.
         return (start + stop) // 2
-    scale = BINS / (high[best_axis] - low[best_axis])
+    scale = SPLIT_BINS / (high[best_axis] - low[best_axis])
     left, right = start, stop - 1
     while left <= right:
         wall = segments[order[left]]
         place = (wall[best_axis] + wall[best_axis + 2] - low[best_axis]) * scale
-        if min(BINS - 1, int(place)) < best_bin:
+        if min(SPLIT_BINS - 1, int(place)) < best_bin:
             left += 1
         else:
             order[left], order[right] = order[right], order[left]

@@ -1,4 +1,4 @@
-"""Arrays that are mapped from files: looked at in parts, so that no more of them is in memory."""
+"""Arrays that are memory-mapped from files: read in parts, so that only a part is in memory."""
 
 import mmap
 from collections.abc import Iterator
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 Number = TypeVar("Number", bound=np.generic)
 
 ROWS = 2048
-"""Rows of an array that are looked at together."""
+"""Rows of a part."""
 
 
 def in_parts(array: NDArray[Number], rows: int = ROWS) -> Iterator[NDArray[Number]]:
-    """An array as some rows after the others; each is given back when the next is asked for."""
+    """The parts of an array; the memory of each is released when the next one is read."""
     for first in range(0, len(array), rows):
         yield array[first : first + rows]
         _release(array)
 
 
 def some_rows(array: NDArray[Number], chosen: NDArray[Any]) -> NDArray[Number]:
-    """Some rows of an array, copied."""
+    """A copy of some rows of an array."""
     if not len(chosen):
         return array[:0].copy()
     taken = []
@@ -32,7 +32,7 @@ def some_rows(array: NDArray[Number], chosen: NDArray[Any]) -> NDArray[Number]:
 
 
 def _release(array: Any) -> None:
-    """Give back the memory that looking at a mapped array took; the file still has it."""
+    """Release the memory that a mapped array occupies; its data stay in the file."""
     while isinstance(array, np.ndarray):
         if isinstance(array, np.memmap):
             mapping = getattr(array, "_mmap", None)

@@ -1,22 +1,32 @@
-"""What casters share: batches of scans on all cores, and ranges within a range finder's limits."""
+"""BatchCaster: many scans at a time, on all cores, within the limits of the range finder."""
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
 
 import numpy as np
 
-from lrf3d.casting.domain import Rationals
-from lrf3d.casting.threads import share
+from lrf3d.casting.exact import RationalCaster
+from lrf3d.cores import core_count
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_poses
 
+PIECES_A_CORE = 8
+"""Pieces of work for each core: with fewer the slowest core decides, with more Python's lock
+does."""
+
+LEAST_PIECE = 8
+"""Least number of items in a piece."""
+
 
 class BatchCaster(ABC):
     """Casts many scans at a time by compiled code, and by rationals where that is not exact."""
 
-    _rationals: Rationals
+    _rationals: RationalCaster
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: Float) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""
@@ -29,7 +39,7 @@ class BatchCaster(ABC):
 
     @abstractmethod
     def _kernel(self, lrf: LaserRangeFinder) -> Callable[[Float, Float, Int], None]:
-        """What fills the ranges (k, beams) of poses (k, 3), and the walls unless empty."""
+        """The function that fills ranges (k, beams) of poses (k, 3), and walls unless empty."""
 
     def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
         poses = np.ascontiguousarray(as_poses(poses))
@@ -49,3 +59,38 @@ def limited(lrf: LaserRangeFinder, distances: Float, walls: Int) -> tuple[Float,
     """Ranges and walls of a whole number of scans (…, beams); without a range the wall is −1."""
     ranges = within_limits(distances, lrf.range_min, lrf.range_max).reshape(-1, lrf.beams)
     return ranges, np.where(np.isfinite(ranges), walls.reshape(-1, lrf.beams), -1)
+
+
+def share(work: Callable[[int, int], None], count: int) -> None:
+    """Call work(start, stop) for pieces of range(count), in one thread for each core."""
+    cores = core_count()
+    size = max(LEAST_PIECE, -(-count // (PIECES_A_CORE * cores)))
+    starts = range(0, count, size)
+    if len(starts) < 2 or cores < 2:
+        work(0, count)
+        return
+    # Advancing the iterator holds Python's lock, so each piece goes to exactly one thread.
+    rest = iter(starts)
+
+    def work_on() -> None:
+        for start in rest:
+            work(start, min(start + size, count))
+
+    others = [_pool(cores - 1).submit(work_on) for _ in range(min(cores, len(starts)) - 1)]
+    try:
+        work_on()
+    finally:
+        wait(others)
+    for other in others:
+        other.result()
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Threads that are kept: starting new ones for each batch would cost a sixth of its time."""
+    return ThreadPoolExecutor(threads, thread_name_prefix="lrf3d")
+
+
+if hasattr(os, "register_at_fork"):
+    # The threads of its parent do not exist in a forked process.
+    os.register_at_fork(after_in_child=_pool.cache_clear)
