@@ -157,22 +157,6 @@ def normal_lines(segments: Float) -> Float:
     return np.column_stack([alpha, np.abs(p)])
 
 
-def project_on_segments(points: Float, segments: Float) -> tuple[Float, Float]:
-    """Distance [m] and place of points (m, 2) on each of the segments (n, 4).
-
-    Returns:
-        The distance (m, n) of each point to each segment, and the place (m, n) of the nearest
-        point on it: 0 at the first end, 1 at the second.
-    """
-    start = segments[:, :2]
-    delta = segments[:, 2:] - start
-    offset = points[:, None, :] - start[None, :, :]
-    square = np.einsum("nk,nk->n", delta, delta)
-    place = np.clip(np.einsum("mnk,nk->mn", offset, delta) / square, 0.0, 1.0)
-    gap = offset - place[:, :, None] * delta[None, :, :]
-    return np.hypot(gap[:, :, 0], gap[:, :, 1]), place
-
-
 def fit_line(points: Float, weights: Float | None = None) -> tuple[Float, Float]:
     """Total least squares line through points (n, 2), centred to lose no digits far away.
 

@@ -9,7 +9,6 @@ from lrf3d.geometry import (
     lengths,
     normal_lines,
     principal_direction,
-    project_on_segments,
     wrap_angle,
 )
 
@@ -66,14 +65,6 @@ def test_weights_pull_the_line():
 def test_the_principal_direction_is_that_of_the_largest_spread():
     assert np.abs(principal_direction(4.0, 0.0, 1.0)) == pytest.approx([1.0, 0.0])
     assert np.abs(principal_direction(1.0, 0.0, 4.0)) == pytest.approx([0.0, 1.0])
-
-
-def test_projection_stops_at_the_ends():
-    segments = np.array([[0.0, 0.0, 2.0, 0.0]])
-    points = np.array([[1.0, 1.0], [5.0, 4.0], [-3.0, 0.0]])
-    distance, place = project_on_segments(points, segments)
-    assert distance[:, 0] == pytest.approx([1.0, 5.0, 3.0])
-    assert place[:, 0] == pytest.approx([0.5, 1.0, 0.0])
 
 
 def test_directions_are_unit_vectors():

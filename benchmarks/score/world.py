@@ -18,7 +18,7 @@ from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
-from lrf3d.robot.sides import inside_buildings
+from lrf3d.robot.sides import buildings_around
 from lrf3d.scoring import score_run
 from lrf3d.simulation import simulate
 from lrf3d.world import World
@@ -101,7 +101,7 @@ def random_poses(world: World, count: int, rng: np.random.Generator) -> Float:
     for _ in range(TRIES):
         places = rng.uniform(low, high, (count, 2))
         close, _ = tree.query(shapely.points(places), predicate="dwithin", distance=CLEARANCE)
-        free = ~inside_buildings(world, places)
+        free = buildings_around(world, places) < 0
         free[close] = False
         found.extend(places[free])
         if len(found) >= count:

@@ -28,17 +28,6 @@ LARGEST_NUMBER = 1e44
 """Largest size of a number that compiled casting accepts [m]."""
 
 
-def cast_exact(
-    segments: Float, origin: Sequence[float], direction: Sequence[float]
-) -> tuple[int, Fraction | None]:
-    """Cast one beam against segments (n, 4); of segments at equal t the lowest index counts.
-
-    Returns:
-        The wall and t in units of the direction's length, or −1 and None where nothing is hit.
-    """
-    return ExactWorld(segments, [origin]).cast(0, direction)
-
-
 class ExactWorld:
     """Walls and laser positions on one integer grid, so that beams are cast in integers.
 

@@ -146,11 +146,6 @@ def _shifted(row: Bool, by: int) -> Bool:
     return shifted
 
 
-def inside_buildings(world: World, points: Float) -> Bool:
-    """Which of the points (k, 2) of the local frame lie in a building; see `buildings_around`."""
-    return np.asarray(buildings_around(world, points) >= 0)
-
-
 def buildings_around(world: World, points: Float) -> Int:
     """The building (k,), a closed object that holds no other, around each of points; −1 for none.
 

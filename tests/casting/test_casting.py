@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rational import cast_exact
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting import crosscheck
-from lrf3d.casting.exact import cast_exact
 from lrf3d.casting.mesh_scene import level_cut
 from lrf3d.laser import layer_directions
 

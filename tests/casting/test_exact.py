@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
+from rational import cast_exact
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.casting.exact import ExactWorld, cast_exact
+from lrf3d.casting.exact import ExactWorld
 from stress import CASES
 from stress.certificate import certified, directions
 

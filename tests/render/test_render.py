@@ -222,7 +222,7 @@ def test_a_robot_that_stands_is_shown_with_what_is_around_it(walls):
 
 
 def test_hit_points_lie_on_their_walls_and_beams_end_before_walls():
-    from lrf3d.geometry import project_on_segments
+    import shapely
 
     beams = pytest.importorskip("lrf3d.scene.beams") if gl_available() else None
     if beams is None:
@@ -233,9 +233,8 @@ def test_hit_points_lie_on_their_walls_and_beams_end_before_walls():
     for step in (0.0, 0.15, 0.29):
         apex = np.array([scan.pose.x + step, scan.pose.y])
         drawn = beams.Beams.from_scan(scan, walls, run.world.objects, apex)
-        gap, _ = project_on_segments(drawn.points, walls)
-        hit = run.walls[6][scan.hits]
-        assert gap[np.arange(len(hit)), hit].max() < 1e-9
+        hit = shapely.linestrings(walls[run.walls[6][scan.hits]].reshape(-1, 2, 2))
+        assert shapely.distance(shapely.points(drawn.points), hit).max() < 1e-9
         way = np.arctan2(*(drawn.ends - apex).T[::-1])
         lrf = replace(run.lrf, beams=1, angle_min=0.0, angle_max=0.0, range_max=500.0)
         for end, angle in zip(drawn.ends, way, strict=True):
