@@ -154,7 +154,7 @@ def inside_buildings(world: World, points: Float) -> Bool:
 def buildings_around(world: World, points: Float) -> Int:
     """The building (k,), a closed object that holds no other, around each of points; −1 for none.
 
-    One that stands in a closed object itself is a room, and no building.
+    One that is inside another closed object is a room, not a building.
     """
     import shapely
 

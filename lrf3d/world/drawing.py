@@ -13,23 +13,23 @@ from lrf3d.world.pieces import walls
 from lrf3d.world.schema import LARGEST_COORDINATE
 
 CURVE_ERROR = 0.005
-"""Farthest [m] that the chords of a curve lie from it: as much as a laser's beam is wide."""
+"""Largest distance [m] of chords from their curve: about the width of a laser beam."""
 
 TOUCHING = 0.001
-"""Gap [m] up to which two walls touch."""
+"""Largest gap [m] between walls that touch."""
 
 FINEST_GAP = 1e-4
-"""The same, as a share of the drawing: one in the size of a sheet has finer gaps."""
+"""Largest gap relative to the size of the drawing, for drawings in their size on paper."""
 
 SHORTEST = 1e-9
-"""Length [m] below which a stroke is a point."""
+"""Length [m] up to which a stroke is a point."""
 
 MOST_WALLS = 2_000_000
-"""Walls of a drawing that are read."""
+"""Largest number of walls of a drawing."""
 
 
 def world_of_strokes(strokes: Sequence[Float], path: Path, name: str = "") -> World:
-    """The world of lines (k, 2) [m] as they are drawn; those drawn twice count once.
+    """The world of strokes (k, 2) [m]; repeated ones count once.
 
     Raises:
         WorldError: There are no walls, too many, or they are not finite.
@@ -51,7 +51,7 @@ def world_of_strokes(strokes: Sequence[Float], path: Path, name: str = "") -> Wo
 
 
 def without_repeats(segments: Float) -> Float:
-    """The segments (n, 4) without those that stood before, forth or back."""
+    """The segments (n, 4) without repeated ones, in either direction."""
     first, second = segments[:, :2], segments[:, 2:]
     rows = np.arange(len(segments))
     other = (first != second).argmax(axis=1)
@@ -62,11 +62,11 @@ def without_repeats(segments: Float) -> Float:
 
 
 def connected(segments: Float, gap: float = TOUCHING) -> Int:
-    """The object (n,) of each of the segments (n, 4): those that touch are of one.
+    """The object (n,) of each of the segments (n, 4): those that touch are one object.
 
     Args:
         segments: The walls.
-        gap: How far apart they may be and still touch [m].
+        gap: Largest gap between walls that touch [m].
     """
     import shapely
     from scipy.sparse import coo_array
