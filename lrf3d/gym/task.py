@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.laser import ProportionalNoise
 from lrf3d.laser.noise import at_sigma
-from lrf3d.robot.collision import Obstacles
+from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.free_space import find_free_space
 from lrf3d.robot.unicycle import arcs
 from lrf3d.scenario import Scenario
@@ -79,7 +79,7 @@ class DriveTask:
         self._sensor = Sensor(
             scenario.world, self.lrf, caster="embree", noise=noise, obstacles=scenario.obstacles
         )
-        self._obstacles = Obstacles(scenario.world)
+        self._checker = CollisionChecker(scenario.world)
         least = scenario.radius + GOAL_MARGIN
         space = find_free_space(scenario.world, least=least, clearance=least)
         self._cells = space.cells + scenario.world.origin
@@ -110,7 +110,7 @@ class DriveTask:
         v, omega = self.scenario.speed * shares[:, 0], ACTION_TURN_RATE * shares[:, 1]
         before = self.distances()
         moved = arcs(self.poses, v, omega, np.full(self.count, self.dt))
-        ways, _ = self._obstacles.hit(self.poses[:, :2], moved[:, :2], self.scenario.radius)
+        ways, _ = self._checker.hit(self.poses[:, :2], moved[:, :2], self.scenario.radius)
         collided = np.zeros(self.count, np.bool_)
         collided[ways] = True
         moved[:, 2] = wrap_angle(moved[:, 2])
