@@ -1,4 +1,4 @@
-"""The laboratory: how long everything that lrf3d does takes, and how far it is off.
+"""Benchmarks: run time against error of every part of lrf3d.
 
 `scripts/bench` measures, part by part (`scan`, `map`, `drive`, `render`, `score`, `robots`) or as a
 whole; `scripts/paper` measures every claim of the paper. The package never imports from here.

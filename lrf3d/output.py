@@ -209,7 +209,7 @@ def locked(path: Path, target: Path) -> Iterator[Lock]:
         os.close(file)
 
 
-def beside(path: Path) -> Path:
+def lock_of(path: Path) -> Path:
     """The lock file of a target, in the same folder."""
     return path.with_name(f".{_cut(path.name)}.lock")
 

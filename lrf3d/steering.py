@@ -10,7 +10,7 @@ from lrf3d.geometry import Float, is_finite
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Trajectory, Unicycle
-from lrf3d.robot.collision import Obstacles
+from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.unicycle import arcs
 from lrf3d.world import World
 
@@ -93,7 +93,7 @@ class ControlledDrive:
         self.goes_on = True
         self.radius = radius
         self._robot = Unicycle()
-        self._obstacles = None if radius is None else Obstacles(world)
+        self._checker = None if radius is None else CollisionChecker(world)
         self._index = 0
 
     def place(self, index: int) -> tuple[float, Float]:
@@ -123,9 +123,9 @@ class ControlledDrive:
                 " speed [m/s] and turn rate [rad/s] as two finite numbers, or None to end"
             )
         before, self.pose = self.pose, self._robot.move(self.pose, v, omega, self.interval)
-        if self._obstacles is not None and self.radius is not None:
+        if self._checker is not None and self.radius is not None:
             way = self._way(time, before, v, omega)
-            collision = self._obstacles.first(way, self.radius)
+            collision = self._checker.first(way, self.radius)
             if collision is not None:
                 raise CollisionError(f"{collision}; the controller drove it there")
 

@@ -9,14 +9,14 @@ import sys
 import pytest
 
 from lrf3d import InputError, OutputError, output
-from lrf3d.output import beside, clear_unfinished, locked, replacing, unfinished_folder
+from lrf3d.output import clear_unfinished, lock_of, locked, replacing, unfinished_folder
 
 HOLD = """
 import sys
 from pathlib import Path
-from lrf3d.output import beside, locked, replacing
+from lrf3d.output import lock_of, locked, replacing
 target = Path(sys.argv[1])
-with locked(beside(target), target) as lock, replacing(target) as unfinished:
+with locked(lock_of(target), target) as lock, replacing(target) as unfinished:
     lock.note(work="half")
     unfinished.write_text("half")
     print("ready", flush=True)
@@ -34,7 +34,7 @@ def killed(tmp_path):
         assert process.stdout.readline() == "ready\n"
         with (
             pytest.raises(InputError, match=f"film.mp4: process {process.pid} writes here"),
-            locked(beside(target), target),
+            locked(lock_of(target), target),
         ):
             pass
         assert len(list(tmp_path.glob(".film.*.unfinished.mp4"))) == 1
@@ -47,9 +47,9 @@ def killed(tmp_path):
 
 def test_the_lock_of_a_killed_process_is_free_and_its_note_is_read(killed):
     target, process = killed
-    with locked(beside(target), target) as lock:
+    with locked(lock_of(target), target) as lock:
         assert lock.left == {"work": "half", "process": process, "machine": output._MACHINE}
-    assert not beside(target).exists()
+    assert not lock_of(target).exists()
 
 
 def test_the_next_writer_removes_what_a_killed_one_left(killed):
@@ -77,10 +77,10 @@ def test_what_another_machine_left_is_removed_when_it_is_old(tmp_path):
 
 def test_a_lock_is_exclusive_within_a_process_and_is_gone_afterwards(tmp_path):
     target = tmp_path / "run.npz"
-    with locked(beside(target), target):
-        with pytest.raises(InputError, match="writes here"), locked(beside(target), target):
+    with locked(lock_of(target), target):
+        with pytest.raises(InputError, match="writes here"), locked(lock_of(target), target):
             pass
-    with locked(beside(target), target):
+    with locked(lock_of(target), target):
         pass
     assert list(tmp_path.iterdir()) == []
 
@@ -92,18 +92,18 @@ def test_without_locks_of_the_file_system_the_process_is_looked_for(killed, monk
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(output.fcntl, "flock", none)
-    with locked(beside(target), target):
+    with locked(lock_of(target), target):
         pass
     note = f'{{"process": {os.getppid()}, "machine": "{output._MACHINE}"}}'
-    beside(target).write_text(note)
+    lock_of(target).write_text(note)
     with pytest.raises(InputError, match=f"process {os.getppid()} writes here"):
-        locked(beside(target), target).__enter__()
+        locked(lock_of(target), target).__enter__()
 
 
 @pytest.mark.parametrize("note", ["", "[1]", "{", '{"process": "x"}', "[" * 9999])
 def test_a_damaged_lock_file_holds_nobody(tmp_path, note):
-    beside(tmp_path / "a").write_text(note)
-    with locked(beside(tmp_path / "a"), tmp_path / "a"):
+    lock_of(tmp_path / "a").write_text(note)
+    with locked(lock_of(tmp_path / "a"), tmp_path / "a"):
         pass
 
 

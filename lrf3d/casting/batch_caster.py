@@ -51,7 +51,7 @@ class BatchCaster(ABC):
                 cast(poses[start:stop], ranges[start:stop], walls[start:stop])
 
             share(work, len(poses))
-        self._rationals.mend(lrf, poses, ranges, walls)
+        self._rationals.correct(lrf, poses, ranges, walls)
         return ranges
 
 

@@ -37,7 +37,7 @@ class Cause(StrEnum):
 
 
 MEANING = {
-    Cause.RANGE_LIMIT: "the wall stands just where the range ends",
+    Cause.RANGE_LIMIT: "the wall is just at the limit of the range",
     Cause.LASER_AT_WALL: "the laser touches a wall, and float32 may put it on either side",
     Cause.HEIGHT: "the beam runs along the top or the foot of a wall",
     Cause.GRAZING: "the beam runs along a wall",

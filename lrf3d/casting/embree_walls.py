@@ -48,7 +48,7 @@ LONGER, CAP = 3.0, 2.0
 """How many δ a plane reaches beyond each end of its wall, and a cap to each side."""
 
 APEX = 9.0
-"""A wall is one triangle, that stands on its base below the beams; so much more of it is above."""
+"""A wall is one triangle, with its base below the beams; this many times as much is above them."""
 
 THIN = APEX
 """A triangle not wider than this many δ has a base with less than δ of room at either end."""

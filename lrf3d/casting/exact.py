@@ -137,7 +137,7 @@ class RationalCaster:
             ranges[beam], walls[beam] = float(distance), tall[row]
         return ranges, walls
 
-    def mend(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
+    def correct(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
         """Cast the scans of a batch that need rationals, and put their ranges and walls into it.
 
         The walls are left out if the array is empty.

@@ -37,14 +37,14 @@ class Results:
         sigmas: The noise levels [m]; the first is that of the main run.
         runs: A run for each noise level.
         summary: The figures, in JSON's types.
-        stands: Whether the scans are from single poses, without a drive.
+        single_poses: Whether the scans are from single poses, without a drive.
     """
 
     scenario: Scenario
     sigmas: tuple[float, ...]
     runs: tuple[Run, ...]
     summary: dict[str, Any]
-    stands: bool
+    single_poses: bool
 
     @classmethod
     def of(
@@ -103,8 +103,8 @@ class Results:
             "milliseconds_a_scan": 1e3 * seconds / taken if taken else None,
             "milliseconds_an_update": main.milliseconds_an_update,
         }
-        stands = "controller" not in plugins and scenario.poses is not None
-        if stands:
+        single_poses = "controller" not in plugins and scenario.poses is not None
+        if single_poses:
             # The robot did not drive between the poses.
             summary["drive"]["length_m"] = 0.0
         if callable(getattr(mapper, "report", None)):
@@ -118,7 +118,7 @@ class Results:
                 {"sigma_m": sigma, "segments": len(run.map), "objects": run.map.object_count}
                 for sigma, run in zip(sigmas, runs, strict=True)
             ]
-        return cls(scenario, sigmas, tuple(runs), summary, stands)
+        return cls(scenario, sigmas, tuple(runs), summary, single_poses)
 
     @property
     def run(self) -> Run:
@@ -131,7 +131,7 @@ class Results:
         buildings, stored = self.summary["buildings"], self.summary["storage"]
         scans = f"{counted(drive['scans'], 'scan')} of {counted(self.run.lrf.beams, 'beam')}"
         rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
-        if self.stands:
+        if self.single_poses:
             rows = [("scans", f"{scans}, from single poses")]
         if score is not None:
             text = f"{self.run.map.counts}, length F1"

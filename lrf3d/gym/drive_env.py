@@ -17,32 +17,31 @@ from lrf3d.scenario import Scenario
 from lrf3d.scenario_file import load_scenario
 
 MAX_STEPS = 500
-"""Steps after which an episode is cut off if not given."""
+"""Default number of steps after which an episode is truncated."""
 
 Observation = dict[str, NDArray[np.float32]]
 
 
 class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """A robot is to drive to a goal by what its range finder shows, and not into a wall.
+    """A robot that drives to a goal by its range finder, without hitting a wall.
 
-    What it sees: ``ranges`` (beams,) [m] in float32, where no return reads range_max and one
-    that is too near as 0; ``goal`` (3,): distance [m], cosine and sine of the bearing. What it
-    does: v and ω as shares from −1 to 1 of the scenario's speed and of 1.5 rad/s, held up to the
-    next scan. It earns a point for each metre nearer to the goal, 10 at the goal, −10 at a wall,
-    and loses 0.01 a step. An episode ends at the goal or at a wall, and is cut off after
-    max_steps.
+    The observation is ``ranges`` (beams,) [m] in float32, range_max without return and 0 below
+    range_min, and ``goal`` (3,): distance [m], cosine and sine of the bearing. The action is v and
+    ω, from −1 to 1 of the scenario's speed and of 1.5 rad/s, held until the next scan. The reward
+    is 1 for each metre nearer to the goal, 10 at the goal, −10 at a wall, and −0.01 for each step.
+    An episode ends at the goal or at a wall, and is truncated after max_steps.
 
     Args:
-        world: A built-in world or a world file, or a Scenario: it brings the range finder, the
-            robot's radius and speed, and the time between two steps.
+        world: A built-in world, a world file or a Scenario, with the range finder, the robot's
+            radius and speed, and the time between two steps.
         sigma: Noise of the ranges [m] at range_max; the noise of the scenario if not given.
-        max_steps: Steps after which an episode is cut off.
+        max_steps: Steps after which an episode is truncated.
         render_mode: ``rgb_array`` for pictures by `render`, or None.
         size: Width and height of the pictures [pixels].
-        view: Where they are seen from: ``chase``, ``first``, ``orbit`` or ``top``.
+        view: Their camera: ``chase``, ``first``, ``orbit`` or ``top``.
 
     Raises:
-        InputError: An argument makes no sense.
+        InputError: An argument is invalid.
         WorldError: There is no such world.
     """
 
@@ -75,11 +74,11 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Set the robot down at a place drawn by the seed, with a goal.
+        """Place the robot and its goal at random.
 
         Args:
-            seed: Where given, the same seed gives the same episodes.
-            options: ``pose`` (3,) and ``goal`` (2,) where these are not to be drawn.
+            seed: The same seed gives the same episodes.
+            options: ``pose`` (3,) and ``goal`` (2,) to set instead.
         """
         super().reset(seed=seed)
         self.task.place(np.array([0]), self.np_random)
@@ -94,7 +93,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive on as the action (2,) says."""
+        """Drive with an action (2,)."""
         outcome = self.task.step([action])
         self._steps += 1
         reached, collided = bool(outcome.reached[0]), bool(outcome.collided[0])
@@ -104,10 +103,10 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._look(), float(outcome.rewards[0]), ended, cut, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A picture (h, w, 3) uint8 of now, as in a film; None without a render_mode.
+        """A picture (h, w, 3) uint8 of the current state, as in a film; None without a render_mode.
 
         Raises:
-            MissingLibraryError: OpenGL is there and cannot draw.
+            MissingLibraryError: OpenGL is missing.
         """
         if self.render_mode is None or not self._film:
             return None
@@ -132,7 +131,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
 
 def observation_space(task: DriveTask) -> spaces.Dict:
-    """What one robot sees.
+    """The observations of one robot.
 
     ``ranges`` (beams,) [m] from 0 to range_max; ``goal`` (3,): its distance [m], and the cosine
     and the sine of its bearing, 1 and 0 ahead.
@@ -150,5 +149,5 @@ def observation_space(task: DriveTask) -> spaces.Dict:
 
 
 def action_space() -> spaces.Box:
-    """What one robot may do: shares from −1 to 1 of its top speed and of its fastest turn."""
+    """The actions of one robot: speed and turn rate, from −1 to 1 of their maximum."""
     return spaces.Box(np.float32(-1.0), np.float32(1.0), (2,), np.float32)

@@ -19,7 +19,7 @@ Array = NDArray[Any]
 
 
 class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
-    """Robots that drive each to its goal, as in DriveEnv, in one world and unseen by each other.
+    """Robots that each drive to a goal, as in DriveEnv, in one world without seeing each other.
 
     A robot whose episode has ended is set down anew in the step after (autoreset ``NextStep``);
     its action in that step is ignored.
@@ -66,14 +66,14 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
-        """Set all robots down; the same seed gives the same episodes."""
+        """Place all robots; the same seed gives the same episodes."""
         super().reset(seed=seed)
         self.task.place(np.arange(self.num_envs), self.np_random)
         self._steps[:], self._ended[:] = 0, False
         return self._look(), {}
 
     def step(self, actions: Array) -> tuple[Observations, Array, Array, Array, dict[str, Any]]:
-        """Drive on as the actions (num_envs, 2) say."""
+        """Drive with actions (num_envs, 2)."""
         anew = self._ended
         outcome = self.task.step(np.where(anew[:, None], 0.0, actions))
         self._steps += 1

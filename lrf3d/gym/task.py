@@ -1,7 +1,7 @@
-"""DriveTask: some robots are to drive each to its goal, and run into nothing on the way.
+"""DriveTask: robots that each drive to a goal without collisions.
 
-Commands of all robots enter; what they see, what they earn and who has ended leaves. The robots
-are in one world but do not see each other: they are as many tries of one task.
+The input is the commands of all robots; the output is their observations, their rewards and who has
+finished. The robots are in one world but do not see each other: each is a separate attempt.
 """
 
 from dataclasses import dataclass
@@ -12,42 +12,42 @@ from numpy.typing import ArrayLike, NDArray
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.laser import ProportionalNoise
 from lrf3d.laser.noise import at_sigma
-from lrf3d.robot.collision import Obstacles
+from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.free_space import find_free_space
 from lrf3d.robot.unicycle import arcs
 from lrf3d.scenario import Scenario
 from lrf3d.sensor import Sensor
 
 GOAL_NEAR, GOAL_FAR = 5.0, 20.0
-"""How far from the start a goal lies [m], as far as the world has room."""
+"""Least and largest distance of a goal from the start [m], if the world has room."""
 
 CANDIDATES = 32
-"""Places that are drawn for a goal, of which the first at such a distance is taken."""
+"""Number of random places for a goal, of which the first at such a distance is used."""
 
 GOAL_RADIUS = 0.5
-"""How near to its goal a robot has arrived [m]."""
+"""Distance from its goal at which a robot has arrived [m]."""
 
 AT_GOAL, AT_WALL = 10.0, -10.0
-"""What arriving earns, and what running into a wall costs."""
+"""Rewards at the goal and for a collision."""
 
 EACH_STEP = -0.01
-"""What each step costs, so that dawdling does not pay."""
+"""Reward of each step, so that fast drives score higher."""
 
 ACTION_TURN_RATE = 1.5
-"""Fastest turn that can be asked for [rad/s], as of the follower of routes."""
+"""Largest turn rate of an action [rad/s], equal to that of the route follower."""
 
 GOAL_MARGIN = 0.1
-"""How much farther from walls than its radius a robot starts [m]."""
+"""Clearance of a robot from walls at its start, in addition to its radius [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a step brought each of k robots.
+    """The outcome of a step for each of k robots.
 
     Args:
         rewards: (k,) what they earned: metres nearer to the goal, and what the end is worth.
         reached: (k,) who is at its goal.
-        collided: (k,) who ran into a wall or a dynamic obstacle; it stands where it stood before.
+        collided: (k,) who ran into a wall or a dynamic obstacle; it stays at its previous pose.
     """
 
     rewards: Float
@@ -75,11 +75,11 @@ class DriveTask:
             noise = at_sigma(noise, sigma) if sigma else ProportionalNoise(sigma)
         self.scenario, self.count = scenario, count
         self.lrf, self.dt = scenario.lrf, scenario.scan_interval
-        # A robot decides where it drives while its beams turn: a scan takes no time.
+        # A scan takes no time, because the robot decides on its motion after it.
         self._sensor = Sensor(
             scenario.world, self.lrf, caster="embree", noise=noise, obstacles=scenario.obstacles
         )
-        self._obstacles = Obstacles(scenario.world)
+        self._checker = CollisionChecker(scenario.world)
         least = scenario.radius + GOAL_MARGIN
         space = find_free_space(scenario.world, least=least, clearance=least)
         self._cells = space.cells + scenario.world.origin
@@ -88,7 +88,7 @@ class DriveTask:
         self.times = np.zeros(count)
 
     def place(self, robots: Int, rng: np.random.Generator) -> None:
-        """Set some robots down, each at a new place with a new goal."""
+        """Place some robots, each with a new pose and a new goal."""
         cells = self._cells[rng.integers(len(self._cells), size=(len(robots), CANDIDATES + 1))]
         starts, goals = cells[:, 0], cells[:, 1:]
         distances = np.hypot(*np.moveaxis(goals - starts[:, None], 2, 0))
@@ -100,7 +100,7 @@ class DriveTask:
         self.times[robots] = 0.0
 
     def step(self, actions: ArrayLike) -> Outcome:
-        """Drive on for the time between two scans.
+        """Drive for the time between two scans.
 
         Args:
             actions: (k, 2) shares of the scenario's speed and of the fastest turn, left positive;
@@ -110,7 +110,7 @@ class DriveTask:
         v, omega = self.scenario.speed * shares[:, 0], ACTION_TURN_RATE * shares[:, 1]
         before = self.distances()
         moved = arcs(self.poses, v, omega, np.full(self.count, self.dt))
-        ways, _ = self._obstacles.hit(self.poses[:, :2], moved[:, :2], self.scenario.radius)
+        ways, _ = self._checker.hit(self.poses[:, :2], moved[:, :2], self.scenario.radius)
         collided = np.zeros(self.count, np.bool_)
         collided[ways] = True
         moved[:, 2] = wrap_angle(moved[:, 2])
@@ -133,7 +133,7 @@ class DriveTask:
         return self._sensor.measure_batch(self.poses, self.times, rng)
 
     def observe(self, ranges: Float) -> dict[str, NDArray[np.float32]]:
-        """What the robots see, in finite numbers of float32.
+        """The observations of the robots, in finite float32 numbers.
 
         A beam without return reads range_max, one that is too near reads 0; both are at the
         limits of what can be measured, so that they say as much as the infinities of REP 117.

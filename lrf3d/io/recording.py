@@ -24,7 +24,7 @@ from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.io.run_file import head_columns, load_run, map_columns, obstacle_columns
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
-from lrf3d.output import beside, locked
+from lrf3d.output import lock_of, locked
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run, SnapshotSchedule, run_bytes
@@ -91,7 +91,7 @@ def record(
 @contextmanager
 def _writing(path: Path) -> Iterator[None]:
     """Lock a run and its auxiliary files until it is complete."""
-    with locked(beside(path), path):
+    with locked(lock_of(path), path):
         for name in (path, path.with_suffix(".journal"), path.with_suffix(".checkpoint")):
             # Files that cannot be replaced are found now, not after hours of work.
             if name.exists():

@@ -153,11 +153,14 @@ def pair_lines(
 ) -> Pairs:
     """Find the known line of each line of a scan.
 
-    Args: local: The lines of the scan, in the robot's frame. known: The known map. pose: The
-            predicted pose. covariance: (3, 3) covariance of the pose, x, y [m], theta [rad].
-            criterion: Decides what is a pair; a MahalanobisGate if not given. strategy: ``all``
-            compares all lines with all; ``seen-objects-first`` compares first with the lines of the
-            objects in ``seen``, and with the others only where that finds no pair.
+    Args:
+        local: The lines of the scan, in the robot's frame.
+        known: The known map.
+        pose: The predicted pose.
+        covariance: (3, 3) covariance of the pose, x, y [m], theta [rad].
+        criterion: Decides what is a pair; a MahalanobisGate if not given.
+        strategy: ``all`` compares all lines with all; ``seen-objects-first`` compares first with
+            the lines of the objects in ``seen``, and with the others only where that finds no pair.
         seen: Objects that were seen in the previous scan; none if not given.
 
     Raises:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError
-from lrf3d.output import beside, locked, make_folder, replacing, unfinished_folder
+from lrf3d.output import lock_of, locked, make_folder, replacing, unfinished_folder
 from lrf3d.render.film_parts import Progress, draw_parts
 from lrf3d.render.gl import gl_available, require_gl
 from lrf3d.render.worker import FRAMES, Job
@@ -143,7 +143,7 @@ def render_frames(
     make_folder(folder.parent)
     try:
         # Beside its place, so that it can be put there at once.
-        with locked(beside(folder), folder), unfinished_folder(folder) as place:
+        with locked(lock_of(folder), folder), unfinished_folder(folder) as place:
             parts, _ = draw_parts(job, place, workers, progress)
             whole = place / "frames"
             whole.mkdir()

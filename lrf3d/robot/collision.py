@@ -27,8 +27,8 @@ class Collision:
         )
 
 
-class Obstacles:
-    """The walls of a world in a search tree."""
+class CollisionChecker:
+    """Finds collisions with the walls of a world, by a search tree."""
 
     def __init__(self, world: World) -> None:
         import shapely
@@ -75,7 +75,7 @@ class Obstacles:
 
 def find_collision(trajectory: Trajectory, world: World, radius: float) -> Collision | None:
     """The first collision of a round robot of a radius [m], or None."""
-    return Obstacles(world).first(trajectory, radius) if len(world.segments) else None
+    return CollisionChecker(world).first(trajectory, radius) if len(world.segments) else None
 
 
 def check_drive(trajectory: Trajectory, world: World, radius: float) -> None:

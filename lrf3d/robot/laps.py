@@ -18,7 +18,7 @@ LAP_TURN = 0.5
 def drive_laps(
     route: Float, *, start: Pose | None, speed: float, lookahead: float, dt: float, most: int
 ) -> tuple[Trajectory, ...]:
-    """A first lap along a route, and a second one that ends as it begins, to be driven for ever.
+    """A first lap along a route, and a second one that ends where it begins, to be repeated.
 
     A route that does not end where it begins is driven back the way it came. What is not asked
     for is not driven: the first lap ends after that number of poses, and there is no second.
@@ -69,7 +69,7 @@ def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
 def _waited_for(lap: Trajectory) -> Trajectory:
     """The lap with its last pose a whole interval after the one before.
 
-    The robot arrives between two scans, and waits for the next: they come evenly for ever.
+    The robot arrives between two scans and waits for the next, so that scans stay evenly spaced.
     """
     if len(lap) < 3:
         return lap

@@ -149,7 +149,7 @@ def _shifted(row: Bool, by: int) -> Bool:
 def buildings_around(world: World, points: Float) -> Int:
     """The building (k,), a closed object that holds no other, around each of points; −1 for none.
 
-    One that stands in a closed object itself is a room, and no building.
+    One that is inside another closed object is a room, not a building.
     """
     import shapely
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError
-from lrf3d.output import beside, locked, make_folder, replacing
+from lrf3d.output import lock_of, locked, make_folder, replacing
 from lrf3d.sweep.cluster import missing_sweep
 from lrf3d.sweep.plan import Plan
 from lrf3d.sweep.task import Row
@@ -75,7 +75,7 @@ class Store:
         self._waiting: list[Row] = []
         self._planned = {run.order.key: run for run in plan.runs}
         self._held = ExitStack()
-        self._held.enter_context(locked(beside(folder / TABLE), folder))
+        self._held.enter_context(locked(lock_of(folder / TABLE), folder))
         try:
             found = self._found()
             if found and not resume:

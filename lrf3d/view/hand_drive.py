@@ -11,7 +11,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, Unicycle
-from lrf3d.robot.collision import Obstacles
+from lrf3d.robot.collision import CollisionChecker
 from lrf3d.scenario import Scenario
 from lrf3d.scene.sight import Sight
 from lrf3d.sensor import Sensor
@@ -69,7 +69,7 @@ class HandDrive:
     ) -> None:
         self._origin = Sight.of(scenario.world, np.array([start[:2]])).origin
         self._scenario, self._start, self._seed = scenario, start, rng
-        self._obstacles = Obstacles(scenario.world)
+        self._obstacles = CollisionChecker(scenario.world)
         self._robot = Unicycle(scenario.radius)
         self.movers = scenario.obstacles
         # Where the hand will drive while a beam turns nobody knows: a scan takes no time.

@@ -1,7 +1,4 @@
-"""Worlds from features of maps: footprints of buildings become blocks, lines become walls.
-
-Features in metres enter, whatever the format of the file was; a :class:`World` leaves.
-"""
+"""Worlds from features of maps in metres: footprints of buildings become blocks, lines walls."""
 
 from collections.abc import Sequence
 
@@ -15,7 +12,7 @@ from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import walls
 
 DEFAULT_BUILDING_HEIGHT = 8.0
-"""Height of a building [m] that the file says nothing of: two storeys and a roof."""
+"""Default height of a building [m]: two storeys and a roof."""
 
 
 def world_of_features(
@@ -28,13 +25,13 @@ def world_of_features(
     """The world of features: Polygons are dissolved into blocks, lines follow after them.
 
     Args:
-        features: What the file shows.
-        name: What the world is called.
-        simplify: Farthest that a corner may lie off a straight façade and be left out [m].
-        place: Longitude and latitude [°] of the point (0, 0), where it is known.
+        features: The features of the file.
+        name: Name of the world.
+        simplify: Largest distance from a straight façade of a corner that is left out [m].
+        place: Longitude and latitude [°] of the point (0, 0), if they are known.
 
     Raises:
-        WorldError: No feature leaves a wall.
+        WorldError: No wall remains.
     """
     builder = _Builder()
     owners = [feature for feature in features for _ in feature.polygons]
@@ -54,7 +51,7 @@ def world_of_features(
 
 
 class _Builder:
-    """Gathers walls, object by object."""
+    """Collects walls, object by object."""
 
     def __init__(self) -> None:
         self.segments: list[Float] = []
@@ -94,7 +91,7 @@ class _Builder:
             self.colours[number] = feature.colour
 
     def world(self, name: str, place: tuple[float, float] | None) -> World:
-        """The world of all that was added."""
+        """The world of all walls."""
         if not self.segments:
             raise WorldError("the footprints are too small to leave a wall")
         objects = np.concatenate(self.objects)

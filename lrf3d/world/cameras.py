@@ -1,4 +1,4 @@
-"""Fixed cameras: places in a world that a film can be seen from, by name."""
+"""Cameras: fixed ones in a world, by name, and the default camera of a film."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from lrf3d.errors import InputError, WorldError
 
 MOVING_VIEWS = ("chase", "first", "orbit", "top")
-"""Names of the cameras that every world has; they move with the robot or see all."""
+"""Names of the cameras that every world has; they follow the robot or show everything."""
 
 DEFAULT_FIELD = 50.0
 """Angle of view from the bottom to the top of the picture [degrees] if none is given."""
@@ -18,16 +18,16 @@ WIDEST_VIEW = 170.0
 
 @dataclass(frozen=True, slots=True)
 class FixedCamera:
-    """A camera that stands still.
+    """A fixed camera.
 
     Args:
-        name: What it is chosen by; none of the names that every world has.
-        position: x, y, z of the eye [m].
-        target: x, y, z of what stands in the middle of the picture [m].
+        name: Its name, other than those of the cameras that every world has.
+        position: x, y, z of the camera [m].
+        target: x, y, z of the point in the middle of the picture [m].
         field_deg: Angle of view from the bottom to the top of the picture [degrees].
 
     Raises:
-        WorldError: The name is taken or empty, or it looks nowhere.
+        WorldError: The name is reserved or empty, or position and target are equal.
     """
 
     name: str
@@ -49,7 +49,7 @@ class FixedCamera:
             )
 
     def scaled(self, factor: float) -> "FixedCamera":
-        """The camera above a plan that is enlarged by a factor; its height stays."""
+        """The camera with x and y scaled; heights stay the same."""
         (x, y, z), (x2, y2, z2) = self.position, self.target
         return replace(
             self, position=(factor * x, factor * y, z), target=(factor * x2, factor * y2, z2)
@@ -57,16 +57,16 @@ class FixedCamera:
 
 
 PLAYBACK = 4.0
-"""Seconds of a run in a second of its film if not given."""
+"""Default number of simulated seconds in a second of film."""
 
 
 @dataclass(frozen=True, slots=True)
 class FilmPlan:
-    """How a run is filmed if nothing else is given.
+    """The default settings of a film.
 
     Args:
         view: Name of the camera, one that every world has or one of the world's.
-        playback: Seconds of the run in a second of the film.
+        playback: Simulated seconds in a second of film.
     """
 
     view: str = "chase"
@@ -74,14 +74,14 @@ class FilmPlan:
 
 
 USUAL_FILM = FilmPlan()
-"""How a run is filmed of which nothing is said."""
+"""The default settings of films without others."""
 
 
 def check_view(view: str, cameras: Sequence[FixedCamera]) -> None:
-    """See that a view is one that every world has, or one of the cameras.
+    """Check that a view is one that every world has, or one of the cameras.
 
     Raises:
-        InputError: It is not.
+        InputError: It is neither.
     """
     known = [*MOVING_VIEWS, *(camera.name for camera in cameras)]
     if view not in known:

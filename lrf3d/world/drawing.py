@@ -14,20 +14,20 @@ from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.touching import TOUCHING, connected
 
 CURVE_ERROR = 0.005
-"""Farthest [m] that the chords of a curve lie from it: as much as a laser's beam is wide."""
+"""Largest distance [m] of chords from their curve: about the width of a laser beam."""
 
 FINEST_GAP = 1e-4
-"""The same, as a share of the drawing: one in the size of a sheet has finer gaps."""
+"""Largest gap relative to the size of the drawing, for drawings in their size on paper."""
 
 SHORTEST = 1e-9
-"""Length [m] below which a stroke is a point."""
+"""Length [m] up to which a stroke is a point."""
 
 MOST_WALLS = 2_000_000
-"""Walls of a drawing that are read."""
+"""Largest number of walls of a drawing."""
 
 
 def world_of_strokes(strokes: Sequence[Float], path: Path, name: str = "") -> World:
-    """The world of lines (k, 2) [m] as they are drawn; those drawn twice count once.
+    """The world of strokes (k, 2) [m]; repeated ones count once.
 
     Raises:
         WorldError: There are no walls, too many, or they are not finite.
@@ -49,7 +49,7 @@ def world_of_strokes(strokes: Sequence[Float], path: Path, name: str = "") -> Wo
 
 
 def without_repeats(segments: Float) -> Float:
-    """The segments (n, 4) without those that stood before, forth or back."""
+    """The segments (n, 4) without repeated ones, in either direction."""
     first, second = segments[:, :2], segments[:, 2:]
     rows = np.arange(len(segments))
     other = (first != second).argmax(axis=1)

@@ -1,11 +1,10 @@
 """Worlds from DXF drawings: lines, polylines, arcs, circles, ellipses, splines become walls.
 
-A path enters; a :class:`World` leaves. ``$INSUNITS`` gives the unit; a drawing without one is in
-metres. Blocks are put in where they are inserted, multilines as their lines. Curves
-become chords no farther from them than :data:`~lrf3d.world.drawing.CURVE_ERROR`, or a
-two-thousandth of their size where that is less.
+``$INSUNITS`` gives the unit; a drawing without one is in metres. Blocks are inserted, multilines
+become their lines. Curves become chords no farther from them than
+:data:`~lrf3d.world.drawing.CURVE_ERROR`, or a two-thousandth of their size where that is less.
 Walls that touch are one object. Layers that are off or frozen, paper space, hatches, texts and
-dimensions are no walls; heights (z) are ignored.
+dimensions are ignored, and so are heights (z).
 """
 
 import os
@@ -27,17 +26,16 @@ LARGEST_DXF = 1 << 26
 """Bytes of a drawing."""
 
 MOST_INSERTED = 20_000
-"""Entities that stand in blocks, counted each time that they are inserted: blocks of blocks of
-blocks would be more than there are atoms."""
+"""Largest number of inserted entities: nested blocks could multiply them beyond all bounds."""
 
 DEEPEST_BLOCK = 30
-"""Blocks that may stand inside each other."""
+"""Largest nesting depth of blocks."""
 
 CURVE_SHARE = 1.0 / 2000.0
-"""Chords lie no farther from a curve than this share of its extent."""
+"""Largest distance of chords from a curve, relative to its extent."""
 
 CACHE_HOME = "XDG_CACHE_HOME"
-"""The variable of the environment that says where programs keep what they can make again."""
+"""The environment variable with the folder for caches."""
 
 OUTLINES = {
     "LINE",
@@ -57,7 +55,7 @@ def read_dxf(path: Path) -> World:
     """Read the outlines of a drawing as walls.
 
     Raises:
-        WorldError: The file cannot be read, is no DXF or holds no outline.
+        WorldError: The file cannot be read, is not a DXF drawing or has no outline.
     """
     with _no_list_of_fonts():
         from ezdxf import units
@@ -94,7 +92,7 @@ def read_dxf(path: Path) -> World:
 
 @contextmanager
 def _no_list_of_fonts() -> Iterator[None]:
-    """Where ezdxf is imported: it looks for no fonts, and writes nothing to the user's folders.
+    """Keep ezdxf from looking for fonts, and from writing to the user's folders, when imported.
 
     At its import it would read all fonts of the machine and keep a list of them in
     ``~/.cache/ezdxf``; texts are no walls, so that an empty list in a folder of ours serves.
@@ -114,7 +112,7 @@ def _no_list_of_fonts() -> Iterator[None]:
 
 
 def _entities(layout: Any, path: Path, hidden: set[str]) -> Iterator[Any]:
-    """The outlines of a layout, with those of the blocks that are inserted in it."""
+    """The outlines of a layout, with those of inserted blocks."""
     waiting = [(iter(layout), 0)]
     inserted = 0
     while waiting:
@@ -145,7 +143,7 @@ def _entities(layout: Any, path: Path, hidden: set[str]) -> Iterator[Any]:
 
 
 def _strokes(entity: Any, tolerance: float) -> Iterator[Float]:
-    """The lines (k, 2) [units] that an entity is drawn by."""
+    """The polylines (k, 2) [units] of an entity."""
     from ezdxf.path import make_path
 
     if entity.dxftype() == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):

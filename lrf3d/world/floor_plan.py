@@ -1,4 +1,4 @@
-"""Floor plans: walls of a thickness along centre lines, with doors left open, and furniture."""
+"""Floor plans: walls with a thickness along centre lines, with open doors, and furniture."""
 
 from dataclasses import dataclass, field
 
@@ -12,7 +12,7 @@ THICKNESS = 0.2
 """Thickness of walls [m]."""
 
 DOOR = 2.2
-"""Clear width of a door [m]: the planner keeps up to 0.95 m to walls, on a lattice."""
+"""Clear width of a door [m]: the planner keeps up to 0.95 m from walls, on a lattice."""
 
 WALL_COLOUR = (0.80, 0.77, 0.71)
 """Warm white of plaster."""
@@ -20,10 +20,10 @@ WALL_COLOUR = (0.80, 0.77, 0.71)
 
 @dataclass
 class FloorPlan:
-    """Centre lines of walls, and boxes that stand between them.
+    """Centre lines of walls, and boxes between them.
 
     Args:
-        name: What the world is called.
+        name: Name of the world.
         height: Height of the walls [m].
     """
 
@@ -33,7 +33,7 @@ class FloorPlan:
     boxes: list[tuple[str, Float, float, tuple[float, float, float]]] = field(default_factory=list)
 
     def wall(self, x1: float, y1: float, x2: float, y2: float, *doors: float) -> None:
-        """Add a wall along an axis, with doors whose middles are so far from its first end [m]."""
+        """Add a wall along an axis, with doors at these distances from its first end [m]."""
         length = abs(x2 - x1) + abs(y2 - y1)
         dx, dy = (x2 - x1) / length, (y2 - y1) / length
         gap = 0.5 * (DOOR + THICKNESS)
@@ -48,7 +48,7 @@ class FloorPlan:
             self.lines.append((x + start * dx, y + start * dy, x + end * dx, y + end * dy))
 
     def outer_walls(self, wide: float, high: float) -> None:
-        """Add the walls around a plan: shut, so that a drive stays inside."""
+        """Add the walls around a plan, without doors, so that a drive stays inside."""
         self.wall(0.0, 0.0, wide, 0.0)
         self.wall(0.0, high, wide, high)
         self.wall(0.0, 0.0, 0.0, high)

@@ -1,6 +1,6 @@
-"""Generated worlds by their kind: a city, a maze, an office floor, rooms; each from a seed.
+"""Generated worlds: a city, a maze, an office floor, rooms; each from a seed.
 
-Cities of any number of walls at one density are for measuring.
+Cities with any number of walls at one density serve benchmarks.
 """
 
 import math
@@ -36,17 +36,17 @@ SIZES = (12.0, 1000.0)
 
 
 BLOCK_SIDE = 20.0
-"""From the middle of one building to the next [m]."""
+"""Distance between the centres of neighbouring buildings [m]."""
 
 SHIFT, HALF, LARGEST_TURN = 2.0, (4.0, 7.0), 0.3
-"""How far a building stands off its block's middle at most [m], from what to what half its sides
-are long [m], and how far it is turned at most [rad]: the least street is 3 m wide."""
+"""Largest offset of a building from the centre of its block [m], range of half of its side lengths
+[m], and largest turn [rad]: the narrowest street is 3 m wide."""
 
 AISLE = 1.5
-"""How far a pose at a crossing stands off its middle at most [m]: clear of all buildings."""
+"""Largest offset of a pose from the centre of a crossing [m], clear of all buildings."""
 
 PASSAGE = 2.6
-"""From one wall of a maze to the next [m]."""
+"""Distance between neighbouring walls of a maze [m]."""
 
 
 def generate(kind: str, *, size: float | None = None, seed: int = 0) -> World:
@@ -54,8 +54,8 @@ def generate(kind: str, *, size: float | None = None, seed: int = 0) -> World:
 
     Args:
         kind: ``city``, ``maze``, ``office`` or ``rooms``.
-        size: About how wide it is [m].
-        seed: The same seed, the same world.
+        size: Approximate width [m].
+        seed: The same seed gives the same world.
 
     Raises:
         InputError: There is no such kind, or the size is out of bounds.
@@ -157,7 +157,7 @@ def _furnish(
 
 
 def rooms(size: float, seed: int) -> World:
-    """A house: a floor parted into rooms again and again, each wall with a door; pillars."""
+    """A house: a floor, divided into rooms recursively, each wall with a door; pillars."""
     rng = np.random.default_rng(seed)
     plan = FloorPlan(f"rooms {seed}")
     wide, high = size, round(0.75 * size, 2)
@@ -167,9 +167,9 @@ def rooms(size: float, seed: int) -> World:
 
 
 def _part(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
-    """Part a box of corners (2, 2) [m] by a wall with a door, and both sides of it in turn."""
+    """Divide a box with corners (2, 2) [m] by a wall with a door, and then both parts."""
     waiting = [box]
-    # Of each door the axis that its wall follows, where that stands, and where in it the door is.
+    # For each door the axis of its wall, the position of the wall, and that of the door in it.
     doors: list[tuple[int, float, float]] = []
     clear = 0.5 * DOOR + 2.0 * THICKNESS
     while waiting:
@@ -210,14 +210,14 @@ def _part(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
 
 
 def generate_city(walls: int, *, seed: int = 0) -> World:
-    """A city of a number of walls, as square as possible: buildings of four walls, one to a block.
+    """A city with a number of walls, nearly square: buildings of four walls, one in each block.
 
-    The city grows with its walls and its density stays, so a laser meets as many walls in it
-    whatever its size.
+    The density does not depend on the size, so a laser sees about the same number of walls in
+    cities of any size.
 
     Args:
-        walls: How many walls, a multiple of four or rounded down to one.
-        seed: The same seed, the same city.
+        walls: Number of walls, rounded down to a multiple of four.
+        seed: The same seed gives the same city.
     """
     rng = np.random.default_rng(seed)
     count = walls // 4
@@ -235,7 +235,7 @@ def generate_city(walls: int, *, seed: int = 0) -> World:
 
 
 def city_blocks(walls: int) -> tuple[int, int]:
-    """Width and height in blocks of a city of a number of walls; its last row may be shorter."""
+    """Width and height [blocks] of a city with a number of walls; its last row may be shorter."""
     columns = max(1, math.isqrt(max(1, walls // 4) - 1) + 1)
     return columns, -(-(walls // 4) // columns)
 
@@ -244,10 +244,10 @@ def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None 
     """Poses (count, 3) at the crossings of a generated city, at any heading.
 
     Args:
-        walls: How many walls the city was asked to have.
-        count: How many poses.
-        seed: The same seed, the same poses.
-        spread: Only this number of crossings each way around the middle, as on a drive; all of the
+        walls: Number of walls of the city.
+        count: Number of poses.
+        seed: The same seed gives the same poses.
+        spread: Number of crossings in each direction around the middle, as on a drive; the whole
             city if not given.
     """
     rng = np.random.default_rng(seed)
@@ -259,7 +259,7 @@ def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None 
 
 
 def maze(size: float, seed: int) -> World:
-    """A maze: any two places are joined by just one way, a random spanning tree of its cells."""
+    """A maze, a random spanning tree of its cells: there is one path between any two places."""
     count = max(3, int(size / PASSAGE))
     plan = FloorPlan(f"maze {seed}")
     open_east, open_north = maze_passages(count, np.random.default_rng(seed))
@@ -302,4 +302,4 @@ KINDS: dict[str, tuple[Callable[[float, int], World], float]] = {
     "office": (office, 40.0),
     "rooms": (rooms, 28.0),
 }
-"""How a kind of world is made, from its size [m] and a seed, and how wide it usually is [m]."""
+"""The function that makes each kind of world from its size [m] and a seed, and the default size."""

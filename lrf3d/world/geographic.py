@@ -1,4 +1,4 @@
-"""Longitudes and latitudes: telling them from metres, and laying them flat."""
+"""Longitudes and latitudes: recognising and projecting them."""
 
 import json
 import re
@@ -12,11 +12,11 @@ EARTH_RADIUS = 6_371_008.8
 """Mean radius of the Earth [m]."""
 
 WIDEST_DEGREES = 0.5
-"""Extent [°] up to which a file is taken for degrees: as metres it would be half a pace wide."""
+"""Largest extent [°] of a file in degrees: in metres it would be half a pace wide."""
 
 LARGEST_BUILDING = 0.01
-"""Median extent of the outlines [°] up to which a file is taken for degrees: about 1 km, or as
-metres the width of a finger."""
+"""Largest median extent of the outlines [°] of a file in degrees: about 1 km; in metres it would be
+the width of a finger."""
 
 DEGREES = {"4326", "4258", "4269"}
 """EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart."""
@@ -31,7 +31,7 @@ _CODE = re.compile(r"(?:EPSG|ESRI)\D.*?(\d{4,6})\b")
 
 
 def code_of(reference: object) -> str:
-    """The EPSG code that a GeoJSON ``crs`` names; 4326 for CRS84, nothing where there is none."""
+    """The EPSG code of a GeoJSON ``crs``; 4326 for CRS84, empty without one."""
     text = json.dumps(reference)
     if "CRS84" in text:
         return "4326"
@@ -67,8 +67,8 @@ def centre_of(outlines: Sequence[Float]) -> Float:
 def lay_flat(degrees: Float, centre: Float) -> Float:
     """Metres (k, 2) east and north of a centre (2,), by the equirectangular projection.
 
-    Over 10 km its lengths are right to about one part in a thousand at middle latitudes, which
-    turns no wall by more than a beam's width.
+    Over 10 km its lengths are accurate to about one part in a thousand at middle latitudes, which
+    turns no wall by more than the width of a beam.
     """
     scale = np.radians(1.0) * EARTH_RADIUS * np.array([np.cos(np.radians(centre[1])), 1.0])
     return np.asarray((degrees - centre) * scale, dtype=np.float64)

@@ -1,13 +1,12 @@
 """Worlds from GeoJSON: footprints of buildings become blocks, lines become walls.
 
-A path enters, a :class:`World` leaves. Coordinates are metres and are kept as they are, also far
-from the origin; a file in longitude and latitude, which GeoJSON proper is in, is recognised by
-its ``crs`` or by its size and laid flat about its middle, as are the stretched metres of web maps
-(EPSG:3857). Heights above ground (Z) are ignored.
+Coordinates in metres are kept, also far from the origin. A file in longitude and latitude, as the
+standard demands, is recognised by its ``crs`` or by its size and projected around its middle; so
+are the stretched metres of web maps (EPSG:3857). Heights above ground (Z) are ignored.
 
 A world is written so that reading it gives the same world to the last bit: walls as lines and not
-as polygons, which a reader would dissolve into blocks. A map of lrf3d is read as the world that it
-shows: its walls meet at the corners, and those that touch are one object.
+as polygons, which would be dissolved into blocks. A map of lrf3d is read as the world that it
+shows: its walls meet at the corners, and walls that touch are one object.
 """
 
 import json
@@ -44,16 +43,16 @@ from lrf3d.world.schema import PLACE, Invalid, colour_value, point
 def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
     """Read a world: Polygons are dissolved into blocks, each an object; lines follow after them.
 
-    A wall of a block is as high as the footprint that it belongs to. Each feature of lines is an
-    object, or what its whole-number property ``object`` says where all have one.
+    A wall of a block has the height of its footprint. Each feature of lines is an object; if all
+    have an integer property ``object``, it is the number of the object.
 
     Args:
         path: The file.
-        simplify: Farthest that a corner may lie off a straight façade and be left out [m].
+        simplify: Largest distance from a straight façade of a corner that is left out [m].
 
     Raises:
-        WorldError: The file cannot be read, or holds no walls or broken ones; the message names
-            the file and the feature, counted from 0.
+        WorldError: The file cannot be read, or has no walls or invalid ones; the message names the
+            file and the feature, counted from 0.
     """
     data = _parse(path)
     features = features_of(data, path)
@@ -119,11 +118,11 @@ _FOREIGN = {
     ),
     "Topology": "TopoJSON, which is not read; make GeoJSON of it, as by `topo2geo`",
 }
-"""What to say of other JSON with coordinates, by its type."""
+"""Messages for other kinds of JSON with coordinates, by type."""
 
 
 def _cameras(members: object) -> tuple[FixedCamera, ...]:
-    """The cameras that ``World.save`` wrote."""
+    """The cameras in the member ``cameras``, as lrf3d writes it."""
     try:
         return tuple(
             FixedCamera(
@@ -145,7 +144,7 @@ def _refuse_constant(constant: str) -> NoReturn:
 
 
 def _place(data: dict[str, Any]) -> tuple[float, float] | None:
-    """What the member ``place``, as lrf3d writes it, says of the point (0, 0)."""
+    """Longitude and latitude of (0, 0) from the member ``place``, as lrf3d writes it."""
     try:
         longitude, latitude = cast(Float, PLACE(data.get("place"))).tolist()
     except Invalid:
@@ -176,7 +175,7 @@ def geojson_text(world: World) -> str:
     bare = sorted(set(range(world.object_count)) - set(world.objects.tolist()))
     parts = [*(WallRun(number, (), np.empty(0)) for number in bare), *parts_of(world)]
     features = ",\n".join(json.dumps(_feature(part, world)) for part in parts)
-    # A member of our own, which other readers ignore, as the standard says.
+    # Other readers ignore these members, as the standard allows.
     members = json.dumps([asdict(camera) for camera in world.cameras])
     cameras = f' "cameras": {members},' if world.cameras else ""
     place = "" if world.place is None else f' "place": {json.dumps(world.place)},'

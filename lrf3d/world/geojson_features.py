@@ -1,4 +1,4 @@
-"""The features of a GeoJSON file, checked: outlines as arrays, and the properties that count."""
+"""The features of a GeoJSON file, checked: outlines as arrays, and known properties."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -14,7 +14,7 @@ from lrf3d.world.model import MOST_OBJECTS
 from lrf3d.world.schema import LARGEST_COORDINATE, parse_colour
 
 LEVEL_HEIGHT = 3.0
-"""Height of a storey [m], for buildings that give their levels alone."""
+"""Height of a storey [m], for buildings with only a number of levels."""
 
 _METRES = re.compile(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*(?:m|metres?|meters?)?\s*")
 _FEET = re.compile(r"""\s*(\d+(?:\.\d+)?)\s*(?:ft|feet|')\s*(?:(\d+(?:\.\d+)?)\s*(?:in|"))?\s*""")
@@ -23,13 +23,13 @@ _FOOT, _INCH = 0.3048, 0.0254
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """What a feature says.
+    """A feature.
 
     Args:
         polygons: Each a tuple of rings (k, 2), the outer one first, no point repeated.
         lines: Lines (k, 2) of at least two points, none repeated in a row.
         height: One height [m], one for each wall, or None if not given.
-        name: Its name, or nothing.
+        name: Its name, or an empty text.
         colour: Its colour, or None.
         number: The object it belongs to, or None.
     """
@@ -67,7 +67,7 @@ def features_of(data: dict[str, Any], path: Path) -> list[Feature]:
     """The features of a GeoJSON object: a FeatureCollection, a Feature or a bare geometry.
 
     Raises:
-        WorldError: A feature is broken; the message names the file and the feature.
+        WorldError: A feature is invalid; the message names the file and the feature.
     """
     kind = data.get("type")
     items: Any = data.get("features") if kind == "FeatureCollection" else [data]
@@ -136,7 +136,7 @@ class _Reader:
                 for part in parts:
                     yield from self.outlines(part)
             case "Point" | "MultiPoint":
-                # Trees and lamps are not walls; a map may have them.
+                # Points, such as trees and lamps, are not walls.
                 pass
             case _:
                 self.refuse(f"unknown geometry {shown(kind)}")
@@ -182,7 +182,7 @@ class _Reader:
         return np.array([point[:2] for point in points], dtype=np.float64)
 
     def height(self, properties: dict[str, Any]) -> float | tuple[float, ...] | None:
-        """The height [m] by the properties height or building:levels; 0 says nothing."""
+        """The height [m] from the properties height or building:levels; 0 means unknown."""
         given = properties.get("height")
         if isinstance(given, list) and given:
             return tuple(self.number(value, "height") for value in given)
@@ -203,7 +203,7 @@ class _Reader:
 
 
 def metres_of(text: str) -> float | None:
-    """Metres of a length as people write it, such as 12, 12,5 m or 40'; None if it is invalid."""
+    """A length [m] from a text such as 12, 12,5 m or 40'; None if it is invalid."""
     if match := _METRES.fullmatch(text):
         return float(match.group(1).replace(",", "."))
     if match := _FEET.fullmatch(text):

@@ -1,13 +1,13 @@
-"""On which line of a TOML text a key stands: tomllib reads the values but keeps no places.
+"""The lines of keys in a TOML text, which tomllib does not report.
 
-A text enters that tomllib has accepted, so the scanner need not check it again; the line of every
-key and of every element of an array leaves.
+The text has been accepted by tomllib, so the scanner does not check it again. It finds the line of
+every key and of every element of an array.
 """
 
 import re
 
 KeyPath = tuple[str | int, ...]
-"""Where a value stands: keys of tables and indices of arrays, ``("object", 2, "points", 0)``."""
+"""The path of a value: keys of tables and indices of arrays, ``("object", 2, "points", 0)``."""
 
 _TOKEN = re.compile(
     r'''
@@ -27,14 +27,14 @@ def lines_of_keys(text: str) -> dict[KeyPath, int]:
 
 
 def nearest_line(lines: dict[KeyPath, int], path: KeyPath) -> int:
-    """Line of a path, or of the nearest part above it that has one; 1 where there is none."""
+    """Line of a path, or of the nearest part above it that has one; otherwise 1."""
     while path and path not in lines:
         path = path[:-1]
     return lines.get(path, 1)
 
 
 class _Scanner:
-    """One walk over the tokens of a text, noting where keys and elements begin."""
+    """A pass over the tokens of a text that records the lines of keys and elements."""
 
     def __init__(self, text: str) -> None:
         self.tokens: list[tuple[str, int]] = []

@@ -1,13 +1,12 @@
 """Worlds from meshes that trimesh reads, cut at the height of the beams.
 
-A path enters; a :class:`World` leaves. What the plane z = :data:`CUT` meets becomes walls, which
-are merged where they lie on one line; each is as high as the triangles that it was cut from.
-glTF stands upright along y, as its specification says, and the other formats along z. Lengths are
-metres. Each named part of a scene is an object; in a file without parts, walls that touch are one.
+The cut of the mesh with the plane z = :data:`CUT` becomes walls; collinear ones are merged. Each
+has the height of its triangles. In glTF y is up, as its specification says, in the other formats z
+is. Lengths are metres. Each named part of a scene is an object; in a file without parts, walls that
+touch are one object.
 
-A world is written as GLB: walls raised to their heights, a part for each object. glTF holds
-float32, so vertices stand about the world's origin, and the place of the origin is the translation
-of each part; y is up.
+A world is written as GLB: walls with their heights, a part for each object. glTF holds float32, so
+vertices are relative to the world's origin, which is the translation of each part; y is up.
 """
 
 import json
@@ -28,13 +27,13 @@ from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.touching import connected
 
 CUT = 0.5
-"""Height [m] at which a mesh is cut: that of the laser if none is given."""
+"""Height [m] at which a mesh is cut: the default height of the laser."""
 
 LARGEST_MESH = 1 << 27
-"""Bytes of a mesh, and of all files that it refers to."""
+"""Largest size of a mesh with all files that it refers to [bytes]."""
 
 FLAT = 1e-6
-"""Share of the extent up to which cuts are taken to lie on one line: the resolution of float32."""
+"""Tolerance for collinear cuts, relative to the extent: the resolution of float32."""
 
 UPRIGHT_Y = {".glb", ".gltf"}
 """Formats in which y is up."""
@@ -45,14 +44,14 @@ PLAIN = 0.78
 
 
 def read_mesh(path: Path, *, cut: float = CUT) -> World:
-    """Cut a mesh at a height and read what is met as walls.
+    """Read the cut of a mesh at a height as walls.
 
     Args:
         path: The file: ``.glb``, ``.gltf``, ``.obj``, ``.off``, ``.ply`` or ``.stl``.
         cut: The height [m].
 
     Raises:
-        WorldError: The file cannot be read, or nothing of it stands at that height.
+        WorldError: The file cannot be read, or the mesh does not reach that height.
     """
     parts = _parts(path)
     if not parts:
@@ -137,12 +136,12 @@ def _colour(mesh: Any) -> Float:
 
 
 def _cut(vertices: Float, faces: Int, height: float) -> tuple[Float, Float]:
-    """Segments (k, 4) in which triangles meet a height, and the top (k,) of each triangle [m]."""
+    """Cuts (k, 4) of triangles at a height, and the top (k,) of each triangle [m]."""
     corners = vertices[faces]
     above = corners[..., 2] > height
     met = above.any(axis=1) & ~above.all(axis=1)
     corners, above = corners[met], above[met]
-    # One corner lies alone on its side of the plane; the two edges from it are cut.
+    # One corner is alone on its side of the plane; the two edges from it are cut.
     single = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
     rows = np.arange(len(corners))
     alone = corners[rows, single]
@@ -157,14 +156,14 @@ def _cut(vertices: Float, faces: Int, height: float) -> tuple[Float, Float]:
 
 
 def _beside(path: Path) -> Any:
-    """What gives a mesh the buffers it refers to: only from its own folder, and within bounds."""
+    """A resolver for the files that a mesh refers to: only from its folder, with limited size."""
     from trimesh.resolvers import Resolver
 
     class Beside(Resolver):
-        """Files beside a mesh."""
+        """Files in the folder of a mesh."""
 
         def __init__(self) -> None:
-            """Start with all the bytes that may be read."""
+            """Start with the limit of bytes."""
             self.left = LARGEST_MESH
 
         def write(self, name: str, data: object) -> None:
@@ -190,7 +189,7 @@ def _beside(path: Path) -> Any:
             return []
 
         def namespaced(self, namespace: str) -> "Beside":
-            """The same: folders below are not looked into."""
+            """The same resolver: subfolders are not searched."""
             return self
 
     return Beside()

@@ -26,10 +26,10 @@ from lrf3d.world.schema import parse_colour
 from lrf3d.world.xml_file import go_through
 
 LARGEST_OSM = 1 << 28
-"""Bytes of an extract: a town of half a million inhabitants; they take half a minute."""
+"""Largest extract [bytes]: a town of half a million inhabitants, read in half a minute."""
 
 WIDEST_EXTRACT = 2.0
-"""Largest extent [°] of the buildings: beyond it the Earth is too round to be laid flat."""
+"""Largest extent [°] of the buildings: beyond it the projection is too inaccurate."""
 
 MOST_POINTS = 2_000_000
 """Points of all buildings together: a way may be part of many relations, and be counted in each."""
@@ -38,13 +38,13 @@ Refs = list[int]
 
 
 HIGHEST = 1000.0
-"""Height [m] above which a tag is taken for a slip of the pen."""
+"""Height [m] above which a tag counts as an error."""
 
 ABOVE_BEAMS = 2.0
-"""From what height above the ground [m] on a building stands over the robot and not in its way."""
+"""Least height above the ground [m] of buildings that the robot passes under."""
 
 NO_WALLS = {"no", "roof", "carport"}
-"""Values of the tag building that are of no walls."""
+"""Values of the tag building without walls."""
 
 
 def read_osm(path: Path) -> World:
@@ -79,7 +79,7 @@ def read_osm(path: Path) -> World:
 
 @dataclass(slots=True)
 class _Item:
-    """A way or a relation: its tags, and the nodes or the ways (with their roles) that it is of."""
+    """A way or a relation: its tags, and its nodes or its ways with their roles."""
 
     tags: dict[str, str] = field(default_factory=dict)
     refs: Refs = field(default_factory=list)
@@ -87,7 +87,7 @@ class _Item:
 
 
 class _Extract:
-    """Gathers nodes, ways and relations while a file is gone through."""
+    """Collects nodes, ways and relations while a file is read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -223,7 +223,7 @@ def _feature(tags: dict[str, str], polygons: tuple[tuple[Float, ...], ...]) -> F
 
 
 def is_building(tags: dict[str, str]) -> bool:
-    """Whether tags are of a building whose walls stand on the ground."""
+    """Whether tags describe a building whose walls reach the ground."""
     if tags.get("building", "no") in NO_WALLS or tags.get("location") == "underground":
         return False
     above = metres_of(tags.get("min_height", ""))
@@ -242,12 +242,12 @@ def tag_height(tags: dict[str, str]) -> float | None:
 
 
 def tag_colour(tags: dict[str, str]) -> tuple[float, float, float] | None:
-    """The colour of a building, where one is given in a form that is understood."""
+    """The colour of a building, if it is given in a known form."""
     return parse_colour(tags.get("building:colour"))
 
 
 def name_of(tags: dict[str, str]) -> str:
-    """What a building is called: its name, or street and number."""
+    """The name of a building, or its street and number."""
     address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
     return tags.get("name") or address
 
@@ -273,7 +273,7 @@ def close_rings(ways: Sequence[Sequence[_Node]]) -> list[list[_Node]]:
         left.discard(index)
         ring = list(ways[index])
         while ring[0] != ring[-1]:
-            # What is used is dropped for good, so that a node of many ways is no trap.
+            # Used ways are dropped, so that a node of many ways takes no quadratic time.
             others = ends[ring[-1]]
             while others and others[-1] not in left:
                 others.pop()
@@ -289,7 +289,7 @@ def close_rings(ways: Sequence[Sequence[_Node]]) -> list[list[_Node]]:
 
 
 def nest_rings(outer: Sequence[Float], inner: Sequence[Float]) -> tuple[tuple[Float, ...], ...]:
-    """Polygons of outer rings (k, 2), each with those of the inner rings that lie in it."""
+    """Polygons of outer rings (k, 2), each with its inner rings."""
     import shapely
 
     areas = [shapely.make_valid(shapely.Polygon(ring)) for ring in outer]
@@ -303,7 +303,7 @@ def nest_rings(outer: Sequence[Float], inner: Sequence[Float]) -> tuple[tuple[Fl
 
 
 def valid_ring(points: Float) -> Float | None:
-    """The ring (k, 2) without points that repeat, or None where it encloses nothing."""
+    """The ring (k, 2) without repeated points, or None if it encloses nothing."""
     ring = points[(points != np.roll(points, 1, axis=0)).any(axis=1)]
     if len(ring) < 3:
         return None

@@ -1,12 +1,11 @@
 """Worlds from ROS maps: a YAML file that describes a picture of occupied cells (map_server).
 
-A path enters; a :class:`World` leaves, in the frame of the map. Where the picture is darker than
-``occupied_thresh`` says, a cell is occupied; walls are the outlines of such cells, and where a
-wall is one cell thick, its middle. Each point of an outline lies within half a cell of its wall.
-Walls that touch are one object. What is free and what is unknown makes no difference to a beam,
-but is kept for those who plan a way through the map.
+The world is in the frame of the map. A cell that is darker than ``occupied_thresh`` is occupied;
+walls are the outlines of occupied cells, or the middle of a wall that is one cell thick. Each point
+of an outline lies within half a cell of its wall. Walls that touch are one object. Free and unknown
+cells do not affect beams, but are kept for planning routes.
 
-A world is written as a picture in which each wall is a row of occupied cells, one cell thick.
+A world is written as a picture in which each wall is one cell thick.
 """
 
 import json
@@ -30,38 +29,38 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 LARGEST_YAML = 1 << 16
-"""Bytes of the description, which is six lines long."""
+"""Largest description [bytes]; it has six lines."""
 
 DEEPEST_YAML = 4
-"""Collections inside each other: the origin is one in the description, which is one itself."""
+"""Largest nesting depth: the origin is a list in the description."""
 
 LARGEST_PICTURE = 1 << 28
-"""Bytes of the picture."""
+"""Largest picture [bytes]."""
 
 MOST_CELLS = 1 << 26
-"""Cells of a map: 400 m by 400 m at 5 cm."""
+"""Largest number of cells of a map: 400 m by 400 m at 5 cm."""
 
 MOST_EDGES = 200_000
-"""Edges between occupied cells and others: a floor of an office has 20,000."""
+"""Largest number of edges between occupied cells and others: an office floor has 20,000."""
 
 FEW_EDGES, DENSEST = 20_000, 0.25
-"""How many edges any map may have, and how many for each cell: offices have 0.05, noise has 1."""
+"""Number of edges that any map may have, and number for each cell: offices have 0.05, noise 1."""
 
 UNKNOWN = 205
 """Value of the pixels of unknown cells as map_saver writes them."""
 
 DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
-"""What map_server takes where the file says nothing."""
+"""The defaults of map_server."""
 
 
 RESOLUTION = 0.05
-"""Side of a cell [m], the usual one of maps, where the map does not become too large by it."""
+"""Default side of a cell [m], unless the map becomes too large."""
 
 FREE_MARGIN = 1.0
-"""Free space [m] around the walls."""
+"""Width of the free space [m] around the walls."""
 
 MOST_WRITTEN = 1 << 25
-"""Cells of a map, 33 million: a picture of more is more than robots carry."""
+"""Largest number of cells of a written map, 33 million."""
 
 OCCUPIED, FREE = 0, 254
 """Values of pixels as map_saver writes them."""
@@ -90,7 +89,7 @@ def read_ros_map(path: Path) -> World:
     cos, sin = math.cos(yaw), math.sin(yaw)
     points = local @ np.array([[cos, sin], [-sin, cos]]) + [x, y]
     segments = points.reshape(-1, 4)
-    # Ends are sealed to rounding; half a cell is the resolution of the map.
+    # Ends meet up to rounding; half a cell is the resolution of the map.
     objects = connected(segments, 0.5 * description.resolution)
     known = FreeCells(free, description.resolution, description.origin)
     return World(segments, objects, name=own_name(path), free=known)
@@ -180,7 +179,7 @@ def _cells(description: _Description) -> tuple[Bool, Bool]:
     picture = description.picture
     with opened(picture, what="a world file", largest=LARGEST_PICTURE, error=WorldError) as file:
         try:
-            # Only the formats of map_server: others have decoders that no map needs.
+            # Only the formats of map_server, so that no other decoder can be attacked.
             with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
                 width, height = image.size
                 if width * height > MOST_CELLS:
@@ -214,13 +213,13 @@ def _rows_of_cells(description: _Description, image: "Image") -> tuple[Bool, Boo
     value = np.round(255.0 * (1.0 - share))
     known = np.ones(share.shape, dtype=np.bool_)
     if mode == "trinary":
-        # Savers of maps write this grey for unknown, also where free_thresh lies just above it.
+        # map_saver writes this grey for unknown cells, even if free_thresh is just above it.
         known = value != UNKNOWN
     if mode == "scale":
-        # What shows through is unknown.
+        # Transparent cells are unknown.
         known &= opaque
     if mode == "raw":
-        # The value of a pixel is the occupancy in per cent, and more than that is unknown.
+        # The value of a pixel is the occupancy in percent; above 100 it is unknown.
         known, share = value <= 100.0, value / 100.0
     occupied = share > description.occupied
     if mode != "trinary":
@@ -229,14 +228,14 @@ def _rows_of_cells(description: _Description, image: "Image") -> tuple[Bool, Boo
 
 
 def _darkness(image: "Image", *, with_alpha: bool) -> tuple[Float, Bool | bool]:
-    """How dark the pixels (rows, columns) of a picture are, from 0 for white to 1 for black.
+    """The darkness of the pixels (rows, columns) of a picture, from 0 for white to 1 for black.
 
     Args:
         image: The picture.
-        with_alpha: Whether opacity counts as one more colour, as map_server has it.
+        with_alpha: Whether opacity counts as another colour, as in map_server.
 
     Returns:
-        The darkness, and which pixels are opaque; True where all are.
+        The darkness, and which pixels are opaque; True if all are.
     """
     top = 65535.0 if image.mode.startswith("I") else 255.0
     if image.mode in ("P", "PA", "1", "CMYK"):
@@ -261,9 +260,9 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     """Write a world as a ``.yaml`` file and, beside it, a ``.pgm`` picture.
 
     Args:
-        world: The walls; their heights and objects are not kept, but what is known to be free.
+        world: The world, of which the walls and the free cells are written.
         path: The ``.yaml`` file.
-        resolution: Side of a cell [m]; 0.05, or what makes the map small enough, if not given.
+        resolution: Side of a cell [m]; if not given, 0.05, or more for a large map.
 
     Raises:
         OutputError: The files cannot be written, or the map becomes too large.
@@ -272,7 +271,7 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     low, high = world.bounds[0] - margin, world.bounds[1] + margin
     if resolution is None:
         resolution = max(RESOLUTION, float(np.sqrt(np.prod(high - low) / MOST_WRITTEN)) * 1.001)
-    # Whole cells from the origin of the world on, so that even walls stay even.
+    # A whole number of cells from the origin, so that straight walls stay straight.
     first = np.floor(low / resolution)
     columns, rows = (np.ceil(high / resolution) - first).astype(np.int64).tolist()
     if columns * rows > MOST_WRITTEN:
@@ -294,7 +293,7 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     x, y = (first * resolution).tolist()
     write_text(
         path,
-        # A text in JSON is one in YAML too, whatever the name holds.
+        # A JSON string is valid YAML for any name.
         f"image: {json.dumps(picture.name)}\nresolution: {resolution!r}\n"
         f"origin: [{x!r}, {y!r}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n",
@@ -302,10 +301,10 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
 
 
 def _walled_cells(segments: Float) -> tuple[Int, Int]:
-    """Rows and columns of the cells that segments (n, 4) [cells] run through, one a step.
+    """Rows and columns of the cells along segments (n, 4) [cells].
 
-    Along the axis that a wall follows more, it has one cell in each column (or row) between those
-    of its ends: the one whose middle is nearest.
+    Along its major axis a wall has one cell in each column (or row) between its ends: the one whose
+    centre is nearest.
     """
     steep = np.abs(segments[:, 3] - segments[:, 1]) > np.abs(segments[:, 2] - segments[:, 0])
     along = np.where(steep[:, None], segments[:, [1, 3]], segments[:, [0, 2]])
@@ -318,7 +317,7 @@ def _walled_cells(segments: Float) -> tuple[Int, Int]:
     major = start[wall] + np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
     length = along[:, 1] - along[:, 0]
     share = (major + 0.5 - along[wall, 0]) / np.maximum(length, 1e-12)[wall]
-    # A wall shorter than a cell has no middle of a column to go through.
+    # A wall shorter than a cell may pass through no centre of a column.
     share = np.where(length[wall] < 1.0, 0.5, share)
     minor = np.floor(across[wall, 0] + share * (across[wall, 1] - across[wall, 0])).astype(np.int64)
     return np.where(steep[wall], major, minor), np.where(steep[wall], minor, major)

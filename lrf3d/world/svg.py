@@ -1,15 +1,15 @@
-"""Worlds from SVG drawings: every outline that is drawn becomes walls, in the size on paper.
+"""Worlds from SVG drawings: every visible outline becomes walls, in its size on paper.
 
-A path enters; a :class:`World` leaves. Lengths are those of the drawing, in metres: mm, cm, in, pt
+Lengths are those of the drawing, in metres: mm, cm, in, pt
 and px (1/96 in) of ``width`` and ``height``, through the ``viewBox``. y points up, and the lower
 left corner of the sheet is (0, 0). Curves become chords no farther from them than
 :data:`CURVE_ERROR`, or a five-thousandth of the sheet where that is less. Walls that touch are one
-object. Texts, pictures, hidden elements and what is only defined are no walls.
+object. Texts, pictures, hidden elements and definitions are ignored.
 
-Before a library opens the file, its size and what ``use`` repeats are bounded, and viewports become
-plain groups: a nested ``svg`` a group that is moved and scaled as its ``viewBox`` says, a
-``symbol`` a definition, scaled likewise where ``use`` puts it. What clips, masks, fills or marks
-other elements is taken out, for its outlines are not part of the drawing.
+Before a library opens the file, its size and the copies by ``use`` are limited, and viewports
+become plain groups: a nested ``svg`` a group that is moved and scaled as its ``viewBox`` says, a
+``symbol`` a definition, scaled likewise where ``use`` puts it. Elements that clip, mask, fill or
+mark others are removed, because their outlines are not part of the drawing.
 """
 
 import math
@@ -53,20 +53,20 @@ _LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zA-Z
 
 
 LARGEST_SVG = 1 << 25
-"""Bytes of a drawing: a plan of a whole works is smaller."""
+"""Largest drawing [bytes]: the plan of a factory is smaller."""
 
 MOST_ELEMENTS = 50_000
-"""Elements that are drawn, those that ``use`` repeats counted each time."""
+"""Largest number of drawn elements, with those repeated by ``use``."""
 
 UNDRAWN = {"clipPath", "mask", "pattern", "marker", "filter", "linearGradient", "radialGradient"}
-"""Elements whose parts are no outlines, wherever they stand."""
+"""Elements whose parts are not outlines."""
 
 
 def read_svg(path: Path) -> World:
     """Read the outlines of a drawing as walls.
 
     Raises:
-        WorldError: The file cannot be read, is no SVG or holds no outline.
+        WorldError: The file cannot be read, is not an SVG drawing or has no outline.
     """
     from xml.etree import ElementTree
 
@@ -76,7 +76,7 @@ def read_svg(path: Path) -> World:
     check_svg(path)
     root = ElementTree.fromstring(path.read_bytes())
     sheet = _Sheet.of(path, root.attrib)
-    # The library turns a unit of the drawing into one number; sizes are taken from the sheet.
+    # The library would convert units; the size is taken from the sheet instead.
     for key in ("width", "height", "viewBox", "preserveAspectRatio"):
         root.attrib.pop(key, None)
     x, y, width, height = sheet.box
@@ -87,7 +87,7 @@ def read_svg(path: Path) -> World:
     strokes = []
     for element in drawing.elements():
         if isinstance(element, Shape) and element.values.get("visibility") in (None, "visible"):
-            # Shapes that are turned keep their transform apart until it is asked for.
+            # `abs` applies the transform of a shape.
             for part in abs(Outline(element)).as_subpaths():
                 points = _points(part, tolerance)
                 strokes.append((np.array([0.0, height]) + points * [1.0, -1.0]) * sheet.scale)
@@ -126,7 +126,7 @@ class _Sheet:
 
 
 def _metres(path: Path, key: str, text: str) -> float | None:
-    """A length [m]; None where it is a share of something or not given."""
+    """A length [m]; None if it is a percentage or not given."""
     if not text.strip() or text.strip().endswith("%") or text.strip() == "auto":
         return None
     match = _LENGTH.fullmatch(text)
@@ -140,7 +140,7 @@ def _metres(path: Path, key: str, text: str) -> float | None:
 
 
 def _points(outline: Any, tolerance: float) -> Float:
-    """The corners (k, 2) [units] of one outline, its curves cut into chords."""
+    """The corners (k, 2) [units] of one outline, with curves as chords."""
     from svgelements import Close, Line, Move
 
     points = [np.empty((0, 2))]
@@ -155,7 +155,7 @@ def _points(outline: Any, tolerance: float) -> Float:
 
 
 def _chords(piece: Any, tolerance: float) -> int:
-    """Chords that keep within a tolerance of an arc or a Bézier curve.
+    """The number of chords within a tolerance of an arc or a Bézier curve.
 
     A chord over a share h of a curve is off by at most h²·max|curve″| / 8; the second derivative
     of a Bézier curve of degree n is at most n·(n − 1) times its largest second difference, and
@@ -188,10 +188,10 @@ class _Element:
 
 
 def check_svg(path: Path) -> None:
-    """See that a file is SVG, draws no more than it may, and refers to nothing outside itself.
+    """Check that a file is SVG, draws not too many elements, and has no external references.
 
     Raises:
-        WorldError: It is not so; the message names the line.
+        WorldError: It does not; the message names the line.
     """
     bounds = _Bounds(path)
     go_through(path, bounds.begin, bounds.end, largest=LARGEST_SVG)
@@ -199,7 +199,7 @@ def check_svg(path: Path) -> None:
 
 
 class _Bounds:
-    """The tree of elements, with where each points to."""
+    """The tree of elements, with their references."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -229,7 +229,7 @@ class _Bounds:
         self.open.pop()
 
     def count(self, top: _Element) -> None:
-        """Count what each element draws, those it uses included; −1 marks one being counted."""
+        """Count the elements that each element draws; −1 marks one that is being counted."""
         waiting = [top]
         while waiting:
             element = waiting[-1]
@@ -282,7 +282,7 @@ def flatten_viewports(root: Element) -> None:
 
 
 def _place_use(use: Element, boxes: dict[str, str]) -> None:
-    """Let a ``use`` of a symbol scale it into the size that it asks for."""
+    """Scale a ``use`` of a symbol to its own size."""
     href = next((value for key, value in use.items() if key.rpartition("}")[2] == "href"), "")
     if href[1:] in boxes and (use.get("width") or use.get("height")):
         x, y = _number(use, "x", 0.0), _number(use, "y", 0.0)
@@ -295,7 +295,7 @@ def _group(element: Element, fitted: str, x: float, y: float) -> None:
 
 
 def _move(element: Element, fitted: str, x: float, y: float) -> None:
-    """Say by the transform of an element what its place and its size have said."""
+    """Express the position and the size of an element by its transform."""
     for key in ("x", "y", "width", "height", "viewBox", "preserveAspectRatio"):
         element.attrib.pop(key, None)
     moved = f"{element.get('transform', '')} translate({x!r},{y!r}) {fitted}"
@@ -303,7 +303,7 @@ def _move(element: Element, fitted: str, x: float, y: float) -> None:
 
 
 def _fitted(element: Element, box: str | None) -> str:
-    """The transform from a view box into the size of an element, in the middle of it."""
+    """The transform from a view box to the size of an element, centred."""
     if box is None:
         return ""
     try:
@@ -323,7 +323,7 @@ def _fitted(element: Element, box: str | None) -> str:
 
 
 def _number(element: Element, key: str, default: float, *, of: float | None = None) -> float:
-    """A length [units of the drawing]; a share of another where it is in per cent."""
+    """A length [units of the drawing]; a percentage is relative to another length."""
     from svgelements import Length
 
     text = element.get(key, "auto").strip()

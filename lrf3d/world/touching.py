@@ -6,15 +6,15 @@ from lrf3d.geometry import Float, Int
 from lrf3d.world.model import World
 
 TOUCHING = 0.001
-"""Gap [m] up to which two walls touch."""
+"""Largest gap [m] between walls that touch."""
 
 
 def connected(segments: Float, gap: float = TOUCHING) -> Int:
-    """The object (n,) of each of the segments (n, 4): those that touch are of one.
+    """The object (n,) of each of the segments (n, 4): those that touch are one object.
 
     Args:
         segments: The walls.
-        gap: How far apart they may be and still touch [m].
+        gap: Largest gap between walls that touch [m].
     """
     import shapely
     from scipy.sparse import coo_array

@@ -1,7 +1,7 @@
-"""Going through an XML file element by element, within bounds, with nothing fetched or expanded.
+"""Reading an XML file element by element, with limits; nothing is fetched or expanded.
 
-Entities are refused, for a kilobyte of them can stand for gigabytes, or for files of this machine;
-documents that only point to a DTD are read, and the DTD is not.
+Entities are refused, because a kilobyte of them can expand to gigabytes, or to files of this
+machine. A reference to a DTD is allowed, but the DTD is not read.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ BYTES_AT_ONCE = 1 << 16
 """Bytes that are parsed at a time."""
 
 DEEPEST_ELEMENT = 100
-"""Elements that may stand inside each other: drawings nest by tens."""
+"""Largest nesting depth of elements: that of drawings is some tens."""
 
 Start = Callable[[str, dict[str, str], int], None]
 End = Callable[[str], None]
@@ -27,13 +27,13 @@ def go_through(path: Path, start: Start, end: End | None = None, *, largest: int
 
     Args:
         path: The file.
-        start: Called where an element begins; tags come without their namespace.
-        end: Called where it ends.
-        largest: How many bytes the file may have.
+        start: Called at the start of an element; tags are without their namespace.
+        end: Called at its end.
+        largest: Largest size of the file [bytes].
 
     Raises:
-        WorldError: The file cannot be read, is no XML or declares entities; the message names
-            the line.
+        WorldError: The file cannot be read, is not XML or declares entities; the message names the
+            line.
     """
     parser = expat.ParserCreate(namespace_separator=" ")
     depth = 0
@@ -71,5 +71,5 @@ def go_through(path: Path, start: Start, end: End | None = None, *, largest: int
         except WorldError:
             raise
         except (ValueError, LookupError) as error:
-            # Encodings that expat does not have are looked up in Python, and may be refused there.
+            # Python decodes encodings that expat lacks, and may refuse them.
             refuse(f"not XML in a known encoding: {error}")

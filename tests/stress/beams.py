@@ -28,7 +28,7 @@ REACH = 1e3
 """Range of the range finders in a world of 20 m: all of it, and room beyond."""
 
 MOST = 16
-"""Worlds have up to four times so many walls; from 25 on casters make a tree of them."""
+"""Worlds have up to four times this number of walls; casters make a tree of 25 or more."""
 
 FANS = (
     (1, 0.0), (2, 0.0), (3, 1e-10), (9, 1e-6), (7, 1e-3), (37, 0.5 * np.pi), (19, np.pi),
@@ -336,5 +336,5 @@ def _world(rng: np.random.Generator, make: worlds.WorldMaker, scale: float, offs
 
 
 def _poses(beams: int, each: int) -> int:
-    """How many poses of so many beams each make about so many beams."""
+    """The number of poses with some beams each that gives about a number of beams."""
     return -(-beams // each)

@@ -16,24 +16,24 @@ EXAMPLES = 3
 """Failures that are kept whole, to be repeated by hand."""
 
 MOST = float(np.finfo(np.float64).max)
-"""Stands in JSON for an error without end: an answer that is no number."""
+"""Represents an infinite error, or NaN, in JSON."""
 
 Measure = Callable[[np.random.Generator], Float]
-"""Makes some trials and gives the error of each, (k,)."""
+"""Makes some trials and returns the error of each, (k,)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What was tried of a case, and what failed; findings add up.
+    """The results of a case; findings add up.
 
     Args:
-        tried: How many trials, or beams.
-        failed: Those that raised, or whose error is beyond the bound.
+        tried: Number of trials, or beams.
+        failed: Number that raised, or whose error exceeds the bound.
         error: The largest error.
         examples: Failures with all that is needed to repeat them.
-        left_out: Why nothing could be tried on this machine; empty where it could.
-        counts: What else was counted; a count of a caster stands under ``CASTER.NAME``.
-        largest: What else was measured, likewise: the largest of each.
+        left_out: Why nothing could be tried on this machine; otherwise empty.
+        counts: Other counts; that of a caster has the name ``CASTER.NAME``.
+        largest: Other measurements, the largest of each.
     """
 
     tried: int = 0
@@ -80,8 +80,8 @@ class Case:
     Args:
         part: What is under test.
         name: What is hard about it.
-        attempt: Tries at least so many, and of beams at least so many by rationals anyway.
-        bound: The largest error that is none.
+        attempt: Makes at least a number of trials; of beams, a number by rationals in any case.
+        bound: The largest error that passes.
         unit: The unit of errors and bound.
         tries: Trials of a whole run; 0 for a share of all beams.
         each: Trials that a process makes at a time.
@@ -117,7 +117,7 @@ def check(
 def _attempt(
     measure: Measure, bound: float, rng: np.random.Generator, tries: int, outright: int
 ) -> Findings:
-    """Make at least so many trials; what raises fails."""
+    """Make at least a number of trials; an exception is a failure."""
     found = Findings()
     while found.tried < tries:
         # Each round has its own seed, so that a failure can be repeated alone.
@@ -152,10 +152,13 @@ BEAMS = Table(
         "cases": "beams",
         "certified_by_bound": "by bound",
         "certified_by_rationals": "by rationals",
+        "outright_by_rationals": "outright",
         "planar.wrong": "planar wrong",
+        "planar.inexact": ("inexact", "{:,}".format),
         "planar.largest_error_ulp": ("ulp", "{:.3g}".format),
         "planar.largest_error_m": ("m", "{:.1e}".format),
         "embree.wrong": "embree wrong",
+        "embree.inexact": ("inexact", "{:,}".format),
         "embree.largest_error_ulp": ("ulp", "{:.3g}".format),
         "embree.largest_error_m": ("m", "{:.1e}".format),
     },
@@ -235,24 +238,8 @@ class Report:
         lines = [f"{self.seconds:.0f} s, seed {self.seed}"]
         if not self.complete:
             lines.append("The time was over before all was tried.")
-        if total["cases"]:
-            lines.append(
-                f"{total['cases']:,} beams: {total['certified_by_bound']:,} certified by error"
-                f" bounds, {total['certified_by_rationals']:,} by rationals,"
-                f" {total['outright_by_rationals']:,} of these outright"
-            )
-            for name in ("planar", "embree"):
-                lines.append(
-                    "{0}: {wrong:,} wrong decisions, {inexact:,} ranges off by too much, largest"
-                    " error {largest_error_ulp:.3g} ulp, {largest_error_m:.1e} m".format(
-                        name, **total[name]
-                    )
-                )
-            if total["contradictions"]:
-                lines.append(f"Bounds and rationals disagree on {total['contradictions']:,} beams.")
-        if checks:
-            tried, failed = (sum(row[name] for row in checks) for name in ("cases", "failures"))
-            lines.append(f"{tried:,} other cases: {failed:,} failed")
+        if total.get("contradictions"):
+            lines.append(f"Bounds and rationals disagree on {total['contradictions']:,} beams.")
         parts = [BEAMS.text(beams), CHECKS.text(checks), "\n".join(lines)]
         return "\n\n".join(part for part in parts if part)
 

@@ -32,7 +32,7 @@ Maker = Callable[[np.random.Generator, int], Batch]
 
 
 def try_beams(make: Maker, rng: np.random.Generator, count: int, outright: int) -> Findings:
-    """Try at least so many beams of a kind, at least `outright` of them by rationals anyway."""
+    """Try at least ``count`` beams of a kind, at least ``outright`` of them by rationals."""
     found = Findings()
     while found.tried < count:
         batch = make(rng, min(BATCH, count - found.tried))

@@ -7,7 +7,7 @@ import numpy as np
 from lrf3d.geometry import Float
 
 WorldMaker = Callable[[np.random.Generator, int], Float]
-"""Makes a world of about so many times four walls."""
+"""Makes a world of about four times a number of walls."""
 
 
 def boxes(rng: np.random.Generator, count: int) -> Float:

@@ -1,4 +1,4 @@
-"""Compiled casting: float64 decisions that are exact, and the loops that take them.
+"""Compiled casting: exact decisions in float64, and the loops over beams and walls.
 
-None of these functions may ever get ``fastmath``: it would reorder the error-free sums.
+None of these functions may ever have ``fastmath``, which would reorder the error-free sums.
 """

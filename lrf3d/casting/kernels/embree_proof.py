@@ -25,7 +25,7 @@ STEEP_SINE = 0.25
 """From this angle [rad] on Embree is so much surer of the place that more of a wall is clear."""
 
 UNSURE = -2
-"""What stands for the wall of a beam that is to be cast again."""
+"""Marks a beam that is to be cast again, in place of its wall."""
 
 
 class Local(NamedTuple):

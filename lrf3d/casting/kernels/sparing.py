@@ -23,7 +23,7 @@ from lrf3d.compiling import inner
 from lrf3d.geometry import Float, Int
 
 OPEN = -3
-"""What stands for the wall of a beam of which nothing is known yet."""
+"""Marks a beam that is not cast yet, in place of its wall."""
 
 STRIDES = (8, 4)
 """Beams from one that is cast to the next, powers of two. With 2 more time is lost than won: side
