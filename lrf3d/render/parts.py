@@ -28,9 +28,6 @@ _SIZES, _COLUMNS = (3, 3, 3, 3, 1), [0, 1, 2, *range(6, 16)]
 """What a corner has, position, place on the texture, colour, light and shadow, and where in the
 rows of :func:`~lrf3d.scene.walls.paint_walls` that stands."""
 
-FEW = 80
-"""So few parts in the picture are drawn without asking which of them hide others."""
-
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
@@ -101,8 +98,8 @@ class Parts:
         away = self.boxes.nearest(eye, inside)
         order = np.argsort(away, kind="stable")
         inside, away = inside[order], away[order]
-        if len(inside) <= FEW:
-            return inside
+        # Also where there are few: with several samples a pixel, software OpenGL gives hidden
+        # pixels their colours before it finds out that they are hidden.
         # The row of the matrix that gives depth is the direction in which the eye looks.
         return self._skyline.unhidden(inside, away, self.boxes.low, self.boxes.high, eye, matrix[3])
 

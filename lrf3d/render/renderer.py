@@ -55,6 +55,7 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         self._main_fb: int | None = None
         self._main_fb_ms: int | None = None
         self._buffers: list[int] = []
+        self._samples_taken: list[int] = []
         self._programs: dict[str, Program] = {}
         self._picture: Picture = np.zeros((height, width, 4), np.uint8)
 
@@ -108,12 +109,15 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         if not self._samples:
             GL.glFlush()
             return
-        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
-        GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
-        box = (0, 0, self.viewport_width, self.viewport_height)
-        both = GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT
-        GL.glBlitFramebuffer(*box, *box, both, GL.GL_NEAREST)
+        # One pass over both colours and depths takes three quarters of the time of blitting them.
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._main_fb)
+        for unit, texture in enumerate(self._samples_taken):
+            GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
+            GL.glBindTexture(GL.GL_TEXTURE_2D_MULTISAMPLE, texture)
+        GL.glActiveTexture(GL.GL_TEXTURE0)
+        GL.glDepthFunc(GL.GL_ALWAYS)
+        self.draw(self._resolving, {"colours": 0, "depths": 1})
+        GL.glDepthFunc(GL.GL_LEQUAL)
 
     def overlay(self, box: tuple[int, int, int, int] | None) -> None:
         """Go on without depth, in a box left, top, width, height [pixels] or in the whole."""
@@ -164,33 +168,55 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
             return
         size = (self.viewport_width, self.viewport_height)
         self._main_fb_dims = size
-        self._main_fb, self._buffers = _framebuffer(size, 0)
+        self._main_fb, self._buffers = _framebuffer(size)
         if self._samples:
-            self._main_fb_ms, more = _framebuffer(size, self._samples)
-            self._buffers += more
+            self._main_fb_ms, self._samples_taken = _sampled_framebuffer(size, self._samples)
+            corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
+            self._resolving = Primitive("resolve", (2,), corners)
+            self._resolving._add_to_context()
 
     def _delete_main_framebuffer(self) -> None:
         frames = [each for each in (self._main_fb, self._main_fb_ms) if each is not None]
         if frames:
             GL.glDeleteFramebuffers(len(frames), frames)
             GL.glDeleteRenderbuffers(len(self._buffers), self._buffers)
+        if self._samples_taken:
+            GL.glDeleteTextures(self._samples_taken)
+            self._resolving.delete()
         self._main_fb = self._main_fb_ms = None
-        self._buffers = []
+        self._buffers, self._samples_taken = [], []
 
 
-def _framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
+_ATTACHMENTS = (
+    (GL.GL_RGBA8, GL.GL_COLOR_ATTACHMENT0),
+    (GL.GL_DEPTH_COMPONENT24, GL.GL_DEPTH_ATTACHMENT),
+)
+"""What a framebuffer holds of each pixel or sample: its colour and its depth."""
+
+
+def _framebuffer(size: tuple[int, int]) -> tuple[int, list[int]]:
     """A framebuffer, and the buffers of its colour and its depth."""
     frame = GL.glGenFramebuffers(1)
-    colour, depth = GL.glGenRenderbuffers(2)
+    buffers = GL.glGenRenderbuffers(len(_ATTACHMENTS)).tolist()
     GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
-    for buffer, kind, place in (
-        (colour, GL.GL_RGBA8, GL.GL_COLOR_ATTACHMENT0),
-        (depth, GL.GL_DEPTH_COMPONENT24, GL.GL_DEPTH_ATTACHMENT),
-    ):
+    for buffer, (kind, place) in zip(buffers, _ATTACHMENTS, strict=True):
         GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
-        GL.glRenderbufferStorageMultisample(GL.GL_RENDERBUFFER, samples, kind, *size)
+        GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, kind, *size)
         GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, buffer)
-    return frame, [colour, depth]
+    return frame, buffers
+
+
+def _sampled_framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
+    """A framebuffer of several samples a pixel, and the textures of their colours and depths."""
+    frame = GL.glGenFramebuffers(1)
+    textures = GL.glGenTextures(len(_ATTACHMENTS)).tolist()
+    kind_of_texture = GL.GL_TEXTURE_2D_MULTISAMPLE
+    GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
+    for texture, (kind, place) in zip(textures, _ATTACHMENTS, strict=True):
+        GL.glBindTexture(kind_of_texture, texture)
+        GL.glTexImage2DMultisample(kind_of_texture, samples, kind, *size, True)
+        GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, kind_of_texture, texture, 0)
+    return frame, textures
 
 
 def _switch(what: int, on: bool) -> None:
