@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pygltflib
 
-from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
+from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
 from lrf3d.scene.bodies import mover_bodies, robot_mesh
 from lrf3d.scene.camera import Look
 from lrf3d.scene.structures import Structures
@@ -80,14 +80,4 @@ def drive_movers(document: Document, timeline: Timeline) -> None:
     """Add the dynamic obstacles of a run, each on its path."""
     run = timeline.run
     for number, mover in zip(add_movers(document, run.movers), run.movers, strict=True):
-        times, poses = mover_keys(mover, timeline)
-        poses -= [*timeline.origin, 0.0]
-        places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
-        turns = np.zeros((len(poses), 4), np.float32)
-        turns[:, 2], turns[:, 3] = np.sin(0.5 * poses[:, 2]), np.cos(0.5 * poses[:, 2])
-        node = document.gltf.nodes[number]
-        node.translation, node.rotation = places[0].tolist(), turns[0].tolist()
-        if len(times) > 1:
-            keys = document.array((times - timeline.start).astype(np.float32), KEYS, bounded=True)
-            document.animate(number, "translation", keys, document.array(places, KEYS))
-            document.animate(number, "rotation", keys, document.array(turns, KEYS))
+        document.drive(number, *mover_keys(mover, timeline))

@@ -5,31 +5,25 @@ stage of the map is a node of its own, which has its size while it is to be seen
 otherwise, and each straight piece of the trail is one that grows while it is driven.
 """
 
-from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Single, quad_indices
+from lrf3d.geometry import quad_indices
 from lrf3d.gltf.bodies import add_chase_camera, add_movers, add_robot, drive_movers
 from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
 from lrf3d.gltf.scan_mesh import ScanMeshes
 from lrf3d.gltf.stage import add_stage, new_document
-from lrf3d.mapping import LineMap
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline, jumps, key_times, scan_times
+from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, scan_times
+from lrf3d.scene.trail_and_map import DrawnMap, straight_pieces
 
 if TYPE_CHECKING:
     from lrf3d.casting.mover import Mover
-
-
-_TRAIL_ERROR = 0.03
-"""How far a straight piece of the trail may be off [m], in place and along the way."""
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
@@ -49,11 +43,12 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     structures = Structures.from_run(run)
     document = new_document(run.world.name, structures)
     add_stage(document, structures)
-    _add_robot(document, timeline, structures)
+    keys = drive_keys(timeline)
+    _add_robot(document, keys, run, structures)
     drive_movers(document, timeline)
     _add_scans(document, timeline, every)
     _add_maps(document, timeline)
-    _add_trail(document, timeline)
+    _add_trail(document, keys)
     return document.glb()
 
 
@@ -96,21 +91,10 @@ class _Showing:
         self._document.animate(node, "scale", inputs, self._sizes[sizes], step=True)
 
 
-def _add_robot(document: Document, timeline: Timeline, structures: Structures) -> None:
+def _add_robot(document: Document, keys: DriveKeys, run: Run, structures: Structures) -> None:
     """The robot, which drives, and a camera that looks over its shoulder."""
-    times = key_times(timeline)
-    poses = timeline.poses(times) - [*timeline.origin, 0.0]
-    headings = 0.5 * np.unwrap(poses[:, 2])
-    places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
-    turns = np.zeros((len(poses), 4), np.float32)
-    turns[:, 2], turns[:, 3] = np.sin(headings), np.cos(headings)
-    robot = add_robot(document, timeline.run.lrf.height)
-    node = document.gltf.nodes[robot]
-    node.translation, node.rotation = places[0].tolist(), turns[0].tolist()
-    if len(times) > 1:
-        keys = document.array((times - times[0]).astype(np.float32), KEYS, bounded=True)
-        document.animate(robot, "translation", keys, document.array(places, KEYS))
-        document.animate(robot, "rotation", keys, document.array(turns, KEYS))
+    robot = add_robot(document, run.lrf.height)
+    document.drive(robot, keys.times, keys.poses)
     add_chase_camera(document, robot, structures)
 
 
@@ -139,7 +123,11 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
     for stage, objects, (begin, end) in zip(run.maps, run.lasting_objects, times, strict=True):
         if not len(stage):
             continue
-        positions, colours = _bands(stage, objects, timeline.origin)
+        drawn = DrawnMap.from_map(stage, objects, timeline.origin)
+        positions = drawn.bands().reshape(-1, 3)
+        colours = np.full((len(stage), 4), 255, np.uint8)
+        colours[:, :3] = np.round(255.0 * linear(drawn.colours))
+        colours = np.repeat(colours, len(positions) // len(stage), axis=0)
         attributes = {
             "POSITION": document.array(positions, VERTICES, bounded=True),
             "COLOR_0": document.array(colours, VERTICES, normalised=True),
@@ -150,32 +138,8 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
         showing.between(node, begin, end)
 
 
-def _bands(stage: LineMap, objects: Int, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
-    """Corners (12 · m, 3) of both sides and the top of each segment, and colours (12 · m, 4)."""
-    ends = (stage.segments - np.tile(origin, 2)).reshape(-1, 2, 2)
-    along = ends[:, 1] - ends[:, 0]
-    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-    side = 0.5 * look.MAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
-    (start, end), (low, high) = (ends[:, 0], ends[:, 1]), look.MAP_BAND
-    positions = np.zeros((len(ends), 3, 4, 3), np.float32)
-    for face, corners in enumerate(
-        [
-            ((start + side, low), (end + side, low), (end + side, high), (start + side, high)),
-            ((end - side, low), (start - side, low), (start - side, high), (end - side, high)),
-            ((start - side, high), (end - side, high), (end + side, high), (start + side, high)),
-        ]
-    ):
-        for corner, (place, height) in enumerate(corners):
-            positions[:, face, corner, :2], positions[:, face, corner, 2] = place, height
-    colours = np.full((len(ends), 4), 255, np.uint8)
-    colours[:, :3] = np.round(255.0 * linear(look.object_tints(objects)))
-    return positions.reshape(-1, 3), np.repeat(colours, 12, axis=0)
-
-
-def _add_trail(document: Document, timeline: Timeline) -> None:
+def _add_trail(document: Document, keys: DriveKeys) -> None:
     """The way that was driven, as straight pieces that grow with the robot."""
-    times = key_times(timeline)
-    places = timeline.poses(times)[:, :2] - timeline.origin
     material = document.glowing(
         "trail", colour=linear(np.array(look.TRAIL_COLOUR)).astype(np.float64)
     )
@@ -185,40 +149,17 @@ def _add_trail(document: Document, timeline: Timeline) -> None:
     part = document.part(material, attributes, document.array(quad_indices(1), INDICES))
     mesh = document.mesh("trail", [part])
     group = document.node("trail", document.root)
-    set_down = jumps(times)
-    for first, last in _straight_pieces(times, places):
-        way = places[last] - places[first]
-        length = float(np.hypot(*way))
-        begin, end = float(times[first] - times[0]), float(times[last] - times[0])
-        if length < 1e-3 or set_down[first:last].any():
-            continue
+    for begin, end, start, way in straight_pieces(keys):
         half_turn = 0.5 * float(np.arctan2(way[1], way[0]))
         node = document.node(
             f"trail from {begin:.1f} s",
             group,
             mesh=mesh,
-            translation=[*places[first].tolist(), look.TRAIL_HEIGHT],
+            translation=[*start.tolist(), look.TRAIL_HEIGHT],
             rotation=[0.0, 0.0, float(np.sin(half_turn)), float(np.cos(half_turn))],
             scale=[0.0, 0.0, 0.0],
         )
-        keys = document.array(np.array([begin, end], np.float32), KEYS, bounded=True)
+        times = document.array(np.array([begin, end], np.float32), KEYS, bounded=True)
         # Its width is there at once: a strip that widens as it grows would be a wedge.
-        grown = np.array([[0, 1, 1], [length, 1, 1]], np.float32)
-        document.animate(node, "scale", keys, document.array(grown, KEYS))
-
-
-def _straight_pieces(times: Float, places: Float) -> Iterator[tuple[int, int]]:
-    """First and last key of each piece that is straight and driven evenly."""
-    first = 0
-    while first < len(times) - 1:
-        last = first + 1
-        while last + 1 < len(times) and _is_straight(times, places, first, last + 1):
-            last += 1
-        yield first, last
-        first = last
-
-
-def _is_straight(times: Float, places: Float, first: int, last: int) -> bool:
-    share = (times[first : last + 1] - times[first]) / (times[last] - times[first])
-    even = places[first] + share[:, None] * (places[last] - places[first])
-    return bool(np.abs(places[first : last + 1] - even).max() < _TRAIL_ERROR)
+        grown = np.array([[0, 1, 1], [np.hypot(*way), 1, 1]], np.float32)
+        document.animate(node, "scale", times, document.array(grown, KEYS))

@@ -5,21 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Single
+from lrf3d.geometry import Float, Single
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.ground_layer import GroundLayer
 from lrf3d.render.movers import MovingBodies
 from lrf3d.render.parts import build_walls
 from lrf3d.render.primitives import Mesh, Primitive
-from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
+from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, Beams
 from lrf3d.scene.bodies import robot_mesh, world_from_robot
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Moment, Timeline
-
-_SHARPEST = -0.2
-"""Cosine of the sharpest bend of the trail that is mitred: beyond, the tip would be long."""
+from lrf3d.scene.timeline import Moment, Timeline, drive_keys
+from lrf3d.scene.trail_and_map import RIBBON_SIZES, DrawnMap, legs_begun, trail_ribbon
 
 
 class Scenery:
@@ -45,7 +42,8 @@ class Scenery:
         self.ground = GroundLayer(self.structures, self.scene)
         self.sky = Primitive("sky", (2,), _mesh(10, 10))
         self.blob = Primitive("blob", (2,), corners, blend=True)
-        self.trail = _trail(run, self.origin, timeline.jumps)
+        self._keys, self._start = drive_keys(timeline), timeline.start
+        self.trail = Primitive("trail", RIBBON_SIZES, trail_ribbon(self._keys), blend=True)
         self.fan = _dynamic("fan", (3, 1))
         self.lines = _dynamic("lines", LINE_SIZES)
         self.trace = _dynamic("lines", LINE_SIZES)
@@ -98,10 +96,8 @@ class Scenery:
             "world_from_robot": world_from_robot(place),
             "blob": (*(place[:2] + shift).tolist(), 0.52, 0.55),
         }
-        times = self.run.trajectory.times
-        driven = self.driven(moment)
-        self.trail.count = 6 * min(len(times) - 1, int(np.searchsorted(times, driven)))
-        moved["now"] = float(driven - times[0])
+        moved["now"] = moment.time - self._start
+        self.trail.count = 6 * legs_begun(self._keys, moved["now"])
         return moved
 
     def show_seen(self, moment: Moment) -> None:
@@ -109,7 +105,8 @@ class Scenery:
         stage = self.run.stage_after(moment.scan)
         if stage != self._map_shown:
             self._map_shown = stage
-            self.map.update(_map_lines(self.run, stage, self.origin))
+            drawn = DrawnMap.from_snapshot(self.run, stage, self.origin)
+            self.map.update(drawn.lines(self.run.lrf.height))
         self._show_beams(moment, moment.pose - np.array([*self.origin, 0.0]))
 
     def look_from(self, matrix: Float, eye: Float, reach: float) -> None:
@@ -122,18 +119,6 @@ class Scenery:
         """
         self.walls.look_from(matrix, eye)
         self.ground.look_from(eye, reach)
-
-    def driven(self, moment: Moment) -> float:
-        """The time of the trajectory at which the robot is where the moment has it [s]."""
-        times, poses = self.run.trajectory.times, self.run.trajectory.poses
-        if moment.scan + 1 >= len(times):
-            return float(times[-1])
-        start, end = poses[moment.scan, :2], poses[moment.scan + 1, :2]
-        step = end - start
-        square = float(step @ step)
-        share = 1.0 if square == 0.0 else float((moment.pose[:2] - start) @ step) / square
-        share = min(max(share, 0.0), 1.0)
-        return float(times[moment.scan] + share * (times[moment.scan + 1] - times[moment.scan]))
 
     def _show_beams(self, moment: Moment, place: Float) -> None:
         shown = (moment.scan, moment.scanning, *place[:2], self.movers.poses.tobytes())
@@ -170,46 +155,3 @@ def _mesh(columns: int, rows: int) -> Single:
 def _dynamic(program: str, sizes: tuple[int, ...], mode: int = GL.GL_TRIANGLES) -> Primitive:
     empty = np.zeros((0, sum(sizes)), np.float32)
     return Primitive(program, sizes, empty, mode=mode, capacity=2048, blend=True)
-
-
-def _trail(run: Run, origin: Float, jumps: Bool) -> Primitive:
-    """The whole path as a ribbon, a quad for each leg; the shader shows what has been driven."""
-    places = run.trajectory.poses[:, :2] - origin
-    times = run.trajectory.times - run.trajectory.times[0]
-    sides = _sides(places, jumps)
-    rows = np.zeros((len(places) - 1, 6, 5), np.float32)
-    for corner, (end, turn) in enumerate([(0, 1), (0, -1), (1, -1), (0, 1), (1, -1), (1, 1)]):
-        rows[:, corner, :2] = places[end : len(places) - 1 + end]
-        rows[:, corner, 2:4] = turn * sides[:, end]
-        rows[:, corner, 4] = times[end : len(places) - 1 + end]
-    rows[jumps, :, 2:4] = 0.0
-    return Primitive("trail", (2, 2, 1), rows.reshape(-1, 5), blend=True)
-
-
-def _sides(places: Float, jumps: Bool) -> Float:
-    """To the left of each leg at its start and its end (k − 1, 2, 2), mitred with its neighbours.
-
-    A robot that turns where it stands, and one that was set down elsewhere, begins a new ribbon.
-    """
-    way = np.diff(places, axis=0)
-    length = np.hypot(way[:, 0], way[:, 1])
-    side = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
-    sides = np.repeat(side[:, None], 2, axis=1)
-    before, after = side[:-1], side[1:]
-    bend = np.einsum("ij,ij->i", before, after)
-    moves = (length > 1e-6) & ~jumps
-    joined = moves[:-1] & moves[1:] & (bend > _SHARPEST)
-    mitre = (before + after) / (1.0 + np.maximum(bend, _SHARPEST))[:, None]
-    sides[:-1, 1][joined] = mitre[joined]
-    sides[1:, 0][joined] = mitre[joined]
-    return sides
-
-
-def _map_lines(run: Run, stage: int, origin: Float) -> Single:
-    """The segments of the map of a stage, or of none, as line quads, each object in its colour."""
-    if stage < 0:
-        return np.zeros((0, sum(LINE_SIZES)), np.float32)
-    segments = run.maps[stage].segments - np.tile(origin, 2)
-    opaque = np.ones((len(segments), 2))
-    colours = look.object_tints(run.lasting_objects[stage])
-    return line_quads(segments[:, :2], segments[:, 2:], colours, opaque, run.lrf.height)

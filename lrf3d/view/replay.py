@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.mapping import LineMap
 from lrf3d.run import Run
-from lrf3d.scene.timeline import Timeline, jumps, key_times, mover_keys, scan_times
-from lrf3d.view.scene import joined_beams, map_arrays
+from lrf3d.scene.timeline import Timeline, drive_keys, mover_keys, scan_times
+from lrf3d.scene.trail_and_map import DrawnMap
+from lrf3d.view.scene import joined_beams
 
 _ALIGNMENT = 4
 """Bytes that the start of every array is a multiple of."""
@@ -22,41 +22,30 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
     """
     # A scene plays as fast as the robot drove.
     timeline = Timeline(run, playback=1.0)
-    origin = timeline.origin
-    shift = np.array([*origin, 0.0])
-    times = key_times(timeline)
-    poses = timeline.poses(times) - shift
-    poses[:, 2] = np.unwrap(poses[:, 2])
+    keys = drive_keys(timeline)
     begins, ends = scan_times(timeline)
     # The first of them is empty, so that there is one also where a run has no map.
-    none = LineMap.empty()
     maps = [
-        map_arrays(stage, objects, origin)
-        for stage, objects in zip(
-            (none, *run.maps), (none.objects, *run.lasting_objects), strict=True
-        )
+        DrawnMap.from_snapshot(run, number, timeline.origin) for number in range(-1, len(run.maps))
     ]
     stage_times = run.trajectory.times[list(run.stages)]
     ways = [mover_keys(mover, timeline) for mover in run.movers]
     arrays = {
-        "keyTimes": (times - timeline.start, np.float32),
-        "keyPoses": (poses, np.float32),
+        "keyTimes": (keys.times, np.float32),
+        "keyPoses": (keys.poses, np.float32),
         "begins": (begins - timeline.start, np.float32),
         "ends": (ends - timeline.start, np.float32),
-        "poses": (run.trajectory.poses - shift, np.float32),
+        "poses": (run.trajectory.poses - [*timeline.origin, 0.0], np.float32),
         "ranges": (run.ranges, np.float32),
         "stageTimes": (stage_times - timeline.start, np.float32),
         "stageSizes": ([len(stage) for stage in run.maps], np.int32),
         "stageObjects": ([stage.object_count for stage in run.maps], np.int32),
-        "segments": (np.concatenate([segments for segments, _ in maps]), np.float32),
-        "colours": (np.concatenate([colours for _, colours in maps]), np.uint8),
+        "segments": (np.concatenate([drawn.segments for drawn in maps]), np.float32),
+        "colours": (np.concatenate([drawn.colour_bytes for drawn in maps]), np.uint8),
         "moverSizes": ([len(times) for times, _ in ways], np.int32),
-        "moverTimes": (
-            np.concatenate([*(times - timeline.start for times, _ in ways), []]),
-            np.float32,
-        ),
+        "moverTimes": (np.concatenate([*(times for times, _ in ways), []]), np.float32),
         "moverPoses": (
-            np.concatenate([*(poses - shift for _, poses in ways), np.empty((0, 3))]),
+            np.concatenate([*(poses for _, poses in ways), np.empty((0, 3))]),
             np.float32,
         ),
         "joined": (joined_beams(run.ranges, run.walls), np.uint8),
@@ -69,7 +58,7 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         block += bytes(-len(block) % _ALIGNMENT)
     told = {
         "layout": layout,
-        "jumps": np.flatnonzero(jumps(times)).tolist(),
+        "jumps": np.flatnonzero(keys.set_down).tolist(),
         "start": timeline.start,
     }
     return bytes(block), told

@@ -9,7 +9,6 @@ import shapely
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.gltf import still_glb
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.mapping import LineMap
 from lrf3d.scene import look
 from lrf3d.scene.bodies import mover_colours
 from lrf3d.scene.structures import Structures
@@ -123,15 +122,6 @@ def joined_beams(ranges: Float, walls: Int) -> Bool:
     hits = np.isfinite(ranges)
     same = (walls[..., 1:] == walls[..., :-1]) & (walls[..., 1:] >= 0)
     return np.asarray(hits[..., 1:] & hits[..., :-1] & same)
-
-
-def map_arrays(line_map: LineMap, objects: Int, origin: Float) -> tuple[Float, Int]:
-    """Segments (m, 4) of a map in the local frame [m], and their colours (m, 3) in 0…255.
-
-    Those are the colours of their objects (m,), by numbers that last while the map grows.
-    """
-    segments = line_map.segments - np.tile(origin, 2)
-    return segments, np.round(255.0 * look.object_tints(objects)).astype(np.int64)
 
 
 def _outlines(structures: Structures) -> list[list[float]]:
