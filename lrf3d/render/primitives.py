@@ -2,7 +2,7 @@
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,13 @@ class Mesh(pyrender.Mesh):  # type: ignore[misc]
         """Corners (2, 3) of the box around all primitives [m]."""
         boxes = np.array([primitive.bounds for primitive in self.primitives])
         return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+
+class Draw(NamedTuple):
+    """A primitive to draw, with the uniforms of its program that no other shares."""
+
+    primitive: Primitive
+    uniforms: Mapping[str, Any]
 
 
 class Canvas(Protocol):

@@ -52,6 +52,7 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         super().__init__(width, height)
         self._samples = samples
         self._meshes: set[Any] = set()
+        self._scene: Any = None
         self._main_fb: int | None = None
         self._main_fb_ms: int | None = None
         self._buffers: list[int] = []
@@ -60,9 +61,10 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         self._picture: Picture = np.zeros((height, width, 4), np.uint8)
 
     def begin(self, scene: Any) -> None:
-        """Start a picture: upload what is new in the scene, clear and set up."""
+        """Start a picture: free what has left the scene, clear and set up."""
         self._context._platform.make_current()
-        self._upload(scene)
+        self._free_all_but(scene.meshes)
+        self._scene = scene
         self._configure_main_framebuffer()
         target = self._main_fb_ms if self._samples else self._main_fb
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, target)
@@ -92,6 +94,8 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         program = self._programs.get(primitive.program)
         if program is None:
             program = self._programs[primitive.program] = Program(primitive.program)
+        if not primitive._in_context():
+            primitive._add_to_context()
         program.use(uniforms)
         _switch(GL.GL_BLEND, primitive.blend)
         _switch(GL.GL_CULL_FACE, primitive.cull)
@@ -145,18 +149,16 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         for program in self._programs.values():
             program.delete()
         self._programs = {}
+        # What was first drawn in the last picture is known to the scene alone.
+        self._meshes = self._meshes if self._scene is None else self._scene.meshes
         for mesh in self._meshes:
             for primitive in mesh.primitives:
                 if primitive.texture is not None:
                     primitive.texture.delete()
         super().delete()
 
-    def _upload(self, scene: Any) -> None:
-        """Take new primitives into the context; the old ones go when they are left."""
-        meshes = scene.meshes
-        for mesh in meshes - self._meshes:
-            for primitive in mesh.primitives:
-                primitive._add_to_context()
+    def _free_all_but(self, meshes: set[Any]) -> None:
+        """Free the primitives of meshes that are no longer in the scene."""
         for mesh in self._meshes - meshes:
             for primitive in mesh.primitives:
                 primitive.delete()
@@ -173,7 +175,6 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
             self._main_fb_ms, self._samples_taken = _sampled_framebuffer(size, self._samples)
             corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
             self._resolving = Primitive("resolve", (2,), corners)
-            self._resolving._add_to_context()
 
     def _delete_main_framebuffer(self) -> None:
         frames = [each for each in (self._main_fb, self._main_fb_ms) if each is not None]

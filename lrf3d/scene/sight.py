@@ -13,7 +13,7 @@ from lrf3d.geometry import Float, Int, lengths
 from lrf3d.run import Run
 from lrf3d.world import World
 
-FARTHEST = 4000.0
+SIGHT_DISTANCE = 4000.0
 """Distance [m] up to which things are drawn: haze hides what is far beyond a tenth of it."""
 
 
@@ -22,7 +22,8 @@ class Sight:
     """The part of a world that can be seen.
 
     Args:
-        world: The walls within :data:`FARTHEST` of the path; the world itself where those are all.
+        world: The walls within :data:`SIGHT_DISTANCE` of the path; where those are all, the world
+            itself.
         origin: (2,) whole metres near their middle: the origin of the frame to draw in.
     """
 
@@ -38,7 +39,7 @@ class Sight:
         stands = [np.reshape([c.position[:2], c.target[:2]], (2, 2)) for c in world.cameras]
         places = np.concatenate([places, *stands])
         low, high = places.min(axis=0), places.max(axis=0)
-        world = _near(world, low - FARTHEST, high + FARTHEST)
+        world = _near(world, low - SIGHT_DISTANCE, high + SIGHT_DISTANCE)
         if not len(world.segments):
             return cls(world, np.round(0.5 * (low + high)))
         return cls(world, world.origin)
@@ -52,7 +53,7 @@ class Sight:
 def _near(world: World, low: Float, high: Float) -> World:
     """The world within a box, its walls cut where they leave it; itself where none does."""
     ends = world.segments.reshape(-1, 2)
-    if ((ends >= low) & (ends <= high)).all() and world.heights.max(initial=0.0) <= FARTHEST:
+    if ((ends >= low) & (ends <= high)).all() and world.heights.max(initial=0.0) <= SIGHT_DISTANCE:
         return world
     pieces, kept = _cut(world.segments, low, high)
     objects = world.objects[kept]
@@ -61,7 +62,7 @@ def _near(world: World, low: Float, high: Float) -> World:
         world,
         segments=pieces,
         objects=objects,
-        heights=np.minimum(world.heights[kept], FARTHEST),
+        heights=np.minimum(world.heights[kept], SIGHT_DISTANCE),
         object_names=world.object_names[:count],
         colours=world.colours[:count],
     )

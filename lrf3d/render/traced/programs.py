@@ -98,7 +98,7 @@ def _blob(rows: Float, uniforms: Uniforms) -> Triangles:
 
 def _trail(rows: Float, uniforms: Uniforms) -> Triangles:
     place = rows[:, :2] + rows[:, 2:4] * uniforms["half_width"]
-    place = np.column_stack([place, np.full(len(rows), uniforms["lift"])])
+    place = np.column_stack([place, np.zeros(len(rows))])
     clip, depth = _project(place, uniforms), _raised(place, 0.01, uniforms)
     fixed = np.array([uniforms["now"], 0.0])
     return Triangles(shading.TRAIL, _rows(clip, depth, rows[:, 4], place), fixed)
