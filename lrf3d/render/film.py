@@ -9,15 +9,14 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.render.bindings import pyrender
 from lrf3d.render.gl import import_libraries
-from lrf3d.render.hud import Hud, widest_lines
+from lrf3d.render.hud import Hud, lay_out, scale_of, widest_lines
 from lrf3d.render.inset import Inset
-from lrf3d.render.layout import lay_out, scale_of
 from lrf3d.render.pictures import Picture
-from lrf3d.render.primitives import Canvas, Draw
+from lrf3d.render.primitives import Draw, FrameRenderer
 from lrf3d.render.scenery import Frame, Scenery
 from lrf3d.run import Run
 from lrf3d.scene.camera import Look, make_camera
-from lrf3d.scene.sight import SIGHT_DISTANCE
+from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline
 
 LAYERS = ("shadow", "trail", "fan", "beams", "trace", "points", "inset", "hud")
@@ -180,7 +179,7 @@ class Film:
         return solid, [layer for name, layer in soft if name in chosen or name == "map"]
 
 
-def _renderer(name: str, size: tuple[int, int], samples: int) -> Canvas:
+def _renderer(name: str, size: tuple[int, int], samples: int) -> FrameRenderer:
     """The renderer of a name; only what it needs is imported."""
     if name == "embree":
         from lrf3d.render.traced.renderer import TracedRenderer

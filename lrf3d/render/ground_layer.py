@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float, Single
-from lrf3d.render.primitives import Draw, Mesh, Primitive
-from lrf3d.render.textures import Texture
+from lrf3d.render.primitives import Draw, Mesh, Primitive, Texture
 from lrf3d.scene.ground import Ground, paint_ground, paint_tile
 from lrf3d.scene.structures import Structures
 
-_FARTHEST = 3000.0
+_LAND_REACH = 3000.0
 """How far the ground goes [m]: to the horizon."""
 
 _LARGE, _LARGE_INDOOR = 220.0, 60.0
@@ -66,7 +65,7 @@ class GroundLayer:
         self._tiles: dict[tuple[int, int], tuple[_Tile, Any]] = {}
         self._whole = Primitive("ground", (2,), _square(self._low, self._high))
         middle = 0.5 * (self._low + self._high)
-        size = max(_FARTHEST, float(whole.size.max()))
+        size = max(_LAND_REACH, float(whole.size.max()))
         land = _ring(middle - size, middle + size, self._low, self._high)
         self._land = Primitive("beyond", (2,), land)
         self._whole.texture = self._land.texture = Texture(whole.picture, far=True)

@@ -6,9 +6,8 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry import Float, Single
-from lrf3d.render.hud import Label, Line
-from lrf3d.render.layout import scale_of
-from lrf3d.render.primitives import Canvas, Draw, Mesh, Primitive
+from lrf3d.render.hud import Label, Line, scale_of
+from lrf3d.render.primitives import Draw, FrameRenderer, Mesh, Primitive
 from lrf3d.render.scenery import Frame, Scenery
 from lrf3d.scene import look
 from lrf3d.scene.beams import LINE_SIZES, line_quads
@@ -74,7 +73,7 @@ class Inset:
         self._caption.place(size, left, top + side - self._caption.size[1])
         self._captioned = 2 * self._caption.size[0] <= side
 
-    def draw(self, renderer: Canvas, frame: Frame) -> None:
+    def draw(self, renderer: FrameRenderer, frame: Frame) -> None:
         """Draw it over the picture."""
         scenery, side = self._scenery, float(self._box[2])
         pixel = self.window / side

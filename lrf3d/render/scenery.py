@@ -17,7 +17,7 @@ from lrf3d.render.movers import MovingBodies
 from lrf3d.render.parts import build_walls
 from lrf3d.render.primitives import Draw, Mesh, Primitive
 from lrf3d.scene import look
-from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, Beams
+from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams
 from lrf3d.scene.bodies import robot_mesh, world_from_robot
 from lrf3d.scene.camera import Look
 from lrf3d.scene.structures import Structures
@@ -83,7 +83,7 @@ class Scenery:
         self.walls = build_walls(self.structures)
         self.movers = MovingBodies(run.movers, self.origin, self.structures.indoor)
         self.ground = GroundLayer(self.structures, self.scene)
-        self.beams: Beams | None = None
+        self.beams: DrawnBeams | None = None
         rows, indices = robot_mesh(run.lrf.height)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
         self._keys, self._start = drive_keys(timeline), timeline.start
@@ -98,7 +98,7 @@ class Scenery:
         self._map = _dynamic("lines", LINE_SIZES)
         self._scan_shown: tuple[Any, ...] = ()
         self._map_shown = -1
-        self._reach = min(run.lrf.range_max, look.REACH)
+        self._reach = min(run.lrf.range_max, look.BEAM_REACH)
         for primitive in (
             self._robot, self.walls.faces, self._sky, self._blob, self._trail, self._fan,
             self._lines, self._trace, self._dots, self._map, *self.movers.all,
@@ -210,7 +210,7 @@ class Scenery:
         world = self.run.world
         walls = world.segments - np.tile(self.origin, 2)
         carry = self.movers.carrying(moment.time)
-        self.beams = Beams.from_scan(local, walls, world.objects, place, carry)
+        self.beams = DrawnBeams.from_scan(local, walls, world.objects, place, carry)
         self._fan.update(self.beams.fan(height))
         self._lines.update(self.beams.lines(height, self._reach))
         self._trace.update(self.beams.trace(height))

@@ -8,7 +8,7 @@ import shapely
 
 from lrf3d.geometry import Bool, Float
 from lrf3d.run import Run
-from lrf3d.scene.sight import Sight
+from lrf3d.scene.structures import Sight
 
 if TYPE_CHECKING:
     from lrf3d.casting.mover import Mover

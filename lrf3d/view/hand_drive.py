@@ -13,11 +13,11 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import Obstacles
 from lrf3d.scenario import Scenario
-from lrf3d.scene.sight import Sight
+from lrf3d.scene.structures import Sight
 from lrf3d.scene.trail_and_map import DrawnMap
 from lrf3d.sensor import Sensor
 from lrf3d.simulation import line_mapper
-from lrf3d.view.scene import joined_beams
+from lrf3d.view.page_data import joined_beams
 
 TURN_RATE = 1.5
 """Fastest turn [rad/s]: a full one in four seconds."""

@@ -11,7 +11,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.scene.look import object_tints
-from lrf3d.view.replay import pack_run
+from lrf3d.view.page_data import pack_run
 
 WALLS = np.vstack([box(0, 0, 10, 6), box(14, 0, 8, 6)])
 

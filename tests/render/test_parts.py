@@ -178,7 +178,7 @@ def test_memory_stays_flat_over_many_frames():
 
 
 def test_the_skyline_hides_nothing_that_a_ray_can_reach():
-    from lrf3d.render.skyline import Skyline
+    from lrf3d.render.parts import Skyline
 
     rng = np.random.default_rng(8)
     heights = rng.uniform(4.0, 16.0, 150)
@@ -219,12 +219,12 @@ def test_the_skyline_hides_nothing_that_a_ray_can_reach():
 
 @needs_gl
 def test_the_fan_keeps_its_outline_with_fewer_triangles():
-    from lrf3d.scene.beams import Beams
+    from lrf3d.scene.beams import DrawnBeams
 
     run = city_run()
     scan = run.scan(6)
     apex = np.array([scan.pose.x, scan.pose.y])
-    drawn = Beams.from_scan(scan, run.world.segments, run.world.objects, apex)
+    drawn = DrawnBeams.from_scan(scan, run.world.segments, run.world.objects, apex)
     fan = drawn.fan(0.5).reshape(-1, 3, 4)
     # These beams are two degrees apart: the angle bounds the triangles.
     assert len(fan) < 0.75 * (len(scan.ranges) - 1)

@@ -10,10 +10,8 @@ from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scene.ground import paint_ground, paint_tile
-from lrf3d.scene.sight import SIGHT_DISTANCE, Sight
-from lrf3d.scene.structures import Structures
-from lrf3d.view.replay import pack_run
-from lrf3d.view.scene import make_scene
+from lrf3d.scene.structures import SIGHT_DISTANCE, Sight, Structures
+from lrf3d.view.page_data import make_scene, pack_run
 from lrf3d.world import World
 
 FAR = 1e7
@@ -105,6 +103,10 @@ def test_walls_in_sight_stay_as_they_are_and_others_are_cut():
     ]
     assert seen.segments[0].tolist() == ends[0]
     assert seen.segments == pytest.approx(np.array(ends), abs=1e-6)
-    assert seen.objects.tolist() == [5, 2, 0] and seen.heights.tolist() == [1.0, 2.0, SIGHT_DISTANCE]
+    assert seen.objects.tolist() == [5, 2, 0] and seen.heights.tolist() == [
+        1.0,
+        2.0,
+        SIGHT_DISTANCE,
+    ]
     nothing = Sight.of(tall(np.add(HOUSE, 90e3)), path)
     assert not len(nothing.world.segments) and nothing.origin.tolist() == [5.0, 0.0]
