@@ -232,7 +232,7 @@ def test_hit_points_lie_on_their_walls_and_beams_end_before_walls():
     walls = run.world.segments
     for step in (0.0, 0.15, 0.29):
         apex = np.array([scan.pose.x + step, scan.pose.y])
-        drawn = beams.Beams.from_scan(scan, walls, run.world.objects, apex)
+        drawn = beams.DrawnBeams.from_scan(scan, walls, run.world.objects, apex)
         gap, _ = project_on_segments(drawn.points, walls)
         hit = run.walls[6][scan.hits]
         assert gap[np.arange(len(hit)), hit].max() < 1e-9

@@ -47,7 +47,7 @@ class RasterTarget(NamedTuple):
 
 
 class FragmentProgram(NamedTuple):
-    """What gives the pixels of a triangle their colours: see `fragments.fragment`."""
+    """What gives the pixels of a triangle their colours: see :func:`~lrf3d.render.traced.shading.fragment`."""
 
     number: int
     fixed: Float
