@@ -47,7 +47,7 @@ class RasterTarget(NamedTuple):
 
 
 class FragmentProgram(NamedTuple):
-    """What gives the pixels of a triangle their colours: see :func:`~lrf3d.render.traced.shading.fragment`."""
+    """What gives the pixels of a triangle their colours, as :func:`~.shading.fragment` takes it."""
 
     number: int
     fixed: Float
