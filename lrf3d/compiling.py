@@ -155,11 +155,15 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 def _kind(kind: Any) -> str:
-    """A type of numba, with the field names of named tuples, which kernels depend on."""
+    """A type of numba with the names of named tuples and of their fields.
+
+    Kernels take them apart by these, and what is saved looks its classes up by their names.
+    """
     if isinstance(kind, types.BaseTuple):
         fields = getattr(kind, "fields", range(len(kind)))
         parts = (f"{name}: {_kind(part)}" for name, part in zip(fields, kind, strict=True))
-        return f"({', '.join(parts)})"
+        named = getattr(kind, "instance_class", tuple)
+        return f"{named.__module__}.{named.__qualname__}({', '.join(parts)})"
     return str(kind)
 
 

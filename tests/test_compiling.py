@@ -86,6 +86,14 @@ def test_a_kernel_is_compiled_again_when_what_it_calls_has_changed(load, old, ne
     assert run(load(PARTS.replace(old, new))) == (value, True)
 
 
+def test_a_kernel_is_compiled_again_when_a_named_tuple_has_another_name(load):
+    run(load())
+    renamed = PARTS.replace("class Pair(", "class Couple(").replace(
+        "@inner", "Pair = Couple\n@inner", 1
+    )
+    assert run(load(renamed)) == (25.0, True)
+
+
 def test_files_of_older_code_are_removed(load, tmp_path):
     run(load())
     run(load(PARTS.replace("STEP = 1.0", "STEP = 2.0")))

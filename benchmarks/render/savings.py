@@ -12,8 +12,7 @@ from benchmarks.timing import take_turns
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.render.film import Film
-from lrf3d.render.parts import Parts
-from lrf3d.render.skyline import Skyline
+from lrf3d.render.parts import Parts, Skyline
 from lrf3d.run import Run
 
 BUILDINGS = 1000

@@ -168,6 +168,18 @@ class Document:
         number = len(self._animation.samplers) - 1
         self._animation.channels.append(pygltflib.AnimationChannel(sampler=number, target=target))
 
+    def drive(self, node: int, times: Float, poses: Float) -> None:
+        """Move a node over level ground: key times (k,) [s], poses (k, 3) with even headings."""
+        places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
+        turns = np.zeros((len(poses), 4), np.float32)
+        turns[:, 2], turns[:, 3] = np.sin(0.5 * poses[:, 2]), np.cos(0.5 * poses[:, 2])
+        moved = self.gltf.nodes[node]
+        moved.translation, moved.rotation = places[0].tolist(), turns[0].tolist()
+        if len(times) > 1:
+            keys = self.array(times.astype(np.float32), KEYS, bounded=True)
+            self.animate(node, "translation", keys, self.array(places, KEYS))
+            self.animate(node, "rotation", keys, self.array(turns, KEYS))
+
     def glb(self) -> bytes:
         """The finished file."""
         gltf = self.gltf

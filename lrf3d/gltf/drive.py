@@ -5,31 +5,33 @@ stage of the map is a node of its own, which has its size while it is to be seen
 otherwise, and each straight piece of the trail is one that grows while it is driven.
 """
 
-from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+import pygltflib
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Single, quad_indices
-from lrf3d.gltf.bodies import add_chase_camera, add_movers, add_robot, drive_movers
+from lrf3d.geometry import Float, quad_indices
 from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
-from lrf3d.gltf.scan_mesh import ScanMeshes
-from lrf3d.gltf.stage import add_stage, new_document
-from lrf3d.mapping import LineMap
+from lrf3d.gltf.stage import (
+    add_chase_camera,
+    add_movers,
+    add_robot,
+    add_stage,
+    drive_movers,
+    new_document,
+)
 from lrf3d.run import Run
 from lrf3d.scene import look
+from lrf3d.scene.beams import DrawnBeams, drawn_beams
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline, jumps, key_times, scan_times
+from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, scan_times
+from lrf3d.scene.trail_and_map import DrawnMap, straight_pieces
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-
-
-_TRAIL_ERROR = 0.03
-"""How far a straight piece of the trail may be off [m], in place and along the way."""
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
@@ -49,11 +51,12 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     structures = Structures.from_run(run)
     document = new_document(run.world.name, structures)
     add_stage(document, structures)
-    _add_robot(document, timeline, structures)
+    keys = drive_keys(timeline)
+    _add_robot(document, keys, run, structures)
     drive_movers(document, timeline)
     _add_scans(document, timeline, every)
     _add_maps(document, timeline)
-    _add_trail(document, timeline)
+    _add_trail(document, keys)
     return document.glb()
 
 
@@ -96,21 +99,10 @@ class _Showing:
         self._document.animate(node, "scale", inputs, self._sizes[sizes], step=True)
 
 
-def _add_robot(document: Document, timeline: Timeline, structures: Structures) -> None:
+def _add_robot(document: Document, keys: DriveKeys, run: Run, structures: Structures) -> None:
     """The robot, which drives, and a camera that looks over its shoulder."""
-    times = key_times(timeline)
-    poses = timeline.poses(times) - [*timeline.origin, 0.0]
-    headings = 0.5 * np.unwrap(poses[:, 2])
-    places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
-    turns = np.zeros((len(poses), 4), np.float32)
-    turns[:, 2], turns[:, 3] = np.sin(headings), np.cos(headings)
-    robot = add_robot(document, timeline.run.lrf.height)
-    node = document.gltf.nodes[robot]
-    node.translation, node.rotation = places[0].tolist(), turns[0].tolist()
-    if len(times) > 1:
-        keys = document.array((times - times[0]).astype(np.float32), KEYS, bounded=True)
-        document.animate(robot, "translation", keys, document.array(places, KEYS))
-        document.animate(robot, "rotation", keys, document.array(turns, KEYS))
+    robot = add_robot(document, run.lrf.height)
+    document.drive(robot, keys.times, keys.poses)
     add_chase_camera(document, robot, structures)
 
 
@@ -139,7 +131,11 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
     for stage, objects, (begin, end) in zip(run.maps, run.lasting_objects, times, strict=True):
         if not len(stage):
             continue
-        positions, colours = _bands(stage, objects, timeline.origin)
+        drawn = DrawnMap.from_map(stage, objects, timeline.origin)
+        positions = drawn.bands().reshape(-1, 3)
+        colours = np.full((len(stage), 4), 255, np.uint8)
+        colours[:, :3] = np.round(255.0 * linear(drawn.colours))
+        colours = np.repeat(colours, len(positions) // len(stage), axis=0)
         attributes = {
             "POSITION": document.array(positions, VERTICES, bounded=True),
             "COLOR_0": document.array(colours, VERTICES, normalised=True),
@@ -150,32 +146,8 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
         showing.between(node, begin, end)
 
 
-def _bands(stage: LineMap, objects: Int, origin: Float) -> tuple[Single, NDArray[np.uint8]]:
-    """Corners (12 · m, 3) of both sides and the top of each segment, and colours (12 · m, 4)."""
-    ends = (stage.segments - np.tile(origin, 2)).reshape(-1, 2, 2)
-    along = ends[:, 1] - ends[:, 0]
-    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-    side = 0.5 * look.MAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
-    (start, end), (low, high) = (ends[:, 0], ends[:, 1]), look.MAP_BAND
-    positions = np.zeros((len(ends), 3, 4, 3), np.float32)
-    for face, corners in enumerate(
-        [
-            ((start + side, low), (end + side, low), (end + side, high), (start + side, high)),
-            ((end - side, low), (start - side, low), (start - side, high), (end - side, high)),
-            ((start - side, high), (end - side, high), (end + side, high), (start + side, high)),
-        ]
-    ):
-        for corner, (place, height) in enumerate(corners):
-            positions[:, face, corner, :2], positions[:, face, corner, 2] = place, height
-    colours = np.full((len(ends), 4), 255, np.uint8)
-    colours[:, :3] = np.round(255.0 * linear(look.object_tints(objects)))
-    return positions.reshape(-1, 3), np.repeat(colours, 12, axis=0)
-
-
-def _add_trail(document: Document, timeline: Timeline) -> None:
+def _add_trail(document: Document, keys: DriveKeys) -> None:
     """The way that was driven, as straight pieces that grow with the robot."""
-    times = key_times(timeline)
-    places = timeline.poses(times)[:, :2] - timeline.origin
     material = document.glowing(
         "trail", colour=linear(np.array(look.TRAIL_COLOUR)).astype(np.float64)
     )
@@ -185,40 +157,107 @@ def _add_trail(document: Document, timeline: Timeline) -> None:
     part = document.part(material, attributes, document.array(quad_indices(1), INDICES))
     mesh = document.mesh("trail", [part])
     group = document.node("trail", document.root)
-    set_down = jumps(times)
-    for first, last in _straight_pieces(times, places):
-        way = places[last] - places[first]
-        length = float(np.hypot(*way))
-        begin, end = float(times[first] - times[0]), float(times[last] - times[0])
-        if length < 1e-3 or set_down[first:last].any():
-            continue
+    for begin, end, start, way in straight_pieces(keys):
         half_turn = 0.5 * float(np.arctan2(way[1], way[0]))
         node = document.node(
             f"trail from {begin:.1f} s",
             group,
             mesh=mesh,
-            translation=[*places[first].tolist(), look.TRAIL_HEIGHT],
+            translation=[*start.tolist(), look.TRAIL_HEIGHT],
             rotation=[0.0, 0.0, float(np.sin(half_turn)), float(np.cos(half_turn))],
             scale=[0.0, 0.0, 0.0],
         )
-        keys = document.array(np.array([begin, end], np.float32), KEYS, bounded=True)
+        times = document.array(np.array([begin, end], np.float32), KEYS, bounded=True)
         # Its width is there at once: a strip that widens as it grows would be a wedge.
-        grown = np.array([[0, 1, 1], [length, 1, 1]], np.float32)
-        document.animate(node, "scale", keys, document.array(grown, KEYS))
+        grown = np.array([[0, 1, 1], [np.hypot(*way), 1, 1]], np.float32)
+        document.animate(node, "scale", times, document.array(grown, KEYS))
 
 
-def _straight_pieces(times: Float, places: Float) -> Iterator[tuple[int, int]]:
-    """First and last key of each piece that is straight and driven evenly."""
-    first = 0
-    while first < len(times) - 1:
-        last = first + 1
-        while last + 1 < len(times) and _is_straight(times, places, first, last + 1):
-            last += 1
-        yield first, last
-        first = last
+_BEAM = look.BEAM_COLOUR, look.BEAM_STRENGTH, 1.0
+_FAN = look.FAN_COLOUR, look.FAN_STRENGTH, look.FAN_CURVE
+"""Colour, opacity at the robot, and the power that it fades with."""
 
 
-def _is_straight(times: Float, places: Float, first: int, last: int) -> bool:
-    share = (times[first : last + 1] - times[first]) / (times[last] - times[first])
-    even = places[first] + share[:, None] * (places[last] - places[first])
-    return bool(np.abs(places[first : last + 1] - even).max() < _TRAIL_ERROR)
+class ScanMeshes:
+    """Makes the meshes of a run's scans, which share what they have in common."""
+
+    def __init__(self, document: Document, timeline: Timeline) -> None:
+        run = timeline.run
+        self._document, self._run, self._origin = document, run, timeline.origin
+        self._reach = min(run.lrf.range_max, look.BEAM_REACH)
+        self._walls = run.world.segments - np.tile(self._origin, 2)
+        self._material = document.glowing("beams", translucent=True)
+        self._chosen = drawn_beams(run.lrf.beams)
+        # Single beams come first: of them every scan has as many.
+        lines = np.zeros((len(self._chosen), 2), np.uint32)
+        lines[:, 1] = 1 + np.arange(len(self._chosen))
+        self._lines = document.array(lines.ravel(), INDICES)
+
+    def add(self, index: int) -> tuple[int, list[float]]:
+        """Add the mesh of a scan; gives its number and where it stands."""
+        run, height = self._run, self._run.lrf.height
+        scan = run.scan(index)
+        place = np.array(scan.pose) - [*self._origin, 0.0]
+        local = replace(scan, pose=place)
+        beams = DrawnBeams.from_scan(local, self._walls, run.world.objects, place[:2])
+        fan = beams.fan(height).reshape(-1, 3, 4)[:, 1:].reshape(-1, 4).astype(np.float64)
+        ends, ranges = fan[:, :2] - beams.apex, fan[:, 3]
+        single, reached = beams.ends[self._chosen] - beams.apex, beams.ranges[self._chosen]
+        trace, quads = self._trace(beams)
+        rows = [
+            self._rows(np.zeros((1, 2)), np.zeros(1), *_BEAM),
+            self._rows(single, reached, *_BEAM),
+            self._rows(np.zeros((1, 2)), np.zeros(1), *_FAN),
+            self._rows(ends, ranges, *_FAN),
+            trace,
+        ]
+        # Two ends for each triangle of the fan, and one apex before them all.
+        apex = 1 + len(single)
+        wedges = apex + np.zeros((len(ends) // 2, 3), np.uint32)
+        wedges[:, 1:] += 1 + np.arange(len(ends), dtype=np.uint32).reshape(-1, 2)
+        flat = np.concatenate(rows)
+        positions = flat[:, :3].astype(np.float32)
+        colours = np.round(255.0 * flat[:, 3:]).astype(np.uint8)
+        triangles = np.concatenate([wedges, quads + (len(flat) - len(trace))])
+        small = np.uint16 if len(flat) < 65535 else np.uint32
+        document = self._document
+        attributes = {
+            "POSITION": document.array(positions, VERTICES, bounded=True),
+            "COLOR_0": document.array(colours, VERTICES, normalised=True),
+        }
+        indices = document.array(triangles.astype(small).ravel(), INDICES)
+        lines = document.part(self._material, attributes, self._lines, mode=pygltflib.LINES)
+        parts = [document.part(self._material, attributes, indices), lines]
+        return document.mesh(f"scan {index}", parts), [*place[:2].tolist(), height]
+
+    def _rows(
+        self,
+        ends: Float,
+        ranges: Float,
+        colour: tuple[float, float, float],
+        strength: float,
+        curve: float,
+    ) -> Float:
+        """Vertices (n, 7), place and colour, of beam ends that fade with their ranges [m]."""
+        share = np.minimum(1.0, self._reach / np.maximum(ranges, 1e-9))
+        left = np.clip(1.0 - ranges / self._reach, 0.0, 1.0)
+        rows = np.zeros((len(ends), 7))
+        rows[:, :2] = ends * share[:, None]
+        rows[:, 3:6] = linear(np.array(colour))
+        rows[:, 6] = strength * left**curve
+        return rows
+
+    def _trace(
+        self, beams: DrawnBeams
+    ) -> tuple[Float, np.ndarray[tuple[int, int], np.dtype[np.uint32]]]:
+        """Vertices (2 · hits, 7) of a ribbon along the walls, and its triangles (t, 3)."""
+        points = beams.points - beams.apex
+        far = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-9)
+        points = points * np.maximum(0.0, 1.0 - look.TRACE_GAP / far)[:, None]
+        rows = np.zeros((len(points), 2, 7))
+        rows[:, :, :2] = points[:, None]
+        rows[:, :, 2] = [-0.5 * look.TRACE_HEIGHT, 0.5 * look.TRACE_HEIGHT]
+        rows[:, :, 3:] = [*linear(np.array(look.TRACE_COLOUR)), look.TRACE_STRENGTH]
+        first = 2 * (np.cumsum(beams.hits) - 1)[np.flatnonzero(beams.joined)]
+        quads = first[:, None] + np.array([[0, 2, 3, 0, 3, 1]])
+        return rows.reshape(-1, 7), quads.reshape(-1, 3).astype(np.uint32)

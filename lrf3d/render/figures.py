@@ -25,7 +25,7 @@ from lrf3d.render.marks import (
 )
 from lrf3d.render.page import FAINT, INK, Frame, Page
 from lrf3d.run import Run
-from lrf3d.scene.sight import Sight
+from lrf3d.scene.structures import Sight
 from lrf3d.text import counted
 from lrf3d.world import World
 

@@ -1,6 +1,7 @@
 """Film: the pictures of a run, one for each time asked for."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterable
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -8,20 +9,28 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.render.bindings import pyrender
 from lrf3d.render.gl import import_libraries
-from lrf3d.render.hud import Hud, widest_lines
+from lrf3d.render.hud import Hud, lay_out, scale_of, widest_lines
 from lrf3d.render.inset import Inset
-from lrf3d.render.layout import lay_out, scale_of
 from lrf3d.render.pictures import Picture
-from lrf3d.render.primitives import Canvas, Primitive
-from lrf3d.render.scenery import Scenery
+from lrf3d.render.primitives import Draw, FrameRenderer
+from lrf3d.render.scenery import Frame, Scenery
 from lrf3d.run import Run
 from lrf3d.scene.camera import Look, make_camera
-from lrf3d.scene.look import POINT_PIXELS, POINT_SIZE, TRAIL_WIDTH
-from lrf3d.scene.sight import FARTHEST
-from lrf3d.scene.timeline import Timeline
+from lrf3d.scene.structures import SIGHT_DISTANCE
+from lrf3d.scene.timeline import Moment, Timeline
 
 LAYERS = ("shadow", "trail", "fan", "beams", "trace", "points", "inset", "hud")
 """What can be left out of a film; what is left out costs nothing."""
+
+Layer = Callable[[Frame], Iterable[Draw]]
+"""Gives what is drawn of a layer in a frame."""
+
+_PAST_GROUND = 3.0
+"""How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
+
+_SLACK = 0.002
+"""By how much the depth of marks gains with their distance [m/m], as depths are coarser far away;
+but not for an eye that looks from far on purpose."""
 
 
 class Film:
@@ -54,16 +63,16 @@ class Film:
         self.scenery = Scenery(self.timeline)
         layout = lay_out(size, widest_lines(run))
         self._size = size
-        self._layers = frozenset(layers)
-        covered = layout.covered if "hud" in self._layers else (0.0, 0.0)
+        self._solid, self._soft = self._layers(layers)
+        covered = layout.covered if "hud" in layers else (0.0, 0.0)
         self.camera = make_camera(view, self.timeline, self.scenery.structures, covered)
         self._scale = scale_of(size)
         self._inset = self._hud = None
-        if "inset" in self._layers and layout.inset is not None:
+        if "inset" in layers and layout.inset is not None:
             self._inset = Inset(self.scenery, size, layout.inset)
-        if "hud" in self._layers and layout.scale is not None:
+        if "hud" in layers and layout.scale is not None:
             self._hud = Hud(self.scenery, size, layout.scale, layout.gap)
-        lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=FARTHEST)
+        lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=SIGHT_DISTANCE)
         self._eye = self.scenery.scene.add(lens)
         self._shown: tuple[Any, ...] | None = None
         self._picture: Picture = np.zeros((0, 0, 4), np.uint8)
@@ -71,8 +80,7 @@ class Film:
     def draw(self, time: float) -> Picture:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
-        width, height = self._size
-        look = self.camera.look(time, width / height)
+        look = self.camera.look(time, self._size[0] / self._size[1])
         words = self._hud.lines(moment) if self._hud is not None else ()
         moving = time if self.scenery.run.obstacles else 0.0
         shown = (moment.scan, moment.scanning, moment.pose.tobytes(), look.key, words, moving)
@@ -80,43 +88,20 @@ class Film:
             # Nothing has moved, no word has changed: the last picture is this one.
             return self._picture
         self._shown = shown
-        self._eye.camera.yfov, self._eye.camera.znear = look.field, look.near
-        self._eye.camera.zfar = max(FARTHEST, 3.0 * float(look.eye[2]))
-        self.scenery.scene.set_pose(self._eye, look.pose)
-        matrix, eye = self.renderer.camera_matrices(self.scenery.scene)
-        # What comes into sight is put into the scene before the scene is uploaded.
-        down = np.tan(0.5 * look.field) * float(eye[2]) * max(1.0, width / height)
-        self.scenery.look_from(matrix, eye, float(down) if look.clear else 0.0)
-        self.renderer.begin(self.scenery.scene)
-        # Pixels that a metre takes at a distance of one metre.
-        focus = 0.5 * height / np.tan(0.5 * look.field)
-        metre = focus / float(np.linalg.norm(look.eye - look.target))
-        shared: dict[str, Any] = {
-            **self.scenery.show(moment),
-            "view_projection": matrix,
-            "eye": tuple(eye.tolist()),
-            "viewport": (float(width), float(height)),
-            "half_width": max(0.5 * TRAIL_WIDTH, 1.2 * self._scale / metre),
-            "focus": float(focus),
-            "sizes": (POINT_SIZE, *(self._scale * size for size in POINT_PIXELS)),
-        }
-        shared["strength"] *= look.fan
-        # Depths are coarser far away, but not for an eye that looks from far on purpose.
-        shared["slack"] = 0.0 if look.clear else 0.002
-        if look.clear:
-            shared["haze"] = (*shared["haze"][:3], 0.0)
-        for primitive, special in self._solid(look, matrix):
-            self.renderer.draw(primitive, {**shared, **special})
-        self.renderer.flatten()
-        # The driver's threads draw the solids meanwhile.
-        self.scenery.show_seen(moment)
-        for primitive, special in self._translucent(look):
-            self.renderer.draw(primitive, {**shared, **special})
+        frame = self._frame(moment, look)
+        renderer = self.renderer
+        renderer.begin(self.scenery.scene)
+        for layer in self._solid:
+            self._draw(layer, frame)
+        # From here on the driver's threads draw what is solid.
+        renderer.flatten()
+        for layer in self._soft:
+            self._draw(layer, frame)
         if self._inset is not None and not look.shows_map:
-            self._inset.draw(self.renderer, moment, shared)
+            self._inset.draw(renderer, frame)
         if self._hud is not None:
-            self._hud.draw(self.renderer, words)
-        self._picture = self.renderer.finish()
+            self._hud.draw(renderer, words)
+        self._picture = renderer.finish()
         return self._picture
 
     def forget(self) -> None:
@@ -127,42 +112,74 @@ class Film:
         """Free what the driver holds."""
         self.renderer.delete()
 
-    def _solid(self, look: Look, matrix: Float) -> Iterator[tuple[Primitive, dict[str, Any]]]:
-        """What hides what is behind it, in order: first what hides much, the sky last."""
+    def _draw(self, layer: Layer, frame: Frame) -> None:
+        """Draw a layer over what there is."""
+        for primitive, special in layer(frame):
+            self.renderer.draw(primitive, {**frame.uniforms, **special})
+
+    def _place_camera(self, look: Look) -> tuple[Float, Float]:
+        """Look at the scene: the matrix (4, 4) from it to the picture, and the eye (3,)."""
+        scene, lens = self.scenery.scene, self._eye.camera
+        lens.yfov, lens.znear = look.field, look.near
+        lens.zfar = max(SIGHT_DISTANCE, _PAST_GROUND * float(look.eye[2]))
+        scene.set_pose(self._eye, look.pose)
+        return self.renderer.camera_matrices(scene)
+
+    def _frame(self, moment: Moment, look: Look) -> Frame:
+        """All that the layers of a picture share, worked out once."""
+        width, height = self._size
+        matrix, eye = self._place_camera(look)
+        light = self.scenery.light
+        if look.clear:
+            light["haze"] = (*light["haze"][:3], 0.0)
+        uniforms = {
+            **light,
+            "view_projection": matrix,
+            "eye": tuple(eye.tolist()),
+            "viewport": (float(width), float(height)),
+            "slack": 0.0 if look.clear else _SLACK,
+        }
+        return Frame(
+            moment=moment,
+            pose=moment.pose - [*self.scenery.origin, 0.0],
+            look=look,
+            matrix=matrix,
+            eye=eye,
+            focus=float(0.5 * height / np.tan(0.5 * look.field)),
+            scale=self._scale,
+            uniforms=MappingProxyType(uniforms),
+        )
+
+    def _layers(self, chosen: Collection[str]) -> tuple[list[Layer], list[Layer]]:
+        """What is drawn: what hides what is behind it, and what is laid over that, soft-edged.
+
+        Solid things may come in any order; those that hide much come first, to spare pixels.
+        """
         scenery = self.scenery
-        yield scenery.robot, {}
-        yield from scenery.movers.bodies()
-        yield scenery.walls.faces, {}
-        yield from scenery.ground.draws()
-        horizon = look.horizon
-        if horizon < 1.0:
-            # The picture is drawn upside down, so that the sky begins at the row of −1.
-            band = (-1.0, -max(horizon, -1.0))
-            yield scenery.sky, {"band": band, "ray_from_corner": np.linalg.inv(matrix)}
 
-    def _translucent(self, look: Look) -> Iterator[tuple[Primitive, dict[str, Any]]]:
-        """What is laid over the scene, with soft edges of its own."""
-        scenery, on = self.scenery, self._layers
-        if "shadow" in on:
-            yield scenery.blob, {}
-            yield from scenery.movers.shades()
-        if "trail" in on:
-            yield scenery.trail, {}
-        if "fan" in on:
-            yield scenery.fan, {}
-        if "beams" in on:
-            yield scenery.lines, {"width": 1.1 * self._scale, "nearer": 0.02}
-        # Seen from straight above, the tops of walls would hide the map and the points on them.
-        over = 1e6 if look.shows_map else 0.12
-        if look.shows_map:
-            yield scenery.map, {"width": 4.0 * self._scale, "nearer": over}
-        if "trace" in on:
-            yield scenery.trace, {"width": 2.2 * self._scale, "nearer": over}
-        if "points" in on:
-            yield scenery.dots, {"nearer": over}
+        def draw_map(frame: Frame) -> Iterable[Draw]:
+            return scenery.draw_map(frame) if frame.look.shows_map else ()
+
+        solid: list[Layer] = [
+            scenery.draw_robot,
+            scenery.draw_movers,
+            scenery.draw_walls,
+            scenery.draw_ground,
+            scenery.draw_sky,
+        ]
+        soft: list[tuple[str, Layer]] = [
+            ("shadow", scenery.draw_shadows),
+            ("trail", scenery.draw_trail),
+            ("fan", scenery.draw_fan),
+            ("beams", scenery.draw_beams),
+            ("map", draw_map),
+            ("trace", scenery.draw_trace),
+            ("points", scenery.draw_points),
+        ]
+        return solid, [layer for name, layer in soft if name in chosen or name == "map"]
 
 
-def _renderer(name: str, size: tuple[int, int], samples: int) -> Canvas:
+def _renderer(name: str, size: tuple[int, int], samples: int) -> FrameRenderer:
     """The renderer of a name; only what it needs is imported."""
     if name == "embree":
         from lrf3d.render.traced.renderer import TracedRenderer

@@ -1,25 +1,108 @@
 """A film's parts, drawn and encoded at the same time by processes of this machine.
 
-How they are started, followed and ended; what each does is in :mod:`lrf3d.render.worker`.
+In goes a job; a file or a folder for each part leaves. A process draws one part:
+``python -m lrf3d.render.film_parts JOB FIRST LAST PART``. It writes a byte to its standard output
+for each frame that is done.
 """
 
 import math
 import os
 import pickle
 import selectors
+import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from lrf3d.cores import core_count
-from lrf3d.render.worker import Job
+from lrf3d.errors import Lrf3dError
+from lrf3d.geometry import Float
+from lrf3d.render.pictures import FrameProgress
+from lrf3d.run import Run
 
-Progress = Callable[[int, int], None]
-"""Called with the number of frames done and the number of all."""
+FRAME_DONE = b"."
+
+FRAMES = ".png"
+"""The ending of a job whose parts are folders of single frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A film to draw.
+
+    Args:
+        run: The run.
+        times: Times (frames,) of the run [s], one for each frame.
+        size: Width and height [pixels].
+        fps: Frames a second.
+        playback: Seconds of the run in a second of the film.
+        view: Name of the camera.
+        samples: Samples a pixel, 0 or 4.
+        renderer: Name of the renderer.
+        ending: Ending of the film's file, which says how parts are encoded.
+    """
+
+    run: Run
+    times: Float
+    size: tuple[int, int]
+    fps: float
+    playback: float
+    view: str
+    samples: int
+    renderer: str
+    ending: str
+
+
+def draw_part(job: Job, first: int, last: int, part: Path) -> None:
+    """Draw the frames from first to before last into a file, and say so on standard output."""
+    from lrf3d.render.film import Film
+    from lrf3d.render.formats import FORMATS
+    from lrf3d.render.pictures import PngEncoder
+
+    # What libraries print must not be taken for frames.
+    progress = os.dup(1)
+    os.dup2(2, 1)
+    film = Film(
+        job.run,
+        size=job.size,
+        view=job.view,
+        samples=job.samples,
+        playback=job.playback,
+        renderer=job.renderer,
+    )
+    make = PngEncoder if job.ending == FRAMES else FORMATS[job.ending].part
+    with make(part, size=job.size, fps=job.fps, first=first) as encoder:
+        for time in job.times[first:last]:
+            encoder.add(film.draw(float(time)))
+            os.write(progress, FRAME_DONE)
+
+
+def main(arguments: list[str]) -> int:
+    """Draw the part that the arguments name: job file, first and last frame, part file.
+
+    A failure is left as a pickle beside the part for the caller to raise.
+    """
+    job_file, first, last, name = arguments
+    part = Path(name)
+    try:
+        job = pickle.loads(Path(job_file).read_bytes())
+        draw_part(job, int(first), int(last), part)
+    except BrokenPipeError:
+        # Nobody else is left to tidy up.
+        shutil.rmtree(part.parent, ignore_errors=True)
+        return 1
+    except Lrf3dError as error:
+        part.with_suffix(".error").write_bytes(pickle.dumps(error))
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
 
 _FRAMES_A_WORKER = 20
 """A process that draws fewer frames than this takes longer to start than it saves."""
@@ -44,7 +127,7 @@ def part_name(number: int) -> str:
 
 
 def draw_parts(
-    job: Job, folder: Path, workers: int | None, progress: Progress | None
+    job: Job, folder: Path, workers: int | None, progress: FrameProgress | None
 ) -> tuple[list[Path], list[int]]:
     """Draw the film in parts, one process each; gives the files and how long each is [frames]."""
     cores = core_count()
@@ -68,7 +151,7 @@ def draw_parts(
 
 
 def _follow(
-    processes: "list[subprocess.Popen[bytes]]", total: int, progress: Progress | None
+    processes: "list[subprocess.Popen[bytes]]", total: int, progress: FrameProgress | None
 ) -> None:
     """Count frames until all processes have ended, or until one has failed."""
     done = 0
@@ -92,7 +175,7 @@ def start_drawer(
 ) -> "subprocess.Popen[bytes]":
     """Start a process that draws the frames from first to before last into a part.
 
-    Its standard output gives a byte for each frame that is done: :mod:`lrf3d.render.worker`.
+    Its standard output gives a byte for each frame that is done: :mod:`lrf3d.render.film_parts`.
     """
     environment = {
         **os.environ,
@@ -102,7 +185,7 @@ def start_drawer(
         "OPENBLAS_NUM_THREADS": "1",
         "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
     }
-    command = [sys.executable, "-m", "lrf3d.render.worker"]
+    command = [sys.executable, "-m", "lrf3d.render.film_parts"]
     with part.with_suffix(".log").open("wb") as log:
         return subprocess.Popen(
             [*command, str(job_file), str(first), str(last), str(part)],

@@ -8,10 +8,7 @@ from typing import Protocol
 
 from lrf3d.errors import InputError
 from lrf3d.render import gif, mp4, webp
-from lrf3d.render.pictures import Picture
-
-Progress = Callable[[int, int], None]
-"""Called with the number of steps done and the number of all."""
+from lrf3d.render.pictures import FrameProgress, Picture
 
 
 class PartEncoder(Protocol):
@@ -41,7 +38,7 @@ class Join(Protocol):
         path: Path,
         *,
         fps: float,
-        progress: Progress | None,
+        progress: FrameProgress | None,
     ) -> None:
         """Make it; where that takes long, say how many of how many steps are done."""
         ...
@@ -73,7 +70,7 @@ def _join_mp4(
     path: Path,
     *,
     fps: float,
-    progress: Progress | None,
+    progress: FrameProgress | None,
 ) -> None:
     mp4.join(parts, frames, path)
 
@@ -84,7 +81,7 @@ def _join_webp(
     path: Path,
     *,
     fps: float,
-    progress: Progress | None,
+    progress: FrameProgress | None,
 ) -> None:
     webp.join_webp(parts, frames, path, fps=fps)
 

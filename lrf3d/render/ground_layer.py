@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float, Single
-from lrf3d.render.primitives import Mesh, Primitive
-from lrf3d.render.textures import Texture
+from lrf3d.render.primitives import Draw, Mesh, Primitive, Texture
 from lrf3d.scene.ground import Ground, paint_ground, paint_tile
 from lrf3d.scene.structures import Structures
 
-_FARTHEST = 3000.0
+_LAND_REACH = 3000.0
 """How far the ground goes [m]: to the horizon."""
 
 _LARGE, _LARGE_INDOOR = 220.0, 60.0
@@ -64,10 +63,9 @@ class GroundLayer:
         self._side = _TILE_INDOOR if indoor else _TILE
         self._large = float(whole.size.max()) > (_LARGE_INDOOR if indoor else _LARGE)
         self._tiles: dict[tuple[int, int], tuple[_Tile, Any]] = {}
-        self._shown: list[_Tile] = []
         self._whole = Primitive("ground", (2,), _square(self._low, self._high))
         middle = 0.5 * (self._low + self._high)
-        size = max(_FARTHEST, float(whole.size.max()))
+        size = max(_LAND_REACH, float(whole.size.max()))
         land = _ring(middle - size, middle + size, self._low, self._high)
         self._land = Primitive("beyond", (2,), land)
         self._whole.texture = self._land.texture = Texture(whole.picture, far=True)
@@ -75,28 +73,29 @@ class GroundLayer:
         self._beyond = (*whole.beyond, 12.0 if indoor else 60.0)
         scene.add(Mesh([self._whole, self._land]))
 
-    def look_from(self, eye: Float, reach: float) -> None:
-        """Lay out the tiles round an eye (3,) that looks down at so much to each side [m]."""
-        if not self._large:
-            return
-        self._shown = []
-        if reach > _WIDEST:
-            return
+    def draws(self, eye: Float, reach: float) -> Iterator[Draw]:
+        """What is drawn for an eye (3,) that looks down at so much to each side [m], or ahead."""
+        tiles = self._tiles_round(eye, reach)
+        for tile in tiles:
+            yield Draw(tile.primitive, {"area": tile.area, "below": 0.0})
+        under = _BELOW if tiles else 0.0
+        yield Draw(self._whole, {"area": self._area, "below": under})
+        yield Draw(self._land, {"area": self._area, "below": under, "beyond": self._beyond})
+
+    def _tiles_round(self, eye: Float, reach: float) -> list[_Tile]:
+        """The tiles round an eye; none where they would show no more than the whole picture."""
+        if not self._large or reach > _WIDEST:
+            return []
         reach = max(reach, _NEAR * self._side)
         first = np.floor((np.maximum(eye[:2] - reach, self._low)) / self._side).astype(int)
         last = np.floor((np.minimum(eye[:2] + reach, self._high)) / self._side).astype(int)
-        for column in range(first[0], last[0] + 1):
-            for row in range(first[1], last[1] + 1):
-                self._shown.append(self._tile(column, row))
-        self._forget()
-
-    def draws(self) -> Iterator[tuple[Primitive, dict[str, Any]]]:
-        """What is drawn, each with its own uniforms."""
-        for tile in self._shown:
-            yield tile.primitive, {"area": tile.area, "below": 0.0}
-        under = _BELOW if self._shown else 0.0
-        yield self._whole, {"area": self._area, "below": under}
-        yield self._land, {"area": self._area, "below": under, "beyond": self._beyond}
+        tiles = [
+            self._tile(column, row)
+            for column in range(first[0], last[0] + 1)
+            for row in range(first[1], last[1] + 1)
+        ]
+        self._forget(max(_KEPT, len(tiles)))
+        return tiles
 
     def _tile(self, column: int, row: int) -> _Tile:
         place = column, row
@@ -112,9 +111,9 @@ class GroundLayer:
         self._tiles[place] = tile, self._scene.add(Mesh([primitive]))
         return tile
 
-    def _forget(self) -> None:
-        """Let go of the tiles that were asked for longest ago, but of none that is shown."""
-        while len(self._tiles) > max(_KEPT, len(self._shown)):
+    def _forget(self, kept: int) -> None:
+        """Let go of the tiles that were asked for longest ago, but for the newest ones."""
+        while len(self._tiles) > kept:
             oldest, node = self._tiles.pop(next(iter(self._tiles)))
             self._scene.remove_node(node)
             assert oldest.primitive.texture is not None

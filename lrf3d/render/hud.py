@@ -1,4 +1,7 @@
-"""Text panels of a film: drawn with Pillow when their words change, shown as a picture."""
+"""Text panels of a film: drawn with Pillow when their words change, shown as a picture.
+
+Where panel and inset go is found here, too: in pictures of any size they never lie over each other.
+"""
 
 from dataclasses import dataclass
 from functools import cache
@@ -10,9 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.laser import LaserScan
 from lrf3d.render.pictures import Picture
-from lrf3d.render.primitives import Canvas, Mesh, Primitive
+from lrf3d.render.primitives import FrameRenderer, Mesh, Primitive, Texture
 from lrf3d.render.scenery import Scenery
-from lrf3d.render.textures import Texture
 from lrf3d.run import Run
 from lrf3d.scene.timeline import Moment
 from lrf3d.text import rounded
@@ -167,7 +169,7 @@ class Label:
             self._shown = lines
             self._texture.update(self._panel.draw(lines))
 
-    def draw(self, renderer: Canvas) -> None:
+    def draw(self, renderer: FrameRenderer) -> None:
         """Draw it over the picture."""
         renderer.draw(self._quad, {"box": self._box})
 
@@ -191,7 +193,7 @@ class Hud:
         """What it says of a moment."""
         return hud_lines(self._run, moment, self._run.scan(moment.scan))
 
-    def draw(self, renderer: Canvas, lines: tuple[Line, ...]) -> None:
+    def draw(self, renderer: FrameRenderer, lines: tuple[Line, ...]) -> None:
         """Draw it over the picture."""
         renderer.overlay(None)
         self._label.show(lines)
@@ -243,3 +245,83 @@ def widest_lines(run: Run) -> tuple[Line, ...]:
     pose = np.array([-corner[0], -corner[1], np.radians(-179.9)])
     scan = LaserScan((0.0, 0.0, 0.0), np.zeros(count), np.full(count, 88.88))
     return hud_lines(run, Moment(float(times[-1]), pose, 0, 88.88, True), scan)
+
+
+REFERENCE = 720
+"""Shorter side of a picture [pixels] at which sizes of text are as given."""
+
+LEAST_SCALE = 0.47
+"""Letters smaller than this times their size in a picture of that side are not drawn: nobody
+reads them."""
+
+SIDE = 0.36
+"""Side of the inset, as a share of the shorter side of the picture."""
+
+MOST_COVERED = 0.6
+"""Panel and inset, one under the other, take at most this share of the picture's height."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where panel and inset go.
+
+    Args:
+        scale: Size of the panel's letters against that at 720 lines; None for no panel.
+        inset: Left, top and side of the inset [pixels]; None for no inset.
+        gap: Free border round both [pixels].
+        covered: Width and height of the corner that the panel takes, in heights of the picture.
+    """
+
+    scale: float | None
+    inset: tuple[int, int, int] | None
+    gap: int
+    covered: tuple[float, float]
+
+
+def scale_of(size: tuple[int, int]) -> float:
+    """How many times their size at 720 lines lines and letters are in a picture [pixels]."""
+    return max(SMALLEST_SCALE, min(size) / REFERENCE)
+
+
+def lay_out(size: tuple[int, int], lines: tuple[Line, ...]) -> Layout:
+    """Find room for a panel of the widest lines that it will have, and for the inset.
+
+    The inset stands beside the panel or, where the picture is too narrow, under it; where there
+    is no room for both the panel goes first, and then the letters are made smaller.
+    """
+    width, height = size
+    usual, side = scale_of(size), round(SIDE * min(size))
+    gap = round(GAP * usual)
+    scales = [float(scale) for scale in np.linspace(usual, LEAST_SCALE, 12)]
+
+    def beside(scale: float) -> Layout | None:
+        wide, high = panel_size(lines, scale)
+        if 3 * gap + wide + side > width or 2 * gap + max(high, side) > height:
+            return None
+        return Layout(scale, (width - gap - side, gap, side), gap, _covered(size, gap, wide, high))
+
+    def under(scale: float) -> Layout | None:
+        wide, high = panel_size(lines, scale)
+        if 2 * gap + wide > width or 3 * gap + high + side > MOST_COVERED * height:
+            return None
+        place = width - gap - side, high + 2 * gap, side
+        return Layout(scale, place, gap, _covered(size, gap, wide, high))
+
+    def alone(scale: float) -> Layout | None:
+        wide, high = panel_size(lines, scale)
+        if 2 * gap + wide > width or 2 * gap + high > MOST_COVERED * height:
+            return None
+        return Layout(scale, None, gap, _covered(size, gap, wide, high))
+
+    # Tall pictures have more room under the panel than beside it.
+    first, second = (under, beside) if height > width else (beside, under)
+    for tried, some in ((beside, scales[:1]), (first, scales), (second, scales), (alone, scales)):
+        for scale in some:
+            found = tried(scale)
+            if found is not None:
+                return found
+    return Layout(None, (width - gap - side, gap, side), gap, (0.0, 0.0))
+
+
+def _covered(size: tuple[int, int], gap: int, wide: int, high: int) -> tuple[float, float]:
+    return (wide + 2 * gap) / size[1], (high + 2 * gap) / size[1]

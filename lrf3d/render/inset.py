@@ -6,19 +6,31 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry import Float, Single
-from lrf3d.render.hud import Label, Line
-from lrf3d.render.layout import scale_of
-from lrf3d.render.primitives import Canvas, Mesh, Primitive
-from lrf3d.render.scenery import Scenery
+from lrf3d.render.hud import Label, Line, scale_of
+from lrf3d.render.primitives import Draw, FrameRenderer, Mesh, Primitive
+from lrf3d.render.scenery import Frame, Scenery
 from lrf3d.scene import look
 from lrf3d.scene.beams import LINE_SIZES, line_quads
-from lrf3d.scene.timeline import Moment
+from lrf3d.scene.bodies import world_from_robot
 
 _LEAST = 4.0
 """Least size [m] that is shown: there may be no wall, and a robot that stands."""
 
 _MARGIN = 8.0
 """What is shown round the robot's path [m], at the least."""
+
+_HEIGHT = 1e4
+"""Height of its eye, and how much nearer to it marks on walls are [m]: nothing hides them."""
+
+_WALL_WIDTH, _MAP_WIDTH, _TRAIL_HALF_WIDTH, _POINT_SIZE = 1.6, 2.3, 1.1, 3.0
+"""Widths of free walls and of the map, half that of the trail, and diameter of hit points [pixels
+at 720 lines]."""
+
+_FAN_STRENGTH = 0.62
+"""Opacity of the fan at the robot: stronger than in the film, as the inset is small."""
+
+_ARROW_SIZE = 0.034
+"""Size of the robot's arrow, as a share of what is shown."""
 
 _PAPER = (*look.PAPER, 0.94)
 _FRAME = (0.05, 0.07, 0.10, 1.0)
@@ -61,38 +73,42 @@ class Inset:
         self._caption.place(size, left, top + side - self._caption.size[1])
         self._captioned = 2 * self._caption.size[0] <= side
 
-    def draw(self, renderer: Canvas, moment: Moment, shared: dict[str, Any]) -> None:
-        """Draw it over the picture, with the uniforms of the scene."""
+    def draw(self, renderer: FrameRenderer, frame: Frame) -> None:
+        """Draw it over the picture."""
         scenery, side = self._scenery, float(self._box[2])
-        metre = side / self.window
-        whole = {"view_projection": np.eye(4), "place": np.eye(4)}
-        uniforms = {
-            **shared,
-            "view_projection": self.matrix(moment),
-            "place": np.eye(4),
-            "eye": (0.0, 0.0, 1e4),
+        pixel = self.window / side
+        # What it shows otherwise than the film does, whatever layer it is.
+        own: dict[str, Any] = {
+            "view_projection": self.matrix(frame.pose),
+            "eye": (0.0, 0.0, _HEIGHT),
             "haze": (0.0, 0.0, 0.0, 0.0),
             "viewport": (side, side),
-            "half_width": 1.1 * self._scale / metre,
-            "strength": 0.62,
-            "nearer": 1e4,
             "slack": 0.0,
+            "nearer": _HEIGHT,
+            "half_width": _TRAIL_HALF_WIDTH * self._scale * pixel,
+            "strength": _FAN_STRENGTH,
+            # So far from the eye, points have their least size.
             "focus": 1.0,
-            "sizes": (1e-6, 3.0 * self._scale, 3.0 * self._scale),
+            "sizes": (1e-6, _POINT_SIZE * self._scale, _POINT_SIZE * self._scale),
         }
+        walls, lines = ({"width": width * self._scale} for width in (_WALL_WIDTH, _MAP_WIDTH))
+        layers = (
+            Draw(self._houses, {}),
+            Draw(self._walls, walls),
+            *scenery.draw_fan(frame),
+            *scenery.draw_trail(frame),
+            *scenery.movers.plans(frame.moment.time, pixel),
+            *scenery.draw_points(frame),
+            *(Draw(each, lines) for each, _ in scenery.draw_map(frame)),
+            Draw(self._robot, {"place": self._robot_matrix(frame.pose)}),
+        )
+        whole = {"view_projection": np.eye(4), "place": np.eye(4)}
         renderer.overlay(self._outer)
         renderer.draw(self._frame, whole)
         renderer.overlay(self._box)
         renderer.draw(self._paper, whole)
-        renderer.draw(self._houses, uniforms)
-        renderer.draw(self._walls, {**uniforms, "width": 1.6 * self._scale})
-        renderer.draw(scenery.fan, uniforms)
-        renderer.draw(scenery.trail, uniforms)
-        for plan, special in scenery.movers.plans(1.0 / metre):
-            renderer.draw(plan, {**uniforms, **special})
-        renderer.draw(scenery.dots, uniforms)
-        renderer.draw(scenery.map, {**uniforms, "width": 2.3 * self._scale})
-        renderer.draw(self._robot, {**uniforms, "place": self._robot_matrix(moment)})
+        for primitive, special in layers:
+            renderer.draw(primitive, {**frame.uniforms, **whole, **special, **own})
         renderer.overlay(None)
         if self._captioned:
             self._caption.draw(renderer)
@@ -111,24 +127,21 @@ class Inset:
                 return 0.5 * (low + high), max(1.04 * size + 2.0 * rim, _LEAST)
         return None, look.INSET_FOLLOWED
 
-    def matrix(self, moment: Moment) -> Float:
-        """The matrix (4, 4) from the film's frame to the inset, north up, picture turned over."""
-        middle = self._middle
-        if middle is None:
-            middle = moment.pose[:2] - self._scenery.origin
+    def matrix(self, pose: Float) -> Float:
+        """The matrix (4, 4) from the film's frame to the inset, north up, picture turned over.
+
+        Where it follows the robot, its pose (3,) is in the middle.
+        """
+        middle = pose[:2] if self._middle is None else self._middle
         zoom = 2.0 / self.window
         matrix = np.diag([zoom, -zoom, 0.0, 1.0])
         matrix[:2, 3] = [-zoom * middle[0], zoom * middle[1]]
         return matrix
 
-    def _robot_matrix(self, moment: Moment) -> Float:
+    def _robot_matrix(self, pose: Float) -> Float:
         """The matrix (4, 4) that puts the arrow at the robot, as large in any inset."""
-        place = moment.pose[:2] - self._scenery.origin
-        size = 0.034 * self.window
-        cos, sin = size * np.cos(moment.pose[2]), size * np.sin(moment.pose[2])
-        matrix = np.eye(4)
-        matrix[:2, :2] = [[cos, -sin], [sin, cos]]
-        matrix[:2, 3] = place
+        matrix = world_from_robot(pose)
+        matrix[:2, :2] *= _ARROW_SIZE * self.window
         return matrix
 
 

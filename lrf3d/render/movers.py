@@ -5,13 +5,15 @@ robot's program, each at its own pose, so that both renderers can draw them.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Bool, Float
-from lrf3d.render.primitives import Primitive
+from lrf3d.geometry import Bool, Float, Single
+from lrf3d.render.primitives import Draw, Primitive
+from lrf3d.scene.beams import Carry
 from lrf3d.scene.bodies import (
     counter_clockwise,
     ground_plan,
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 _NEAR = 0.3
 """How far off a body [m] a return is still one of it: noise moves it by as much."""
 
-_SHADE, _SHADE_INDOOR = 0.42, 0.30
+_SHADOW, _SHADOW_INDOOR = 0.42, 0.30
 """Darkness of the shadow on the ground."""
 
 _FRINGE, _FRINGE_INDOOR = 0.08, 0.35
@@ -66,55 +68,63 @@ class MovingBodies:
             for outline, colour in zip(self._outlines, colours, strict=True)
         ]
         empty = np.zeros((0, 6), np.float32)
-        self._shade = [
+        self._shadow = [
             Primitive("flat", (2, 4), empty, capacity=256, blend=True) for _ in movers[:1]
         ]
-        self.poses: Float = np.full((len(movers), 3), np.nan)
-        """(m, 3) where the bodies are in the film's frame, since they were last placed."""
+        self._shadowed: Float = np.full((len(movers), 3), np.nan)
 
     @property
     def all(self) -> tuple[Primitive, ...]:
         """All primitives."""
-        return (*self._bodies, *self._shade, *self._plans)
+        return (*self._bodies, *self._shadow, *self._plans)
 
-    def place(self, time: float) -> None:
-        """Place all bodies where they are at a time [s]."""
-        poses = self._at(time)
-        if not len(poses) or np.array_equal(poses, self.poses):
-            return
-        self.poses = poses
+    def poses(self, time: float) -> Float:
+        """Poses (m, 3) of all bodies at a time [s] in the film's frame."""
+        poses = [mover.path.at(np.array([time]))[0] for mover in self._movers]
+        return np.asarray(np.reshape(poses, (-1, 3)) - self._origin)
+
+    def bodies(self, time: float) -> Iterator[Draw]:
+        """The bodies at a time [s]."""
+        for body, pose in zip(self._bodies, self.poses(time), strict=True):
+            yield Draw(body, {"world_from_robot": world_from_robot(pose)})
+
+    def shadows(self, time: float) -> Iterator[Draw]:
+        """The shadows of all bodies at a time [s]."""
+        poses = self.poses(time)
+        if not np.array_equal(poses, self._shadowed):
+            self._shadowed = poses
+            self._shadow[0].update(self._cast_shadows(poses))
+        lifted = np.eye(4)
+        lifted[2, 3] = _LIFT
+        for shadow in self._shadow:
+            yield Draw(shadow, {"place": lifted})
+
+    def plans(self, time: float, pixel: float) -> Iterator[Draw]:
+        """The bodies from straight above, in a picture whose pixels have a size [m]."""
+        for plan, mover, pose in zip(self._plans, self._movers, self.poses(time), strict=True):
+            matrix = world_from_robot(pose)
+            matrix[:2, :2] *= max(1.0, _LEAST * pixel / mover.reach)
+            yield Draw(plan, {"place": matrix})
+
+    def carrying(self, now: float) -> Carry:
+        """What moves the points of a scan on to a time [s]: see :meth:`carry`."""
+        return partial(self.carry, now=now)
+
+    def _cast_shadows(self, poses: Float) -> Single:
+        """Triangles (v, 6) of the shadows of bodies at poses (m, 3)."""
         fringe = _FRINGE_INDOOR if self._indoor else _FRINGE
-        dark = _SHADE_INDOOR if self._indoor else _SHADE
-        shades = []
+        dark = _SHADOW_INDOOR if self._indoor else _SHADOW
+        shadows = []
         for pose, outline, mover in zip(poses, self._outlines, self._movers, strict=True):
             corners = placed(outline, pose)
             if not self._indoor:
                 slide = -SUN[:2] / SUN[2] * mover.height
                 corners = np.concatenate([corners, corners + slide])
-            shades.append(soft_shadow(corners, fringe, dark))
-        self._shade[0].update(np.concatenate(shades))
+            shadows.append(soft_shadow(corners, fringe, dark))
+        return np.concatenate(shadows)
 
-    def bodies(self) -> Iterator[tuple[Primitive, dict[str, Any]]]:
-        """The bodies, each with its own uniforms."""
-        for body, pose in zip(self._bodies, self.poses, strict=True):
-            yield body, {"world_from_robot": world_from_robot(pose)}
-
-    def shades(self) -> Iterator[tuple[Primitive, dict[str, Any]]]:
-        """The shadows of all bodies."""
-        lifted = np.eye(4)
-        lifted[2, 3] = _LIFT
-        for shade in self._shade:
-            yield shade, {"place": lifted}
-
-    def plans(self, pixel: float) -> Iterator[tuple[Primitive, dict[str, Any]]]:
-        """The bodies from straight above, in a picture whose pixels have a size [m]."""
-        for plan, mover, pose in zip(self._plans, self._movers, self.poses, strict=True):
-            matrix = world_from_robot(pose)
-            matrix[:2, :2] *= max(1.0, _LEAST * pixel / mover.reach)
-            yield plan, {"place": matrix}
-
-    def carry(self, points: Float, loose: Bool, since: float) -> Float:
-        """Points (n, 2) of a scan of a time [s], those on bodies moved to where these are now.
+    def carry(self, points: Float, loose: Bool, since: float, *, now: float) -> Float:
+        """Points (n, 2) of a scan, those on bodies moved to where these are at another time.
 
         A scan is held until the next one; without it, returns would lag behind what they are of.
 
@@ -122,20 +132,16 @@ class MovingBodies:
             points: Where the beams ended in the film's frame [m].
             loose: (n,) which of them are returns of no known wall.
             since: When the scan was taken [s].
+            now: The other time [s].
         """
         if not loose.any() or not self._movers:
             return points
         points, left = points.copy(), loose.copy()
-        poses = self._at(since)
-        for outline, before, now in zip(self._outlines, poses, self.poses, strict=True):
+        moved = zip(self._outlines, self.poses(since), self.poses(now), strict=True)
+        for outline, before, after in moved:
             chosen = np.flatnonzero(left)
             local = in_body(points[chosen], before)
             own = shapely.distance(shapely.Polygon(outline), shapely.points(local)) < _NEAR
-            points[chosen[own]] = placed(local[own], now)
+            points[chosen[own]] = placed(local[own], after)
             left[chosen[own]] = False
         return points
-
-    def _at(self, time: float) -> Float:
-        """Poses (m, 3) of all at a time [s] in the film's frame."""
-        poses = [mover.path.at(np.array([time]))[0] for mover in self._movers]
-        return np.asarray(np.reshape(poses, (-1, 3)) - self._origin)

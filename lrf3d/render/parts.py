@@ -1,8 +1,13 @@
 """Parts: which pieces of a large scene stand in the picture, near ones first.
 
 In go the triangles of static primitives, each owned by a part such as a building; for a camera
-the parts leave that it may see. What is left out is not on the graphics side's mind at all, and
-what is drawn from near to far is painted once: the farther pixels fail their depth test.
+the parts leave that it may see: those within the picture, less those that nearer buildings hide.
+What is left out is not on the graphics side's mind at all, and what is drawn from near to far is
+painted once: the farther pixels fail their depth test.
+
+What hides others is the skyline: for each of many narrow columns of the view its height is kept, as
+a slope from the eye. Buildings raise it as they are passed on the way out; what stays below it
+everywhere is hidden. All of it is on the safe side: what may be seen by a hand's breadth is drawn.
 """
 
 from dataclasses import dataclass
@@ -11,12 +16,116 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single, quad_indices
-from lrf3d.render.primitives import Primitive
-from lrf3d.render.skyline import Skyline
-from lrf3d.render.textures import Texture
+from lrf3d.render.primitives import Primitive, Texture
 from lrf3d.scene.facades import layers
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.walls import paint_walls
+
+COLUMNS = 512
+"""Columns of the view, over half a turn: a third of a degree each."""
+
+HIDING_REACH = 100.0
+"""Solids farther off [m] hide too little to be looked at."""
+
+FIRST = 8
+"""Parts that are looked at together at first; then twice as many each time."""
+
+
+class Skyline:
+    """Solids that hide what stands behind them.
+
+    Args:
+        corners: (n, 2) corners of all solids, one solid after the other [m].
+        sizes: (k,) how many corners each solid has.
+        heights: (k,) heights of their lowest walls [m], which stand on the ground.
+    """
+
+    def __init__(self, corners: Float, sizes: Int, heights: Float) -> None:
+        self._corners = corners
+        self._sizes = sizes
+        self._starts = np.cumsum(sizes) - sizes
+        self._heights = heights
+        self._first = corners[self._starts] if len(sizes) else np.zeros((0, 2))
+
+    def unhidden(
+        self, parts: Int, away: Float, low: Float, high: Float, eye: Float, ahead: Float
+    ) -> Int:
+        """Those of the parts that nearer solids do not hide.
+
+        Args:
+            parts: Numbers of the parts, near ones first.
+            away: How far off the nearest point of each is [m], rising.
+            low: Least x, y, z of the boxes around all parts [m].
+            high: Largest x, y, z of them [m].
+            eye: (3,) where the eye is [m].
+            ahead: Where the eye looks; only x and y matter.
+        """
+        turn = float(np.arctan2(ahead[1], ahead[0]))
+        first, last, slopes, far = self._raised(eye, turn)
+        left, right = _columns(parts, low, high, eye, turn)
+        tops = high[parts, 2] - eye[2]
+        steepest = tops / np.maximum(away, 1e-3)
+        whole = (right - left < COLUMNS // 2) & (tops > 0.0)
+        skyline = np.full(COLUMNS + 1, -np.inf)
+        seen = np.ones(len(parts), dtype=bool)
+        added, start, size = 0, 0, FIRST
+        while start < len(parts):
+            stop = min(start + size, len(parts))
+            # Only what ends nearer than the parts begin stands before all of them.
+            upto = int(np.searchsorted(far, away[start], side="right"))
+            for solid in range(added, upto):
+                place = slice(first[solid], last[solid])
+                np.maximum(skyline[place], slopes[solid], out=skyline[place])
+            added = max(added, upto)
+            bounds = np.column_stack([left[start:stop], right[start:stop] + 1]).ravel()
+            least = np.minimum.reduceat(skyline, bounds)[::2]
+            seen[start:stop] = ~whole[start:stop] | (steepest[start:stop] >= least)
+            start, size = stop, 2 * size
+        return np.asarray(parts[seen])
+
+    def _raised(self, eye: Float, turn: float) -> tuple[Int, Int, Float, Float]:
+        """Near solids by their far end: the columns that each fills, its slope and that distance.
+
+        A solid is of one piece, so that it fills all columns between its outermost corners.
+        """
+        near = np.abs(self._first - eye[:2]).max(axis=1, initial=0.0) < HIDING_REACH
+        solids = np.flatnonzero(near & (self._heights > eye[2]))
+        if not len(solids):
+            none = np.zeros(0, dtype=np.int64)
+            return none, none, np.zeros(0), np.zeros(0)
+        sizes = self._sizes[solids]
+        starts = np.cumsum(sizes) - sizes
+        index = np.repeat(self._starts[solids] - starts, sizes) + np.arange(int(sizes.sum()))
+        points = self._corners[index] - eye[:2]
+        columns = _column(points, turn)
+        left = np.ceil(np.minimum.reduceat(columns, starts)).astype(np.int64)
+        right = np.floor(np.maximum.reduceat(columns, starts)).astype(np.int64)
+        far = np.maximum.reduceat(np.hypot(points[:, 0], points[:, 1]), starts)
+        # What reaches far behind the eye, or is seen over half a turn, may lie round it.
+        good = (right > left) & (right - left < COLUMNS)
+        good &= (left > -COLUMNS // 6) & (right < COLUMNS + COLUMNS // 6)
+        good &= (right > 0) & (left < COLUMNS)
+        order = np.flatnonzero(good)[np.argsort(far[good])]
+        slopes = (self._heights[solids] - eye[2]) / far
+        left, right = np.maximum(left, 0), np.minimum(right, COLUMNS)
+        return left[order], right[order], slopes[order], far[order]
+
+
+def _columns(parts: Int, low: Float, high: Float, eye: Float, turn: float) -> tuple[Int, Int]:
+    """First and last column (n,) that the boxes of the parts reach into."""
+    x = np.stack([low[parts, 0], high[parts, 0]], axis=1) - eye[0]
+    y = np.stack([low[parts, 1], high[parts, 1]], axis=1) - eye[1]
+    corners = np.stack([x[:, [0, 1, 1, 0]], y[:, [0, 0, 1, 1]]], axis=2)
+    columns = np.clip(np.floor(_column(corners, turn)), 0, COLUMNS - 1).astype(np.int64)
+    return columns.min(axis=1), columns.max(axis=1)
+
+
+def _column(points: Float, turn: float) -> Float:
+    """The column, as a fraction, in which points (…, 2) are seen by an eye at the origin."""
+    angles = np.arctan2(points[..., 1], points[..., 0]) - turn
+    angles = (angles + np.pi) % (2.0 * np.pi) - np.pi
+    return np.asarray((angles / np.pi + 0.5) * COLUMNS)
+
 
 TILE = 160.0
 """Side of a tile [m]: parts are checked one by one only in tiles that are in sight."""
@@ -27,9 +136,6 @@ _LONGEST = 60.0
 _SIZES, _COLUMNS = (3, 3, 3, 3, 1), [0, 1, 2, *range(6, 16)]
 """What a corner has, position, place on the texture, colour, light and shadow, and where in the
 rows of :func:`~lrf3d.scene.walls.paint_walls` that stands."""
-
-FEW = 80
-"""So few parts in the picture are drawn without asking which of them hide others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +207,8 @@ class Parts:
         away = self.boxes.nearest(eye, inside)
         order = np.argsort(away, kind="stable")
         inside, away = inside[order], away[order]
-        if len(inside) <= FEW:
-            return inside
+        # Also where there are few: with several samples a pixel, software OpenGL gives hidden
+        # pixels their colours before it finds out that they are hidden.
         # The row of the matrix that gives depth is the direction in which the eye looks.
         return self._skyline.unhidden(inside, away, self.boxes.low, self.boxes.high, eye, matrix[3])
 
@@ -149,7 +255,7 @@ class PartedPrimitive(Primitive):
 
 
 @dataclass(frozen=True, slots=True)
-class Walls:
+class PartedWalls:
     """What can be seen of a world's walls, in parts that are drawn only if they are in sight.
 
     Args:
@@ -165,7 +271,7 @@ class Walls:
         self.faces.select(self.parts.seen(matrix, eye))
 
 
-def build_walls(structures: Structures) -> Walls:
+def build_walls(structures: Structures) -> PartedWalls:
     """Build the primitive of all walls and roofs, and the parts that it is drawn in."""
     quads, objects, roofs, roof_objects = paint_walls(structures)
     quad_parts, roof_parts, parts = _parts(structures, quads, objects, roofs, roof_objects)
@@ -179,7 +285,7 @@ def build_walls(structures: Structures) -> Walls:
         len(parts.boxes.low),
     )
     faces.texture = Texture(layers(structures.indoor))
-    return Walls(faces, parts)
+    return PartedWalls(faces, parts)
 
 
 def _parts(

@@ -1,5 +1,6 @@
 """Pictures: arrays (h, w, 4) uint8 of red, green, blue and opacity, row 0 at the top; PNG files."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 Picture = NDArray[np.uint8]
+
+FrameProgress = Callable[[int, int], None]
+"""Called with the frames of a film that are done and the number of all, or parts of frames."""
 
 
 _EFFORT = 4

@@ -1,25 +1,69 @@
-"""The scene of a run: all that can be seen in it, as primitives, brought up to a moment."""
+"""The scene of a run: all that can be seen in it, as layers of primitives.
 
-from dataclasses import replace
+A frame enters, which is worked out once for a picture; each layer brings its own primitives up to
+it and gives what is drawn. No layer needs another to have been drawn before.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Single
+from lrf3d.geometry import Float, Single
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.ground_layer import GroundLayer
 from lrf3d.render.movers import MovingBodies
 from lrf3d.render.parts import build_walls
-from lrf3d.render.primitives import Mesh, Primitive
-from lrf3d.run import Run
+from lrf3d.render.primitives import Draw, Mesh, Primitive
 from lrf3d.scene import look
-from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, Beams, line_quads
+from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams
 from lrf3d.scene.bodies import robot_mesh, world_from_robot
+from lrf3d.scene.camera import Look
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Moment, Timeline
+from lrf3d.scene.timeline import Moment, Timeline, drive_keys
+from lrf3d.scene.trail_and_map import RIBBON_SIZES, DrawnMap, legs_begun, trail_ribbon
 
-_SHARPEST = -0.2
-"""Cosine of the sharpest bend of the trail that is mitred: beyond, the tip would be long."""
+_BLOB_RADIUS, _BLOB_DARKNESS, _BLOB_SHIFT = 0.52, 0.55, 0.16
+"""Radius of the robot's shadow [m], its darkness in the middle, and how far it lies from the robot
+where the sun shines, as a part of the level way to the sun."""
+
+_THINNEST_TRAIL = 1.2
+"""Half the width of the trail [pixels at 720 lines] that it has at the least."""
+
+_BEAM_WIDTH, _TRACE_WIDTH, _MAP_WIDTH = 1.1, 2.2, 4.0
+"""Widths of lines [pixels at 720 lines]."""
+
+_BEAM_NEARER, _WALL_NEARER = 0.02, 0.12
+"""How much nearer to the eye [m] beams, and marks on walls, are than what they may lie in."""
+
+_ON_TOP = 1e6
+"""The same, for marks [m] that nothing hides: from straight above, tops of walls would."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frame:
+    """What is to be seen in one picture, and from where.
+
+    Args:
+        moment: The moment of the run.
+        pose: (3,) pose of the robot in the film's frame.
+        look: The look of the camera.
+        matrix: (4, 4) from the film's frame to the picture.
+        eye: (3,) where the eye is [m].
+        focus: Pixels that a metre takes at a distance of one metre.
+        scale: How many times their size at 720 lines lines and points are.
+        uniforms: What all programs know: camera, light and air.
+    """
+
+    moment: Moment
+    pose: Float
+    look: Look
+    matrix: Float
+    eye: Float
+    focus: float
+    scale: float
+    uniforms: Mapping[str, Any]
 
 
 class Scenery:
@@ -28,134 +72,154 @@ class Scenery:
     Attributes:
         scene: pyrender's scene of them.
         structures: What the walls make up.
-        beams: The beams of the moment.
+        beams: The beams of the newest frame.
     """
 
     def __init__(self, timeline: Timeline) -> None:
         run = self.run = timeline.run
         self.structures = Structures.from_run(run)
         self.origin = self.structures.origin
-        self.reach = min(run.lrf.range_max, look.REACH)
         self.scene = pyrender.Scene()
-        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
         self.walls = build_walls(self.structures)
-        rows, indices = robot_mesh(run.lrf.height)
-        self.robot = Primitive("robot", (3, 3, 3), rows, indices=indices, cull=True)
         self.movers = MovingBodies(run.obstacles, self.origin, self.structures.indoor)
         self.ground = GroundLayer(self.structures, self.scene)
-        self.sky = Primitive("sky", (2,), _mesh(10, 10))
-        self.blob = Primitive("blob", (2,), corners, blend=True)
-        self.trail = _trail(run, self.origin, timeline.jumps)
-        self.fan = _dynamic("fan", (3, 1))
-        self.lines = _dynamic("lines", LINE_SIZES)
-        self.trace = _dynamic("lines", LINE_SIZES)
-        self.dots = _dynamic("points", POINT_SIZES, mode=GL.GL_POINTS)
-        self.map = _dynamic("lines", LINE_SIZES)
+        self.beams: DrawnBeams | None = None
+        rows, indices = robot_mesh(run.lrf.height)
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
+        self._keys, self._start = drive_keys(timeline), timeline.start
+        self._robot = Primitive("robot", (3, 3, 3), rows, indices=indices, cull=True)
+        self._sky = Primitive("sky", (2,), _mesh(10, 10))
+        self._blob = Primitive("blob", (2,), corners, blend=True)
+        self._trail = Primitive("trail", RIBBON_SIZES, trail_ribbon(self._keys), blend=True)
+        self._fan = _dynamic("fan", (3, 1))
+        self._lines = _dynamic("lines", LINE_SIZES)
+        self._trace = _dynamic("lines", LINE_SIZES)
+        self._dots = _dynamic("points", POINT_SIZES, mode=GL.GL_POINTS)
+        self._map = _dynamic("lines", LINE_SIZES)
         self._scan_shown: tuple[Any, ...] = ()
         self._map_shown = -1
-        self.beams: Beams | None = None
-        for primitive in self.all:
+        self._reach = min(run.lrf.range_max, look.BEAM_REACH)
+        for primitive in (
+            self._robot, self.walls.faces, self._sky, self._blob, self._trail, self._fan,
+            self._lines, self._trace, self._dots, self._map, *self.movers.all,
+        ):  # fmt: skip
             self.scene.add(Mesh([primitive]))
-        self._constant = {
+
+    @property
+    def light(self) -> dict[str, Any]:
+        """The uniforms of light and air: the haze's colour, and one over its reach [1/m]."""
+        indoor = self.structures.indoor
+        haze = look.HAZE_INDOOR if indoor else look.HAZE
+        half = look.HALF_HAZE_INDOOR if indoor else look.HALF_HAZE
+        return {
             "sun": tuple(look.SUN.tolist()),
-            "haze": self.haze,
-            "indoor": float(self.structures.indoor),
-            "lift": 0.0,
-            "reach": self.reach,
-            "strength": look.FAN_STRENGTH_INDOOR if self.structures.indoor else look.FAN_STRENGTH,
+            "haze": (*haze, 1.0 / half),
+            "indoor": float(indoor),
         }
 
-    @property
-    def all(self) -> tuple[Primitive, ...]:
-        """All primitives."""
-        solid = (self.robot, self.walls.faces, self.sky)
-        return (
-            *solid,
-            self.blob,
-            self.trail,
-            self.fan,
-            self.lines,
-            self.trace,
-            self.dots,
-            self.map,
-            *self.movers.all,
-        )
+    def draw_robot(self, frame: Frame) -> Iterator[Draw]:
+        """The robot."""
+        yield Draw(self._robot, {"world_from_robot": world_from_robot(frame.pose)})
 
-    @property
-    def haze(self) -> tuple[float, float, float, float]:
-        """Colour of what is far away, and one over the distance [m] at which half is haze."""
-        if self.structures.indoor:
-            return (*look.HAZE_INDOOR, 1.0 / look.HALF_HAZE_INDOOR)
-        return (*look.HAZE, 1.0 / look.HALF_HAZE)
+    def draw_movers(self, frame: Frame) -> Iterator[Draw]:
+        """The dynamic obstacles."""
+        return self.movers.bodies(frame.moment.time)
 
-    def show(self, moment: Moment) -> dict[str, Any]:
-        """Bring robot and trail up to a moment; gives the uniforms that say where."""
-        self.movers.place(moment.time)
-        place = moment.pose - np.array([*self.origin, 0.0])
-        shift = -0.16 * look.SUN[:2] * (0.0 if self.structures.indoor else 1.0)
-        moved: dict[str, Any] = {
-            **self._constant,
-            "world_from_robot": world_from_robot(place),
-            "blob": (*(place[:2] + shift).tolist(), 0.52, 0.55),
-        }
-        times = self.run.trajectory.times
-        driven = self.driven(moment)
-        self.trail.count = 6 * min(len(times) - 1, int(np.searchsorted(times, driven)))
-        moved["now"] = float(driven - times[0])
-        return moved
+    def draw_walls(self, frame: Frame) -> Iterator[Draw]:
+        """Walls and roofs, near ones first."""
+        self.walls.look_from(frame.matrix, frame.eye)
+        yield Draw(self.walls.faces, {})
 
-    def show_seen(self, moment: Moment) -> None:
-        """Bring what is laid over the scene, beams and map, up to a moment that is shown."""
-        stage = self.run.snapshot_after(moment.scan)
+    def draw_ground(self, frame: Frame) -> Iterator[Draw]:
+        """The ground, finely painted round the eye."""
+        width, height = frame.uniforms["viewport"]
+        # How much is seen to each side by an eye that looks down from far above [m].
+        across = 0.5 * height / frame.focus * float(frame.eye[2]) * max(1.0, width / height)
+        return self.ground.draws(frame.eye, across if frame.look.clear else 0.0)
+
+    def draw_sky(self, frame: Frame) -> Iterator[Draw]:
+        """The sky, where the picture has any."""
+        horizon = frame.look.horizon
+        if horizon < 1.0:
+            # The picture is drawn upside down, so that the sky begins at the row of −1.
+            band = (-1.0, -max(horizon, -1.0))
+            yield Draw(self._sky, {"band": band, "ray_from_corner": np.linalg.inv(frame.matrix)})
+
+    def draw_shadows(self, frame: Frame) -> Iterator[Draw]:
+        """The shadows of what moves."""
+        shift = -_BLOB_SHIFT * look.SUN[:2] * (0.0 if self.structures.indoor else 1.0)
+        place = (*(frame.pose[:2] + shift).tolist(), _BLOB_RADIUS, _BLOB_DARKNESS)
+        yield Draw(self._blob, {"blob": place})
+        yield from self.movers.shadows(frame.moment.time)
+
+    def draw_trail(self, frame: Frame) -> Iterator[Draw]:
+        """The trail, as far as it is driven, and at no distance thinner than some pixels."""
+        now = frame.moment.time - self._start
+        self._trail.count = 6 * legs_begun(self._keys, now)
+        metre = frame.focus / float(np.linalg.norm(frame.look.eye - frame.look.target))
+        half_width = max(0.5 * look.TRAIL_WIDTH, _THINNEST_TRAIL * frame.scale / metre)
+        yield Draw(self._trail, {"now": now, "half_width": half_width})
+
+    def draw_fan(self, frame: Frame) -> Iterator[Draw]:
+        """The fan of all beams."""
+        self._show_beams(frame)
+        strength = look.FAN_STRENGTH_INDOOR if self.structures.indoor else look.FAN_STRENGTH
+        yield Draw(self._fan, {"reach": self._reach, "strength": frame.look.fan * strength})
+
+    def draw_beams(self, frame: Frame) -> Iterator[Draw]:
+        """Single beams."""
+        self._show_beams(frame)
+        yield Draw(self._lines, {"width": _BEAM_WIDTH * frame.scale, "nearer": _BEAM_NEARER})
+
+    def draw_map(self, frame: Frame) -> Iterator[Draw]:
+        """The map, over all."""
+        stage = self.run.snapshot_after(frame.moment.scan)
         if stage != self._map_shown:
             self._map_shown = stage
-            self.map.update(_map_lines(self.run, stage, self.origin))
-        self._show_beams(moment, moment.pose - np.array([*self.origin, 0.0]))
+            drawn = DrawnMap.from_snapshot(self.run, stage, self.origin)
+            self._map.update(drawn.lines(self.run.lrf.height))
+        yield Draw(self._map, {"width": _MAP_WIDTH * frame.scale, "nearer": _ON_TOP})
 
-    def look_from(self, matrix: Float, eye: Float, reach: float) -> None:
-        """Choose what can be seen in a picture of a matrix (4, 4) from an eye (3,).
+    def draw_trace(self, frame: Frame) -> Iterator[Draw]:
+        """The line on the walls where the scan hit them."""
+        self._show_beams(frame)
+        yield Draw(self._trace, {"width": _TRACE_WIDTH * frame.scale, "nearer": _over(frame)})
 
-        Args:
-            matrix: From the scene to the picture.
-            eye: Where the eye is [m].
-            reach: How much is seen to each side by an eye that looks down [m], else 0.
-        """
-        self.walls.look_from(matrix, eye)
-        self.ground.look_from(eye, reach)
+    def draw_points(self, frame: Frame) -> Iterator[Draw]:
+        """The reflection points."""
+        self._show_beams(frame)
+        sizes = (look.POINT_SIZE, *(frame.scale * size for size in look.POINT_PIXELS))
+        uniforms = {"nearer": _over(frame), "focus": frame.focus, "sizes": sizes}
+        yield Draw(self._dots, uniforms)
 
-    def driven(self, moment: Moment) -> float:
-        """The time of the trajectory at which the robot is where the moment has it [s]."""
-        times, poses = self.run.trajectory.times, self.run.trajectory.poses
-        if moment.scan + 1 >= len(times):
-            return float(times[-1])
-        start, end = poses[moment.scan, :2], poses[moment.scan + 1, :2]
-        step = end - start
-        square = float(step @ step)
-        share = 1.0 if square == 0.0 else float((moment.pose[:2] - start) @ step) / square
-        share = min(max(share, 0.0), 1.0)
-        return float(times[moment.scan] + share * (times[moment.scan + 1] - times[moment.scan]))
-
-    def _show_beams(self, moment: Moment, place: Float) -> None:
-        shown = (moment.scan, moment.scanning, *place[:2], self.movers.poses.tobytes())
+    def _show_beams(self, frame: Frame) -> None:
+        """Bring all that shows a scan up to a frame, once for all its layers."""
+        moment, place = frame.moment, frame.pose[:2]
+        movers = self.movers.poses(moment.time)
+        shown = (moment.scan, moment.scanning, *place, movers.tobytes())
         if shown == self._scan_shown:
             return
         self._scan_shown = shown
         height = self.run.lrf.height
         if not moment.scanning:
-            for primitive in (self.fan, self.lines, self.trace, self.dots):
+            for primitive in (self._fan, self._lines, self._trace, self._dots):
                 primitive.update(np.zeros(0, np.float32))
             return
         scan = self.run.scan(moment.scan)
-        local = np.array(scan.pose) - np.array([*self.origin, 0.0])
+        local = replace(scan, pose=np.array(scan.pose) - [*self.origin, 0.0])
         world = self.run.world
         walls = world.segments - np.tile(self.origin, 2)
-        self.beams = Beams.from_scan(
-            replace(scan, pose=local), walls, world.objects, place[:2], self.movers.carry
-        )
-        self.fan.update(self.beams.fan(height))
-        self.lines.update(self.beams.lines(height, self.reach))
-        self.trace.update(self.beams.trace(height))
-        self.dots.update(self.beams.dots(height, self.run.lrf.range_max))
+        carry = self.movers.carrying(moment.time)
+        self.beams = DrawnBeams.from_scan(local, walls, world.objects, place, carry)
+        self._fan.update(self.beams.fan(height))
+        self._lines.update(self.beams.lines(height, self._reach))
+        self._trace.update(self.beams.trace(height))
+        self._dots.update(self.beams.dots(height, self.run.lrf.range_max))
+
+
+def _over(frame: Frame) -> float:
+    """How much nearer to the eye marks on walls are [m]."""
+    return _ON_TOP if frame.look.shows_map else _WALL_NEARER
 
 
 def _mesh(columns: int, rows: int) -> Single:
@@ -170,46 +234,3 @@ def _mesh(columns: int, rows: int) -> Single:
 def _dynamic(program: str, sizes: tuple[int, ...], mode: int = GL.GL_TRIANGLES) -> Primitive:
     empty = np.zeros((0, sum(sizes)), np.float32)
     return Primitive(program, sizes, empty, mode=mode, capacity=2048, blend=True)
-
-
-def _trail(run: Run, origin: Float, jumps: Bool) -> Primitive:
-    """The whole path as a ribbon, a quad for each leg; the shader shows what has been driven."""
-    places = run.trajectory.poses[:, :2] - origin
-    times = run.trajectory.times - run.trajectory.times[0]
-    sides = _sides(places, jumps)
-    rows = np.zeros((len(places) - 1, 6, 5), np.float32)
-    for corner, (end, turn) in enumerate([(0, 1), (0, -1), (1, -1), (0, 1), (1, -1), (1, 1)]):
-        rows[:, corner, :2] = places[end : len(places) - 1 + end]
-        rows[:, corner, 2:4] = turn * sides[:, end]
-        rows[:, corner, 4] = times[end : len(places) - 1 + end]
-    rows[jumps, :, 2:4] = 0.0
-    return Primitive("trail", (2, 2, 1), rows.reshape(-1, 5), blend=True)
-
-
-def _sides(places: Float, jumps: Bool) -> Float:
-    """To the left of each leg at its start and its end (k − 1, 2, 2), mitred with its neighbours.
-
-    A robot that turns where it stands, and one that was set down elsewhere, begins a new ribbon.
-    """
-    way = np.diff(places, axis=0)
-    length = np.hypot(way[:, 0], way[:, 1])
-    side = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
-    sides = np.repeat(side[:, None], 2, axis=1)
-    before, after = side[:-1], side[1:]
-    bend = np.einsum("ij,ij->i", before, after)
-    moves = (length > 1e-6) & ~jumps
-    joined = moves[:-1] & moves[1:] & (bend > _SHARPEST)
-    mitre = (before + after) / (1.0 + np.maximum(bend, _SHARPEST))[:, None]
-    sides[:-1, 1][joined] = mitre[joined]
-    sides[1:, 0][joined] = mitre[joined]
-    return sides
-
-
-def _map_lines(run: Run, stage: int, origin: Float) -> Single:
-    """The segments of the map of a stage, or of none, as line quads, each object in its colour."""
-    if stage < 0:
-        return np.zeros((0, sum(LINE_SIZES)), np.float32)
-    segments = run.maps[stage].segments - np.tile(origin, 2)
-    opaque = np.ones((len(segments), 2))
-    colours = look.object_tints(run.lasting_objects[stage])
-    return line_quads(segments[:, :2], segments[:, 2:], colours, opaque, run.lrf.height)

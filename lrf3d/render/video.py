@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError
 from lrf3d.output import lock_of, locked, make_folder, replacing, unfinished_folder
-from lrf3d.render.film_parts import Progress, draw_parts
+from lrf3d.render.film_parts import FRAMES, Job, draw_parts
 from lrf3d.render.gl import gl_available, require_gl
-from lrf3d.render.worker import FRAMES, Job
+from lrf3d.render.pictures import FrameProgress
 from lrf3d.run import Run
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
@@ -45,7 +45,7 @@ def render_video(
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
-    progress: Progress | None = None,
+    progress: FrameProgress | None = None,
 ) -> None:
     """Draw a run as a film: H.264 in .mp4, or a looping animation in .webp or .gif.
 
@@ -96,7 +96,9 @@ def render_video(
         kind.join(parts, frames, unfinished, fps=fps, progress=joining)
 
 
-def share_of(progress: Progress | None, first: float, last: float, total: int) -> Progress | None:
+def share_of(
+    progress: FrameProgress | None, first: float, last: float, total: int
+) -> FrameProgress | None:
     """Progress of one stage of a work in steps, from one share of the whole to another."""
     if progress is None:
         return None
@@ -121,7 +123,7 @@ def render_frames(
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
-    progress: Progress | None = None,
+    progress: FrameProgress | None = None,
 ) -> int:
     """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.
 

@@ -41,7 +41,7 @@ def _stay(ends: Float, loose: Bool, since: float) -> Float:
 
 
 @dataclass(frozen=True, eq=False)
-class Beams:
+class DrawnBeams:
     """One scan, ready to be drawn.
 
     Args:
@@ -70,7 +70,7 @@ class Beams:
     @classmethod
     def from_scan(
         cls, scan: LaserScan, walls: Float, objects: Int, apex: Float, carry: Carry = _stay
-    ) -> "Beams":
+    ) -> "DrawnBeams":
         """Make beams of a scan whose pose, like walls (n, 4) and apex (2,), is in the film's frame.
 
         The apex is where the robot stands now, a little past the pose of the scan: the beams then

@@ -72,7 +72,7 @@ opacity at the robot."""
 FAN_SHARE_AHEAD = 0.45
 """How much of that opacity is left where the robot's eyes look through the fan."""
 
-REACH = 42.0
+BEAM_REACH = 42.0
 """Range [m] at which beams have faded to nothing: farther, they would only tint the street."""
 
 RANGE_COLOURS = np.array(

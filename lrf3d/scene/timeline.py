@@ -1,14 +1,14 @@
 """Timeline: where the robot stands and which scan is seen at each time of a film."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
 
 from lrf3d.geometry import Bool, Float
 from lrf3d.run import Run
-from lrf3d.scene.sight import Sight
+from lrf3d.scene.structures import Sight
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -129,34 +129,52 @@ _SET_DOWN = 1e-3
 """Half the time [s] in which a robot is set down behind a wall."""
 
 
-def key_times(timeline: Timeline) -> Float:
-    """Times [s] of the run between which the robot's way is straight enough, rising."""
-    times = timeline.run.trajectory.times
-    if not timeline.dwells or len(times) < 2:
-        return np.append(times, timeline.end) if timeline.end > times[-1] else times
-    glide = DWELL_SHARE + (1.0 - DWELL_SHARE) * np.linspace(0.0, 1.0, _GLIDE_KEYS + 1)
-    gaps = np.diff(times)
-    keys = times[:-1, None] + gaps[:, None] * glide
-    # Where the robot is set down behind a wall, it is here or there, but never on the way.
-    turn = times[:-1] + gaps * (DWELL_SHARE + 0.5 * (1.0 - DWELL_SHARE))
-    turn = turn[timeline.jumps]
-    keys = np.concatenate([times, keys.ravel(), turn - _SET_DOWN, turn + _SET_DOWN])
-    return np.unique(np.append(keys, timeline.end))
+class DriveKeys(NamedTuple):
+    """The robot's way in key poses, between which it goes straight and evenly.
+
+    Args:
+        times: (k,) when it is there, from the start of the run on [s], rising.
+        poses: (k, 3) its poses in the film's frame; headings go on past half a turn.
+        set_down: (k − 1,) which legs were not driven: the robot was set down behind a wall.
+    """
+
+    times: Float
+    poses: Float
+    set_down: Bool
+
+
+def drive_keys(timeline: Timeline) -> DriveKeys:
+    """The key poses of a run's robot, as it is seen to move."""
+    times, turns = timeline.run.trajectory.times, np.zeros(0)
+    if timeline.dwells and len(times) > 1:
+        glide = DWELL_SHARE + (1.0 - DWELL_SHARE) * np.linspace(0.0, 1.0, _GLIDE_KEYS + 1)
+        gaps = np.diff(times)
+        keys = times[:-1, None] + gaps[:, None] * glide
+        # Where the robot is set down behind a wall, it is here or there, but never on the way.
+        turns = times[:-1] + gaps * (DWELL_SHARE + 0.5 * (1.0 - DWELL_SHARE))
+        turns = turns[timeline.jumps]
+        keys = np.concatenate([times, keys.ravel(), turns - _SET_DOWN, turns + _SET_DOWN])
+        times = np.unique(np.append(keys, timeline.end))
+    elif timeline.end > times[-1]:
+        times = np.append(times, timeline.end)
+    middles = 0.5 * (times[:-1] + times[1:])
+    begun, ended = (np.searchsorted(turns + side, middles) for side in (-_SET_DOWN, _SET_DOWN))
+    poses = timeline.poses(times) - [*timeline.origin, 0.0]
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    return DriveKeys(times - timeline.start, poses, begun > ended)
 
 
 def mover_keys(mover: "DynamicObstacle", timeline: Timeline) -> tuple[Float, Float]:
-    """Times (k,) [s] of a run between which an obstacle goes straight, and its poses (k, 3)."""
+    """Times (k,) between which an obstacle goes straight, and its poses (k, 3) in the film's frame.
+
+    Times count from the start of the run [s].
+    """
     times = mover.poses.times
     within = times[(times > timeline.start) & (times < timeline.end)]
     keys = np.unique([timeline.start, *within, timeline.end])
-    poses = mover.path.at(keys)
+    poses = mover.path.at(keys) - [*timeline.origin, 0.0]
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return keys, poses
-
-
-def jumps(times: Float) -> Bool:
-    """Which legs (k − 1,) between key times (k,) were not driven: the robot was set down."""
-    return np.asarray(np.diff(times) <= 2.5 * _SET_DOWN)
+    return keys - timeline.start, poses
 
 
 def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:

@@ -13,10 +13,11 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.scenario import Scenario
-from lrf3d.scene.sight import Sight
+from lrf3d.scene.structures import Sight
+from lrf3d.scene.trail_and_map import DrawnMap
 from lrf3d.sensor import Sensor
 from lrf3d.simulation import line_mapper
-from lrf3d.view.scene import joined_beams, map_arrays
+from lrf3d.view.page_data import joined_beams
 
 TURN_RATE = 1.5
 """Fastest turn [rad/s]: a full one in four seconds."""
@@ -139,13 +140,13 @@ class HandDrive:
     def _map(self) -> dict[str, Any]:
         begin = self._clock()
         line_map = self._mapper.map
-        segments, colours = map_arrays(line_map, self._tracker.follow(line_map), self._origin)
+        drawn = DrawnMap.from_map(line_map, self._tracker.follow(line_map), self._origin)
         taken = self._clock() - begin
         self._map_due = self._clock() + max(_MAP_PAUSE, taken / _MAP_SHARE)
         self._stale = False
         return {
-            "segments": np.round(segments, 3).ravel().tolist(),
-            "colours": colours.ravel().tolist(),
+            "segments": np.round(drawn.segments, 3).ravel().tolist(),
+            "colours": drawn.colour_bytes.ravel().tolist(),
             "objects": line_map.object_count,
         }
 

@@ -9,8 +9,7 @@ from lrf3d.pose import Pose, as_pose
 from lrf3d.scenario import Scenario, start_of
 from lrf3d.scenario_file import load_scenario
 from lrf3d.view.hand_drive import HandDrive
-from lrf3d.view.replay import pack_run
-from lrf3d.view.scene import Scene, make_scene
+from lrf3d.view.page_data import PageScene, make_scene, pack_run
 from lrf3d.view.server import Replayed, free_port, serve
 
 
@@ -38,7 +37,7 @@ def open_view(
     serve(scene, show, host=host, port=port, browser=browser, started=started)
 
 
-def run_view(path: str, playback: float | None) -> tuple[Scene, Replayed]:
+def run_view(path: str, playback: float | None) -> tuple[PageScene, Replayed]:
     """The scene of a run, and what is played in it."""
     run = load_run(path)
     scene = make_scene(
@@ -54,7 +53,7 @@ def run_view(path: str, playback: float | None) -> tuple[Scene, Replayed]:
 
 def world_view(
     name: str, seed: int, read: Callable[[str], Scenario] | None = None
-) -> tuple[Scene, Callable[[], HandDrive]]:
+) -> tuple[PageScene, Callable[[], HandDrive]]:
     """The scene of a world, and what makes a drive in it."""
     scenario = load_scenario(name).with_route() if read is None else read(name)
     start = start_pose(scenario)

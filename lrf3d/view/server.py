@@ -15,7 +15,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
 from lrf3d.view.hand_drive import HandDrive, Wish
-from lrf3d.view.scene import Scene
+from lrf3d.view.page_data import PageScene
 
 FIRST_PORT, PORTS = 8080, 100
 """Ports that are tried if none is given."""
@@ -39,7 +39,7 @@ class Replayed:
 
 
 def serve(
-    scene: Scene,
+    scene: PageScene,
     show: Replayed | Callable[[], HandDrive],
     *,
     host: str = "127.0.0.1",

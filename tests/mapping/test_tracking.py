@@ -11,7 +11,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.scene.look import object_tints
-from lrf3d.view.replay import pack_run
+from lrf3d.view.page_data import pack_run
 
 WALLS = np.vstack([box(0, 0, 10, 6), box(14, 0, 8, 6)])
 
@@ -78,7 +78,7 @@ def test_a_run_without_a_map_has_none(run):
 
 
 def test_the_page_and_the_film_give_an_object_one_colour_in_all_maps(run):
-    from lrf3d.render.scenery import _map_lines
+    from lrf3d.scene.trail_and_map import DrawnMap
 
     block, told = pack_run(run)
     kind, start, count = told["layout"]["colours"]
@@ -86,6 +86,7 @@ def test_the_page_and_the_film_give_an_object_one_colour_in_all_maps(run):
     numbers = np.concatenate(run.lasting_objects)
     expected = np.round(255.0 * object_tints(numbers)).astype(np.uint8)
     np.testing.assert_array_equal(colours, expected)
-    rows = np.concatenate([_map_lines(run, stage, np.zeros(2))[::6, 7:10] for stage in range(3)])
+    drawn = [DrawnMap.from_snapshot(run, stage, np.zeros(2)) for stage in range(3)]
+    rows = np.concatenate([each.lines(0.5)[::6, 7:10] for each in drawn])
     np.testing.assert_allclose(rows, object_tints(numbers), atol=1e-6)
     assert run_glb(run)[:4] == b"glTF"

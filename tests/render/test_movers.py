@@ -151,13 +151,12 @@ def test_returns_go_with_the_body_that_they_are_of(turned):
     path = Trajectory([0.0, 1.0], [(500.0, 3.0, 0.0), (504.0, 5.0, 1.0)])
     origin = np.array([490.0, 0.0])
     bodies = MovingBodies((DynamicObstacle(outline, path),), origin, False)
-    bodies.place(0.7)
     seen = DynamicObstacle(outline, path).walls(0.2)[:, :2] - origin
     now = DynamicObstacle(outline, path).walls(0.7)[:, :2] - origin
     points = np.concatenate([seen, seen, [[3.0, 40.0]]])
     loose = np.arange(len(points)) < len(seen)
     loose[-1] = True
-    carried = bodies.carry(points, loose, 0.2)
+    carried = bodies.carrying(0.7)(points, loose, 0.2)
     assert carried[: len(seen)] == pytest.approx(now)
     assert np.array_equal(carried[len(seen) :], points[len(seen) :])
 

@@ -232,7 +232,7 @@ def test_hit_points_lie_on_their_walls_and_beams_end_before_walls():
     walls = run.world.segments
     for step in (0.0, 0.15, 0.29):
         apex = np.array([scan.pose.x + step, scan.pose.y])
-        drawn = beams.Beams.from_scan(scan, walls, run.world.objects, apex)
+        drawn = beams.DrawnBeams.from_scan(scan, walls, run.world.objects, apex)
         hit = shapely.linestrings(walls[run.walls[6][scan.hits]].reshape(-1, 2, 2))
         assert shapely.distance(shapely.points(drawn.points), hit).max() < 1e-9
         way = np.arctan2(*(drawn.ends - apex).T[::-1])
@@ -363,23 +363,3 @@ def test_without_opengl_the_error_says_what_to_install(monkeypatch):
     assert not gl.gl_available()
     with pytest.raises(MissingLibraryError, match=r"apt-get install .* libegl1 libgl1"):
         gl.require_gl()
-
-
-def test_the_trail_has_no_gaps_where_the_robot_turns():
-    from lrf3d.render.scenery import _sides
-
-    turns = np.array([0.0, 0.4, -0.7, 0.9, 0.0])
-    places = np.cumsum(np.column_stack([np.cos(turns), np.sin(turns)]), axis=0)
-    sides = _sides(places, np.zeros(len(places) - 1, dtype=bool))
-    # The ends of one leg are the starts of the next, and both edges lie a width off their legs.
-    assert sides[:-1, 1] == pytest.approx(sides[1:, 0])
-    along = np.diff(places, axis=0)
-    for end in range(2):
-        across = along[:, 0] * sides[:, end, 1] - along[:, 1] * sides[:, end, 0]
-        assert across == pytest.approx(np.ones(len(along)))
-    jumps = np.array([False, True, False, False])
-    apart = _sides(places, jumps)
-    assert not np.allclose(apart[0, 1], apart[1, 0])
-    # A robot that turns back on its way has no long tip.
-    back = _sides(np.array([[0.0, 0], [1, 0], [0, 0.01], [0, 0.01]]), np.zeros(3, dtype=bool))
-    assert np.hypot(*np.moveaxis(back, -1, 0)).max() < 1.5

@@ -10,10 +10,8 @@ from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scene.ground import paint_ground, paint_tile
-from lrf3d.scene.sight import FARTHEST, Sight
-from lrf3d.scene.structures import Structures
-from lrf3d.view.replay import pack_run
-from lrf3d.view.scene import make_scene
+from lrf3d.scene.structures import SIGHT_DISTANCE, Sight, Structures
+from lrf3d.view.page_data import make_scene, pack_run
 from lrf3d.world import World
 
 FAR = 1e7
@@ -81,12 +79,12 @@ def test_what_is_drawn_ends_where_nothing_is_seen_any_more(name):
     run = driven(WORLDS[name])
     structures = Structures.from_run(run)
     places = structures.segments.reshape(-1, 2) + structures.origin
-    assert (np.abs(places) <= FARTHEST + 200.0).all()
+    assert (np.abs(places) <= SIGHT_DISTANCE + 200.0).all()
     # So that float32 knows millimetres where the robot is.
-    assert np.abs(structures.origin).max() < FARTHEST
-    assert paint_ground(structures).size.max() < 4.0 * FARTHEST
+    assert np.abs(structures.origin).max() < SIGHT_DISTANCE
+    assert paint_ground(structures).size.max() < 4.0 * SIGHT_DISTANCE
     setup = make_scene(run.world, run.lrf, run.trajectory.poses[:, :2], title="x").setup
-    assert setup["size"] < 3.0 * FARTHEST
+    assert setup["size"] < 3.0 * SIGHT_DISTANCE
 
 
 def test_walls_in_sight_stay_as_they_are_and_others_are_cut():
@@ -100,11 +98,15 @@ def test_walls_in_sight_stay_as_they_are_and_others_are_cut():
     seen = Sight.of(World(walls, [5, 2, 1, 0], [1.0, 2.0, 3.0, 1e6]), path).world
     ends = [
         [0.1, 0.2, 0.3, 0.4],
-        [-FARTHEST, 1.0, FARTHEST + 10.0, 1.0],
-        [FARTHEST + 10.0, 0.0, 5.0, 0.0],
+        [-SIGHT_DISTANCE, 1.0, SIGHT_DISTANCE + 10.0, 1.0],
+        [SIGHT_DISTANCE + 10.0, 0.0, 5.0, 0.0],
     ]
     assert seen.segments[0].tolist() == ends[0]
     assert seen.segments == pytest.approx(np.array(ends), abs=1e-6)
-    assert seen.objects.tolist() == [5, 2, 0] and seen.heights.tolist() == [1.0, 2.0, FARTHEST]
+    assert seen.objects.tolist() == [5, 2, 0] and seen.heights.tolist() == [
+        1.0,
+        2.0,
+        SIGHT_DISTANCE,
+    ]
     nothing = Sight.of(tall(np.add(HOUSE, 90e3)), path)
     assert not len(nothing.world.segments) and nothing.origin.tolist() == [5.0, 0.0]

@@ -22,7 +22,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.scenario_file import load_scenario
 from lrf3d.view.hand_drive import HandDrive, Wish
 from lrf3d.view.opening import open_view, run_view, world_view
-from lrf3d.view.replay import pack_run
+from lrf3d.view.page_data import pack_run
 from lrf3d.world import World
 
 YARD = """\

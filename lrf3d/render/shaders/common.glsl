@@ -4,7 +4,6 @@ uniform vec3 eye;
 uniform vec3 sun;
 uniform vec4 haze;      // colour, and one over the distance [m] at which half is haze
 uniform float indoor;   // 1 inside a house, else 0
-uniform float lift;     // height [m] that flat things are drawn at
 uniform float slack;    // how much the depth of raised things gains with their distance
 
 vec3 hazed(vec3 colour, vec3 place) {

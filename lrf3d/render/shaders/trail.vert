@@ -6,6 +6,6 @@ out float time;
 out vec3 world;
 void main() {
     time = when;
-    world = vec3(middle + side * half_width, lift);
+    world = vec3(middle + side * half_width, 0.0);
     gl_Position = raised(world, 0.01);
 }

@@ -19,7 +19,7 @@ _BEHIND = -1.0
 """A depth at which nothing is drawn."""
 
 
-class Triangles(NamedTuple):
+class ProjectedTriangles(NamedTuple):
     """Triangles to draw: program, rows (3 t, 4 + n) of corners, and what is the same for all."""
 
     program: int
@@ -30,7 +30,7 @@ class Triangles(NamedTuple):
 Uniforms = Mapping[str, Any]
 
 
-def corners_of(name: str, rows: Float, uniforms: Uniforms) -> Triangles:
+def corners_of(name: str, rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     """The triangles of rows of a program's vertices."""
     return _PROGRAMS[name](rows, uniforms)
 
@@ -77,43 +77,43 @@ def _rows(clip: Float, depth: Float, *rest: Float) -> Float:
     return np.ascontiguousarray(np.column_stack([clip, depth, *rest]))
 
 
-def _flat(rows: Float, uniforms: Uniforms) -> Triangles:
+def _flat(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     local = np.column_stack([rows[:, :2], np.zeros(len(rows)), np.ones(len(rows))])
     clip = _project((local @ uniforms["place"].T)[:, :3], uniforms)
-    return Triangles(shading.FLAT, _rows(clip, clip[:, 2], rows[:, 2:6]), np.zeros(2))
+    return ProjectedTriangles(shading.FLAT, _rows(clip, clip[:, 2], rows[:, 2:6]), np.zeros(2))
 
 
-def _fan(rows: Float, uniforms: Uniforms) -> Triangles:
+def _fan(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     clip = _project(rows[:, :3], uniforms)
     fixed = np.array([uniforms["reach"], uniforms["strength"]])
-    return Triangles(shading.FAN, _rows(clip, clip[:, 2], rows[:, 3]), fixed)
+    return ProjectedTriangles(shading.FAN, _rows(clip, clip[:, 2], rows[:, 3]), fixed)
 
 
-def _blob(rows: Float, uniforms: Uniforms) -> Triangles:
+def _blob(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     x, y, radius, darkness = uniforms["blob"]
     place = np.column_stack([rows * radius + [x, y], np.zeros(len(rows))])
     clip, depth = _project(place, uniforms), _raised(place, 0.005, uniforms)
-    return Triangles(shading.BLOB, _rows(clip, depth, rows), np.array([darkness, 0.0]))
+    return ProjectedTriangles(shading.BLOB, _rows(clip, depth, rows), np.array([darkness, 0.0]))
 
 
-def _trail(rows: Float, uniforms: Uniforms) -> Triangles:
+def _trail(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     place = rows[:, :2] + rows[:, 2:4] * uniforms["half_width"]
-    place = np.column_stack([place, np.full(len(rows), uniforms["lift"])])
+    place = np.column_stack([place, np.zeros(len(rows))])
     clip, depth = _project(place, uniforms), _raised(place, 0.01, uniforms)
     fixed = np.array([uniforms["now"], 0.0])
-    return Triangles(shading.TRAIL, _rows(clip, depth, rows[:, 4], place), fixed)
+    return ProjectedTriangles(shading.TRAIL, _rows(clip, depth, rows[:, 4], place), fixed)
 
 
-def _robot(rows: Float, uniforms: Uniforms) -> Triangles:
+def _robot(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     matrix = uniforms["world_from_robot"]
     place = rows[:, :3] @ matrix[:3, :3].T + matrix[:3, 3]
     clip = _project(place, uniforms)
     normal = rows[:, 3:6] @ matrix[:3, :3].T
     corners = _rows(clip, clip[:, 2], place, normal, rows[:, 6:9])
-    return Triangles(shading.ROBOT, corners, np.zeros(2))
+    return ProjectedTriangles(shading.ROBOT, corners, np.zeros(2))
 
 
-def _lines(rows: Float, uniforms: Uniforms) -> Triangles:
+def _lines(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     here, there, turn, side = rows[:, 0:3], rows[:, 3:6], rows[:, 6], rows[:, 11:13]
     viewport, width = np.asarray(uniforms["viewport"]), uniforms["width"]
     w, b = _project(here, uniforms)[:, 2], _project(there, uniforms)
@@ -134,10 +134,10 @@ def _lines(rows: Float, uniforms: Uniforms) -> Triangles:
     a[~_shown(here, side, uniforms), 2] = _BEHIND
     # How far off its middle a line is, is even in the picture and not in the scene.
     corners = _rows(a, depth, rows[:, 7:11], off * a[:, 2])
-    return Triangles(shading.LINE, corners, np.array([width, 0.0]))
+    return ProjectedTriangles(shading.LINE, corners, np.array([width, 0.0]))
 
 
-_PROGRAMS: dict[str, Callable[[Float, Uniforms], Triangles]] = {
+_PROGRAMS: dict[str, Callable[[Float, Uniforms], ProjectedTriangles]] = {
     "blob": _blob,
     "fan": _fan,
     "flat": _flat,

@@ -26,7 +26,7 @@ ROUNDED = 1e-3
 Edge = tuple[float, float, float, float, float]
 
 
-class Canvas(NamedTuple):
+class RasterTarget(NamedTuple):
     """What triangles are drawn on, and how.
 
     Attributes:
@@ -46,8 +46,8 @@ class Canvas(NamedTuple):
     opaque: bool
 
 
-class Program(NamedTuple):
-    """What gives the pixels of a triangle their colours: see `fragments.fragment`."""
+class FragmentProgram(NamedTuple):
+    """What gives the pixels of a triangle their colours, as :func:`~.shading.fragment` takes it."""
 
     number: int
     fixed: Float
@@ -117,7 +117,13 @@ def owns(edge: Edge, inside: float) -> bool:
 
 @inner
 def fill(
-    a: Float, b: Float, c: Float, cull: bool, canvas: Canvas, program: Program, at: Float
+    a: Float,
+    b: Float,
+    c: Float,
+    cull: bool,
+    canvas: RasterTarget,
+    program: FragmentProgram,
+    at: Float,
 ) -> None:
     """Fill a triangle; of a corner come x, y [pixels], 1/w, 1/depth and the rest over w."""
     colours, near, box, places, test, opaque = canvas
@@ -183,7 +189,9 @@ def fill(
 
 
 @compiled
-def draw_triangles(corners: Float, cull: bool, canvas: Canvas, program: Program) -> None:
+def draw_triangles(
+    corners: Float, cull: bool, canvas: RasterTarget, program: FragmentProgram
+) -> None:
     """Draw triangles, rows (3 t, 4 + n) of corners; cull leaves out those seen from behind."""
     columns = corners.shape[1]
     box = canvas.box

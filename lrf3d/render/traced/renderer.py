@@ -16,9 +16,8 @@ from lrf3d.render.parts import PartedPrimitive
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Primitive
 from lrf3d.render.traced import raster, sampling, shading
-from lrf3d.render.traced.grounds import Grounds
 from lrf3d.render.traced.programs import corners_of, points_of
-from lrf3d.render.traced.surfaces import Surfaces
+from lrf3d.render.traced.surfaces import Grounds, Surfaces
 
 _NO_LAND = (0.5, 0.5, 0.5, 1.0)
 """Colour of the ground past its pictures, and width of the change [m], until they are named."""
@@ -122,7 +121,7 @@ class TracedRenderer:
         assert self._surfaces is not None
         surfaces, places, width = self._surfaces, self._places, self._whole[2]
         camera = _camera(self._shared, self._whole)
-        scenery = shading.Scenery(
+        scenery = shading.RayScene(
             surfaces.faces,
             surfaces.painted,
             surfaces.painted_levels,
@@ -154,8 +153,12 @@ class TracedRenderer:
         drawn = corners_of(primitive.program, _vertices(primitive), uniforms)
         known = {**self._shared, **uniforms}
         test = not self._over
-        canvas = raster.Canvas(colours, near, self._box, places, test, test and not primitive.blend)
-        program = raster.Program(drawn.program, drawn.fixed, np.array(known["eye"]), _light(known))
+        canvas = raster.RasterTarget(
+            colours, near, self._box, places, test, test and not primitive.blend
+        )
+        program = raster.FragmentProgram(
+            drawn.program, drawn.fixed, np.array(known["eye"]), _light(known)
+        )
         raster.draw_triangles(drawn.corners, primitive.cull, canvas, program)
 
     def _draw_label(self, primitive: Primitive, uniforms: Uniforms) -> None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
-from lrf3d.render.traced.shading import COLOUR, NORMAL, OFFSET, Scenery, as_byte, see
+from lrf3d.render.traced.shading import COLOUR, NORMAL, OFFSET, RayScene, as_byte, see
 
 SAMPLE_PLACES = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 """Where in a pixel its four samples lie, as graphics cards have it."""
@@ -78,7 +78,7 @@ def shade_samples(
     pixels: NDArray[np.int32],
     places: Float,
     hits: NDArray[np.int32],
-    scenery: Scenery,
+    scenery: RayScene,
     colours: NDArray[np.uint8],
     near: NDArray[np.float32],
 ) -> None:

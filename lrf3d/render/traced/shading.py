@@ -64,7 +64,7 @@ BLUE, SUN_RIM = tuple(SKYLIGHT.tolist()), SHADOW_RIM
 """What light is left in the shadow, and the width of its edge [m]."""
 
 
-class Scenery(NamedTuple):
+class RayScene(NamedTuple):
     """All that a ray can see, and the light on it.
 
     Attributes:
@@ -188,7 +188,7 @@ def sky_colour(dx: float, dy: float, dz: float, light: Float) -> tuple[float, fl
 
 
 @inner
-def ground_colour(x: float, y: float, step: float, scenery: Scenery) -> tuple[float, float, float]:
+def ground_colour(x: float, y: float, step: float, scenery: RayScene) -> tuple[float, float, float]:
     """The ground at a place; step is the square of the metres a pixel, along the longer way."""
     texels, levels = scenery.texels, scenery.levels
     grounds, light = scenery.grounds, scenery.light
@@ -249,7 +249,7 @@ def picture_colour(
 
 @inner
 def see(
-    px: float, py: float, hit: int, camera: Float, scenery: Scenery
+    px: float, py: float, hit: int, camera: Float, scenery: RayScene
 ) -> tuple[float, float, float, float, int]:
     """Colour, one over the depth, and what is seen at a place (px, py) of the picture [pixels]."""
     light = scenery.light
@@ -335,7 +335,7 @@ def aim_pixels(
 def shade_pixels(
     camera: Float,
     hits: NDArray[np.int32],
-    scenery: Scenery,
+    scenery: RayScene,
     colours: NDArray[np.uint8],
     near: NDArray[np.float32],
     seen: NDArray[np.int32],

@@ -1,4 +1,7 @@
-"""The data of a world for the page before anything moves, in the world's local frame."""
+"""The data of the page, in the world's local frame: a world before anything moves, and a run.
+
+A run is one block of plain arrays, and where each stands in it.
+"""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -9,21 +12,24 @@ import shapely
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.gltf import still_glb
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.mapping import LineMap
+from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.bodies import mover_colours
 from lrf3d.scene.structures import Structures
+from lrf3d.scene.timeline import Timeline, drive_keys, mover_keys, scan_times
+from lrf3d.scene.trail_and_map import DrawnMap
 from lrf3d.world import World
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+
 
 _LEAST_SIZE = 6.0
 """Size [m] that cameras take a world for at the least."""
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class PageScene:
     """A page's scene.
 
     Args:
@@ -42,7 +48,7 @@ def make_scene(
     *,
     title: str,
     movers: "tuple[DynamicObstacle, ...]" = (),
-) -> Scene:
+) -> PageScene:
     """The scene of a world, with where the robot goes (k, 2) [m], and what moves beside it."""
     structures = Structures.from_world(world, path)
     places = np.concatenate([structures.segments.reshape(-1, 2), path - structures.origin])
@@ -70,11 +76,11 @@ def make_scene(
             "angles": lrf.angles.tolist(),
             "rangeMax": lrf.range_max,
             "height": lrf.height,
-            "reach": min(lrf.range_max, look.REACH),
+            "reach": min(lrf.range_max, look.BEAM_REACH),
         },
         "look": page_look(structures.indoor),
     }
-    return Scene(setup, still_glb(world.name, structures, lrf.height, movers))
+    return PageScene(setup, still_glb(world.name, structures, lrf.height, movers))
 
 
 def page_look(indoor: bool) -> dict[str, Any]:
@@ -125,16 +131,62 @@ def joined_beams(ranges: Float, walls: Int) -> Bool:
     return np.asarray(hits[..., 1:] & hits[..., :-1] & same)
 
 
-def map_arrays(line_map: LineMap, objects: Int, origin: Float) -> tuple[Float, Int]:
-    """Segments (m, 4) of a map in the local frame [m], and their colours (m, 3) in 0…255.
-
-    Those are the colours of their objects (m,), by numbers that last while the map grows.
-    """
-    segments = line_map.segments - np.tile(origin, 2)
-    return segments, np.round(255.0 * look.object_tints(objects)).astype(np.int64)
-
-
 def _outlines(structures: Structures) -> list[list[float]]:
     """Outlines of houses and their yards: x, y, x, y, … each."""
     rings = shapely.get_rings(structures.solids)
     return [np.round(shapely.get_coordinates(ring), 2).ravel().tolist() for ring in rings]
+
+
+_ALIGNMENT = 4
+"""Bytes that the start of every array is a multiple of."""
+
+
+def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
+    """All that moves in a run, in its world's local frame.
+
+    Returns:
+        The arrays one after the other, and their description for the page: type, first byte and
+        length of each, the legs of the way that are jumps, and the time that the run starts at.
+    """
+    # A scene plays as fast as the robot drove.
+    timeline = Timeline(run, playback=1.0)
+    keys = drive_keys(timeline)
+    begins, ends = scan_times(timeline)
+    # The first of them is empty, so that there is one also where a run has no map.
+    maps = [
+        DrawnMap.from_snapshot(run, number, timeline.origin) for number in range(-1, len(run.maps))
+    ]
+    stage_times = run.trajectory.times[list(run.snapshot_scans)]
+    ways = [mover_keys(mover, timeline) for mover in run.obstacles]
+    arrays = {
+        "keyTimes": (keys.times, np.float32),
+        "keyPoses": (keys.poses, np.float32),
+        "begins": (begins - timeline.start, np.float32),
+        "ends": (ends - timeline.start, np.float32),
+        "poses": (run.trajectory.poses - [*timeline.origin, 0.0], np.float32),
+        "ranges": (run.ranges, np.float32),
+        "stageTimes": (stage_times - timeline.start, np.float32),
+        "stageSizes": ([len(stage) for stage in run.maps], np.int32),
+        "stageObjects": ([stage.object_count for stage in run.maps], np.int32),
+        "segments": (np.concatenate([drawn.segments for drawn in maps]), np.float32),
+        "colours": (np.concatenate([drawn.colour_bytes for drawn in maps]), np.uint8),
+        "moverSizes": ([len(times) for times, _ in ways], np.int32),
+        "moverTimes": (np.concatenate([*(times for times, _ in ways), []]), np.float32),
+        "moverPoses": (
+            np.concatenate([*(poses for _, poses in ways), np.empty((0, 3))]),
+            np.float32,
+        ),
+        "joined": (joined_beams(run.ranges, run.walls), np.uint8),
+    }
+    block, layout = bytearray(), {}
+    for name, (values, kind) in arrays.items():
+        array = np.asarray(values, kind).ravel()
+        layout[name] = (array.dtype.name, len(block), len(array))
+        block += array.tobytes()
+        block += bytes(-len(block) % _ALIGNMENT)
+    told = {
+        "layout": layout,
+        "jumps": np.flatnonzero(keys.set_down).tolist(),
+        "start": timeline.start,
+    }
+    return bytes(block), told

@@ -1,0 +1,160 @@
+"""What a drive leaves behind: the robot's trail on the ground, and the map as it grows.
+
+The keys of a drive and the maps of a run enter; leave the ribbon and the pieces of the trail, and
+the lines and bands of the map, in the film's frame.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.geometry import Bool, Float, Int, Single
+from lrf3d.mapping import LineMap
+from lrf3d.run import Run
+from lrf3d.scene.beams import line_quads
+from lrf3d.scene.look import MAP_BAND, MAP_WIDTH, object_tints
+from lrf3d.scene.timeline import DriveKeys
+
+RIBBON_SIZES = (2, 2, 1)
+"""Floats of a corner of the trail: its place, the way to its side, the time when it is driven."""
+
+_SHARPEST = -0.2
+"""Cosine of the sharpest bend of the trail that is mitred: beyond, the tip would be long."""
+
+_PIECE_ERROR = 0.03
+"""How far a straight piece of the trail may be off [m], in place and along the way."""
+
+_SHORTEST = 1e-3
+"""Pieces of the trail below this length [m] are left out: a robot that turns on the spot."""
+
+
+class TrailPiece(NamedTuple):
+    """A straight piece of the trail, which grows evenly.
+
+    Args:
+        begin: When the robot is at its start, from the start of the run on [s].
+        end: When it is at its end [s].
+        start: (2,) its start [m].
+        way: (2,) from its start to its end [m].
+    """
+
+    begin: float
+    end: float
+    start: Float
+    way: Float
+
+
+def trail_ribbon(keys: DriveKeys) -> Single:
+    """The whole trail, as two triangles a leg: corners (6 · legs, 5) of :data:`RIBBON_SIZES`."""
+    places = keys.poses[:, :2]
+    sides = _sides(places, keys.set_down)
+    count = len(places) - 1
+    rows = np.zeros((count, 6, 5), np.float32)
+    for corner, (end, turn) in enumerate([(0, 1), (0, -1), (1, -1), (0, 1), (1, -1), (1, 1)]):
+        rows[:, corner, :2] = places[end : count + end]
+        rows[:, corner, 2:4] = turn * sides[:, end]
+        rows[:, corner, 4] = keys.times[end : count + end]
+    rows[keys.set_down, :, 2:4] = 0.0
+    return rows.reshape(-1, 5)
+
+
+def legs_begun(keys: DriveKeys, time: float) -> int:
+    """How many legs of the trail have begun, from the start of the run on [s]."""
+    return min(len(keys.times) - 1, int(np.searchsorted(keys.times, time)))
+
+
+def straight_pieces(keys: DriveKeys) -> Iterator[TrailPiece]:
+    """The trail in as few pieces as are straight and driven evenly."""
+    times, places = keys.times, keys.poses[:, :2]
+    first = 0
+    while first < len(times) - 1:
+        last = first + 1
+        while last + 1 < len(times) and _is_straight(times, places, first, last + 1):
+            last += 1
+        way = places[last] - places[first]
+        if np.hypot(*way) >= _SHORTEST and not keys.set_down[first:last].any():
+            yield TrailPiece(float(times[first]), float(times[last]), places[first], way)
+        first = last
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DrawnMap:
+    """A map as it is drawn, each object in its colour.
+
+    Args:
+        segments: (m, 4) its segments in the film's frame [m].
+        colours: (m, 3) red, green, blue in 0…1.
+    """
+
+    segments: Float
+    colours: Float
+
+    @classmethod
+    def from_map(cls, line_map: LineMap, objects: Int, origin: Float) -> "DrawnMap":
+        """Take a map whose objects (m,) have numbers that last while it grows."""
+        return cls(line_map.segments - np.tile(origin, 2), object_tints(objects))
+
+    @classmethod
+    def from_snapshot(cls, run: Run, number: int, origin: Float) -> "DrawnMap":
+        """Take a map snapshot of a run; −1 is the empty map before the first."""
+        if number < 0:
+            return cls(np.zeros((0, 4)), np.zeros((0, 3)))
+        return cls.from_map(run.maps[number], run.lasting_objects[number], origin)
+
+    @property
+    def colour_bytes(self) -> Int:
+        """Colours (m, 3) in 0…255."""
+        return np.round(255.0 * self.colours).astype(np.int64)
+
+    def lines(self, height: float) -> Single:
+        """Lines at a height [m], as :func:`~lrf3d.scene.beams.line_quads`."""
+        opaque = np.ones((len(self.segments), 2))
+        start, end = self.segments[:, :2], self.segments[:, 2:]
+        return line_quads(start, end, self.colours, opaque, height)
+
+    def bands(self) -> Single:
+        """Corners (3 · m, 4, 3) of bands along the walls: both sides and the top of each."""
+        ends = self.segments.reshape(-1, 2, 2)
+        along = ends[:, 1] - ends[:, 0]
+        along = along / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+        side = 0.5 * MAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
+        left, right = ends + side[:, None], ends - side[:, None]
+        low, high = MAP_BAND
+        corners = np.zeros((len(ends), 3, 4, 3), np.float32)
+        for face, (first, second, heights) in enumerate(
+            (
+                (left, left, (low, low, high, high)),
+                (right[:, ::-1], right[:, ::-1], (low, low, high, high)),
+                (right, left, (high, high, high, high)),
+            )
+        ):
+            corners[:, face, :2, :2], corners[:, face, 2:, :2] = first, second[:, ::-1]
+            corners[:, face, :, 2] = heights
+        return corners.reshape(-1, 4, 3)
+
+
+def _is_straight(times: Float, places: Float, first: int, last: int) -> bool:
+    share = (times[first : last + 1] - times[first]) / (times[last] - times[first])
+    even = places[first] + share[:, None] * (places[last] - places[first])
+    return bool(np.abs(places[first : last + 1] - even).max() < _PIECE_ERROR)
+
+
+def _sides(places: Float, set_down: Bool) -> Float:
+    """To the left of each leg at its start and its end (k − 1, 2, 2), mitred with its neighbours.
+
+    A robot that turns where it stands, and one that was set down elsewhere, begins a new ribbon.
+    """
+    way = np.diff(places, axis=0)
+    length = np.hypot(way[:, 0], way[:, 1])
+    side = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
+    sides = np.repeat(side[:, None], 2, axis=1)
+    before, after = side[:-1], side[1:]
+    bend = np.einsum("ij,ij->i", before, after)
+    moves = (length > 1e-6) & ~set_down
+    joined = moves[:-1] & moves[1:] & (bend > _SHARPEST)
+    mitre = (before + after) / (1.0 + np.maximum(bend, _SHARPEST))[:, None]
+    sides[:-1, 1][joined] = mitre[joined]
+    sides[1:, 0][joined] = mitre[joined]
+    return sides

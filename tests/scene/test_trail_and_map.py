@@ -1,0 +1,64 @@
+"""The trail and the map as all pictures show them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_render import room_run
+
+from lrf3d.robot import Trajectory
+from lrf3d.scene.look import MAP_BAND
+from lrf3d.scene.timeline import Timeline, drive_keys
+from lrf3d.scene.trail_and_map import DrawnMap, _sides, straight_pieces, trail_ribbon
+
+
+def test_the_trail_has_no_gaps_where_the_robot_turns():
+    turns = np.array([0.0, 0.4, -0.7, 0.9, 0.0])
+    places = np.cumsum(np.column_stack([np.cos(turns), np.sin(turns)]), axis=0)
+    sides = _sides(places, np.zeros(len(places) - 1, dtype=bool))
+    # The ends of one leg are the starts of the next, and both edges lie a width off their legs.
+    assert sides[:-1, 1] == pytest.approx(sides[1:, 0])
+    along = np.diff(places, axis=0)
+    for end in range(2):
+        across = along[:, 0] * sides[:, end, 1] - along[:, 1] * sides[:, end, 0]
+        assert across == pytest.approx(np.ones(len(along)))
+    jumps = np.array([False, True, False, False])
+    apart = _sides(places, jumps)
+    assert not np.allclose(apart[0, 1], apart[1, 0])
+    # A robot that turns back on its way has no long tip.
+    back = _sides(np.array([[0.0, 0], [1, 0], [0, 0.01], [0, 0.01]]), np.zeros(3, dtype=bool))
+    assert np.hypot(*np.moveaxis(back, -1, 0)).max() < 1.5
+
+
+def test_the_trail_is_one_in_all_pictures_and_leaves_out_where_the_robot_was_set_down():
+    run = room_run(stops=True)
+    timeline = Timeline(run)
+    timeline.jumps = np.array([False, True])
+    keys = drive_keys(timeline)
+    # The robot is where the film has it at each key, and between keys goes straight.
+    poses = timeline.poses(keys.times + timeline.start) - [*timeline.origin, 0.0]
+    np.testing.assert_allclose(keys.poses[:, :2], poses[:, :2])
+    assert keys.set_down.sum() == 2 and np.diff(keys.times)[keys.set_down].max() < 0.01
+    ribbon = trail_ribbon(keys).reshape(-1, 6, 5)
+    assert (ribbon[keys.set_down, :, 2:4] == 0.0).all()
+    driven = sum(np.hypot(*piece.way) for piece in straight_pieces(keys))
+    assert driven == pytest.approx(np.hypot(*np.diff(run.trajectory.poses[:2, :2], axis=0)[0]))
+
+
+def test_scans_in_quick_succession_are_a_drive():
+    run = room_run()
+    quick = replace(run, trajectory=Trajectory(1e-3 * run.trajectory.times, run.trajectory.poses))
+    keys = drive_keys(Timeline(quick))
+    assert not keys.set_down.any()
+    assert sum(np.hypot(*piece.way) for piece in straight_pieces(keys)) == pytest.approx(1.5)
+
+
+def test_bands_of_the_map_stand_out_to_both_sides_and_look_outward():
+    drawn = DrawnMap(np.array([[1.0, 2.0, 4.0, 2.0]]), np.ones((1, 3)))
+    bands = drawn.bands().astype(float)
+    assert bands.shape == (3, 4, 3)
+    low, high = MAP_BAND
+    assert bands[..., 2].min() == pytest.approx(low) and bands[..., 2].max() == pytest.approx(high)
+    normals = np.cross(bands[:, 1] - bands[:, 0], bands[:, 2] - bands[:, 1])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    np.testing.assert_allclose(np.abs(normals), [[0, 1, 0], [0, 1, 0], [0, 0, 1]], atol=1e-6)
