@@ -241,3 +241,17 @@ SEVERAL_WALLS = 3
 
 SECOND_LINK = 1.0
 """[m] How much longer the second of the two may be: a much longer one leads past more walls."""
+
+# --- Evidence: the cells of the ground ---
+
+CELL = 0.1
+PASS_DIRECTIONS = 16
+HIT_DIRECTIONS = 8
+MOST_HITS = 255.0
+MOST_PASSES = 127
+CROSSING_SINE = 0.35
+FRESH_NEWS = 0.1
+MOVED = 0.01
+LONE_MISSES = 2
+MISSED_BEAMS = 2
+GROWN = 0.1

@@ -304,21 +304,21 @@ class LikelihoodExtractor:
         range_max = scan.range_max if scan.range_max < np.inf else USUAL_RANGE
         return RangeNoise.from_sigma(self.sigma, self.floor, range_max)
 
-    def walls(self, scan: LaserScan) -> LocalWalls:
-        """Walls of a scan, in the world's directions around the laser's place."""
+    def walls(self, scan: LaserScan, heading: float) -> LocalWalls:
+        """Walls of a scan around the laser's place, in a frame where it has a heading [rad]."""
         most = len(scan.ranges) // LEAST_POINTS
         ends, moments = np.empty((most, 4)), np.empty((most, 6))
         local = LocalWalls(ends, moments, np.empty((most, 2), np.int64))
-        theta, range_max = float(scan.pose.theta), float(scan.range_max)
+        range_max = float(scan.range_max)
         angles, ranges = _plain(scan.angles), _plain(scan.ranges)
         count = extract_walls(
-            theta, angles, ranges, range_max, self.noise(scan), float(self.gap), local
+            heading, angles, ranges, range_max, self.noise(scan), float(self.gap), local
         )
         return LocalWalls(ends[:count], moments[:count], local.labels[:count])
 
     def __call__(self, scan: LaserScan) -> SegmentTable:
         """The local map of a scan, in the world's directions around the laser's place."""
-        ends, moments, labels = self.walls(scan)
+        ends, moments, labels = self.walls(scan, float(scan.pose.theta))
         return SegmentTable(ends, moments, labels[:, 0], labels[:, 1])
 
 

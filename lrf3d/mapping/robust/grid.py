@@ -95,7 +95,7 @@ def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:  # pragma
     return True
 
 
-@inner
+@compiled
 def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:  # pragma: no cover
     """Take a row out of the cells [m] that its segment (4,) passes through."""
     x1, y1, x2, y2 = segment[0], segment[1], segment[2], segment[3]
@@ -119,6 +119,14 @@ def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:  # pragma
                     grid.following[before] = grid.following[entry]
                 grid.following[entry] = grid.used[2]
                 grid.used[2] = entry
+
+
+@compiled
+def find(
+    grid: Grid, segment: Float, reach: float, cell: float, stamps: Int, stamp: int, found: Int
+) -> int:  # pragma: no cover
+    """The same as `near`, for Python to call."""
+    return near(grid, segment, reach, cell, stamps, stamp, found)
 
 
 @inner

@@ -1,9 +1,8 @@
 """RobustMapper: the default, made to get the number of walls right, each in its place and object.
 
-An update extracts the walls of a scan and merges them with those of the map, at a cost that does
-not depend on the size of the map. The beams are kept, and when a map is asked for, its walls are
-refined by them: by hits and free-space violations, where walls bend, and which walls belong to one
-object.
+An update extracts the walls of a scan and merges them with those of the map, judges each beam of
+the scan once, by the cells that it goes through, and works over again the walls that this is news
+for. What it costs does not depend on the size of the map or on the number of scans.
 """
 
 from collections.abc import Mapping
@@ -14,11 +13,13 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.robust.beams import DuplicateFilter, ScanArchive
+from lrf3d.mapping.robust.beams import DuplicateFilter, Frame, free_ranges, pose_variance, widen
+from lrf3d.mapping.robust.evidence_grid import EvidenceGrid, News
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
-from lrf3d.mapping.robust.refinement import refine_map
+from lrf3d.mapping.robust.news import choose_walls, note_loose
+from lrf3d.mapping.robust.refinement import LEAST_ROWS, MapRefinement
 from lrf3d.mapping.robust.wall_store import WallStore
-from lrf3d.mapping.robust.walls import Rule
+from lrf3d.mapping.robust.walls import Rule, longer
 
 
 class RobustMapper:
@@ -31,54 +32,120 @@ class RobustMapper:
     """
 
     def __init__(self, extract: LikelihoodExtractor, rule: Rule, least: int) -> None:
-        self._extract, self._rule, self._least = extract, rule, least
+        self._extract, self._rule = extract, rule
         self._walls = WallStore(rule)
-        self._scans = ScanArchive()
+        self._grid = EvidenceGrid()
+        self._refined = MapRefinement(rule, least)
         self._duplicates = DuplicateFilter()
-        self._origin: Float | None = None
+        self._frame: Frame | None = None
         self._map: LineMap | None = None
-        self._noise = RangeNoise(extract.floor, 0.0)
+        # Of each wall of the store: its news, the scan that brought them, where it was refit.
+        self._news, self._told = np.zeros(LEAST_ROWS), np.zeros(LEAST_ROWS, np.int64)
+        self._refit = np.full((LEAST_ROWS, 4), np.nan)
+        self._scans = 0
 
     def update(self, scan: LaserScan) -> None:
-        """Merge the walls of a scan with the map's; the very same scan again changes nothing."""
+        """Unite the map with a scan; the same scan once more changes nothing."""
         if not self._duplicates.add(scan):
             return
         self._map = None
-        x, y = scan.pose.x, scan.pose.y
-        if self._origin is None:
-            # Whole metres, so that taking the origin off and adding it again loses nothing.
-            self._origin = np.round(np.array([x, y]))
-        place = (x - float(self._origin[0]), y - float(self._origin[1]))
-        ends, moments, labels = self._extract.walls(scan)
+        if self._frame is None:
+            self._frame = Frame.of(scan)
+        place, heading = self._frame.pose_of(scan)
+        noise = self._extract.noise(scan)
+        news = self._judge(scan, place, heading, noise)
+        ends, moments, labels = self._extract.walls(scan, heading)
+        widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
-        self._scans.add(scan, place)
-        self._noise = self._extract.noise(scan)
+        self._work_over(news, noise)
+
+    def _judge(
+        self, scan: LaserScan, place: tuple[float, float], heading: float, noise: RangeNoise
+    ) -> News:
+        """Add what the beams of a scan show to the grid; returns for which walls it is news."""
+        self._scans += 1
+        headings = scan.angles + heading
+        units = np.empty((len(headings), 2))
+        np.cos(headings, out=units[:, 0])
+        np.sin(headings, out=units[:, 1])
+        ranges = free_ranges(scan)
+        variances = noise.variance(ranges) + pose_variance(scan, ranges)
+        news = News(
+            self._refined.stamps,
+            self._news,
+            np.empty(len(self._news), np.int64),
+            self._told,
+            np.empty(len(ranges), np.int64),
+            np.array([0, 0, self._scans]),
+        )
+        self._grid.add(units, ranges, np.sqrt(variances), place, news)
+        return news
+
+    def _work_over(self, news: News, noise: RangeNoise) -> None:
+        """Refine the walls that there is news for."""
+        store, cells = self._walls, self._grid.cells
+        rows = len(store.walls.points)
+        if rows > len(self._news):
+            self._refined.grow(rows)
+            while len(self._news) < rows:
+                self._news, self._told = longer(self._news), longer(self._told)
+                self._refit = np.concatenate([self._refit, np.full_like(self._refit, np.nan)])
+            news = news._replace(
+                stamps=self._refined.stamps,
+                counts=self._news,
+                walls=np.concatenate([news.walls, np.empty(rows, np.int64)]),
+                told=self._told,
+            )
+        note_loose(news, cells, store.walls, store.touched, store.grid, self._rule.distance)
+        chosen = np.empty(rows, np.int64)
+        count = choose_walls(
+            news, store.changed, store.walls, self._refit, self._refined.evidence, chosen
+        )
+        if not count:
+            return
+        chosen = np.sort(chosen[:count])
+        alive = store.walls.points[chosen] > 0
+        walls = chosen[alive]
+        for row in self._refined.refine(
+            walls, store.walls.ends[walls], chosen[~alive], cells, noise
+        ):
+            # Beams went through it: if it comes back, it is found anew.
+            store.drop(row)
+            self._refined.stamps[row] += 1
+            self._refit[row] = np.nan
 
     @property
     def map(self) -> LineMap:
-        """The global map as it is now; it is computed once after an update, when it is read."""
+        """The global map as it is now."""
         if self._map is None:
-            beams = self._scans.beams(len(self._scans))
-            table = refine_map(self._walls.table(), beams, self._noise, self._rule, self._least)
-            self._map = table.as_map(np.zeros(2) if self._origin is None else self._origin)
+            table = self._refined.table()
+            self._map = LineMap.empty() if self._frame is None else self._frame.map_of(table)
         return self._map
 
     def state(self) -> dict[str, Any]:
         """All that the mapper has learnt, as plain arrays; `restore` takes them back."""
-        origin = np.full(2, np.nan) if self._origin is None else self._origin
+        frame = np.full(3, np.nan) if self._frame is None else np.array(self._frame)
         return {
             **self._walls.state(),
-            **self._scans.state(),
-            "fingerprints": self._duplicates.state(),
-            "origin": origin,
-            "noise": np.array(self._noise),
+            **self._grid.state(),
+            **self._refined.state(),
+            "fingerprint": self._duplicates.state(),
+            "frame": frame,
+            "news": self._news.copy(),
+            "news_told": self._told.copy(),
+            "refit": self._refit.copy(),
+            "scans": np.array([self._scans]),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what a mapper of the same settings had learnt."""
         self._walls.restore(state)
-        self._scans.restore(state)
-        self._duplicates.restore(state["fingerprints"])
-        self._origin = None if np.isnan(state["origin"]).any() else state["origin"].copy()
-        self._noise = RangeNoise(*state["noise"].tolist())
+        self._grid.restore(state)
+        self._refined.restore(state)
+        self._duplicates.restore(state["fingerprint"])
+        frame = state["frame"]
+        self._frame = None if np.isnan(frame).any() else Frame(*frame.tolist())
+        self._news, self._told = state["news"].copy(), state["news_told"].copy()
+        self._refit = state["refit"].copy()
+        self._scans = int(state["scans"][0])
         self._map = None

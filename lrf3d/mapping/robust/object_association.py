@@ -9,12 +9,16 @@ two objects of several walls are joined only by two such links: a single one may
 beam happened to find.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import Beams, range_deviation
+from lrf3d.mapping.robust.beams import range_deviation
+from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.constants import (
     ABUTS,
     ABUTS_SIDE,
@@ -173,14 +177,42 @@ def _stands_off(link: Float, wall: Float, blur: float) -> bool:  # pragma: no co
     return bool(ABUTS_SIDE < place < size - ABUTS_SIDE)
 
 
+class LinkCache(NamedTuple):
+    """What the beams have shown of links: a hash table.
+
+    Args:
+        keys: (slots,) two serial numbers of segments; 0 where a slot is free.
+        kinds: (slots,) what a link between them is.
+        used: (1,) how many there are.
+    """
+
+    keys: Int
+    kinds: NDArray[np.int8]
+    used: Int
+
+    @classmethod
+    def of_size(cls, slots: int) -> "LinkCache":
+        """No links, with some slots (a power of two)."""
+        return cls(np.zeros(slots, np.int64), np.zeros(slots, np.int8), np.zeros(1, np.int64))
+
+
+CROSSED, JOINS, BLOCKED, OPEN = 0, 1, 2, 3
+"""What a link is: it joins nothing; it joins two walls; it is long, and either no line of sight is
+open behind both of its walls, or one is."""
+
+
 @compiled
-def associate_objects(ends: Float, beams: Beams, noise: RangeNoise) -> Int:  # pragma: no cover
+def associate_objects(
+    ends: Float, serials: Int, cells: Cells, noise: RangeNoise, cache: LinkCache
+) -> Int:  # pragma: no cover
     """The object (m,) that each of some walls (m, 4) belongs to, named by one of its walls.
 
     Args:
         ends: (m, 4) walls [m], seen from their left.
-        beams: The beams.
-        noise: The noise of their ranges.
+        serials: (m,) their serial numbers.
+        cells: The cells.
+        noise: The noise of the ranges.
+        cache: What is known of links already; is written.
     """
     parents = np.arange(len(ends))
     sizes = np.ones(len(ends), np.int64)
@@ -200,31 +232,37 @@ def associate_objects(ends: Float, beams: Beams, noise: RangeNoise) -> Int:  # p
         one, other = _root(parents, pairs[place, 0]), _root(parents, pairs[place, 1])
         if one == other:
             continue
-        length = lengths[place]
-        if length > ABUTS:
-            wall, across = pairs[place, 0], pairs[place, 1]
+        wall, across = pairs[place, 0], pairs[place, 1]
+        first, second = serials[wall] + 1, serials[across] + 1
+        key = (min(first, second) << 32) + max(first, second)
+        mask = len(cache.keys) - 1
+        mixed = key * 0x9E3779B97F4A7C1
+        slot = (mixed ^ (mixed >> 29)) & mask
+        while cache.keys[slot] != key and cache.keys[slot] != 0:
+            slot = (slot + 1) & mask
+        if cache.keys[slot] == key:
+            kind = cache.kinds[slot]
+        else:
             others = near[starts[wall] : starts[wall + 1]]
-            if goes_before(links[place], ends, wall, across, others, blur):
-                continue
-        if length > SHORT_LINK:
-            if is_crossed(links[place, :4], beams, noise, FREE_DEPTH, 0):
-                continue
-            corner = links[place, 5] > 0.0
-            blocked = corner or _is_blocked(
-                ends[pairs[place, 0]], ends[pairs[place, 1]], beams, noise
-            )
-            if not corner and (not blocked or min(sizes[one], sizes[other]) >= SEVERAL_WALLS):
+            kind = _kind(links[place], ends, wall, across, others, blur, cells)
+            if 2 * cache.used[0] < len(cache.keys):
+                cache.keys[slot], cache.kinds[slot] = key, kind
+                cache.used[0] += 1
+        if kind == CROSSED:
+            continue
+        if kind != JOINS:
+            blocked = kind == BLOCKED
+            if not blocked or min(sizes[one], sizes[other]) >= SEVERAL_WALLS:
                 seconded = False
                 for k in range(count):
                     before = waiting[k]
                     # All sight is blocked at one of the two; the other is about as long.
-                    if not (blocked or (strong[k] and lengths[before] >= length - SECOND_LINK)):
+                    least = lengths[place] - SECOND_LINK
+                    if not (blocked or (strong[k] and lengths[before] >= least)):
                         continue
-                    first, second = (
-                        _root(parents, pairs[before, 0]),
-                        _root(parents, pairs[before, 1]),
-                    )
-                    if min(first, second) == min(one, other) and max(first, second) == max(
+                    own = _root(parents, pairs[before, 0])
+                    another = _root(parents, pairs[before, 1])
+                    if min(own, another) == min(one, other) and max(own, another) == max(
                         one, other
                     ):
                         seconded = True
@@ -233,14 +271,30 @@ def associate_objects(ends: Float, beams: Beams, noise: RangeNoise) -> Int:  # p
                     waiting[count], strong[count] = place, blocked
                     count += 1
                     continue
-        elif length > TOUCH and _is_separated(links[place], beams, noise):
-            continue
         kept, gone = min(one, other), max(one, other)
         parents[gone] = kept
         sizes[kept] += sizes[gone]
     for place in range(len(ends)):
         parents[place] = _root(parents, place)
     return parents
+
+
+@inner
+def _kind(
+    link: Float, ends: Float, wall: int, across: int, others: Int, blur: float, cells: Cells
+) -> int:  # pragma: no cover
+    """What a link (6,) of two walls is."""
+    if link[4] > ABUTS and goes_before(link, ends, wall, across, others, blur):
+        return CROSSED
+    if link[4] <= TOUCH:
+        return JOINS
+    if link[4] <= SHORT_LINK:
+        return CROSSED if _is_separated(link, cells) else JOINS
+    if is_crossed(link[:4], cells, FREE_DEPTH, 0):
+        return CROSSED
+    if link[5] > 0.0:
+        return JOINS
+    return BLOCKED if _is_blocked(ends[wall], ends[across], cells) else OPEN
 
 
 @inner
@@ -253,7 +307,7 @@ def _root(parents: Int, wall: int) -> int:  # pragma: no cover
 
 @inner
 def _is_blocked(
-    one: Float, other: Float, beams: Beams, noise: RangeNoise
+    one: Float, other: Float, cells: Cells
 ) -> bool:  # pragma: no cover
     """Whether no beam has crossed any line of sight that runs behind both of two walls."""
     line = np.empty(4)
@@ -264,15 +318,15 @@ def _is_blocked(
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])
             length = np.hypot(line[2] - line[0], line[3] - line[1])
             if max(reach_before(one, line), reach_before(other, line)) <= BEHIND_SINE * length:
-                if is_crossed(line, beams, noise, FREE_DEPTH, 0):
+                if is_crossed(line, cells, FREE_DEPTH, 0):
                     return False
     return True
 
 
 @inner
-def _is_separated(link: Float, beams: Beams, noise: RangeNoise) -> bool:  # pragma: no cover
+def _is_separated(link: Float, cells: Cells) -> bool:  # pragma: no cover
     """Whether beams have crossed a short link (6,): many of them, or deeper than into a corner."""
     depth = max(FREE_DEPTH, NICHE_DEPTH * link[4]) if link[5] > 0.0 else FREE_DEPTH
-    return is_crossed(link[:4], beams, noise, depth, STRAY_BEAMS) or is_crossed(
-        link[:4], beams, noise, FREE_DEPTH, CORNER_BEAMS
+    return is_crossed(link[:4], cells, depth, STRAY_BEAMS) or is_crossed(
+        link[:4], cells, FREE_DEPTH, CORNER_BEAMS
     )

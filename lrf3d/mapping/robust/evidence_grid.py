@@ -1,0 +1,449 @@
+"""EvidenceGrid: what all beams have shown of the ground, in cells, each beam judged once.
+
+A return adds to the moments of the returns in its cell that came the same way; each cell that a
+beam goes through counts it as a pass, by the beam's direction. What is kept grows with the ground
+that was seen and not with the number of scans, and sums do not depend on the order of the scans.
+The cells stand in blocks, which a hash table finds.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.constants import (
+    CELL,
+    FREE_DEPTH,
+    HIT_DEVIATIONS,
+    HIT_DIRECTIONS,
+    MOST_HITS,
+    MOST_PASSES,
+    PASS_DIRECTIONS,
+)
+from lrf3d.mapping.robust.grid import EMPTY
+
+Number = TypeVar("Number", bound=np.generic)
+
+SIDE_BITS = 4
+SIDE = 1 << SIDE_BITS
+"""Cells along the side of a block."""
+
+SOLID = np.uint8(128)
+"""Bit of the numbers of passes of a cell in which beams ended."""
+
+LEAST_BLOCKS, LEAST_CLUSTERS = 256, 4096
+"""How much a new grid has room for."""
+
+
+class Blocks(NamedTuple):
+    """Which blocks of cells there are: a hash table.
+
+    Args:
+        keys: (slots,) the block that has each slot; slots is a power of two.
+        numbers: (slots,) its number.
+        used: (1,) how many blocks there are.
+    """
+
+    keys: Int
+    numbers: Int
+    used: Int
+
+    @classmethod
+    def of_size(cls, blocks: int) -> "Blocks":
+        """No blocks, with room for some (a power of two)."""
+        return cls(
+            np.full(2 * blocks, EMPTY), np.zeros(2 * blocks, np.int64), np.zeros(1, np.int64)
+        )
+
+
+class Cells(NamedTuple):
+    """The cells, as compiled code takes them.
+
+    Args:
+        open: The blocks of cells that beams went through.
+        passes: (blocks, cells × directions) numbers of beams that went through each.
+        solid: The blocks of cells that beams ended in.
+        heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
+        following: (clusters,) the next of the same cell, −1 at the end.
+        ways: (clusters,) which way its beams came.
+        moments: (clusters, 9) number of returns, weight 1/variance [1/m²] of their ranges, mean
+            x, y [m], scatter xx, xy, yy about it, and mean direction x, y of the beams.
+        owners: (clusters, 2) the wall that each hit, in the first round of the refinement and in
+            the second; −1 where none.
+        claims: (clusters, 2) the owner's stamp when it took the cluster, which is free where the
+            owner has another stamp by now.
+        apart: (clusters, 2) how far each lies off its owner [m].
+        used: (1,) number of clusters.
+        widest: (1,) greatest deviation [m] of a return.
+    """
+
+    open: Blocks
+    passes: NDArray[np.uint8]
+    solid: Blocks
+    heads: NDArray[np.int32]
+    following: NDArray[np.int32]
+    ways: NDArray[np.int8]
+    moments: Float
+    owners: NDArray[np.int32]
+    claims: NDArray[np.int32]
+    apart: Float
+    used: Int
+    widest: Float
+
+
+@inner
+def _slot(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
+    """The slot of a block, or the free one that it would take."""
+    key = (x << 31) + y
+    mask = len(blocks.keys) - 1
+    mixed = key * 0x9E3779B97F4A7C1
+    slot = (mixed ^ (mixed >> 29)) & mask
+    while blocks.keys[slot] != key and blocks.keys[slot] != EMPTY:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@inner
+def block_at(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
+    """The number of a block; −1 where there is none."""
+    slot = _slot(blocks, x, y)
+    return -1 if blocks.keys[slot] == EMPTY else blocks.numbers[slot]
+
+
+@inner
+def _take_block(blocks: Blocks, x: int, y: int) -> bool:  # pragma: no cover
+    """Make sure that there is a block; False where there is no room."""
+    slot = _slot(blocks, x, y)
+    if blocks.keys[slot] == EMPTY:
+        if 2 * blocks.used[0] == len(blocks.keys):
+            return False
+        blocks.keys[slot], blocks.numbers[slot] = (x << 31) + y, blocks.used[0]
+        blocks.used[0] += 1
+    return True
+
+
+@compiled
+def take_open(blocks: Blocks, x: float, y: float, units: Float, ranges: Float) -> bool:  # pragma: no cover
+    """Make sure of all blocks that the beams go through; False where there is no room."""
+    size = CELL * SIDE
+    for beam in range(len(ranges)):
+        reach = abs(ranges[beam]) / size
+        dx, dy = units[beam, 0], units[beam, 1]
+        px, py = x / size, y / size
+        column, row = int(np.floor(px)), int(np.floor(py))
+        right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
+        wide = np.inf if dx == 0.0 else 1.0 / abs(dx)
+        high = np.inf if dy == 0.0 else 1.0 / abs(dy)
+        across = np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
+        up = np.inf if dy == 0.0 else ((row + 1.0 - py) if dy > 0.0 else (py - row)) * high
+        while True:
+            if not _take_block(blocks, column, row):
+                return False
+            if min(across, up) > reach:
+                break
+            if across < up:
+                column += right
+                across += wide
+            else:
+                row += ahead
+                up += high
+    return True
+
+
+@compiled
+def take_solid(blocks: Blocks, x: float, y: float, units: Float, ranges: Float) -> bool:  # pragma: no cover
+    """Make sure of all blocks that the beams end in; False where there is no room."""
+    size = CELL * SIDE
+    for beam in range(len(ranges)):
+        if ranges[beam] > 0.0:
+            column = int(np.floor((x + ranges[beam] * units[beam, 0]) / CELL)) >> SIDE_BITS
+            row = int(np.floor((y + ranges[beam] * units[beam, 1]) / CELL)) >> SIDE_BITS
+            if not _take_block(blocks, column, row):
+                return False
+    return True
+
+
+class News(NamedTuple):
+    """What the beams of a scan are news for.
+
+    Args:
+        stamps: (walls,) the stamp of each wall.
+        counts: (walls,) beams that hit each wall, or went through its hits, since it was refit.
+        walls: (walls,) the walls with news, each once.
+        told: (walls,) the last scan that was news for each wall.
+        loose: (≥ beams,) clusters that are hits of no wall and grew.
+        numbers: (3,) how many walls and clusters, and the number of the scan.
+    """
+
+    stamps: NDArray[np.int32]
+    counts: Float
+    walls: Int
+    told: Int
+    loose: Int
+    numbers: Int
+
+
+@compiled
+def add_beams(
+    cells: Cells, x: float, y: float, units: Float, ranges: Float, deviations: Float, news: News
+) -> None:  # pragma: no cover
+    """Add the beams of a scan from a place [m]; there is room for all that they bring.
+
+    Args:
+        cells: The cells; are written.
+        x: Where the laser is [m].
+        y: Where the laser is [m].
+        units: (n, 2) unit vectors of the beams.
+        ranges: (n,) ranges [m]; where nothing returned, minus the range that is free.
+        deviations: (n,) standard deviations of the places where they end [m].
+        news: Is written.
+    """
+    mask = SIDE - 1
+    for beam in range(len(ranges)):
+        reading = ranges[beam]
+        if reading == 0.0:
+            continue
+        dx, dy = units[beam, 0], units[beam, 1]
+        turn = np.arctan2(dy, dx) / (2.0 * np.pi)
+        free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
+        way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
+        px, py = x / CELL, y / CELL
+        column, row = int(np.floor(px)), int(np.floor(py))
+        right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
+        wide = np.inf if dx == 0.0 else 1.0 / abs(dx)
+        high = np.inf if dy == 0.0 else 1.0 / abs(dy)
+        across = np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
+        up = np.inf if dy == 0.0 else ((row + 1.0 - py) if dy > 0.0 else (py - row)) * high
+        entered = 0.0
+        block, at_x, at_y = -1, 1 << 40, 0
+        while True:
+            left = min(across, up)
+            # The middle of the beam's way through the cell decides.
+            if 0.5 * (entered + left) > free:
+                break
+            if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
+                at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+                block = block_at(cells.open, at_x, at_y)
+            if block >= 0:
+                place = (((row & mask) << SIDE_BITS) + (column & mask)) * PASS_DIRECTIONS + way
+                passed = cells.passes[block, place]
+                if passed & SOLID:
+                    _contradict(cells, block, place, column, row, news)
+                elif passed < MOST_PASSES:
+                    cells.passes[block, place] = passed + 1
+            entered = left
+            if across < up:
+                column += right
+                across += wide
+            else:
+                row += ahead
+                up += high
+        if reading > 0.0:
+            way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
+            cells.widest[0] = max(cells.widest[0], deviations[beam])
+            _add_hit(
+                cells, x + reading * dx, y + reading * dy, dx, dy, deviations[beam], way, news
+            )
+
+
+@inner
+def note(news: News, wall: int) -> None:  # pragma: no cover
+    """Note that a beam is news for a wall."""
+    news.counts[wall] += 1.0
+    if news.told[wall] != news.numbers[2]:
+        news.told[wall] = news.numbers[2]
+        news.walls[news.numbers[0]] = wall
+        news.numbers[0] += 1
+
+
+@inner
+def _contradict(
+    cells: Cells, block: int, place: int, column: int, row: int, news: News
+) -> None:  # pragma: no cover
+    """Count a beam that goes on through a cell where others ended."""
+    if cells.passes[block, place] < SOLID + MOST_PASSES:
+        cells.passes[block, place] += 1
+    else:
+        _forget(cells, column, row)
+    solid = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
+    if solid < 0:
+        return
+    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    cluster = cells.heads[solid, cell]
+    while cluster >= 0:
+        owner = cells.owners[cluster, 0]
+        if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
+            note(news, owner)
+        cluster = cells.following[cluster]
+
+
+@inner
+def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
+    """Halve the hits and the passes of a cell.
+
+    Their proportion stays, and what comes counts twice as much as what was.
+    """
+    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
+    if block >= 0:
+        for place in range(cell * PASS_DIRECTIONS, (cell + 1) * PASS_DIRECTIONS):
+            passed = cells.passes[block, place]
+            cells.passes[block, place] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
+    block = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
+    if block >= 0:
+        cluster = cells.heads[block, cell]
+        while cluster >= 0:
+            for k in (0, 1, 4, 5, 6):
+                cells.moments[cluster, k] *= 0.5
+            cluster = cells.following[cluster]
+
+
+@inner
+def _add_hit(
+    cells: Cells,
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    deviation: float,
+    way: int,
+    news: News,
+) -> None:  # pragma: no cover
+    """Add a return at a place [m] to the moments of its cell."""
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+    block = block_at(cells.solid, at_x, at_y)
+    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    if cells.heads[block, cell] < 0:
+        open_block = block_at(cells.open, at_x, at_y)
+        if open_block >= 0:
+            for place in range(cell * PASS_DIRECTIONS, (cell + 1) * PASS_DIRECTIONS):
+                cells.passes[open_block, place] |= SOLID
+    cluster = cells.heads[block, cell]
+    while cluster >= 0 and cells.ways[cluster] != way:
+        cluster = cells.following[cluster]
+    if cluster < 0:
+        cluster = cells.used[0]
+        cells.used[0] += 1
+        cells.ways[cluster] = way
+        cells.following[cluster] = cells.heads[block, cell]
+        cells.heads[block, cell] = cluster
+    total = cells.moments[cluster]
+    if total[0] >= MOST_HITS:
+        _forget(cells, column, row)
+    weight = 1.0 / (deviation * deviation)
+    total[0] += 1.0
+    total[1] += weight
+    share = weight / total[1]
+    ox, oy = x - total[2], y - total[3]
+    total[2] += share * ox
+    total[3] += share * oy
+    spread = weight * (1.0 - share)
+    total[4] += spread * ox * ox
+    total[5] += spread * ox * oy
+    total[6] += spread * oy * oy
+    total[7] += (dx - total[7]) / total[0]
+    total[8] += (dy - total[8]) / total[0]
+    owner = cells.owners[cluster, 0]
+    if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
+        note(news, owner)
+    else:
+        news.loose[news.numbers[1]] = cluster
+        news.numbers[1] += 1
+
+
+class EvidenceGrid:
+    """Cells that grow in place with the ground that beams show."""
+
+    def __init__(self) -> None:
+        self.cells = Cells(
+            Blocks.of_size(LEAST_BLOCKS),
+            np.zeros((LEAST_BLOCKS, SIDE * SIDE * PASS_DIRECTIONS), np.uint8),
+            Blocks.of_size(LEAST_BLOCKS),
+            np.full((LEAST_BLOCKS, SIDE * SIDE), -1, np.int32),
+            np.full(LEAST_CLUSTERS, -1, np.int32),
+            np.zeros(LEAST_CLUSTERS, np.int8),
+            np.zeros((LEAST_CLUSTERS, 9)),
+            np.full((LEAST_CLUSTERS, 2), -1, np.int32),
+            np.zeros((LEAST_CLUSTERS, 2), np.int32),
+            np.zeros((LEAST_CLUSTERS, 2)),
+            np.zeros(1, np.int64),
+            np.zeros(1),
+        )
+
+    def add(
+        self,
+        units: Float,
+        ranges: Float,
+        deviations: Float,
+        place: tuple[float, float],
+        news: News,
+    ) -> None:
+        """Add the beams of a scan from a place [m]; see `add_beams`."""
+        x, y = place
+        cells = self.cells
+        while not take_open(cells.open, x, y, units, ranges):
+            cells = cells._replace(open=_rehashed(cells.open), passes=_doubled(cells.passes, 0))
+        while not take_solid(cells.solid, x, y, units, ranges):
+            cells = cells._replace(solid=_rehashed(cells.solid), heads=_doubled(cells.heads, -1))
+        while cells.used[0] + len(ranges) > len(cells.moments):
+            cells = cells._replace(
+                following=_doubled(cells.following, -1),
+                ways=_doubled(cells.ways, 0),
+                moments=_doubled(cells.moments, 0),
+                owners=_doubled(cells.owners, -1),
+                claims=_doubled(cells.claims, 0),
+                apart=_doubled(cells.apart, 0),
+            )
+        self.cells = cells
+        add_beams(cells, x, y, units, ranges, deviations, news)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that the grid is, as plain arrays by their names; `restore` takes them back."""
+        return {f"cell_{name}": column.copy() for name, column in _columns(self.cells)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Be the grid whose state is given."""
+        columns = [state[f"cell_{name}"].copy() for name, _ in _columns(self.cells)]
+        self.cells = Cells(
+            Blocks(*columns[:3]), columns[3], Blocks(*columns[4:7]), *columns[7:]
+        )
+
+
+def _columns(cells: Cells) -> list[tuple[str, NDArray[Any]]]:
+    """The arrays of cells, with their names."""
+    columns: list[tuple[str, NDArray[Any]]] = []
+    for name, column in cells._asdict().items():
+        if isinstance(column, Blocks):
+            columns += [(f"{name}_{part}", array) for part, array in column._asdict().items()]
+        else:
+            columns.append((name, column))
+    return columns
+
+
+def _doubled(column: NDArray[Number], value: int) -> NDArray[Number]:
+    """An array with as many rows of a value behind it."""
+    return np.concatenate([column, np.full_like(column, value)])
+
+
+def _rehashed(blocks: Blocks) -> Blocks:
+    """The same blocks with room for twice as many."""
+    grown = Blocks.of_size(len(blocks.keys))
+    move_blocks(blocks, grown)
+    return grown
+
+
+@compiled
+def move_blocks(blocks: Blocks, grown: Blocks) -> None:  # pragma: no cover
+    """Put blocks into a larger hash table."""
+    for old in range(len(blocks.keys)):
+        key = blocks.keys[old]
+        if key == EMPTY:
+            continue
+        y = ((key + (1 << 30)) & ((1 << 31) - 1)) - (1 << 30)
+        slot = _slot(grown, (key - y) >> 31, y)
+        grown.keys[slot], grown.numbers[slot] = key, blocks.numbers[old]
+    grown.used[0] = blocks.used[0]

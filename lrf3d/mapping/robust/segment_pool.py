@@ -1,0 +1,121 @@
+"""SegmentPool: segments that come and go, in arrays that grow in place, found by where they are."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.constants import MERGE_CELL
+from lrf3d.mapping.robust.grid import Grid, find, insert, remove
+from lrf3d.mapping.robust.walls import Walls, longer
+
+LEAST_ROWS = 256
+"""Rows that a new pool has room for."""
+
+
+class SegmentPool:
+    """Segments, each of a wall that has a number.
+
+    Attributes:
+        walls: The segments; rows without points are free.
+        parents: (rows,) the number of the wall that each is of.
+        serials: (rows,) a number that no other segment ever has.
+    """
+
+    def __init__(self) -> None:
+        self.walls = Walls.of_size(LEAST_ROWS)
+        self.parents = np.zeros(LEAST_ROWS, np.int64)
+        self.serials = np.zeros(LEAST_ROWS, np.int64)
+        self._grid = Grid.of_size(4 * LEAST_ROWS)
+        self._stamps = np.zeros(LEAST_ROWS, np.int64)
+        self._found = np.zeros(LEAST_ROWS, np.int64)
+        self._rows_of: dict[int, list[int]] = {}
+        self._free: list[int] = []
+        self._top = self._searches = self._given = 0
+
+    def rows_of(self, walls: Iterable[int]) -> list[int]:
+        """The rows of the segments of some walls."""
+        return [row for wall in walls for row in self._rows_of.get(wall, ())]
+
+    def rows(self) -> Int:
+        """The rows of all segments."""
+        return np.flatnonzero(self.walls.points[: self._top])
+
+    def add(self, ends: Float, moments: Float, points: Int, parents: Int) -> Int:
+        """Add segments (n, 4); returns their rows (n,)."""
+        rows = [self._take() for _ in range(len(ends))]
+        for row, segment, parent in zip(rows, ends, parents.tolist(), strict=True):
+            self._rows_of.setdefault(parent, []).append(row)
+            self._insert(row, segment)
+        added = np.array(rows, np.int64)
+        self.walls.ends[added], self.walls.moments[added] = ends, moments
+        self.walls.points[added], self.parents[added] = points, parents
+        self.serials[added] = np.arange(self._given, self._given + len(rows))
+        self._given += len(rows)
+        return added
+
+    def drop(self, walls: Iterable[int]) -> Int:
+        """Drop all segments of some walls; returns the rows that they had."""
+        gone = [row for wall in walls for row in self._rows_of.pop(wall, ())]
+        for row in gone:
+            remove(self._grid, row, self.walls.ends[row], MERGE_CELL)
+            self.walls.points[row] = 0
+        self._free += gone
+        return np.array(gone, np.int64)
+
+    def near(self, segment: Float, reach: float) -> Int:
+        """The rows of segments near another (4,); some may be farther off than the reach [m]."""
+        self._searches += 1
+        count = find(
+            self._grid, segment, reach, MERGE_CELL, self._stamps, self._searches, self._found
+        )
+        return self._found[:count].copy()
+
+    def _take(self) -> int:
+        if self._free:
+            return self._free.pop()
+        if self._top == len(self.parents):
+            self.walls = self.walls.doubled()
+            self.parents, self.serials = longer(self.parents), longer(self.serials)
+            self._stamps, self._found = longer(self._stamps), longer(self._found)
+        self._top += 1
+        return self._top - 1
+
+    def _insert(self, row: int, segment: Float) -> None:
+        while not insert(self._grid, row, segment, MERGE_CELL):
+            grid = Grid.of_size(2 * len(self._grid.rows))
+            for other in self.rows().tolist():
+                insert(grid, other, self.walls.ends[other], MERGE_CELL)
+            self._grid = grid
+
+    def state(self, name: str) -> dict[str, Any]:
+        """All that the pool is, as plain arrays by their names; `restore` takes them back."""
+        walls = self.walls.take(slice(self._top))
+        return {
+            **{f"{name}_{part}": column for part, column in walls._asdict().items()},
+            **{f"{name}_grid_{part}": array.copy() for part, array in self._grid._asdict().items()},
+            f"{name}_parents": self.parents[: self._top].copy(),
+            f"{name}_serials": self.serials[: self._top].copy(),
+            f"{name}_free": np.array(self._free, np.int64),
+            f"{name}_given": np.array([self._given], np.int64),
+        }
+
+    def restore(self, state: Mapping[str, Any], name: str) -> None:
+        """Be the pool whose state is given."""
+        self.__init__()  # type: ignore[misc]
+        top = len(state[f"{name}_parents"])
+        while len(self.parents) < top:
+            self._top = len(self.parents)
+            self._take()
+        self._top, self._given = top, int(state[f"{name}_given"][0])
+        for part, column in self.walls._asdict().items():
+            column[:top] = state[f"{name}_{part}"]
+        self.parents[:top] = state[f"{name}_parents"]
+        self.serials[:top] = state[f"{name}_serials"]
+        self._grid = Grid(*(state[f"{name}_grid_{part}"].copy() for part in Grid._fields))
+        self._free = state[f"{name}_free"].tolist()
+        # The segments of a wall are kept in the order in which they came.
+        rows = self.rows()
+        for row in rows[np.argsort(self.serials[rows])].tolist():
+            self._rows_of.setdefault(int(self.parents[row]), []).append(row)
