@@ -38,10 +38,9 @@ def crossings(
     if block < 0:
         return 0
     place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    place *= PASS_DIRECTIONS
     count = 0
     for way in range(PASS_DIRECTIONS):
-        passed = cells.passes[block, place + way] & MOST_PASSES
+        passed = cells.passes[block, way * SIDE * SIDE + place] & MOST_PASSES
         if passed:
             turn = 2.0 * np.pi * way / PASS_DIRECTIONS
             if abs(np.cos(turn) * uy - np.sin(turn) * ux) > CROSSING_SINE:
@@ -60,7 +59,7 @@ def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no co
     if block < 0:
         return 0
     place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    passed: int = cells.passes[block, place * PASS_DIRECTIONS + way] & MOST_PASSES
+    passed: int = cells.passes[block, way * SIDE * SIDE + place] & MOST_PASSES
     return passed
 
 

@@ -64,7 +64,7 @@ class Cells(NamedTuple):
 
     Args:
         open: The blocks of cells that beams went through.
-        passes: (blocks, cells × directions) numbers of beams that went through each.
+        passes: (blocks, directions × cells) numbers of beams that went through each.
         solid: The blocks of cells that beams ended in.
         heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
         following: (clusters,) the next of the same cell, −1 at the end.
@@ -210,6 +210,8 @@ def add_beams(
         turn = np.arctan2(dy, dx) / (2.0 * np.pi)
         free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
         way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
+        # A beam stays in the plane of its direction, so that what it counts lies together.
+        plane = way * SIDE * SIDE
         px, py = x / CELL, y / CELL
         column, row = int(np.floor(px)), int(np.floor(py))
         right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
@@ -228,7 +230,7 @@ def add_beams(
                 at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
                 block = block_at(cells.open, at_x, at_y)
             if block >= 0:
-                place = (((row & mask) << SIDE_BITS) + (column & mask)) * PASS_DIRECTIONS + way
+                place = plane + ((row & mask) << SIDE_BITS) + (column & mask)
                 passed = cells.passes[block, place]
                 if passed & SOLID:
                     _contradict(cells, block, place, column, row, news)
@@ -289,7 +291,7 @@ def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
     if block >= 0:
-        for place in range(cell * PASS_DIRECTIONS, (cell + 1) * PASS_DIRECTIONS):
+        for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
             passed = cells.passes[block, place]
             cells.passes[block, place] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
     block = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
@@ -320,7 +322,7 @@ def _add_hit(
     if cells.heads[block, cell] < 0:
         open_block = block_at(cells.open, at_x, at_y)
         if open_block >= 0:
-            for place in range(cell * PASS_DIRECTIONS, (cell + 1) * PASS_DIRECTIONS):
+            for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
                 cells.passes[open_block, place] |= SOLID
     cluster = cells.heads[block, cell]
     while cluster >= 0 and cells.ways[cluster] != way:
@@ -426,7 +428,12 @@ def _columns(cells: Cells) -> list[tuple[str, NDArray[Any]]]:
 
 def _doubled(column: NDArray[Number], value: int) -> NDArray[Number]:
     """An array with as many rows of a value behind it."""
-    return np.concatenate([column, np.full_like(column, value)])
+    # What is zero costs nothing until it is written.
+    grown = np.zeros((2 * len(column), *column.shape[1:]), column.dtype)
+    grown[: len(column)] = column
+    if value:
+        grown[len(column) :] = value
+    return grown
 
 
 def _rehashed(blocks: Blocks) -> Blocks:

@@ -224,6 +224,9 @@ def associate_objects(
         lengths[k] = links[k, 4]
     order = order_of(lengths)
     waiting, strong = np.empty(len(order), np.int64), np.zeros(len(order), np.bool_)
+    # The links that wait, in a list for each object that one of them leads from.
+    heads, tails = np.full(len(ends), -1), np.full(len(ends), -1)
+    following, counts = np.full(2 * len(order), -1), np.zeros(len(ends), np.int64)
     blur = LINK_DEVIATIONS * range_deviation(noise, LONGEST_LINK)
     count = 0
     # The shortest links come first; most others join what is one object by then.
@@ -253,27 +256,38 @@ def associate_objects(
         if kind != JOINS:
             blocked = kind == BLOCKED
             if not blocked or min(sizes[one], sizes[other]) >= SEVERAL_WALLS:
+                least = -np.inf if blocked else lengths[place] - SECOND_LINK
+                few, many = (one, other) if counts[one] < counts[other] else (other, one)
                 seconded = False
-                for k in range(count):
-                    before = waiting[k]
+                entry = heads[few]
+                while entry >= 0 and not seconded:
+                    before = waiting[entry >> 1]
                     # All sight is blocked at one of the two; the other is about as long.
-                    least = lengths[place] - SECOND_LINK
-                    if not (blocked or (strong[k] and lengths[before] >= least)):
-                        continue
-                    own = _root(parents, pairs[before, 0])
-                    another = _root(parents, pairs[before, 1])
-                    if min(own, another) == min(one, other) and max(own, another) == max(
-                        one, other
-                    ):
-                        seconded = True
-                        break
+                    if blocked or (strong[entry >> 1] and lengths[before] >= least):
+                        seconded = _root(parents, pairs[before, 1 - (entry & 1)]) == many
+                    entry = following[entry]
                 if not seconded:
                     waiting[count], strong[count] = place, blocked
+                    for side in range(2):
+                        root = _root(parents, pairs[place, side])
+                        entry = 2 * count + side
+                        following[entry] = heads[root]
+                        heads[root] = entry
+                        if tails[root] < 0:
+                            tails[root] = entry
+                        counts[root] += 1
                     count += 1
                     continue
         kept, gone = min(one, other), max(one, other)
         parents[gone] = kept
         sizes[kept] += sizes[gone]
+        counts[kept] += counts[gone]
+        if heads[gone] >= 0:
+            if heads[kept] >= 0:
+                following[tails[kept]] = heads[gone]
+            else:
+                heads[kept] = heads[gone]
+            tails[kept] = tails[gone]
     for place in range(len(ends)):
         parents[place] = _root(parents, place)
     return parents

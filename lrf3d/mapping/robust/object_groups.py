@@ -4,7 +4,7 @@ Enter the segments that an update changed; leave objects that are worked out ane
 them. What the beams have shown of a link between two walls is asked once.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -37,9 +37,24 @@ class ObjectGroups:
         self._cache = LinkCache.of_size(LEAST_LINKS)
 
     def update(
-        self, pool: SegmentPool, gone: Int, fresh: Int, cells: Cells, noise: RangeNoise
+        self,
+        pool: SegmentPool,
+        gone: Int,
+        fresh: Int,
+        moved: Iterable[int],
+        cells: Cells,
+        noise: RangeNoise,
     ) -> None:
-        """Follow a change of the pool: rows that are gone, and rows that are new."""
+        """Follow a change of the pool.
+
+        Args:
+            pool: The segments.
+            gone: The rows whose segments are gone.
+            fresh: The rows with new segments.
+            moved: The rows whose segments have changed a little, some of the new ones too.
+            cells: What the beams have shown.
+            noise: The noise of the ranges.
+        """
         while len(self.labels) < len(pool.parents):
             self.closed, self.labels = longer(self.closed), longer(self.labels)
         touched = set(self.labels[gone].tolist())
@@ -51,6 +66,18 @@ class ObjectGroups:
         touched.discard(-1)
         for label in touched:
             rows.update(self._members.pop(label))
+        if rows:
+            self._regroup(pool, rows, cells, noise)
+        for label in {int(self.labels[row]) for row in moved}:
+            members = np.array(self._members[label], np.int64)
+            ends = pool.walls.ends[members]
+            close_corners(ends, self.labels[members])
+            self.closed[members] = ends
+
+    def _regroup(
+        self, pool: SegmentPool, rows: set[int], cells: Cells, noise: RangeNoise
+    ) -> None:
+        """Find the objects of some rows, which belong to no others."""
         alive = np.array(sorted(rows), np.int64)
         alive = alive[pool.walls.points[alive] > 0]
         ends = pool.walls.ends[alive]

@@ -134,10 +134,10 @@ class MapRefinement:
         for joint in affected:
             del self._parts[joint]
         old = sorted(affected)
-        gone = self.segments.drop(old)
         self._joint_stamps[old] += 1
         rows = np.array(parts, np.int64)
-        fresh = np.zeros(0, np.int64)
+        found, moments = np.empty((0, 4)), np.empty((0, 6))
+        hits = parents = np.zeros(0, np.int64)
         if len(rows):
             walls = self._stretches.walls.take(rows)
             roots = join_stretches(walls, self._rule, cells)
@@ -148,9 +148,9 @@ class MapRefinement:
             found, moments, labels, _ = self._refit(
                 1, rows[kept], walls.ends[kept], self._joint_stamps, cells, 0.0
             )
-            parents = rows[kept][labels[:, 0].astype(np.int64)]
-            fresh = self.segments.add(found, moments, labels[:, 1].astype(np.int64), parents)
-        self.groups.update(self.segments, gone, fresh, cells, noise)
+            hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
+        gone, fresh = self.segments.exchange(old, found, moments, hits, parents)
+        self.groups.update(self.segments, gone, fresh, self.segments.rows_of(set(parents.tolist())), cells, noise)
 
     def _refit(
         self, number: int, walls: Int, ends: Float, stamps: Any, cells: Cells, margin: float

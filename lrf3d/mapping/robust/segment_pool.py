@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.robust.constants import MERGE_CELL
+from lrf3d.mapping.robust.constants import MERGE_CELL, NEW_POINTS, UNCHANGED
 from lrf3d.mapping.robust.grid import Grid, find, insert, remove
 from lrf3d.mapping.robust.walls import Walls, longer
 
@@ -27,6 +27,7 @@ class SegmentPool:
         self.walls = Walls.of_size(LEAST_ROWS)
         self.parents = np.zeros(LEAST_ROWS, np.int64)
         self.serials = np.zeros(LEAST_ROWS, np.int64)
+        self._known = np.zeros(LEAST_ROWS, np.int64)
         self._grid = Grid.of_size(4 * LEAST_ROWS)
         self._stamps = np.zeros(LEAST_ROWS, np.int64)
         self._found = np.zeros(LEAST_ROWS, np.int64)
@@ -57,12 +58,51 @@ class SegmentPool:
 
     def drop(self, walls: Iterable[int]) -> Int:
         """Drop all segments of some walls; returns the rows that they had."""
-        gone = [row for wall in walls for row in self._rows_of.pop(wall, ())]
+        gone = sorted(row for wall in walls for row in self._rows_of.pop(wall, ()))
         for row in gone:
             remove(self._grid, row, self.walls.ends[row], MERGE_CELL)
             self.walls.points[row] = 0
         self._free += gone
         return np.array(gone, np.int64)
+
+    def exchange(
+        self, walls: Iterable[int], ends: Float, moments: Float, points: Int, parents: Int
+    ) -> tuple[Int, Int]:
+        """Put segments (n, 4) in the place of those of some walls.
+
+        One that hardly differs from one before keeps its row, and its serial number too until it
+        has many more points.
+
+        Returns:
+            The rows whose segments are gone, and those that have new ones.
+        """
+        old = np.array(sorted(row for wall in walls for row in self._rows_of.pop(wall, ())), np.int64)
+        rows = np.full(len(ends), -1)
+        if len(old) and len(ends):
+            apart = np.abs(ends[:, None] - self.walls.ends[old]).max(axis=2)
+            for k, nearest in enumerate(apart.argmin(axis=1).tolist()):
+                if apart[k, nearest] < UNCHANGED and old[nearest] not in rows:
+                    rows[k] = old[nearest]
+        gone = [row for row in old.tolist() if row not in rows]
+        for row in old.tolist():
+            remove(self._grid, row, self.walls.ends[row], MERGE_CELL)
+        self.walls.points[gone] = 0
+        self._free += gone
+        same = rows >= 0
+        grown = points[same] > NEW_POINTS * self._known[rows[same]]
+        renewed = rows[same][grown]
+        fresh = [self._take() for _ in range(len(ends) - np.count_nonzero(same))]
+        rows[~same] = fresh
+        self.walls.ends[rows], self.walls.moments[rows] = ends, moments
+        self.walls.points[rows], self.parents[rows] = points, parents
+        for row, segment, parent in zip(rows.tolist(), ends, parents.tolist(), strict=True):
+            self._rows_of.setdefault(parent, []).append(row)
+            self._insert(row, segment)
+        new = np.concatenate([np.array(fresh, np.int64), renewed])
+        self.serials[new] = np.arange(self._given, self._given + len(new))
+        self._known[new] = self.walls.points[new]
+        self._given += len(new)
+        return np.concatenate([np.array(gone, np.int64), renewed]), new
 
     def near(self, segment: Float, reach: float) -> Int:
         """The rows of segments near another (4,); some may be farther off than the reach [m]."""
@@ -78,6 +118,7 @@ class SegmentPool:
         if self._top == len(self.parents):
             self.walls = self.walls.doubled()
             self.parents, self.serials = longer(self.parents), longer(self.serials)
+            self._known = longer(self._known)
             self._stamps, self._found = longer(self._stamps), longer(self._found)
         self._top += 1
         return self._top - 1
@@ -97,6 +138,7 @@ class SegmentPool:
             **{f"{name}_grid_{part}": array.copy() for part, array in self._grid._asdict().items()},
             f"{name}_parents": self.parents[: self._top].copy(),
             f"{name}_serials": self.serials[: self._top].copy(),
+            f"{name}_known": self._known[: self._top].copy(),
             f"{name}_free": np.array(self._free, np.int64),
             f"{name}_given": np.array([self._given], np.int64),
         }
@@ -113,9 +155,8 @@ class SegmentPool:
             column[:top] = state[f"{name}_{part}"]
         self.parents[:top] = state[f"{name}_parents"]
         self.serials[:top] = state[f"{name}_serials"]
+        self._known[:top] = state[f"{name}_known"]
         self._grid = Grid(*(state[f"{name}_grid_{part}"].copy() for part in Grid._fields))
         self._free = state[f"{name}_free"].tolist()
-        # The segments of a wall are kept in the order in which they came.
-        rows = self.rows()
-        for row in rows[np.argsort(self.serials[rows])].tolist():
+        for row in self.rows().tolist():
             self._rows_of.setdefault(int(self.parents[row]), []).append(row)
