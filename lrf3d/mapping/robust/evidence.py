@@ -72,6 +72,7 @@ class Round(NamedTuple):
         ends: (m, 4) where they are [m].
         first: (m + 1,) the first piece of each.
         stamps: (≥ all walls,) the stamp of each wall by its number.
+        counts: (≥ all walls,) news of each wall: what it has lost to others is added.
     """
 
     number: int
@@ -79,6 +80,7 @@ class Round(NamedTuple):
     ends: Float
     first: Int
     stamps: NDArray[np.int32]
+    counts: Float
 
 
 @inner
@@ -168,11 +170,12 @@ def gather_evidence(
                             if incidence < 0.0:
                                 away += off
                             owner = cells.owners[cluster, number]
-                            if (
-                                owner < 0
-                                or turn.stamps[owner] != cells.claims[cluster, number]
-                                or away < cells.apart[cluster, number]
-                            ):
+                            owned = (
+                                owner >= 0 and turn.stamps[owner] == cells.claims[cluster, number]
+                            )
+                            if not owned or away < cells.apart[cluster, number]:
+                                if owned:
+                                    turn.counts[owner] += moments[0]
                                 owner = turn.walls[wall]
                                 cells.owners[cluster, number] = owner
                                 cells.claims[cluster, number] = turn.stamps[owner]

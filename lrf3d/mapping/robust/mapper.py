@@ -39,8 +39,8 @@ class RobustMapper:
         self._duplicates = DuplicateFilter()
         self._frame: Frame | None = None
         self._map: LineMap | None = None
-        # Of each wall of the store: its news, the scan that brought them, where it was refit.
-        self._news, self._told = np.zeros(LEAST_ROWS), np.zeros(LEAST_ROWS, np.int64)
+        # Of each wall of the store: the last scan that was news for it, and where it was refit.
+        self._told = np.zeros(LEAST_ROWS, np.int64)
         self._refit = np.full((LEAST_ROWS, 4), np.nan)
         self._scans = 0
 
@@ -72,8 +72,8 @@ class RobustMapper:
         variances = noise.variance(ranges) + pose_variance(scan, ranges)
         news = News(
             self._refined.stamps,
-            self._news,
-            np.empty(len(self._news), np.int64),
+            self._refined.news,
+            np.empty(len(self._told), np.int64),
             self._told,
             np.empty(len(ranges), np.int64),
             np.array([0, 0, self._scans]),
@@ -85,14 +85,14 @@ class RobustMapper:
         """Refine the walls that there is news for."""
         store, cells = self._walls, self._grid.cells
         rows = len(store.walls.points)
-        if rows > len(self._news):
+        if rows > len(self._told):
             self._refined.grow(rows)
-            while len(self._news) < rows:
-                self._news, self._told = longer(self._news), longer(self._told)
+            while len(self._told) < rows:
+                self._told = longer(self._told)
                 self._refit = np.concatenate([self._refit, np.full_like(self._refit, np.nan)])
             news = news._replace(
                 stamps=self._refined.stamps,
-                counts=self._news,
+                counts=self._refined.news,
                 walls=np.concatenate([news.walls, np.empty(rows, np.int64)]),
                 told=self._told,
             )
@@ -131,7 +131,6 @@ class RobustMapper:
             **self._refined.state(),
             "fingerprint": self._duplicates.state(),
             "frame": frame,
-            "news": self._news.copy(),
             "news_told": self._told.copy(),
             "refit": self._refit.copy(),
             "scans": np.array([self._scans]),
@@ -145,7 +144,7 @@ class RobustMapper:
         self._duplicates.restore(state["fingerprint"])
         frame = state["frame"]
         self._frame = None if np.isnan(frame).any() else Frame(*frame.tolist())
-        self._news, self._told = state["news"].copy(), state["news_told"].copy()
+        self._told = state["news_told"].copy()
         self._refit = state["refit"].copy()
         self._scans = int(state["scans"][0])
         self._map = None

@@ -5,12 +5,14 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import (
+    FEW_WALLS,
     FOLLOWED,
     FRESH_NEWS,
     GROWN,
     HIT_DEVIATIONS,
     MERGE_CELL,
     MOVED,
+    STALE_NEWS,
 )
 from lrf3d.mapping.robust.evidence_grid import Cells, News, note
 from lrf3d.mapping.robust.grid import Grid, near
@@ -79,7 +81,7 @@ def choose_walls(
         if news.told[changed[k]] != news.numbers[2]:
             note(news, changed[k])
             news.counts[changed[k]] -= 1.0
-    count = 0
+    count, stale, most = 0, -1, STALE_NEWS
     for k in range(news.numbers[0]):
         wall = news.walls[k]
         if walls.points[wall] == 0:
@@ -98,6 +100,15 @@ def choose_walls(
                 refit[wall, side] = walls.ends[wall, side]
             chosen[count] = wall
             count += 1
+        elif news.counts[wall] > most * evidence[wall]:
+            stale, most = wall, news.counts[wall] / evidence[wall]
+    if stale >= 0 and count < FEW_WALLS:
+        # An update with little to do catches up with the wall that has waited longest.
+        news.counts[stale] = 0.0
+        for side in range(4):
+            refit[stale, side] = walls.ends[stale, side]
+        chosen[count] = stale
+        count += 1
     return count
 
 

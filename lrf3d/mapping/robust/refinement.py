@@ -9,6 +9,7 @@ It goes in two rounds: of each wall the stretches that are real are found; stret
 joined, and checked again: what the first round cut free, the second merges.
 """
 
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
@@ -45,6 +46,7 @@ class MapRefinement:
 
     Attributes:
         stamps: (rows,) the stamp of each wall of the store; see `Cells`.
+        news: (rows,) beams that hit each wall, or went through its hits, since it was refit.
         evidence: (rows,) hits and free-space violations that each wall had when it was refit.
         segments: The segments of the map.
         groups: Their objects.
@@ -53,8 +55,9 @@ class MapRefinement:
     def __init__(self, rule: Rule, least: int) -> None:
         self._rule, self._least = rule, least
         self.stamps = np.zeros(LEAST_ROWS, np.int32)
-        self.evidence = np.zeros(LEAST_ROWS)
+        self.news, self.evidence = np.zeros(LEAST_ROWS), np.zeros(LEAST_ROWS)
         self._joint_stamps = np.zeros(LEAST_ROWS, np.int32)
+        self._joint_news = np.zeros(LEAST_ROWS)
         self._stretches, self.segments = SegmentPool(), SegmentPool()
         # The joined wall that each stretch is a part of is named by one of them.
         self._joint = np.zeros(LEAST_ROWS, np.int64)
@@ -64,7 +67,8 @@ class MapRefinement:
     def grow(self, rows: int) -> None:
         """Have room for so many walls."""
         while len(self.stamps) < rows:
-            self.stamps, self.evidence = longer(self.stamps), longer(self.evidence)
+            self.stamps = longer(self.stamps)
+            self.news, self.evidence = longer(self.news), longer(self.evidence)
 
     def refine(
         self, walls: Int, ends: Float, gone: Int, cells: Cells, noise: RangeNoise
@@ -96,7 +100,7 @@ class MapRefinement:
             units = FOLLOWED * units / lengths(ends)[:, None]
             ends = ends + np.hstack([-units, units])
             found, moments, labels, totals = self._refit(
-                0, walls, ends, self.stamps, cells, FOLLOWED
+                0, walls, ends, self.stamps, self.news, cells, FOLLOWED
             )
             self.evidence[walls] = totals.sum(axis=1)
             hits = labels[:, 1].astype(np.int64)
@@ -105,6 +109,7 @@ class MapRefinement:
             while len(self._joint) < len(self._stretches.parents):
                 self._joint = longer(self._joint)
                 self._joint_stamps = longer(self._joint_stamps)
+                self._joint_news = longer(self._joint_news)
             weak = VIOLATION_WEIGHT * totals[:, 1] > totals[:, 0]
             weak[np.isin(walls, parents)] = False
             contradicted = walls[weak].tolist()
@@ -146,25 +151,28 @@ class MapRefinement:
                 self._parts.setdefault(joint, []).append(row)
             kept = np.flatnonzero(walls.points)
             found, moments, labels, _ = self._refit(
-                1, rows[kept], walls.ends[kept], self._joint_stamps, cells, 0.0
+                1, rows[kept], walls.ends[kept], self._joint_stamps, self._joint_news, cells, 0.0
             )
             hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
         gone, fresh = self.segments.exchange(old, found, moments, hits, parents)
         self.groups.update(self.segments, gone, fresh, self.segments.rows_of(set(parents.tolist())), cells, noise)
 
     def _refit(
-        self, number: int, walls: Int, ends: Float, stamps: Any, cells: Cells, margin: float
+        self, number: int, walls: Int, ends: Float, stamps: Any, lost: Float, cells: Cells, margin: float
     ) -> tuple[Float, Float, Float, Float]:
         """The real segments of walls: ends, moments, labels; and evidence (walls, 2) of each."""
         pieces = np.maximum(np.ceil(lengths(ends) / PIECE).astype(np.int64), 1)
         first = np.concatenate([[0], np.cumsum(pieces)])
-        turn = Round(number, walls, ends, first, stamps)
+        turn = Round(number, walls, ends, first, stamps, lost)
         counts, sums = gather_evidence(turn, cells, self._rule.distance, margin)
         found, moments, labels = refit_segments(ends, first, counts, sums)
         hits, violations = labels[:, 1], labels[:, 2]
         needed = np.where(lengths(found) < SHORT_WALL, 2 * self._least, self._least)
         real = (hits >= needed) & (VIOLATION_WEIGHT * violations <= hits)
-        totals = np.add.reduceat(counts[:, :2], first[:-1])
+        spare = int(margin / PIECE)
+        totals = np.array(
+            [counts[a + spare : b - spare, :2].sum(axis=0) for a, b in itertools.pairwise(first)]
+        )
         return found[real], moments[real], labels[real], totals
 
     def table(self) -> SegmentTable:
@@ -185,6 +193,7 @@ class MapRefinement:
             **self.segments.state("segment"),
             **self.groups.state(),
             "refit_stamps": self.stamps.copy(),
+            "news": self.news.copy(),
             "refit_evidence": self.evidence.copy(),
             "joint_stamps": self._joint_stamps.copy(),
             "joints": self._joint.copy(),
@@ -196,6 +205,8 @@ class MapRefinement:
         self.segments.restore(state, "segment")
         self.groups.restore(state, self.segments)
         self.stamps, self.evidence = state["refit_stamps"].copy(), state["refit_evidence"].copy()
+        self.news = state["news"].copy()
+        self._joint_news = np.zeros(len(state["joints"]))
         self._joint_stamps, self._joint = state["joint_stamps"].copy(), state["joints"].copy()
         self._parts = {}
         for row in self._stretches.rows().tolist():
