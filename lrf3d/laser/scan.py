@@ -29,6 +29,8 @@ class LaserScan(Value):
         range_max: Farthest distance that the range finder measures [m].
         time: When the first beam was sent [s].
         time_increment: Time from one beam to the next [s].
+        pose_covariance: (3, 3) covariance of the pose's x, y [m] and theta [rad]; None where the
+            pose is exact or its error unknown. A mapper accepts the more as one wall.
 
     Examples:
         >>> import lrf3d
@@ -49,6 +51,7 @@ class LaserScan(Value):
     range_max: float = field(default=np.inf, kw_only=True)
     time: float = field(default=0.0, kw_only=True)
     time_increment: float = field(default=0.0, kw_only=True)
+    pose_covariance: Float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         angles, ranges = read_only(self.angles, "angles"), read_only(self.ranges, "ranges")
@@ -59,6 +62,14 @@ class LaserScan(Value):
                 f"scan with angles {angles.shape}, ranges {ranges.shape} and walls {walls.shape}:"
                 " expected one of each for every beam"
             )
+        if self.pose_covariance is not None:
+            covariance = read_only(self.pose_covariance, "pose_covariance")
+            if covariance.shape != (3, 3) or not is_covariance(covariance):
+                raise InputError(
+                    f"scan with pose_covariance {covariance.tolist()}: expected a symmetric matrix"
+                    " (3, 3) without negative eigenvalues"
+                )
+            object.__setattr__(self, "pose_covariance", covariance)
         object.__setattr__(self, "pose", as_pose(self.pose))
         object.__setattr__(self, "angles", angles)
         object.__setattr__(self, "ranges", ranges)
@@ -85,6 +96,7 @@ class LaserScan(Value):
             range_max=lrf.range_max,
             time=0.0,
             time_increment=lrf.time_increment,
+            pose_covariance=None,
         )
         return scan
 
@@ -123,6 +135,16 @@ class LaserScan(Value):
     def points(self) -> Float:
         """Reflection points (m, 2) in the world of the beams that returned (Eq. 8)."""
         return reflection_points(self.pose, self.angles[self.hits], self.ranges[self.hits])
+
+
+def is_covariance(matrix: Float) -> bool:
+    """Whether a matrix (n, n) is finite, symmetric, and has no negative eigenvalues, but for rounding."""
+    if not np.isfinite(matrix).all():
+        return False
+    rounding = 1e-12 * np.abs(matrix).max()
+    if np.abs(matrix - matrix.T).max() > rounding:
+        return False
+    return bool(np.linalg.eigvalsh(matrix).min() >= -rounding)
 
 
 def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Float:

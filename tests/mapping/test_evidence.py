@@ -6,8 +6,9 @@ import pytest
 from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
 from lrf3d.geometry import lengths
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import ScanArchive
-from lrf3d.mapping.robust.object_association import associate_objects
+from lrf3d.mapping.robust.beams import Beams, free_ranges
+from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
+from lrf3d.mapping.robust.object_association import LinkCache, associate_objects
 from lrf3d.mapping.robust.refitting import real_pieces
 
 LRF = LaserRangeFinder(range_max=30.0)
@@ -21,11 +22,20 @@ def drive(mapper, worlds, poses, sigma=0.02, lrf=LRF):
     return mapper.map
 
 
+NOISE = RangeNoise(0.01, 0.0)
+
+
 def seen_from(world, poses, lrf=CIRCLE):
-    archive = ScanArchive()
+    grid, noise = EvidenceGrid(), RangeNoise(1e-4, 0.0)
     for pose in poses:
-        archive.add(PlanarCaster(World(np.array(world))).cast(lrf, pose), pose[:2])
-    return archive.beams(len(archive))
+        scan = PlanarCaster(World(np.array(world))).cast(lrf, pose)
+        grid.add(Beams.of(scan, scan.pose.theta, noise), pose[:2])
+    return grid.cells
+
+
+def objects(ends, cells):
+    cache = LinkCache.of_size(1024)
+    return associate_objects(np.array(ends), np.arange(len(ends)), cells, NOISE, cache)
 
 
 def test_what_went_away_leaves_the_map():
@@ -63,9 +73,9 @@ def test_no_beam_between_makes_one_object_and_a_beam_two():
     house = np.array([[5.0, -2.0, 5.0, 2.0], [7.0, 2.0, 11.0, 2.0]])
     whole = [*house.tolist(), [5, 2, 7, 2.0]]
     beams = seen_from(whole, [(0, 0, 0), (8, 6, 0)])
-    assert len(set(associate_objects(house, beams, RangeNoise(0.01, 0.0)))) == 1
+    assert len(set(objects(house, beams))) == 1
     lane = [[5, -3, 5, -1.0], [5, 1, 5, 3.0]]
-    parted = associate_objects(np.array(lane), seen_from(lane, [(0, 0, 0)]), RangeNoise(0.01, 0.0))
+    parted = objects(lane, seen_from(lane, [(0, 0, 0)]))
     assert len(set(parted)) == 2
 
 
@@ -73,22 +83,32 @@ def test_what_lies_before_a_wall_is_no_part_of_it():
     # A pillar hides a part of the wall behind it; nothing was seen between the two.
     scene = [[5, 0.5, 5, -0.5], [12, 8, 12, -8.0]]
     beams = seen_from(scene, [(0, 0, 0)])
-    assert len(set(associate_objects(np.array(scene), beams, RangeNoise(0.01, 0.0)))) == 2
+    assert len(set(objects(scene, beams))) == 2
 
 
-def test_a_scan_from_almost_the_same_pose_is_kept_once():
-    world = World(np.array([[5, -6, 5, 6.0]]))
-    archive = ScanArchive()
-    for pose in [(0, 0, 0), (0.01, 0, 0.01), (0, 0, 1.0), (1.0, 0, 0)]:
-        archive.add(PlanarCaster(world).cast(LRF, pose), pose[:2])
-    assert len(archive) == 3
+def test_what_is_kept_does_not_grow_where_all_was_seen():
+    room = World(np.array([[9, -8, 9, 8], [9, 8, -9, 8], [-9, 8, -9, -8], [-9, -8, 9, -8.0]]))
+    mapper, sizes = LineMapper(sigma=0.02), []
+    for turn in range(3):
+        poses = [(0.1 * (k % 20), 0.05 * k, 0.3 * k) for k in range(40)]
+        drive(mapper, [room] * 40, poses, lrf=CIRCLE)
+        if turn:
+            sizes.append(sum(column.nbytes for column in mapper.state().values()))
+    assert sizes[1] <= 1.01 * sizes[0]
 
 
 def test_beams_that_return_nothing_are_free_as_far_as_they_reach():
-    archive = ScanArchive()
-    archive.add(PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0)), (0, 0))
-    ranges = archive.beams(1).ranges
+    ranges = free_ranges(PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0)))
     assert set(ranges[ranges < 0]) == {-30.0} and (ranges[ranges > 0] < 5.2).all()
+
+
+def test_a_beam_lost_between_two_that_returned_says_nothing():
+    scan = PlanarCaster(World(np.array([[5, -9, 5, 9.0]]))).cast(LRF, (0, 0, 0))
+    ranges = scan.ranges.copy()
+    ranges[85:95:2] = np.inf
+    free = free_ranges(replace(scan, ranges=ranges))
+    assert (free[85:95:2] == 0.0).all()
+    assert np.array_equal(free == -30.0, np.isinf(scan.ranges))
 
 
 def test_stretches_of_one_wall_are_bridged_where_no_beam_passed():
@@ -135,7 +155,7 @@ def test_faces_across_a_lane_are_two_objects_though_its_end_was_never_seen():
     # No beam went beyond what was seen of the two faces, so none passed between their far ends.
     lane, seen = [[5, -1, 12, -1.0], [12, 1, 5, 1.0]], [[5, -1, 6, -1.0], [6, 1, 5, 1.0]]
     beams = seen_from(lane, [(4, -3, 0), (4, 3, 0)])
-    assert len(set(associate_objects(np.array(seen), beams, RangeNoise(0.01, 0.0)))) == 2
+    assert len(set(objects(seen, beams))) == 2
 
 
 def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
@@ -143,12 +163,12 @@ def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
     rows += [[8, top, 8, y] for _, y, _, top in rows]
     walls = np.array(rows, dtype=np.float64)
     nothing = seen_from([[50.0, 50.0, 51.0, 51.0]], [(-60.0, 0.0, 0.0)])
-    assert len(set(associate_objects(walls, nothing, RangeNoise(0.01, 0.0)))) == 1
+    assert len(set(objects(walls, nothing))) == 1
     # The beams between the rows end short of their last walls, which alone stay linked.
     around = [[0, 0, 0, 6], [8, 6, 8, 0], [0, 5.4, 8, 5.4]]
     between = seen_from(np.array(around), [(4.0, -3.0, 0.0)])
-    assert len(set(associate_objects(walls, between, RangeNoise(0.01, 0.0)))) == 2
-    assert len(set(associate_objects(walls[[2, 5]], between, RangeNoise(0.01, 0.0)))) == 1
+    assert len(set(objects(walls, between))) == 2
+    assert len(set(objects(walls[[2, 5]], between))) == 1
 
 
 def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
@@ -158,4 +178,4 @@ def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
     door = [*ends.tolist(), [-3, 8, -3, 0]]
     for walls, count in ((corner, 1), (door, 2)):
         beams = seen_from(np.array(walls, dtype=np.float64), [(6, 5, 0), (5, 2, 0)])
-        assert len(set(associate_objects(ends, beams, RangeNoise(0.01, 0.0)))) == count
+        assert len(set(objects(ends, beams))) == count

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.compiling import inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.robust.constants import CELL, LONE_MISSES
@@ -62,6 +62,32 @@ class Frame(NamedTuple):
         return turned.as_map(np.array([self.x, self.y]))
 
 
+class Beams(NamedTuple):
+    """The beams of a scan in the map's frame.
+
+    Args:
+        units: (n, 2) their unit vectors.
+        ranges: (n,) ranges [m]; where nothing returned, minus the range that is free; 0 where
+            nothing is known.
+        deviations: (n,) standard deviations [m] of the places where they end.
+    """
+
+    units: Float
+    ranges: Float
+    deviations: Float
+
+    @classmethod
+    def of(cls, scan: LaserScan, heading: float, noise: RangeNoise) -> "Beams":
+        """The beams of a scan that was taken at a heading [rad]."""
+        headings = scan.angles + heading
+        units = np.empty((len(headings), 2))
+        np.cos(headings, out=units[:, 0])
+        np.sin(headings, out=units[:, 1])
+        ranges = free_ranges(scan)
+        variances = noise.variance(ranges) + pose_variance(scan, ranges)
+        return cls(units, ranges, np.sqrt(variances))
+
+
 def free_ranges(scan: LaserScan) -> Float:
     """Ranges (beams,) [m]; where nothing returned, minus the range that is free; 0 where unknown.
 
@@ -88,7 +114,7 @@ def free_ranges(scan: LaserScan) -> Float:
 
 def pose_variance(scan: LaserScan, ranges: Float) -> Float | float:
     """Variance [m²] of the places where beams end, ranges [m] away, that the pose's error leaves."""
-    covariance = getattr(scan, "pose_covariance", None)
+    covariance = scan.pose_covariance
     if covariance is None:
         return 0.0
     spread: Float = 0.5 * (covariance[0, 0] + covariance[1, 1]) + covariance[2, 2] * ranges**2
@@ -104,27 +130,9 @@ def widen(moments: Float, scan: LaserScan) -> None:
     moments[:, [0, 3, 4, 5]] /= (1.0 + moments[:, 0] * pose_variance(scan, reach))[:, None]
 
 
-class DuplicateFilter:
-    """Finds the scan before given once more, by a number of 64 bits."""
-
-    def __init__(self) -> None:
-        self._last = 0
-
-    def add(self, scan: LaserScan) -> bool:
-        """Remember a scan; returns whether it differs from the one before."""
-        digest = blake2b(scan.ranges.tobytes(), digest_size=8)
-        digest.update(scan.angles.tobytes())
-        digest.update(np.array(scan.pose).tobytes())
-        fingerprint = int.from_bytes(digest.digest(), "little", signed=True)
-        if fingerprint == self._last:
-            return False
-        self._last = fingerprint
-        return True
-
-    def state(self) -> Int:
-        """The number (1,)."""
-        return np.array([self._last])
-
-    def restore(self, state: Int) -> None:
-        """Remember just this."""
-        self._last = int(state[0])
+def fingerprint(scan: LaserScan) -> int:
+    """A number of 64 bits that no other scan has."""
+    digest = blake2b(scan.ranges.tobytes(), digest_size=8)
+    digest.update(scan.angles.tobytes())
+    digest.update(np.array(scan.pose).tobytes())
+    return int.from_bytes(digest.digest(), "little", signed=True)

@@ -87,18 +87,62 @@ MERGE_CELL = 4.0
 """[m] Size of a cell of the grid that finds partners: a few of the reach of merging and a fraction
 of a wall. It changes speed only."""
 
-# --- The beams that are kept ---
+# --- Evidence: what beams have shown of the ground ---
 
-SAME_PLACE = 0.23
-"""[m] Scans from nearer to each other than this, and alike in heading, see about the same, and only
-the first is kept. Less keeps more beams: a map then costs more time and memory."""
+LONE_MISSES = 2
+"""[beams] So few beams beside each other that return nothing between two that do are lost, and say
+nothing. More forgets what is seen through narrow gaps, less takes lost beams for gaps of walls."""
 
-SAME_HEADING = np.radians(9.0)
-"""[rad] Headings that are alike."""
+MISSED_BEAMS = 2
+"""[beams] How many lost beams beside each other part no cluster of returns."""
 
-REMEMBERED_SCANS = 1 << 16
-"""[scans] How many scans, the latest, the duplicate filter remembers: hours of a drive, in a few
-megabytes."""
+CELL = 0.1
+"""[m] Size of a cell. What is kept of the ground grows with its square; at 0.2 the purity of the
+objects of a town falls by 0.05."""
+
+PASS_DIRECTIONS = 16
+"""[directions] By how many directions the beams through a cell are told apart: those that run
+along a wall do not violate it. Eight serve as well but for narrow lanes."""
+
+HIT_DIRECTIONS = 8
+"""[directions] By how many directions returns are told apart: thin walls are seen from both sides,
+and at a corner two walls share a cell."""
+
+MOST_PASSES = 127
+"""[beams] When more have gone through a cell one way, all that is kept of the cell is halved: what
+came later counts more, so that a wall that goes away, or comes, is noticed after some hundred
+beams whatever was before. Seven bits: the eighth marks cells with returns."""
+
+MOST_HITS = 255.0
+"""[beams] The same for the returns in a cell from one direction."""
+
+CROSSING_SINE = 0.35
+"""[sine] Angle from which on a beam through a cell of a wall crosses it: at less it may run before
+the wall as well."""
+
+# --- News: which walls are worked over again ---
+
+FRESH_NEWS = 0.1
+"""[share] A wall is worked over again when this part of what it was refit by has come anew. Less
+takes time, more leaves walls behind what is known of them."""
+
+STALE_NEWS = 0.01
+"""[share] The same for the one wall that has waited longest, after scans with little news."""
+
+FEW_WALLS = 3
+"""[walls] How many walls are little news."""
+
+MOVED = 0.01
+"""[m] A wall is worked over again when its line has moved by this …"""
+
+GROWN = 0.1
+"""[m] … or it has become longer by this."""
+
+UNCHANGED = 0.05
+"""[m] A segment that has moved by less is the same one, and its links are not asked for again …"""
+
+NEW_POINTS = 1.3
+"""[share] … unless its points are this many times as many as when they were."""
 
 # --- Refinement: hits and free-space violations ---
 
@@ -217,9 +261,9 @@ BEHIND_SINE = 0.3
 LINK_DEVIATIONS = 2.0 * HIT_DEVIATIONS
 """[deviations] How far the end of a wall and the face before it may be off together."""
 
-LINK_END = 0.5 * PIECE
-"""[m] How much of a link's ends is left out: no end of a wall is known better than half a piece,
-and beams that go by it go on as far as they like."""
+LINK_END = 1.5 * CELL
+"""[m] How much of a link's ends is left out: beams that go by the end of a wall, through the same
+cells, go on as far as they like."""
 
 STRAY_BEAMS = 1
 """[beams] How many may cross a short link: noise that lets one through is rare, but links are
@@ -241,21 +285,3 @@ SEVERAL_WALLS = 3
 
 SECOND_LINK = 1.0
 """[m] How much longer the second of the two may be: a much longer one leads past more walls."""
-
-# --- Evidence: the cells of the ground ---
-
-CELL = 0.1
-PASS_DIRECTIONS = 16
-HIT_DIRECTIONS = 8
-MOST_HITS = 255.0
-MOST_PASSES = 127
-CROSSING_SINE = 0.35
-FRESH_NEWS = 0.1
-MOVED = 0.01
-LONE_MISSES = 2
-MISSED_BEAMS = 2
-GROWN = 0.1
-UNCHANGED = 0.05
-NEW_POINTS = 1.3
-STALE_NEWS = 0.01
-FEW_WALLS = 3

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.constants import (
     CELL,
     FREE_DEPTH,
@@ -126,7 +127,9 @@ def _take_block(blocks: Blocks, x: int, y: int) -> bool:  # pragma: no cover
 
 
 @compiled
-def take_open(blocks: Blocks, x: float, y: float, units: Float, ranges: Float) -> bool:  # pragma: no cover
+def take_open(
+    blocks: Blocks, x: float, y: float, units: Float, ranges: Float
+) -> bool:  # pragma: no cover
     """Make sure of all blocks that the beams go through; False where there is no room."""
     size = CELL * SIDE
     for beam in range(len(ranges)):
@@ -137,7 +140,9 @@ def take_open(blocks: Blocks, x: float, y: float, units: Float, ranges: Float) -
         right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
         wide = np.inf if dx == 0.0 else 1.0 / abs(dx)
         high = np.inf if dy == 0.0 else 1.0 / abs(dy)
-        across = np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
+        across = (
+            np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
+        )
         up = np.inf if dy == 0.0 else ((row + 1.0 - py) if dy > 0.0 else (py - row)) * high
         while True:
             if not _take_block(blocks, column, row):
@@ -154,7 +159,9 @@ def take_open(blocks: Blocks, x: float, y: float, units: Float, ranges: Float) -
 
 
 @compiled
-def take_solid(blocks: Blocks, x: float, y: float, units: Float, ranges: Float) -> bool:  # pragma: no cover
+def take_solid(
+    blocks: Blocks, x: float, y: float, units: Float, ranges: Float
+) -> bool:  # pragma: no cover
     """Make sure of all blocks that the beams end in; False where there is no room."""
     size = CELL * SIDE
     for beam in range(len(ranges)):
@@ -184,6 +191,15 @@ class News(NamedTuple):
     told: Int
     loose: Int
     numbers: Int
+
+    @classmethod
+    def of_no_walls(cls, beams: int) -> "News":
+        """The news of a scan where there are no walls."""
+        none = np.zeros(0, np.int64)
+        return cls(
+            np.zeros(0, np.int32), np.zeros(0), none, none, np.empty(beams, np.int64),
+            np.zeros(3, np.int64),
+        )  # fmt: skip
 
 
 @compiled
@@ -217,7 +233,9 @@ def add_beams(
         right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
         wide = np.inf if dx == 0.0 else 1.0 / abs(dx)
         high = np.inf if dy == 0.0 else 1.0 / abs(dy)
-        across = np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
+        across = (
+            np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
+        )
         up = np.inf if dy == 0.0 else ((row + 1.0 - py) if dy > 0.0 else (py - row)) * high
         entered = 0.0
         block, at_x, at_y = -1, 1 << 40, 0
@@ -246,9 +264,7 @@ def add_beams(
         if reading > 0.0:
             way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
             cells.widest[0] = max(cells.widest[0], deviations[beam])
-            _add_hit(
-                cells, x + reading * dx, y + reading * dy, dx, dy, deviations[beam], way, news
-            )
+            _add_hit(cells, x + reading * dx, y + reading * dy, dx, dy, deviations[beam], way, news)
 
 
 @inner
@@ -376,15 +392,11 @@ class EvidenceGrid:
             np.zeros(1),
         )
 
-    def add(
-        self,
-        units: Float,
-        ranges: Float,
-        deviations: Float,
-        place: tuple[float, float],
-        news: News,
-    ) -> None:
-        """Add the beams of a scan from a place [m]; see `add_beams`."""
+    def add(self, beams: Beams, place: tuple[float, float], news: News | None = None) -> None:
+        """Add the beams of a scan from a place [m], and note for which walls they are news."""
+        units, ranges, deviations = beams
+        if news is None:
+            news = News.of_no_walls(len(ranges))
         x, y = place
         cells = self.cells
         while not take_open(cells.open, x, y, units, ranges):
@@ -410,9 +422,7 @@ class EvidenceGrid:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Be the grid whose state is given."""
         columns = [state[f"cell_{name}"].copy() for name, _ in _columns(self.cells)]
-        self.cells = Cells(
-            Blocks(*columns[:3]), columns[3], Blocks(*columns[4:7]), *columns[7:]
-        )
+        self.cells = Cells(Blocks(*columns[:3]), columns[3], Blocks(*columns[4:7]), *columns[7:])
 
 
 def _columns(cells: Cells) -> list[tuple[str, NDArray[Any]]]:

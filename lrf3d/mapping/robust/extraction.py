@@ -22,6 +22,7 @@ from lrf3d.mapping.robust.constants import (
     GRAZING_ANGLE,
     LEAST_INCIDENCE,
     LEAST_POINTS,
+    MISSED_BEAMS,
     SCAN_CORNER_BEAMS,
     SCAN_CORNER_DEVIATIONS,
     SCAN_CORNER_SINE,
@@ -100,7 +101,8 @@ def sorted_returns(
         k = (i + 1) % kept
         if k == i or (k == 0 and not circle):
             continue
-        if (places[i] + 1) % count != places[k]:
+        # A beam that is lost says nothing of the wall between its neighbours.
+        if (places[k] - places[i]) % count > 1 + MISSED_BEAMS:
             continue
         turn = abs(turns[k] - turns[i])
         turn = min(turn, 2.0 * np.pi - turn)

@@ -128,5 +128,3 @@ def _span(one: Float, other: Float, line: Float) -> float:  # pragma: no cover
         line[0], line[1], line[2], line[3] = other[2], other[3], one[0], one[1]
     gap: float = max(ahead, back, 0.0)
     return gap
-
-

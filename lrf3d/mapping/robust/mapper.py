@@ -13,7 +13,7 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.robust.beams import DuplicateFilter, Frame, free_ranges, pose_variance, widen
+from lrf3d.mapping.robust.beams import Beams, Frame, fingerprint, widen
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid, News
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.news import choose_walls, note_loose
@@ -36,7 +36,7 @@ class RobustMapper:
         self._walls = WallStore(rule)
         self._grid = EvidenceGrid()
         self._refined = MapRefinement(rule, least)
-        self._duplicates = DuplicateFilter()
+        self._last_scan: int | None = None
         self._frame: Frame | None = None
         self._map: LineMap | None = None
         # Of each wall of the store: the last scan that was news for it, and where it was refit.
@@ -46,39 +46,34 @@ class RobustMapper:
 
     def update(self, scan: LaserScan) -> None:
         """Unite the map with a scan; the same scan once more changes nothing."""
-        if not self._duplicates.add(scan):
+        number = fingerprint(scan)
+        if number == self._last_scan:
             return
         self._map = None
         if self._frame is None:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
         noise = self._extract.noise(scan)
-        news = self._judge(scan, place, heading, noise)
+        news = self._judge(Beams.of(scan, heading, noise), place)
         ends, moments, labels = self._extract.walls(scan, heading)
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._work_over(news, noise)
+        # Last: a scan whose update was interrupted may be given again.
+        self._last_scan = number
 
-    def _judge(
-        self, scan: LaserScan, place: tuple[float, float], heading: float, noise: RangeNoise
-    ) -> News:
+    def _judge(self, beams: Beams, place: tuple[float, float]) -> News:
         """Add what the beams of a scan show to the grid; returns for which walls it is news."""
         self._scans += 1
-        headings = scan.angles + heading
-        units = np.empty((len(headings), 2))
-        np.cos(headings, out=units[:, 0])
-        np.sin(headings, out=units[:, 1])
-        ranges = free_ranges(scan)
-        variances = noise.variance(ranges) + pose_variance(scan, ranges)
         news = News(
             self._refined.stamps,
             self._refined.news,
             np.empty(len(self._told), np.int64),
             self._told,
-            np.empty(len(ranges), np.int64),
+            np.empty(len(beams.ranges), np.int64),
             np.array([0, 0, self._scans]),
         )
-        self._grid.add(units, ranges, np.sqrt(variances), place, news)
+        self._grid.add(beams, place, news)
         return news
 
     def _work_over(self, news: News, noise: RangeNoise) -> None:
@@ -129,7 +124,7 @@ class RobustMapper:
             **self._walls.state(),
             **self._grid.state(),
             **self._refined.state(),
-            "fingerprint": self._duplicates.state(),
+            "last_scan": np.array([] if self._last_scan is None else [self._last_scan], np.int64),
             "frame": frame,
             "news_told": self._told.copy(),
             "refit": self._refit.copy(),
@@ -141,7 +136,8 @@ class RobustMapper:
         self._walls.restore(state)
         self._grid.restore(state)
         self._refined.restore(state)
-        self._duplicates.restore(state["fingerprint"])
+        last = state["last_scan"].tolist()
+        self._last_scan = last[0] if last else None
         frame = state["frame"]
         self._frame = None if np.isnan(frame).any() else Frame(*frame.tolist())
         self._told = state["news_told"].copy()

@@ -41,9 +41,7 @@ def note_loose(
         point[1] = point[3] = moments[3]
         off = distance + HIT_DEVIATIONS * np.sqrt(moments[0] / moments[1])
         touched.number[1] += 1
-        count = near(
-            grid, point, FOLLOWED, MERGE_CELL, touched.searched, touched.number[1], found
-        )
+        count = near(grid, point, FOLLOWED, MERGE_CELL, touched.searched, touched.number[1], found)
         for i in range(count):
             wall = found[i]
             if walls.points[wall] > 0 and _reaches(walls.ends[wall], point[0], point[1], off):

@@ -320,9 +320,7 @@ def _root(parents: Int, wall: int) -> int:  # pragma: no cover
 
 
 @inner
-def _is_blocked(
-    one: Float, other: Float, cells: Cells
-) -> bool:  # pragma: no cover
+def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no cover
     """Whether no beam has crossed any line of sight that runs behind both of two walls."""
     line = np.empty(4)
     for own in SIGHT_PLACES:

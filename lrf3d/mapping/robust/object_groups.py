@@ -74,9 +74,7 @@ class ObjectGroups:
             close_corners(ends, self.labels[members])
             self.closed[members] = ends
 
-    def _regroup(
-        self, pool: SegmentPool, rows: set[int], cells: Cells, noise: RangeNoise
-    ) -> None:
+    def _regroup(self, pool: SegmentPool, rows: set[int], cells: Cells, noise: RangeNoise) -> None:
         """Find the objects of some rows, which belong to no others."""
         alive = np.array(sorted(rows), np.int64)
         alive = alive[pool.walls.points[alive] > 0]

@@ -134,7 +134,9 @@ class MapRefinement:
                 parts.update(more)
                 waiting += more
 
-    def _rejoin(self, parts: list[int], affected: set[int], cells: Cells, noise: RangeNoise) -> None:
+    def _rejoin(
+        self, parts: list[int], affected: set[int], cells: Cells, noise: RangeNoise
+    ) -> None:
         """Join stretches anew, and find the segments of the walls that they make."""
         for joint in affected:
             del self._parts[joint]
@@ -155,10 +157,19 @@ class MapRefinement:
             )
             hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
         gone, fresh = self.segments.exchange(old, found, moments, hits, parents)
-        self.groups.update(self.segments, gone, fresh, self.segments.rows_of(set(parents.tolist())), cells, noise)
+        self.groups.update(
+            self.segments, gone, fresh, self.segments.rows_of(set(parents.tolist())), cells, noise
+        )
 
     def _refit(
-        self, number: int, walls: Int, ends: Float, stamps: Any, lost: Float, cells: Cells, margin: float
+        self,
+        number: int,
+        walls: Int,
+        ends: Float,
+        stamps: Any,
+        lost: Float,
+        cells: Cells,
+        margin: float,
     ) -> tuple[Float, Float, Float, Float]:
         """The real segments of walls: ends, moments, labels; and evidence (walls, 2) of each."""
         pieces = np.maximum(np.ceil(lengths(ends) / PIECE).astype(np.int64), 1)

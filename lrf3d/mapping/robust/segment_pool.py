@@ -76,7 +76,9 @@ class SegmentPool:
         Returns:
             The rows whose segments are gone, and those that have new ones.
         """
-        old = np.array(sorted(row for wall in walls for row in self._rows_of.pop(wall, ())), np.int64)
+        old = np.array(
+            sorted(row for wall in walls for row in self._rows_of.pop(wall, ())), np.int64
+        )
         rows = np.full(len(ends), -1)
         if len(old) and len(ends):
             apart = np.abs(ends[:, None] - self.walls.ends[old]).max(axis=2)
