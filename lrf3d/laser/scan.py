@@ -138,7 +138,7 @@ class LaserScan(Value):
 
 
 def is_covariance(matrix: Float) -> bool:
-    """Whether a matrix (n, n) is finite, symmetric, and has no negative eigenvalues, but for rounding."""
+    """Whether a matrix (n, n) is finite, symmetric, and semidefinite, but for rounding."""
     if not np.isfinite(matrix).all():
         return False
     rounding = 1e-12 * np.abs(matrix).max()

@@ -113,7 +113,7 @@ def free_ranges(scan: LaserScan) -> Float:
 
 
 def pose_variance(scan: LaserScan, ranges: Float) -> Float | float:
-    """Variance [m²] of the places where beams end, ranges [m] away, that the pose's error leaves."""
+    """Variance [m²] that the pose's error leaves of places so far [m] from the laser."""
     covariance = scan.pose_covariance
     if covariance is None:
         return 0.0

@@ -163,7 +163,6 @@ def take_solid(
     blocks: Blocks, x: float, y: float, units: Float, ranges: Float
 ) -> bool:  # pragma: no cover
     """Make sure of all blocks that the beams end in; False where there is no room."""
-    size = CELL * SIDE
     for beam in range(len(ranges)):
         if ranges[beam] > 0.0:
             column = int(np.floor((x + ranges[beam] * units[beam, 0]) / CELL)) >> SIDE_BITS

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.robust.beams import Beams, Frame, fingerprint, widen

@@ -18,7 +18,6 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.beams import range_deviation
-from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.constants import (
     ABUTS,
     ABUTS_SIDE,
@@ -40,6 +39,7 @@ from lrf3d.mapping.robust.constants import (
     TOUCH,
 )
 from lrf3d.mapping.robust.evidence import is_crossed
+from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.grid import order_of, pairs_within
 
 

@@ -181,7 +181,7 @@ class MapRefinement:
         needed = np.where(lengths(found) < SHORT_WALL, 2 * self._least, self._least)
         real = (hits >= needed) & (VIOLATION_WEIGHT * violations <= hits)
         spare = int(margin / PIECE)
-        totals = np.array(
+        totals: Float = np.array(
             [counts[a + spare : b - spare, :2].sum(axis=0) for a, b in itertools.pairwise(first)]
         )
         return found[real], moments[real], labels[real], totals

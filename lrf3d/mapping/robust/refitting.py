@@ -108,7 +108,7 @@ def refit_segments(
     first: Int,
     counts: Float,
     sums: Float,
-) -> tuple[Float, Float, Int]:  # pragma: no cover
+) -> tuple[Float, Float, Float]:  # pragma: no cover
     """The real parts of walls (m, 4), refit to their hits.
 
     Returns:
