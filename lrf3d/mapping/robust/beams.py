@@ -13,7 +13,7 @@ from lrf3d.compiling import inner
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.robust.constants import CELL, LONE_MISSES
+from lrf3d.mapping.robust.constants import CELL, LEAST_LOST, LOSS_ODDS, MOST_LOST
 from lrf3d.mapping.segment_table import SegmentTable
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
@@ -88,10 +88,25 @@ class Beams(NamedTuple):
         return cls(units, ranges, np.sqrt(variances))
 
 
+def longest_loss(scan: LaserScan) -> int:
+    """How many beams beside each other that return nothing are put down to beams that are lost.
+
+    Each gap in a scan is taken for a lost beam to learn how often one is lost, at worst: of a scan
+    without losses the gaps are few.
+    """
+    returned = (scan.ranges > 0.0) & (scan.ranges <= scan.range_max) & (scan.ranges < np.inf)
+    hits = np.count_nonzero(returned)
+    gaps = np.count_nonzero(returned[:-1] & ~returned[1:])
+    if gaps == 0 or gaps >= hits:
+        return MOST_LOST if gaps else LEAST_LOST
+    run = int(np.ceil(np.log(LOSS_ODDS) / np.log(gaps / hits)))
+    return min(max(run, LEAST_LOST), MOST_LOST)
+
+
 def free_ranges(scan: LaserScan) -> Float:
     """Ranges (beams,) [m]; where nothing returned, minus the range that is free; 0 where unknown.
 
-    A beam that is lost between two that returned says nothing: only where a few beside each other
+    A beam that is lost between two that returned says nothing: only where more beside each other
     return nothing, nothing is there.
     """
     ranges: Float = scan.ranges.copy()
@@ -101,11 +116,12 @@ def free_ranges(scan: LaserScan) -> Float:
     if np.isinf(scan.range_max):
         ranges[np.isinf(ranges)] = 0.0
     elif missed.any():
+        lost = longest_loss(scan)
         edges = np.flatnonzero(np.diff(missed, prepend=False, append=False))
         free = missed.copy()
         for first, last in edges.reshape(-1, 2).tolist():
             # At the rim of the field of view there is no neighbour to lose it from.
-            if last - first <= LONE_MISSES and first > 0 and last < len(ranges):
+            if last - first <= lost and first > 0 and last < len(ranges):
                 free[first:last] = False
         ranges[missed] = 0.0
         ranges[free] = -scan.range_max

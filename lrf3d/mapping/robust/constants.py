@@ -89,12 +89,12 @@ of a wall. It changes speed only."""
 
 # --- Evidence: what beams have shown of the ground ---
 
-LONE_MISSES = 2
-"""[beams] So few beams beside each other that return nothing between two that do are lost, and say
-nothing. More forgets what is seen through narrow gaps, less takes lost beams for gaps of walls."""
+LOSS_ODDS = 0.01
+"""[odds] A gap in a scan that lost beams leave by no more than such a chance is a real one."""
 
-MISSED_BEAMS = 2
-"""[beams] How many lost beams beside each other part no cluster of returns."""
+LEAST_LOST, MOST_LOST = 2, 8
+"""[beams] How many beams beside each other may be lost at least, also where hardly any are, and at
+most. More forgets what is seen through narrow gaps, less takes lost beams for gaps of walls."""
 
 CELL = 0.1
 """[m] Size of a cell. What is kept of the ground grows with its square; at 0.2 the purity of the

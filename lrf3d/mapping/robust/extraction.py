@@ -15,14 +15,13 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
-from lrf3d.mapping.robust.beams import range_deviation
+from lrf3d.mapping.robust.beams import longest_loss, range_deviation
 from lrf3d.mapping.robust.constants import (
     CLUSTER_DEVIATIONS,
     END_DEVIATIONS,
     GRAZING_ANGLE,
     LEAST_INCIDENCE,
     LEAST_POINTS,
-    MISSED_BEAMS,
     SCAN_CORNER_BEAMS,
     SCAN_CORNER_DEVIATIONS,
     SCAN_CORNER_SINE,
@@ -56,6 +55,7 @@ def sorted_returns(
     range_max: float,
     noise: RangeNoise,
     gap: float,
+    lost: int,
 ) -> tuple[Float, Float, Float, Bool]:  # pragma: no cover
     """Beams, ranges and deviations of the returns by rising angle, and which hang together.
 
@@ -102,7 +102,7 @@ def sorted_returns(
         if k == i or (k == 0 and not circle):
             continue
         # A beam that is lost says nothing of the wall between its neighbours.
-        if (places[k] - places[i]) % count > 1 + MISSED_BEAMS:
+        if (places[k] - places[i]) % count > 1 + lost:
             continue
         turn = abs(turns[k] - turns[i])
         turn = min(turn, 2.0 * np.pi - turn)
@@ -126,6 +126,7 @@ def extract_walls(
     range_max: float,
     noise: RangeNoise,
     gap: float,
+    lost: int,
     local: LocalWalls,
 ) -> int:  # pragma: no cover
     """Find the walls of a scan.
@@ -137,6 +138,7 @@ def extract_walls(
         range_max: Farthest range [m] that counts.
         noise: The noise of the ranges.
         gap: The gap [m] that parts two clusters however far they are.
+        lost: How many lost beams beside each other part no cluster.
         local: (≥ n // 3 rows) is filled with the walls.
 
     Returns:
@@ -144,7 +146,7 @@ def extract_walls(
     """
     ends, moments, labels = local
     beams, reaches, deviations, joined = sorted_returns(
-        theta, angles, ranges, range_max, noise, gap
+        theta, angles, ranges, range_max, noise, gap, lost
     )
     count = len(reaches)
     found = clusters = 0
@@ -314,7 +316,14 @@ class LikelihoodExtractor:
         range_max = float(scan.range_max)
         angles, ranges = _plain(scan.angles), _plain(scan.ranges)
         count = extract_walls(
-            heading, angles, ranges, range_max, self.noise(scan), float(self.gap), local
+            heading,
+            angles,
+            ranges,
+            range_max,
+            self.noise(scan),
+            float(self.gap),
+            longest_loss(scan),
+            local,
         )
         return LocalWalls(ends[:count], moments[:count], local.labels[:count])
 
