@@ -2,13 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from map_objects import objects_of
 
 from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
 from lrf3d.geometry import lengths
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.beams import Beams, free_ranges
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
-from lrf3d.mapping.robust.object_association import LinkCache, associate_objects
 from lrf3d.mapping.robust.refitting import real_pieces
 
 LRF = LaserRangeFinder(range_max=30.0)
@@ -22,20 +22,12 @@ def drive(mapper, worlds, poses, sigma=0.02, lrf=LRF):
     return mapper.map
 
 
-NOISE = RangeNoise(0.01, 0.0)
-
-
 def seen_from(world, poses, lrf=CIRCLE):
     grid, noise = EvidenceGrid(), RangeNoise(1e-4, 0.0)
     for pose in poses:
         scan = PlanarCaster(World(np.array(world))).cast(lrf, pose)
         grid.add(Beams.of(scan, scan.pose.theta, noise), pose[:2])
     return grid.cells
-
-
-def objects(ends, cells):
-    cache = LinkCache.of_size(1024)
-    return associate_objects(np.array(ends), np.arange(len(ends)), cells, NOISE, cache)
 
 
 def test_what_went_away_leaves_the_map():
@@ -73,9 +65,9 @@ def test_no_beam_between_makes_one_object_and_a_beam_two():
     house = np.array([[5.0, -2.0, 5.0, 2.0], [7.0, 2.0, 11.0, 2.0]])
     whole = [*house.tolist(), [5, 2, 7, 2.0]]
     beams = seen_from(whole, [(0, 0, 0), (8, 6, 0)])
-    assert len(set(objects(house, beams))) == 1
+    assert len(set(objects_of(house, beams))) == 1
     lane = [[5, -3, 5, -1.0], [5, 1, 5, 3.0]]
-    parted = objects(lane, seen_from(lane, [(0, 0, 0)]))
+    parted = objects_of(lane, seen_from(lane, [(0, 0, 0)]))
     assert len(set(parted)) == 2
 
 
@@ -83,7 +75,7 @@ def test_what_lies_before_a_wall_is_no_part_of_it():
     # A pillar hides a part of the wall behind it; nothing was seen between the two.
     scene = [[5, 0.5, 5, -0.5], [12, 8, 12, -8.0]]
     beams = seen_from(scene, [(0, 0, 0)])
-    assert len(set(objects(scene, beams))) == 2
+    assert len(set(objects_of(scene, beams))) == 2
 
 
 def test_what_is_kept_does_not_grow_where_all_was_seen():
@@ -155,7 +147,7 @@ def test_faces_across_a_lane_are_two_objects_though_its_end_was_never_seen():
     # No beam went beyond what was seen of the two faces, so none passed between their far ends.
     lane, seen = [[5, -1, 12, -1.0], [12, 1, 5, 1.0]], [[5, -1, 6, -1.0], [6, 1, 5, 1.0]]
     beams = seen_from(lane, [(4, -3, 0), (4, 3, 0)])
-    assert len(set(objects(seen, beams))) == 2
+    assert len(set(objects_of(seen, beams))) == 2
 
 
 def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
@@ -163,12 +155,12 @@ def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
     rows += [[8, top, 8, y] for _, y, _, top in rows]
     walls = np.array(rows, dtype=np.float64)
     nothing = seen_from([[50.0, 50.0, 51.0, 51.0]], [(-60.0, 0.0, 0.0)])
-    assert len(set(objects(walls, nothing))) == 1
+    assert len(set(objects_of(walls, nothing))) == 1
     # The beams between the rows end short of their last walls, which alone stay linked.
     around = [[0, 0, 0, 6], [8, 6, 8, 0], [0, 5.4, 8, 5.4]]
     between = seen_from(np.array(around), [(4.0, -3.0, 0.0)])
-    assert len(set(objects(walls, between))) == 2
-    assert len(set(objects(walls[[2, 5]], between))) == 1
+    assert len(set(objects_of(walls, between))) == 2
+    assert len(set(objects_of(walls[[2, 5]], between))) == 1
 
 
 def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
@@ -178,4 +170,4 @@ def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
     door = [*ends.tolist(), [-3, 8, -3, 0]]
     for walls, count in ((corner, 1), (door, 2)):
         beams = seen_from(np.array(walls, dtype=np.float64), [(6, 5, 0), (5, 2, 0)])
-        assert len(set(objects(ends, beams))) == count
+        assert len(set(objects_of(ends, beams))) == count

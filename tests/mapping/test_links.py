@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
+from map_objects import objects_of
 
 from lrf3d import LaserRangeFinder, PlanarCaster, World
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
-from lrf3d.mapping.robust.object_association import LinkCache, associate_objects
 
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 
@@ -22,9 +22,7 @@ def objects(walls, world, poses):
     for pose in poses:
         scan = caster.cast(CIRCLE, pose)
         grid.add(Beams.of(scan, scan.pose.theta, noise), pose[:2])
-    walls = np.array(walls, dtype=np.float64)
-    cache = LinkCache.of_size(1024)
-    return len(set(associate_objects(walls, np.arange(len(walls)), grid.cells, noise, cache)))
+    return len(set(objects_of(walls, grid.cells)))
 
 
 @pytest.mark.parametrize("depth", [0.6, 1.0, 2.5])

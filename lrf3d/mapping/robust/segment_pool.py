@@ -20,20 +20,19 @@ class SegmentPool:
     Attributes:
         walls: The segments; rows without points are free.
         parents: (rows,) the number of the wall that each is of.
-        serials: (rows,) a number that no other segment ever has.
+        grid: Where they are, in cells of MERGE_CELL.
     """
 
     def __init__(self) -> None:
         self.walls = Walls.of_size(LEAST_ROWS)
         self.parents = np.zeros(LEAST_ROWS, np.int64)
-        self.serials = np.zeros(LEAST_ROWS, np.int64)
         self._known = np.zeros(LEAST_ROWS, np.int64)
-        self._grid = Grid.of_size(4 * LEAST_ROWS)
+        self.grid = Grid.of_size(4 * LEAST_ROWS)
         self._stamps = np.zeros(LEAST_ROWS, np.int64)
         self._found = np.zeros(LEAST_ROWS, np.int64)
         self._rows_of: dict[int, list[int]] = {}
         self._free: list[int] = []
-        self._top = self._searches = self._given = 0
+        self._top = self._searches = 0
 
     def rows_of(self, walls: Iterable[int]) -> list[int]:
         """The rows of the segments of some walls."""
@@ -52,15 +51,13 @@ class SegmentPool:
         added = np.array(rows, np.int64)
         self.walls.ends[added], self.walls.moments[added] = ends, moments
         self.walls.points[added], self.parents[added] = points, parents
-        self.serials[added] = np.arange(self._given, self._given + len(rows))
-        self._given += len(rows)
         return added
 
     def drop(self, walls: Iterable[int]) -> Int:
         """Drop all segments of some walls; returns the rows that they had."""
         gone = sorted(row for wall in walls for row in self._rows_of.pop(wall, ()))
         for row in gone:
-            remove(self._grid, row, self.walls.ends[row], MERGE_CELL)
+            remove(self.grid, row, self.walls.ends[row], MERGE_CELL)
             self.walls.points[row] = 0
         self._free += gone
         return np.array(gone, np.int64)
@@ -70,8 +67,8 @@ class SegmentPool:
     ) -> tuple[Int, Int]:
         """Put segments (n, 4) in the place of those of some walls.
 
-        One that hardly differs from one before keeps its row, and its serial number too until it
-        has many more points.
+        One that hardly differs from one before keeps its row, and is no new one until it has
+        many more points.
 
         Returns:
             The rows whose segments are gone, and those that have new ones.
@@ -87,7 +84,7 @@ class SegmentPool:
                     rows[k] = old[nearest]
         gone = [row for row in old.tolist() if row not in rows]
         for row in old.tolist():
-            remove(self._grid, row, self.walls.ends[row], MERGE_CELL)
+            remove(self.grid, row, self.walls.ends[row], MERGE_CELL)
         self.walls.points[gone] = 0
         self._free += gone
         same = rows >= 0
@@ -101,16 +98,14 @@ class SegmentPool:
             self._rows_of.setdefault(parent, []).append(row)
             self._insert(row, segment)
         new = np.concatenate([np.array(fresh, np.int64), renewed])
-        self.serials[new] = np.arange(self._given, self._given + len(new))
         self._known[new] = self.walls.points[new]
-        self._given += len(new)
         return np.concatenate([np.array(gone, np.int64), renewed]), new
 
     def near(self, segment: Float, reach: float) -> Int:
         """The rows of segments near another (4,); some may be farther off than the reach [m]."""
         self._searches += 1
         count = find(
-            self._grid, segment, reach, MERGE_CELL, self._stamps, self._searches, self._found
+            self.grid, segment, reach, MERGE_CELL, self._stamps, self._searches, self._found
         )
         return self._found[:count].copy()
 
@@ -119,30 +114,28 @@ class SegmentPool:
             return self._free.pop()
         if self._top == len(self.parents):
             self.walls = self.walls.doubled()
-            self.parents, self.serials = longer(self.parents), longer(self.serials)
+            self.parents = longer(self.parents)
             self._known = longer(self._known)
             self._stamps, self._found = longer(self._stamps), longer(self._found)
         self._top += 1
         return self._top - 1
 
     def _insert(self, row: int, segment: Float) -> None:
-        while not insert(self._grid, row, segment, MERGE_CELL):
-            grid = Grid.of_size(2 * len(self._grid.rows))
+        while not insert(self.grid, row, segment, MERGE_CELL):
+            grid = Grid.of_size(2 * len(self.grid.rows))
             for other in self.rows().tolist():
                 insert(grid, other, self.walls.ends[other], MERGE_CELL)
-            self._grid = grid
+            self.grid = grid
 
     def state(self, name: str) -> dict[str, Any]:
         """All that the pool is, as plain arrays by their names; `restore` takes them back."""
         walls = self.walls.take(slice(self._top))
         return {
             **{f"{name}_{part}": column for part, column in walls._asdict().items()},
-            **{f"{name}_grid_{part}": array.copy() for part, array in self._grid._asdict().items()},
+            **{f"{name}_grid_{part}": array.copy() for part, array in self.grid._asdict().items()},
             f"{name}_parents": self.parents[: self._top].copy(),
-            f"{name}_serials": self.serials[: self._top].copy(),
             f"{name}_known": self._known[: self._top].copy(),
             f"{name}_free": np.array(self._free, np.int64),
-            f"{name}_given": np.array([self._given], np.int64),
         }
 
     def restore(self, state: Mapping[str, Any], name: str) -> None:
@@ -152,13 +145,12 @@ class SegmentPool:
         while len(self.parents) < top:
             self._top = len(self.parents)
             self._take()
-        self._top, self._given = top, int(state[f"{name}_given"][0])
+        self._top = top
         for part, column in self.walls._asdict().items():
             column[:top] = state[f"{name}_{part}"]
         self.parents[:top] = state[f"{name}_parents"]
-        self.serials[:top] = state[f"{name}_serials"]
         self._known[:top] = state[f"{name}_known"]
-        self._grid = Grid(*(state[f"{name}_grid_{part}"].copy() for part in Grid._fields))
+        self.grid = Grid(*(state[f"{name}_grid_{part}"].copy() for part in Grid._fields))
         self._free = state[f"{name}_free"].tolist()
         for row in self.rows().tolist():
             self._rows_of.setdefault(int(self.parents[row]), []).append(row)
