@@ -116,6 +116,13 @@ beams whatever was before. Seven bits: the eighth marks cells with returns."""
 MOST_HITS = 255.0
 """[beams] The same for the returns in a cell from one direction."""
 
+GONE_AFTER = 20
+"""[beams] When so many have gone on where others ended, the same way and without a hit between
+them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
+
+SAME_WAY = 0.7
+"""[cosine] Angle between beams that go the same way."""
+
 CROSSING_SINE = 0.35
 """[sine] Angle from which on a beam through a cell of a wall crosses it: at less it may run before
 the wall as well."""

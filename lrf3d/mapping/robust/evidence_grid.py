@@ -18,11 +18,13 @@ from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.constants import (
     CELL,
     FREE_DEPTH,
+    GONE_AFTER,
     HIT_DEVIATIONS,
     HIT_DIRECTIONS,
     MOST_HITS,
     MOST_PASSES,
     PASS_DIRECTIONS,
+    SAME_WAY,
 )
 from lrf3d.mapping.robust.grid import EMPTY
 
@@ -77,6 +79,7 @@ class Cells(NamedTuple):
         claims: (clusters, 2) the owner's stamp when it took the cluster, which is free where the
             owner has another stamp by now.
         apart: (clusters, 2) how far each lies off its owner [m].
+        misses: (clusters,) beams that went on the way that its beams came, since the last hit.
         used: (1,) number of clusters.
         widest: (1,) greatest deviation [m] of a return.
     """
@@ -91,6 +94,7 @@ class Cells(NamedTuple):
     owners: NDArray[np.int32]
     claims: NDArray[np.int32]
     apart: Float
+    misses: NDArray[np.int32]
     used: Int
     widest: Float
 
@@ -250,7 +254,7 @@ def add_beams(
                 place = plane + ((row & mask) << SIDE_BITS) + (column & mask)
                 passed = cells.passes[block, place]
                 if passed & SOLID:
-                    _contradict(cells, block, place, column, row, news)
+                    _contradict(cells, block, place, column, row, dx, dy, news)
                 elif passed < MOST_PASSES:
                     cells.passes[block, place] = passed + 1
             entered = left
@@ -278,7 +282,14 @@ def note(news: News, wall: int) -> None:  # pragma: no cover
 
 @inner
 def _contradict(
-    cells: Cells, block: int, place: int, column: int, row: int, news: News
+    cells: Cells,
+    block: int,
+    place: int,
+    column: int,
+    row: int,
+    dx: float,
+    dy: float,
+    news: News,
 ) -> None:  # pragma: no cover
     """Count a beam that goes on through a cell where others ended."""
     if cells.passes[block, place] < SOLID + MOST_PASSES:
@@ -291,6 +302,14 @@ def _contradict(
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     cluster = cells.heads[solid, cell]
     while cluster >= 0:
+        total = cells.moments[cluster]
+        if dx * total[7] + dy * total[8] > SAME_WAY:
+            cells.misses[cluster] += 1
+            if cells.misses[cluster] >= GONE_AFTER:
+                # What beams hit there is gone: each further few halve what is left of it.
+                cells.misses[cluster] -= GONE_AFTER // 4
+                for k in (0, 1, 4, 5, 6):
+                    total[k] *= 0.5
         owner = cells.owners[cluster, 0]
         if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
             note(news, owner)
@@ -351,6 +370,7 @@ def _add_hit(
     total = cells.moments[cluster]
     if total[0] >= MOST_HITS:
         _forget(cells, column, row)
+    cells.misses[cluster] = 0
     weight = 1.0 / (deviation * deviation)
     total[0] += 1.0
     total[1] += weight
@@ -387,6 +407,7 @@ class EvidenceGrid:
             np.full((LEAST_CLUSTERS, 2), -1, np.int32),
             np.zeros((LEAST_CLUSTERS, 2), np.int32),
             np.zeros((LEAST_CLUSTERS, 2)),
+            np.zeros(LEAST_CLUSTERS, np.int32),
             np.zeros(1, np.int64),
             np.zeros(1),
         )
@@ -410,6 +431,7 @@ class EvidenceGrid:
                 owners=_doubled(cells.owners, -1),
                 claims=_doubled(cells.claims, 0),
                 apart=_doubled(cells.apart, 0),
+                misses=_doubled(cells.misses, 0),
             )
         self.cells = cells
         add_beams(cells, x, y, units, ranges, deviations, news)
