@@ -90,7 +90,8 @@ def test_what_is_kept_does_not_grow_where_all_was_seen():
 
 
 def test_beams_that_return_nothing_are_free_as_far_as_they_reach():
-    ranges = free_ranges(PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0)))
+    scan = PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0))
+    ranges = free_ranges(scan.ranges, scan.range_max)
     assert set(ranges[ranges < 0]) == {-30.0} and (ranges[ranges > 0] < 5.2).all()
 
 
@@ -98,7 +99,7 @@ def test_a_beam_lost_between_two_that_returned_says_nothing():
     scan = PlanarCaster(World(np.array([[5, -9, 5, 9.0]]))).cast(LRF, (0, 0, 0))
     ranges = scan.ranges.copy()
     ranges[85:95:2] = np.inf
-    free = free_ranges(replace(scan, ranges=ranges))
+    free = free_ranges(ranges, scan.range_max)
     assert (free[85:95:2] == 0.0).all()
     assert np.array_equal(free == -30.0, np.isinf(scan.ranges))
 

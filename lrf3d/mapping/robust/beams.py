@@ -79,22 +79,32 @@ class Beams(NamedTuple):
     @classmethod
     def of(cls, scan: LaserScan, heading: float, noise: RangeNoise) -> "Beams":
         """The beams of a scan that was taken at a heading [rad]."""
-        headings = scan.angles + heading
+        angles, measured = in_order(scan)
+        headings = angles + heading
         units = np.empty((len(headings), 2))
         np.cos(headings, out=units[:, 0])
         np.sin(headings, out=units[:, 1])
-        ranges = free_ranges(scan)
+        ranges = free_ranges(measured, scan.range_max)
         variances = noise.variance(ranges) + pose_variance(scan, ranges)
         return cls(units, ranges, np.sqrt(variances))
 
 
-def longest_loss(scan: LaserScan) -> int:
+def in_order(scan: LaserScan) -> tuple[Float, Float]:
+    """Angles (n,) [rad] and ranges (n,) [m] of a scan by rising angle."""
+    angles, ranges = scan.angles, scan.ranges
+    if (angles[1:] < angles[:-1]).any():
+        order = np.argsort(angles, kind="stable")
+        angles, ranges = angles[order], ranges[order]
+    return angles, ranges
+
+
+def longest_loss(ranges: Float, range_max: float) -> int:
     """How many beams beside each other that return nothing are put down to beams that are lost.
 
     Each gap in a scan is taken for a lost beam to learn how often one is lost, at worst: of a scan
     without losses the gaps are few.
     """
-    returned = (scan.ranges > 0.0) & (scan.ranges <= scan.range_max) & (scan.ranges < np.inf)
+    returned = (ranges > 0.0) & (ranges <= range_max) & (ranges < np.inf)
     hits = np.count_nonzero(returned)
     gaps = np.count_nonzero(returned[:-1] & ~returned[1:])
     if gaps == 0 or gaps >= hits:
@@ -103,20 +113,20 @@ def longest_loss(scan: LaserScan) -> int:
     return min(max(run, LEAST_LOST), MOST_LOST)
 
 
-def free_ranges(scan: LaserScan) -> Float:
-    """Ranges (beams,) [m]; where nothing returned, minus the range that is free; 0 where unknown.
+def free_ranges(measured: Float, range_max: float) -> Float:
+    """Ranges (beams,) [m] as `Beams` has them, of those measured by rising angle: where nothing returned, minus the range that is free; 0 where unknown.
 
     A beam that is lost between two that returned says nothing: only where more beside each other
     return nothing, nothing is there.
     """
-    ranges: Float = scan.ranges.copy()
+    ranges: Float = measured.copy()
     # Nothing is known before what is too near.
     ranges[~(ranges > 0.0)] = 0.0
-    missed = ranges > scan.range_max
-    if np.isinf(scan.range_max):
+    missed = ranges > range_max
+    if np.isinf(range_max):
         ranges[np.isinf(ranges)] = 0.0
     elif missed.any():
-        lost = longest_loss(scan)
+        lost = longest_loss(measured, range_max)
         edges = np.flatnonzero(np.diff(missed, prepend=False, append=False))
         free = missed.copy()
         for first, last in edges.reshape(-1, 2).tolist():
@@ -124,7 +134,7 @@ def free_ranges(scan: LaserScan) -> Float:
             if last - first <= lost and first > 0 and last < len(ranges):
                 free[first:last] = False
         ranges[missed] = 0.0
-        ranges[free] = -scan.range_max
+        ranges[free] = -range_max
     return ranges
 
 

@@ -438,22 +438,42 @@ class EvidenceGrid:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that the grid is, as plain arrays by their names; `restore` takes them back."""
-        return {f"cell_{name}": column.copy() for name, column in _columns(self.cells)}
+        return {
+            f"cell_{name}": column[:count].copy() for name, column, count in _columns(self.cells)
+        }
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Be the grid whose state is given."""
-        columns = [state[f"cell_{name}"].copy() for name, _ in _columns(self.cells)]
+        blank = EvidenceGrid().cells
+        columns: list[Any] = []
+        for name, column, _ in _columns(blank):
+            kept = state[f"cell_{name}"]
+            rows = max(len(column), 1 << (len(kept) - 1).bit_length()) if len(kept) else len(column)
+            # Free rows are as those of a new grid.
+            free = np.repeat(column[-1:], rows - len(kept), axis=0)
+            columns.append(np.concatenate([kept, free]))
         self.cells = Cells(Blocks(*columns[:3]), columns[3], Blocks(*columns[4:7]), *columns[7:])
+        # Blocks have room for half as many as their hash tables.
+        for blocks, rows in ((self.cells.open, "passes"), (self.cells.solid, "heads")):
+            while 2 * len(getattr(self.cells, rows)) < len(blocks.keys):
+                value = int(getattr(blank, rows)[-1, -1])
+                more: Any = {rows: _doubled(getattr(self.cells, rows), value)}
+                self.cells = self.cells._replace(**more)
 
 
-def _columns(cells: Cells) -> list[tuple[str, NDArray[Any]]]:
-    """The arrays of cells, with their names."""
-    columns: list[tuple[str, NDArray[Any]]] = []
+def _columns(cells: Cells) -> list[tuple[str, NDArray[Any], int]]:
+    """The arrays of cells, with their names and how many of their rows are used."""
+    columns: list[tuple[str, NDArray[Any], int]] = []
     for name, column in cells._asdict().items():
         if isinstance(column, Blocks):
-            columns += [(f"{name}_{part}", array) for part, array in column._asdict().items()]
+            columns += [
+                (f"{name}_{part}", array, len(array)) for part, array in column._asdict().items()
+            ]
+        elif name in ("used", "widest"):
+            columns.append((name, column, 1))
         else:
-            columns.append((name, column))
+            used = {"passes": cells.open.used, "heads": cells.solid.used}.get(name, cells.used)
+            columns.append((name, column, int(used[0])))
     return columns
 
 

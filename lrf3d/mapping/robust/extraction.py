@@ -15,7 +15,7 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
-from lrf3d.mapping.robust.beams import longest_loss, range_deviation
+from lrf3d.mapping.robust.beams import in_order, longest_loss, range_deviation
 from lrf3d.mapping.robust.constants import (
     CLUSTER_DEVIATIONS,
     END_DEVIATIONS,
@@ -322,7 +322,7 @@ class LikelihoodExtractor:
             range_max,
             self.noise(scan),
             float(self.gap),
-            longest_loss(scan),
+            longest_loss(in_order(scan)[1], range_max),
             local,
         )
         return LocalWalls(ends[:count], moments[:count], local.labels[:count])

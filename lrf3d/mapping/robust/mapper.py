@@ -40,7 +40,7 @@ class RobustMapper:
         self._map: LineMap | None = None
         # Of each wall of the store: the last scan that was news for it, and where it was refit.
         self._told = np.zeros(LEAST_ROWS, np.int64)
-        self._refit = np.full((LEAST_ROWS, 4), np.nan)
+        self._refit = np.full((LEAST_ROWS, 4), np.inf)
         self._scans = 0
 
     def update(self, scan: LaserScan) -> None:
@@ -83,7 +83,7 @@ class RobustMapper:
             self._refined.grow(rows)
             while len(self._told) < rows:
                 self._told = longer(self._told)
-                self._refit = np.concatenate([self._refit, np.full_like(self._refit, np.nan)])
+                self._refit = np.concatenate([self._refit, np.full_like(self._refit, np.inf)])
             news = news._replace(
                 stamps=self._refined.stamps,
                 counts=self._refined.news,
@@ -106,7 +106,7 @@ class RobustMapper:
             # Beams went through it: if it comes back, it is found anew.
             store.drop(row)
             self._refined.stamps[row] += 1
-            self._refit[row] = np.nan
+            self._refit[row] = np.inf
 
     @property
     def map(self) -> LineMap:

@@ -68,7 +68,7 @@ def choose_walls(
         news: The news of the walls; is written.
         changed: (n,) the rows of the store that changed.
         walls: The walls of the store.
-        refit: (rows, 4) where each wall was when it was refit last; NaN where it never was.
+        refit: (rows, 4) where each wall was when it was refit last; infinite where it never was.
         evidence: (rows,) hits and violations that it had then.
         chosen: (rows,) is filled with their rows.
 
@@ -84,12 +84,12 @@ def choose_walls(
         wall = news.walls[k]
         if walls.points[wall] == 0:
             news.counts[wall] = 0.0
-            if not np.isnan(refit[wall, 0]):
-                refit[wall, 0] = np.nan
+            if not np.isinf(refit[wall, 0]):
+                refit[wall, 0] = np.inf
                 chosen[count] = wall
                 count += 1
         elif (
-            np.isnan(refit[wall, 0])
+            np.isinf(refit[wall, 0])
             or news.counts[wall] >= FRESH_NEWS * evidence[wall]
             or _moved(refit[wall], walls.ends[wall])
         ):
