@@ -114,7 +114,7 @@ def longest_loss(ranges: Float, range_max: float) -> int:
 
 
 def free_ranges(measured: Float, range_max: float) -> Float:
-    """Ranges (beams,) [m] as `Beams` has them, of those measured by rising angle: where nothing returned, minus the range that is free; 0 where unknown.
+    """Ranges (beams,) [m] of those measured, by rising angle, as `Beams` has them.
 
     A beam that is lost between two that returned says nothing: only where more beside each other
     return nothing, nothing is there.

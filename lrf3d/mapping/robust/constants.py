@@ -153,10 +153,6 @@ NEW_POINTS = 1.3
 
 # --- Refinement: hits and free-space violations ---
 
-ROUNDS = 2
-"""[rounds] How often walls are refit and merged again: what the first round cuts free, the second
-merges."""
-
 PIECE = 0.1
 """[m] Length of a piece of a wall, within which its evidence is counted."""
 
@@ -188,6 +184,10 @@ off: beams that all but run along a wall hit it anywhere."""
 VIOLATION_WEIGHT = 0.07
 """[hits] What a free-space violation weighs against a hit: poses and edges are a little wrong, so a
 wall that one beam in fifteen hit is still more than nothing."""
+
+FORSAKEN = 4.0
+"""[share] A wall without a real part is given up, and found anew if it comes back, where its
+violations outweigh its hits by this. Less takes time to find weak walls again and again."""
 
 OPEN_WEIGHT = 0.5
 """[hits] What a free-space violation weighs at a piece without hits."""

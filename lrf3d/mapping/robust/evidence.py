@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.blocks import SIDE, SIDE_BITS, block_at
 from lrf3d.mapping.robust.constants import (
     CELL,
     CONTINUATION_PENALTY,
@@ -25,7 +26,7 @@ from lrf3d.mapping.robust.constants import (
     PASS_DIRECTIONS,
     PIECE,
 )
-from lrf3d.mapping.robust.evidence_grid import SIDE, SIDE_BITS, Cells, block_at
+from lrf3d.mapping.robust.evidence_grid import Cells
 
 
 @inner

@@ -15,6 +15,15 @@ from numpy.typing import NDArray
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.beams import Beams
+from lrf3d.mapping.robust.blocks import (
+    SIDE,
+    SIDE_BITS,
+    Blocks,
+    block_at,
+    rehashed,
+    take_open,
+    take_solid,
+)
 from lrf3d.mapping.robust.constants import (
     CELL,
     FREE_DEPTH,
@@ -26,40 +35,14 @@ from lrf3d.mapping.robust.constants import (
     PASS_DIRECTIONS,
     SAME_WAY,
 )
-from lrf3d.mapping.robust.grid import EMPTY
 
 Number = TypeVar("Number", bound=np.generic)
-
-SIDE_BITS = 4
-SIDE = 1 << SIDE_BITS
-"""Cells along the side of a block."""
 
 SOLID = np.uint8(128)
 """Bit of the numbers of passes of a cell in which beams ended."""
 
 LEAST_BLOCKS, LEAST_CLUSTERS = 256, 4096
 """How much a new grid has room for."""
-
-
-class Blocks(NamedTuple):
-    """Which blocks of cells there are: a hash table.
-
-    Args:
-        keys: (slots,) the block that has each slot; slots is a power of two.
-        numbers: (slots,) its number.
-        used: (1,) how many blocks there are.
-    """
-
-    keys: Int
-    numbers: Int
-    used: Int
-
-    @classmethod
-    def of_size(cls, blocks: int) -> "Blocks":
-        """No blocks, with room for some (a power of two)."""
-        return cls(
-            np.full(2 * blocks, EMPTY), np.zeros(2 * blocks, np.int64), np.zeros(1, np.int64)
-        )
 
 
 class Cells(NamedTuple):
@@ -97,83 +80,6 @@ class Cells(NamedTuple):
     misses: NDArray[np.int32]
     used: Int
     widest: Float
-
-
-@inner
-def _slot(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
-    """The slot of a block, or the free one that it would take."""
-    key = (x << 31) + y
-    mask = len(blocks.keys) - 1
-    mixed = key * 0x9E3779B97F4A7C1
-    slot = (mixed ^ (mixed >> 29)) & mask
-    while blocks.keys[slot] != key and blocks.keys[slot] != EMPTY:
-        slot = (slot + 1) & mask
-    return slot
-
-
-@inner
-def block_at(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
-    """The number of a block; −1 where there is none."""
-    slot = _slot(blocks, x, y)
-    return -1 if blocks.keys[slot] == EMPTY else blocks.numbers[slot]
-
-
-@inner
-def _take_block(blocks: Blocks, x: int, y: int) -> bool:  # pragma: no cover
-    """Make sure that there is a block; False where there is no room."""
-    slot = _slot(blocks, x, y)
-    if blocks.keys[slot] == EMPTY:
-        if 2 * blocks.used[0] == len(blocks.keys):
-            return False
-        blocks.keys[slot], blocks.numbers[slot] = (x << 31) + y, blocks.used[0]
-        blocks.used[0] += 1
-    return True
-
-
-@compiled
-def take_open(
-    blocks: Blocks, x: float, y: float, units: Float, ranges: Float
-) -> bool:  # pragma: no cover
-    """Make sure of all blocks that the beams go through; False where there is no room."""
-    size = CELL * SIDE
-    for beam in range(len(ranges)):
-        reach = abs(ranges[beam]) / size
-        dx, dy = units[beam, 0], units[beam, 1]
-        px, py = x / size, y / size
-        column, row = int(np.floor(px)), int(np.floor(py))
-        right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-        wide = np.inf if dx == 0.0 else 1.0 / abs(dx)
-        high = np.inf if dy == 0.0 else 1.0 / abs(dy)
-        across = (
-            np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
-        )
-        up = np.inf if dy == 0.0 else ((row + 1.0 - py) if dy > 0.0 else (py - row)) * high
-        while True:
-            if not _take_block(blocks, column, row):
-                return False
-            if min(across, up) > reach:
-                break
-            if across < up:
-                column += right
-                across += wide
-            else:
-                row += ahead
-                up += high
-    return True
-
-
-@compiled
-def take_solid(
-    blocks: Blocks, x: float, y: float, units: Float, ranges: Float
-) -> bool:  # pragma: no cover
-    """Make sure of all blocks that the beams end in; False where there is no room."""
-    for beam in range(len(ranges)):
-        if ranges[beam] > 0.0:
-            column = int(np.floor((x + ranges[beam] * units[beam, 0]) / CELL)) >> SIDE_BITS
-            row = int(np.floor((y + ranges[beam] * units[beam, 1]) / CELL)) >> SIDE_BITS
-            if not _take_block(blocks, column, row):
-                return False
-    return True
 
 
 class News(NamedTuple):
@@ -420,9 +326,9 @@ class EvidenceGrid:
         x, y = place
         cells = self.cells
         while not take_open(cells.open, x, y, units, ranges):
-            cells = cells._replace(open=_rehashed(cells.open), passes=_doubled(cells.passes, 0))
+            cells = cells._replace(open=rehashed(cells.open), passes=_doubled(cells.passes, 0))
         while not take_solid(cells.solid, x, y, units, ranges):
-            cells = cells._replace(solid=_rehashed(cells.solid), heads=_doubled(cells.heads, -1))
+            cells = cells._replace(solid=rehashed(cells.solid), heads=_doubled(cells.heads, -1))
         while cells.used[0] + len(ranges) > len(cells.moments):
             cells = cells._replace(
                 following=_doubled(cells.following, -1),
@@ -444,9 +350,8 @@ class EvidenceGrid:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Be the grid whose state is given."""
-        blank = EvidenceGrid().cells
         columns: list[Any] = []
-        for name, column, _ in _columns(blank):
+        for name, column, _ in _columns(EvidenceGrid().cells):
             kept = state[f"cell_{name}"]
             rows = max(len(column), 1 << (len(kept) - 1).bit_length()) if len(kept) else len(column)
             # Free rows are as those of a new grid.
@@ -454,11 +359,10 @@ class EvidenceGrid:
             columns.append(np.concatenate([kept, free]))
         self.cells = Cells(Blocks(*columns[:3]), columns[3], Blocks(*columns[4:7]), *columns[7:])
         # Blocks have room for half as many as their hash tables.
-        for blocks, rows in ((self.cells.open, "passes"), (self.cells.solid, "heads")):
-            while 2 * len(getattr(self.cells, rows)) < len(blocks.keys):
-                value = int(getattr(blank, rows)[-1, -1])
-                more: Any = {rows: _doubled(getattr(self.cells, rows), value)}
-                self.cells = self.cells._replace(**more)
+        while 2 * len(self.cells.passes) < len(self.cells.open.keys):
+            self.cells = self.cells._replace(passes=_doubled(self.cells.passes, 0))
+        while 2 * len(self.cells.heads) < len(self.cells.solid.keys):
+            self.cells = self.cells._replace(heads=_doubled(self.cells.heads, -1))
 
 
 def _columns(cells: Cells) -> list[tuple[str, NDArray[Any], int]]:
@@ -485,23 +389,3 @@ def _doubled(column: NDArray[Number], value: int) -> NDArray[Number]:
     if value:
         grown[len(column) :] = value
     return grown
-
-
-def _rehashed(blocks: Blocks) -> Blocks:
-    """The same blocks with room for twice as many."""
-    grown = Blocks.of_size(len(blocks.keys))
-    move_blocks(blocks, grown)
-    return grown
-
-
-@compiled
-def move_blocks(blocks: Blocks, grown: Blocks) -> None:  # pragma: no cover
-    """Put blocks into a larger hash table."""
-    for old in range(len(blocks.keys)):
-        key = blocks.keys[old]
-        if key == EMPTY:
-            continue
-        y = ((key + (1 << 30)) & ((1 << 31) - 1)) - (1 << 30)
-        slot = _slot(grown, (key - y) >> 31, y)
-        grown.keys[slot], grown.numbers[slot] = key, blocks.numbers[old]
-    grown.used[0] = blocks.used[0]

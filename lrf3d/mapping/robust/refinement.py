@@ -19,6 +19,7 @@ from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.constants import (
     FOLLOWED,
+    FORSAKEN,
     LONGEST_GAP,
     PIECE,
     SHORT_WALL,
@@ -110,7 +111,7 @@ class MapRefinement:
                 self._joint = longer(self._joint)
                 self._joint_stamps = longer(self._joint_stamps)
                 self._joint_news = longer(self._joint_news)
-            weak = VIOLATION_WEIGHT * totals[:, 1] > totals[:, 0]
+            weak = VIOLATION_WEIGHT * totals[:, 1] > FORSAKEN * totals[:, 0]
             weak[np.isin(walls, parents)] = False
             contradicted = walls[weak].tolist()
         parts.difference_update(old)
