@@ -172,3 +172,58 @@ def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
     for walls, count in ((corner, 1), (door, 2)):
         beams = seen_from(np.array(walls, dtype=np.float64), [(6, 5, 0), (5, 2, 0)])
         assert len(set(objects_of(ends, beams))) == count
+
+
+def corridor_of(length=12.0):
+    return World(np.array([[-2, -1, length, -1], [length, -1, length, 1], [length, 1, -2, 1.0]]))
+
+
+def test_a_board_that_stood_before_a_standing_robot_leaves_no_wall():
+    walls = corridor_of()
+    board = World(np.vstack([walls.segments, [[1, -0.9, 1, 0.9]]]))
+    pose, mapper = (0, 0, 0), LineMapper(sigma=0.02)
+    blocked = drive(mapper, [board] * 3, [pose] * 3)
+    assert (np.abs(blocked.segments[:, [0, 2]] - 1.0) < 0.1).all(axis=1).any()
+    free = drive(mapper, [walls] * 60, [pose] * 60)
+    alone = drive(LineMapper(sigma=0.02), [walls] * 60, [pose] * 60)
+    assert len(free) == len(alone) == 3
+    assert np.sort(lengths(free.segments)) == pytest.approx(
+        np.sort(lengths(alone.segments)), abs=0.3
+    )
+
+
+def test_a_door_that_closes_and_opens_is_in_the_map_as_it_is_now():
+    sides = [[5, 4, 5, 0.6], [5, -0.6, 5, -4], [9, 4, 9, -4.0]]
+    open_, closed = World(np.array(sides)), World(np.array([*sides, [5, 0.6, 5, -0.6]]))
+    mapper = LineMapper(sigma=0.02)
+    poses = [(0.02 * k, 0.3 * np.sin(k), 0.0) for k in range(60)]
+    for world, found in ((open_, 2), (closed, 1), (open_, 2)):
+        walls = drive(mapper, [world] * 60, poses).segments
+        assert (np.abs(walls[:, [0, 2]] - 5.0) < 0.2).all(axis=1).sum() == found
+
+
+@pytest.mark.parametrize("step", [2, 3])
+def test_beams_lost_regularly_cut_no_wall(step):
+    walls, mapper = corridor_of(), LineMapper(sigma=0.02)
+    rng = np.random.default_rng(0)
+    for k in range(12):
+        scan = ProportionalNoise(0.02)(PlanarCaster(walls).cast(LRF, (0.5 * k, 0, 0)), rng)
+        ranges = scan.ranges.copy()
+        ranges[::step] = np.inf
+        mapper.update(replace(scan, ranges=ranges))
+    assert len(mapper.map) == 3
+
+
+def test_the_error_of_poses_makes_no_second_walls_where_it_is_known():
+    room = World(np.array([[9, -8, 9, 8], [9, 8, -9, 8], [-9, 8, -9, -8], [-9, -8, 9, -8.0]]))
+    rng, counts = np.random.default_rng(3), []
+    deviations = np.array([0.05, 0.05, np.radians(0.5)])
+    errors = rng.normal(0.0, 1.0, (40, 3)) * deviations
+    for covariance in (None, np.diag(deviations**2)):
+        mapper = LineMapper(sigma=0.02)
+        for k, error in enumerate(errors):
+            scan = PlanarCaster(room).cast(CIRCLE, (0.1 * k - 2.0, 0.05 * k, 0.2 * k))
+            pose = tuple(np.array(scan.pose) + error)
+            mapper.update(replace(scan, pose=pose, pose_covariance=covariance))
+        counts.append(len(mapper.map))
+    assert counts[1] == 4 < counts[0]
