@@ -123,9 +123,12 @@ them, what stood there is gone. Less forgets panes and fences that one beam in s
 SAME_WAY = 0.7
 """[cosine] Angle between beams that go the same way."""
 
-CROSSING_SINE = 0.35
+WALL_SINE = 0.5
 """[sine] Angle from which on a beam through a cell of a wall crosses it: at less it may run before
-the wall as well."""
+the wall as well, in the same cells."""
+
+LINK_SINE = 0.35
+"""[sine] The same for a link between two walls, which no beam need run along."""
 
 # --- News: which walls are worked over again ---
 

@@ -16,7 +16,6 @@ from lrf3d.mapping.robust.constants import (
     CELL,
     CONTINUATION_PENALTY,
     CONTINUATION_STRICTNESS,
-    CROSSING_SINE,
     DEEPEST_HIT,
     FREE_DEPTH,
     HIT_DEVIATIONS,
@@ -25,13 +24,14 @@ from lrf3d.mapping.robust.constants import (
     MOST_PASSES,
     PASS_DIRECTIONS,
     PIECE,
+    WALL_SINE,
 )
 from lrf3d.mapping.robust.evidence_grid import Cells
 
 
 @inner
 def crossings(
-    cells: Cells, x: float, y: float, ux: float, uy: float, deeper: float
+    cells: Cells, x: float, y: float, ux: float, uy: float, deeper: float, sine: float
 ) -> int:  # pragma: no cover
     """How many beams went across the direction (ux, uy) at a place [m], and so much [m] deeper."""
     column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
@@ -44,7 +44,7 @@ def crossings(
         passed = cells.passes[block, way * SIDE * SIDE + place] & MOST_PASSES
         if passed:
             turn = 2.0 * np.pi * way / PASS_DIRECTIONS
-            if abs(np.cos(turn) * uy - np.sin(turn) * ux) > CROSSING_SINE:
+            if abs(np.cos(turn) * uy - np.sin(turn) * ux) > sine:
                 if deeper > 0.0:
                     dx, dy = np.cos(turn), np.sin(turn)
                     passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
@@ -130,7 +130,7 @@ def gather_evidence(
         pieces = first[wall + 1] - first[wall]
         for piece in range(pieces):
             along = (piece + 0.5) * length / pieces
-            passed = crossings(cells, x1 + along * ux, y1 + along * uy, ux, uy, 0.0)
+            passed = crossings(cells, x1 + along * ux, y1 + along * uy, ux, uy, 0.0, WALL_SINE)
             counts[first[wall] + piece, 1] += passed * (PIECE / CELL)
         steep = abs(uy) > abs(ux)
         # Columns of cells along the axis that the wall runs along more.
@@ -221,8 +221,13 @@ def gather_evidence(
 
 
 @inner
-def is_crossed(line: Float, cells: Cells, depth: float, spare: int) -> bool:  # pragma: no cover
-    """Whether more beams than are to spare have crossed a line (4,) by more than a depth [m]."""
+def is_crossed(
+    line: Float, cells: Cells, depth: float, spare: int, sine: float
+) -> bool:  # pragma: no cover
+    """Whether more beams than are to spare have crossed a line (4,) by more than a depth [m].
+
+    The sine is that of the angle from which on a beam may cross it.
+    """
     x1, y1, x2, y2 = line
     length = np.hypot(x2 - x1, y2 - y1)
     if length == 0.0:
@@ -233,7 +238,9 @@ def is_crossed(line: Float, cells: Cells, depth: float, spare: int) -> bool:  # 
     steps = int(length / CELL) + 1
     for step in range(steps):
         along = end + (step + 0.5) * length / steps
-        spare -= crossings(cells, x1 + along * ux, y1 + along * uy, ux, uy, depth - FREE_DEPTH)
+        spare -= crossings(
+            cells, x1 + along * ux, y1 + along * uy, ux, uy, depth - FREE_DEPTH, sine
+        )
         if spare < 0:
             return True
     return False

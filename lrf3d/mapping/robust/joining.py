@@ -8,7 +8,7 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP
+from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, WALL_SINE
 from lrf3d.mapping.robust.evidence import is_crossed
 from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.grid import order_of
@@ -101,7 +101,7 @@ def _bridge(walls: Walls, rule: Rule, cells: Cells, parents: Int) -> None:  # pr
             other = parents[other]
         if one == other or not _fits(walls, one, other, straight):
             continue
-        if gaps[k] > 0.0 and is_crossed(lines[k], cells, FREE_DEPTH, 0):
+        if gaps[k] > 0.0 and is_crossed(lines[k], cells, FREE_DEPTH, 0, WALL_SINE):
             continue
         kept, gone = min(one, other), max(one, other)
         merge(walls, kept, gone)

@@ -23,6 +23,7 @@ from lrf3d.mapping.robust.constants import (
     CORNER_BEAMS,
     FACING_SINE,
     FREE_DEPTH,
+    LINK_SINE,
     MERGE_CELL,
     NICHE_DEPTH,
     SECOND_LINK,
@@ -168,7 +169,7 @@ def _kind(
         return JOINS
     if link[4] <= SHORT_LINK:
         return CROSSED if _is_separated(link, cells) else JOINS
-    if is_crossed(link[:4], cells, FREE_DEPTH, 0):
+    if is_crossed(link[:4], cells, FREE_DEPTH, 0, LINK_SINE):
         return CROSSED
     if link[5] > 0.0:
         return JOINS
@@ -236,7 +237,7 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no c
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])
             length = np.hypot(line[2] - line[0], line[3] - line[1])
             if max(reach_before(one, line), reach_before(other, line)) <= BEHIND_SINE * length:
-                if is_crossed(line, cells, FREE_DEPTH, 0):
+                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
                     return False
     return True
 
@@ -245,8 +246,8 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no c
 def _is_separated(link: Float, cells: Cells) -> bool:  # pragma: no cover
     """Whether beams have crossed a short link (6,): many of them, or deeper than into a corner."""
     depth = max(FREE_DEPTH, NICHE_DEPTH * link[4]) if link[5] > 0.0 else FREE_DEPTH
-    return is_crossed(link[:4], cells, depth, STRAY_BEAMS) or is_crossed(
-        link[:4], cells, FREE_DEPTH, CORNER_BEAMS
+    return is_crossed(link[:4], cells, depth, STRAY_BEAMS, LINK_SINE) or is_crossed(
+        link[:4], cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE
     )
 
 
