@@ -33,11 +33,12 @@ PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
 """[χ²] How much worse than the best a division may be and still lead to a better one later: what
 the points behind it could cost that are too few for a wall of their own. Exact: no tuning."""
 
-MOST_OPEN = 1024
+MOST_OPEN = 256
 """[places] Most places where a wall may still begin that are weighed for a point, so that the work
-grows with the points and not with their square. On a wall all of its points stay such places;
-scanners with about a thousand beams have fewer on one wall. On longer ones the older half is
-thinned out, and a wall may then begin a few of many thousand beams beside its corner."""
+grows with the points and not with their square. On a wall all of its points stay such places. On
+walls of more points the older half is thinned out, and a wall may then begin a few of many beams
+beside its corner; with 1024 maps from scans of 721 beams are the same, and 50,000 beams take three
+times as long."""
 
 # --- Extraction: segments of a scan's walls ---
 
@@ -136,10 +137,10 @@ FRESH_NEWS = 0.1
 """[share] A wall is worked over again when this part of what it was refit by has come anew. Less
 takes time, more leaves walls behind what is known of them."""
 
-STALE_NEWS = 0.01
+STALE_NEWS = 0.05
 """[share] The same for the one wall that has waited longest, after scans with little news."""
 
-FEW_WALLS = 3
+FEW_WALLS = 2
 """[walls] How many walls are little news."""
 
 MOVED = 0.01
