@@ -196,9 +196,9 @@ def test_a_door_that_closes_and_opens_is_in_the_map_as_it_is_now():
     sides = [[5, 4, 5, 0.6], [5, -0.6, 5, -4], [9, 4, 9, -4.0]]
     open_, closed = World(np.array(sides)), World(np.array([*sides, [5, 0.6, 5, -0.6]]))
     mapper = LineMapper(sigma=0.02)
-    poses = [(0.02 * k, 0.3 * np.sin(k), 0.0) for k in range(60)]
+    poses = [(0.01 * k, 0.3 * np.sin(k), 0.0) for k in range(100)]
     for world, found in ((open_, 2), (closed, 1), (open_, 2)):
-        walls = drive(mapper, [world] * 60, poses).segments
+        walls = drive(mapper, [world] * 100, poses).segments
         assert (np.abs(walls[:, [0, 2]] - 5.0) < 0.2).all(axis=1).sum() == found
 
 
