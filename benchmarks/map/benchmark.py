@@ -75,8 +75,7 @@ SETTINGS = Table(
     f"city; {USUAL_BEAMS} beams, σ = {SIGMA:g} m and the mapper's own thresholds where nothing else"
     " is said;\nthe mapper knows σ. ratio: segments by visible walls. purity: unions against true"
     " objects. RMS:\nperpendicular distance from the true walls. update: the median, with the seed"
-    " that was disturbed\nleast. map: working out the final map, which robust mode does when it is"
-    " looked at.",
+    " that was disturbed\nleast. map: making the value of the final map.",
     names=("varied", "value", "mode"),
     time="scan_to_map",
     error="missed",

@@ -35,10 +35,6 @@ UPDATES, LEAST_UPDATES = 300, 5
 SPREAD = 5
 """Crossings a way, around the middle, that the timed scans are taken at, as on a drive."""
 
-LOOKED_AT = 10_000
-"""Walls of the largest map that is worked out: this takes 0.2 ms a wall, and is no part of an
-update."""
-
 POINTS = 50
 """Points of a wall that is put into a map as if it had been seen."""
 
@@ -69,7 +65,7 @@ def measure_sizes(
     """Time updates on maps of towns, the smallest first.
 
     Args:
-        result: Where the rows go; segments are None where a map was not worked out.
+        result: Where the rows go.
         sizes: Walls of the towns.
         seconds: Time for the updates of one row [s].
         until: When to stop [s], on the clock of time.monotonic.
@@ -90,7 +86,7 @@ def measure_sizes(
             mapper = surveyed(caster, walls) if mode == "robust" else prefilled(world)
             if mode == "robust":
                 built = (time.monotonic() - start) / walls
-            segments = len(mapper.map) if mode == "paper" or walls <= LOOKED_AT else None
+            segments = len(mapper.map)
             update = _updates(mapper, caster, walls, seconds)
             result.add(
                 UPDATES_BY_SIZE, mode=mode, walls=walls, map_segments=segments, update=update

@@ -30,6 +30,8 @@ class LaserScan(Value):
         range_max: Farthest distance that the range finder measures [m].
         time: Time of the first beam [s].
         time_increment: Time from one beam to the next [s].
+        pose_covariance: (3, 3) covariance of the pose's x, y [m] and theta [rad]; None where the
+            pose is exact or its error unknown. A mapper accepts the more as one wall.
 
     Examples:
         >>> import lrf3d
@@ -50,6 +52,7 @@ class LaserScan(Value):
     range_max: float
     time: float
     time_increment: float
+    pose_covariance: Float | None
 
     def __init__(
         self,
@@ -62,6 +65,7 @@ class LaserScan(Value):
         range_max: float = np.inf,
         time: float = 0.0,
         time_increment: float = 0.0,
+        pose_covariance: ArrayLike | None = None,
     ) -> None:
         beams: Float = read_only(angles, "angles")
         measured: Float = read_only(ranges, "ranges")
@@ -72,6 +76,14 @@ class LaserScan(Value):
                 f"scan with angles {beams.shape}, ranges {measured.shape} and walls {hit.shape}:"
                 " expected one of each for every beam"
             )
+        covariance = None
+        if pose_covariance is not None:
+            covariance = read_only(pose_covariance, "pose_covariance")
+            if covariance.shape != (3, 3) or not is_covariance(covariance):
+                raise InputError(
+                    f"scan with pose_covariance {covariance.tolist()}: expected a symmetric matrix"
+                    " (3, 3) without negative eigenvalues"
+                )
         self.__dict__.update(
             pose=as_pose(pose),
             angles=beams,
@@ -81,6 +93,7 @@ class LaserScan(Value):
             range_max=range_max,
             time=time,
             time_increment=time_increment,
+            pose_covariance=covariance,
         )
 
     def __repr__(self) -> str:
@@ -104,6 +117,7 @@ class LaserScan(Value):
             range_max=lrf.range_max,
             time=0.0,
             time_increment=lrf.time_increment,
+            pose_covariance=None,
         )
         return scan
 
@@ -142,6 +156,16 @@ class LaserScan(Value):
     def points(self) -> Float:
         """Reflection points (m, 2) in the world of the beams that returned (Eq. 8)."""
         return reflection_points(self.pose, self.angles[self.hits], self.ranges[self.hits])
+
+
+def is_covariance(matrix: Float) -> bool:
+    """Whether a matrix (n, n) is finite, symmetric, and semidefinite, but for rounding."""
+    if not np.isfinite(matrix).all():
+        return False
+    rounding = 1e-12 * np.abs(matrix).max()
+    if np.abs(matrix - matrix.T).max() > rounding:
+        return False
+    return bool(np.linalg.eigvalsh(matrix).min() >= -rounding)
 
 
 def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Float:

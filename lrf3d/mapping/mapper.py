@@ -125,8 +125,5 @@ class LineMapper:
 
     @property
     def map(self) -> LineMap:
-        """The global map after all scans so far.
-
-        In robust mode it is computed when it is read, and kept until the next update.
-        """
+        """The global map after all scans so far; the same object until the next update."""
         return self._mapper.map

@@ -90,3 +90,20 @@ def test_noise_without_a_range_max_is_refused():
     scan = LaserScan((0, 0, 0), [0.0], [1.0])
     with pytest.raises(InputError, match="range_max"):
         ProportionalNoise(0.1)(scan, np.random.default_rng(0))
+
+
+def test_a_scan_has_the_covariance_of_its_pose_as_a_copy_that_stays():
+    covariance = np.diag([0.01, 0.02, 0.001])
+    scan = LaserScan((0, 0, 0), [0.0], [1.0], pose_covariance=covariance)
+    covariance[0, 0] = 9.0
+    assert scan.pose_covariance[0, 0] == 0.01 and not scan.pose_covariance.flags.writeable
+    assert LaserScan((0, 0, 0), [0.0], [1.0]).pose_covariance is None
+
+
+@pytest.mark.parametrize(
+    "covariance",
+    [np.eye(2), np.diag([1.0, 1.0, -1.0]), np.diag([1.0, np.nan, 1.0]), np.triu(np.ones((3, 3)))],
+)
+def test_what_is_no_covariance_of_a_pose_is_refused(covariance):
+    with pytest.raises(InputError, match="pose_covariance"):
+        LaserScan((0, 0, 0), [0.0], [1.0], pose_covariance=covariance)

@@ -2,12 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from map_objects import objects_of
 
 from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
 from lrf3d.geometry import lengths
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import ScanArchive
-from lrf3d.mapping.robust.object_association import associate_objects
+from lrf3d.mapping.robust.beams import Beams, free_ranges
+from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 from lrf3d.mapping.robust.refitting import real_pieces
 
 LRF = LaserRangeFinder(range_max=30.0)
@@ -22,10 +23,11 @@ def drive(mapper, worlds, poses, sigma=0.02, lrf=LRF):
 
 
 def seen_from(world, poses, lrf=CIRCLE):
-    archive = ScanArchive()
+    grid, noise = EvidenceGrid(), RangeNoise(1e-4, 0.0)
     for pose in poses:
-        archive.add(PlanarCaster(World(np.array(world))).cast(lrf, pose), pose[:2])
-    return archive.beams(len(archive))
+        scan = PlanarCaster(World(np.array(world))).cast(lrf, pose)
+        grid.add(Beams.of(scan, scan.pose.theta, noise), pose[:2])
+    return grid.cells
 
 
 def test_what_went_away_leaves_the_map():
@@ -63,9 +65,9 @@ def test_no_beam_between_makes_one_object_and_a_beam_two():
     house = np.array([[5.0, -2.0, 5.0, 2.0], [7.0, 2.0, 11.0, 2.0]])
     whole = [*house.tolist(), [5, 2, 7, 2.0]]
     beams = seen_from(whole, [(0, 0, 0), (8, 6, 0)])
-    assert len(set(associate_objects(house, beams, RangeNoise(0.01, 0.0)))) == 1
+    assert len(set(objects_of(house, beams))) == 1
     lane = [[5, -3, 5, -1.0], [5, 1, 5, 3.0]]
-    parted = associate_objects(np.array(lane), seen_from(lane, [(0, 0, 0)]), RangeNoise(0.01, 0.0))
+    parted = objects_of(lane, seen_from(lane, [(0, 0, 0)]))
     assert len(set(parted)) == 2
 
 
@@ -73,22 +75,33 @@ def test_what_lies_before_a_wall_is_no_part_of_it():
     # A pillar hides a part of the wall behind it; nothing was seen between the two.
     scene = [[5, 0.5, 5, -0.5], [12, 8, 12, -8.0]]
     beams = seen_from(scene, [(0, 0, 0)])
-    assert len(set(associate_objects(np.array(scene), beams, RangeNoise(0.01, 0.0)))) == 2
+    assert len(set(objects_of(scene, beams))) == 2
 
 
-def test_a_scan_from_almost_the_same_pose_is_kept_once():
-    world = World(np.array([[5, -6, 5, 6.0]]))
-    archive = ScanArchive()
-    for pose in [(0, 0, 0), (0.01, 0, 0.01), (0, 0, 1.0), (1.0, 0, 0)]:
-        archive.add(PlanarCaster(world).cast(LRF, pose), pose[:2])
-    assert len(archive) == 3
+def test_what_is_kept_does_not_grow_where_all_was_seen():
+    room = World(np.array([[9, -8, 9, 8], [9, 8, -9, 8], [-9, 8, -9, -8], [-9, -8, 9, -8.0]]))
+    mapper, sizes = LineMapper(sigma=0.02), []
+    for turn in range(3):
+        poses = [(0.1 * (k % 20), 0.05 * k, 0.3 * k) for k in range(40)]
+        drive(mapper, [room] * 40, poses, lrf=CIRCLE)
+        if turn:
+            sizes.append(sum(column.nbytes for column in mapper.state().values()))
+    assert sizes[1] <= 1.01 * sizes[0]
 
 
 def test_beams_that_return_nothing_are_free_as_far_as_they_reach():
-    archive = ScanArchive()
-    archive.add(PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0)), (0, 0))
-    ranges = archive.beams(1).ranges
+    scan = PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0))
+    ranges = free_ranges(scan.ranges, scan.range_max)
     assert set(ranges[ranges < 0]) == {-30.0} and (ranges[ranges > 0] < 5.2).all()
+
+
+def test_a_beam_lost_between_two_that_returned_says_nothing():
+    scan = PlanarCaster(World(np.array([[5, -9, 5, 9.0]]))).cast(LRF, (0, 0, 0))
+    ranges = scan.ranges.copy()
+    ranges[85:95:2] = np.inf
+    free = free_ranges(ranges, scan.range_max)
+    assert (free[85:95:2] == 0.0).all()
+    assert np.array_equal(free == -30.0, np.isinf(scan.ranges))
 
 
 def test_stretches_of_one_wall_are_bridged_where_no_beam_passed():
@@ -135,7 +148,7 @@ def test_faces_across_a_lane_are_two_objects_though_its_end_was_never_seen():
     # No beam went beyond what was seen of the two faces, so none passed between their far ends.
     lane, seen = [[5, -1, 12, -1.0], [12, 1, 5, 1.0]], [[5, -1, 6, -1.0], [6, 1, 5, 1.0]]
     beams = seen_from(lane, [(4, -3, 0), (4, 3, 0)])
-    assert len(set(associate_objects(np.array(seen), beams, RangeNoise(0.01, 0.0)))) == 2
+    assert len(set(objects_of(seen, beams))) == 2
 
 
 def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
@@ -143,12 +156,12 @@ def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
     rows += [[8, top, 8, y] for _, y, _, top in rows]
     walls = np.array(rows, dtype=np.float64)
     nothing = seen_from([[50.0, 50.0, 51.0, 51.0]], [(-60.0, 0.0, 0.0)])
-    assert len(set(associate_objects(walls, nothing, RangeNoise(0.01, 0.0)))) == 1
+    assert len(set(objects_of(walls, nothing))) == 1
     # The beams between the rows end short of their last walls, which alone stay linked.
     around = [[0, 0, 0, 6], [8, 6, 8, 0], [0, 5.4, 8, 5.4]]
     between = seen_from(np.array(around), [(4.0, -3.0, 0.0)])
-    assert len(set(associate_objects(walls, between, RangeNoise(0.01, 0.0)))) == 2
-    assert len(set(associate_objects(walls[[2, 5]], between, RangeNoise(0.01, 0.0)))) == 1
+    assert len(set(objects_of(walls, between))) == 2
+    assert len(set(objects_of(walls[[2, 5]], between))) == 1
 
 
 def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
@@ -158,4 +171,59 @@ def test_a_hidden_corner_joins_what_goes_on_to_the_face_of_another_wall():
     door = [*ends.tolist(), [-3, 8, -3, 0]]
     for walls, count in ((corner, 1), (door, 2)):
         beams = seen_from(np.array(walls, dtype=np.float64), [(6, 5, 0), (5, 2, 0)])
-        assert len(set(associate_objects(ends, beams, RangeNoise(0.01, 0.0)))) == count
+        assert len(set(objects_of(ends, beams))) == count
+
+
+def corridor_of(length=12.0):
+    return World(np.array([[-2, -1, length, -1], [length, -1, length, 1], [length, 1, -2, 1.0]]))
+
+
+def test_a_board_that_stood_before_a_standing_robot_leaves_no_wall():
+    walls = corridor_of()
+    board = World(np.vstack([walls.segments, [[1, -0.9, 1, 0.9]]]))
+    pose, mapper = (0, 0, 0), LineMapper(sigma=0.02)
+    blocked = drive(mapper, [board] * 3, [pose] * 3)
+    assert (np.abs(blocked.segments[:, [0, 2]] - 1.0) < 0.1).all(axis=1).any()
+    free = drive(mapper, [walls] * 60, [pose] * 60)
+    alone = drive(LineMapper(sigma=0.02), [walls] * 60, [pose] * 60)
+    assert len(free) == len(alone) == 3
+    assert np.sort(lengths(free.segments)) == pytest.approx(
+        np.sort(lengths(alone.segments)), abs=0.3
+    )
+
+
+def test_a_door_that_closes_and_opens_is_in_the_map_as_it_is_now():
+    sides = [[5, 4, 5, 0.6], [5, -0.6, 5, -4], [9, 4, 9, -4.0]]
+    open_, closed = World(np.array(sides)), World(np.array([*sides, [5, 0.6, 5, -0.6]]))
+    mapper = LineMapper(sigma=0.02)
+    poses = [(0.01 * k, 0.3 * np.sin(k), 0.0) for k in range(100)]
+    for world, found in ((open_, 2), (closed, 1), (open_, 2)):
+        walls = drive(mapper, [world] * 100, poses).segments
+        assert (np.abs(walls[:, [0, 2]] - 5.0) < 0.2).all(axis=1).sum() == found
+
+
+@pytest.mark.parametrize("step", [2, 3])
+def test_beams_lost_regularly_cut_no_wall(step):
+    walls, mapper = corridor_of(), LineMapper(sigma=0.02)
+    rng = np.random.default_rng(0)
+    for k in range(12):
+        scan = ProportionalNoise(0.02)(PlanarCaster(walls).cast(LRF, (0.5 * k, 0, 0)), rng)
+        ranges = scan.ranges.copy()
+        ranges[::step] = np.inf
+        mapper.update(replace(scan, ranges=ranges))
+    assert len(mapper.map) == 3
+
+
+def test_the_error_of_poses_makes_no_second_walls_where_it_is_known():
+    room = World(np.array([[9, -8, 9, 8], [9, 8, -9, 8], [-9, 8, -9, -8], [-9, -8, 9, -8.0]]))
+    rng, counts = np.random.default_rng(3), []
+    deviations = np.array([0.05, 0.05, np.radians(0.5)])
+    errors = rng.normal(0.0, 1.0, (40, 3)) * deviations
+    for covariance in (None, np.diag(deviations**2)):
+        mapper = LineMapper(sigma=0.02)
+        for k, error in enumerate(errors):
+            scan = PlanarCaster(room).cast(CIRCLE, (0.1 * k - 2.0, 0.05 * k, 0.2 * k))
+            pose = tuple(np.array(scan.pose) + error)
+            mapper.update(replace(scan, pose=pose, pose_covariance=covariance))
+        counts.append(len(mapper.map))
+    assert counts[1] == 4 < counts[0]

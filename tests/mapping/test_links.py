@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+from map_objects import objects_of
 
 from lrf3d import LaserRangeFinder, PlanarCaster, World
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import ScanArchive
-from lrf3d.mapping.robust.object_association import associate_objects
+from lrf3d.mapping.robust.beams import Beams
+from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 
@@ -16,12 +17,12 @@ FAR_OFF = ([[90.0, 50.0, 90.0, 51.0]], [(80.0, 50.0, 0.0)])
 
 
 def objects(walls, world, poses):
-    archive = ScanArchive()
+    grid, noise = EvidenceGrid(), RangeNoise(0.01, 0.0)
     caster = PlanarCaster(World(np.array(world, dtype=np.float64)))
     for pose in poses:
-        archive.add(caster.cast(CIRCLE, pose), pose[:2])
-    walls = np.array(walls, dtype=np.float64)
-    return len(set(associate_objects(walls, archive.beams(len(archive)), RangeNoise(0.01, 0.0))))
+        scan = caster.cast(CIRCLE, pose)
+        grid.add(Beams.of(scan, scan.pose.theta, noise), pose[:2])
+    return len(set(objects_of(walls, grid.cells)))
 
 
 @pytest.mark.parametrize("depth", [0.6, 1.0, 2.5])

@@ -1,44 +1,24 @@
-"""The beams that a robust mapper keeps, and the filter that drops a scan it has seen already.
+"""What a robust mapper makes of a scan before it judges its beams.
 
-A scan enters the archive unless one from almost the same pose is kept, so that the archive grows
-with the ground that was covered and not with the time that was spent. Its beams leave as arrays
-that compiled code takes.
+A scan enters; leave where it was taken in the map's own frame, how far each of its beams was free,
+and how far off the places may be where they ended.
 """
 
-from collections.abc import Mapping
 from hashlib import blake2b
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.compiling import inner
-from lrf3d.geometry import Float, Int, wrap_angle
+from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.robust.constants import REMEMBERED_SCANS, SAME_HEADING, SAME_PLACE
-from lrf3d.mapping.robust.walls import longer
+from lrf3d.mapping.line_map import LineMap
+from lrf3d.mapping.robust.constants import CELL, LEAST_LOST, LOSS_ODDS, MOST_LOST
+from lrf3d.mapping.segment_table import SegmentTable
 
-LEAST_SCANS, LEAST_BEAMS = 64, 16384
-"""How much a new archive has room for."""
-
-
-class Beams(NamedTuple):
-    """The beams of some scans.
-
-    Args:
-        places: (k, 2) where the laser was [m].
-        reaches: (k,) the longest range of each scan [m].
-        first: (k + 1,) the first beam of each scan.
-        angles: (n,) directions of the beams [rad], rising within a scan.
-        units: (n, 2) their unit vectors.
-        ranges: (n,) ranges [m]; where nothing returned, minus the range that is free.
-    """
-
-    places: Float
-    reaches: Float
-    first: Int
-    angles: Float
-    units: Float
-    ranges: Float
+SHIFT = (0.37 * CELL, 0.41 * CELL)
+"""[m] Where the first scan was taken in the map's frame: off the edges of the cells, on which
+rounding would decide."""
 
 
 @inner
@@ -48,136 +28,137 @@ def range_deviation(noise: RangeNoise, reach: float) -> float:  # pragma: no cov
     return deviation
 
 
-class ScanArchive:
-    """Scans, their beams in arrays that grow in place."""
+class Frame(NamedTuple):
+    """The map's own frame: that of the first scan, so that the map turns and moves with the world.
 
-    def __init__(self) -> None:
-        self._places = np.empty((LEAST_SCANS, 2))
-        self._reaches = np.empty(LEAST_SCANS)
-        self._first = np.zeros(LEAST_SCANS + 1, np.int64)
-        self._angles = np.empty(LEAST_BEAMS)
-        self._units = np.empty((LEAST_BEAMS, 2))
-        self._ranges = np.empty(LEAST_BEAMS)
-        self._count = 0
-        self._kept: dict[tuple[int, int], list[tuple[float, float, float]]] = {}
-        self._headings: list[float] = []
+    Attributes:
+        x: Where the first scan was taken [m].
+        y: Where it was taken [m].
+        theta: Its heading [rad].
+    """
 
-    def __len__(self) -> int:
-        return self._count
+    x: float
+    y: float
+    theta: float
 
-    def add(self, scan: LaserScan, place: tuple[float, float]) -> None:
-        """Keep the beams of a scan from a place [m], unless its like is kept."""
-        if self._knows(*place, scan.pose.theta):
-            return
-        start, count = int(self._first[self._count]), len(scan.ranges)
-        stop = start + count
-        if self._count == len(self._places):
-            self._places, self._reaches = longer(self._places), longer(self._reaches)
-            self._first = longer(self._first)
-        while stop > len(self._ranges):
-            self._angles, self._ranges = longer(self._angles), longer(self._ranges)
-            self._units = longer(self._units)
-        angles, ranges = scan.angles, scan.ranges
-        if count > 1 and (angles[1:] < angles[:-1]).any():
-            order = np.argsort(angles, kind="stable")
-            angles, ranges = angles[order], ranges[order]
-        heading = self._angles[start:stop]
-        np.add(angles, scan.pose.theta, out=heading)
-        np.cos(heading, out=self._units[start:stop, 0])
-        np.sin(heading, out=self._units[start:stop, 1])
-        kept = self._ranges[start:stop]
-        kept[:] = ranges
-        # Where nothing returned all is free; nothing is known before what is too near.
-        kept[kept > scan.range_max] = -scan.range_max if scan.range_max < np.inf else 0.0
-        kept[~np.isfinite(kept)] = 0.0
-        self._places[self._count] = place
-        self._reaches[self._count] = np.abs(kept).max(initial=0.0)
-        self._first[self._count + 1] = stop
-        # Last, and with nothing in between: a scan is kept whole or, after an interrupt, not.
-        self._keep(*place, scan.pose.theta)
-        self._count += 1
+    @classmethod
+    def of(cls, scan: LaserScan) -> "Frame":
+        """The frame of a scan."""
+        return cls(*(float(value) for value in scan.pose))
 
-    def _knows(self, x: float, y: float, theta: float) -> bool:
-        """Whether a scan from almost this pose is kept."""
-        column, row = int(x // SAME_PLACE), int(y // SAME_PLACE)
-        for i in range(column - 1, column + 2):
-            for k in range(row - 1, row + 2):
-                for u, v, heading in self._kept.get((i, k), ()):
-                    if (u - x) ** 2 + (v - y) ** 2 < SAME_PLACE**2:
-                        if abs(wrap_angle(heading - theta)) < SAME_HEADING:
-                            return True
-        return False
+    def pose_of(self, scan: LaserScan) -> tuple[tuple[float, float], float]:
+        """Where a scan was taken [m], and its heading [rad]."""
+        dx, dy = scan.pose.x - self.x, scan.pose.y - self.y
+        cos, sin = np.cos(self.theta), np.sin(self.theta)
+        place = float(cos * dx + sin * dy + SHIFT[0]), float(cos * dy - sin * dx + SHIFT[1])
+        return place, float(scan.pose.theta - self.theta)
 
-    def _keep(self, x: float, y: float, theta: float) -> None:
-        """Note that a scan from a pose is kept."""
-        cell = int(x // SAME_PLACE), int(y // SAME_PLACE)
-        self._kept.setdefault(cell, []).append((x, y, theta))
-        self._headings.append(theta)
-
-    def state(self) -> dict[str, Any]:
-        """All that the archive is, as plain arrays by their names; `restore` takes them back."""
-        beams = self.beams(self._count)._asdict()
-        return {
-            **{f"scan_{name}": column.copy() for name, column in beams.items()},
-            "scan_headings": np.array(self._headings, dtype=np.float64),
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Be the archive whose state is given."""
-        beams = Beams(*(state[f"scan_{name}"].copy() for name in Beams._fields))
-        # Arrays grow to twice their length, so that none may be without any.
-        self._places, self._reaches, self._first = (
-            np.concatenate([column, np.zeros((LEAST_SCANS, *column.shape[1:]), column.dtype)])
-            for column in (beams.places, beams.reaches, beams.first)
-        )
-        self._angles, self._units, self._ranges = (
-            np.concatenate([column, np.zeros((LEAST_BEAMS, *column.shape[1:]))])
-            for column in (beams.angles, beams.units, beams.ranges)
-        )
-        self._count = len(beams.places)
-        self._kept, self._headings = {}, []
-        for (x, y), theta in zip(
-            beams.places.tolist(), state["scan_headings"].tolist(), strict=True
-        ):
-            self._keep(x, y, theta)
-
-    def beams(self, count: int) -> Beams:
-        """The beams of the first scans."""
-        last = int(self._first[count])
-        return Beams(
-            self._places[:count],
-            self._reaches[:count],
-            self._first[: count + 1],
-            self._angles[:last],
-            self._units[:last],
-            self._ranges[:last],
-        )
+    def map_of(self, table: SegmentTable) -> LineMap:
+        """The map in the world of a table in this frame."""
+        cos, sin = np.cos(self.theta), np.sin(self.theta)
+        turn = np.array([[cos, sin], [-sin, cos]])
+        ends = (table.ends.reshape(-1, 2) - SHIFT) @ turn
+        turned = SegmentTable(ends.reshape(-1, 4), table.moments, table.points, table.unions)
+        return turned.as_map(np.array([self.x, self.y]))
 
 
-class DuplicateFilter:
-    """Finds the very same scan given again, by a number of 64 bits for each of the latest scans."""
+class Beams(NamedTuple):
+    """The beams of a scan in the map's frame.
 
-    def __init__(self) -> None:
-        # A dict keeps its order, so that the oldest is known.
-        self._seen: dict[int, None] = {}
+    Args:
+        units: (n, 2) their unit vectors.
+        ranges: (n,) ranges [m]; where nothing returned, minus the range that is free; 0 where
+            nothing is known.
+        deviations: (n,) standard deviations [m] of the places where they end.
+    """
 
-    def add(self, scan: LaserScan) -> bool:
-        """Remember a scan; returns whether it is new."""
-        digest = blake2b(scan.ranges.tobytes(), digest_size=8)
-        digest.update(scan.angles.tobytes())
-        digest.update(np.array(scan.pose).tobytes())
-        fingerprint = int.from_bytes(digest.digest(), "little", signed=True)
-        if fingerprint in self._seen:
-            return False
-        if len(self._seen) >= REMEMBERED_SCANS:
-            del self._seen[next(iter(self._seen))]
-        self._seen[fingerprint] = None
-        return True
+    units: Float
+    ranges: Float
+    deviations: Float
 
-    def state(self) -> Int:
-        """The numbers, the oldest first."""
-        return np.fromiter(self._seen, np.int64, len(self._seen))
+    @classmethod
+    def of(cls, scan: LaserScan, heading: float, noise: RangeNoise) -> "Beams":
+        """The beams of a scan that was taken at a heading [rad]."""
+        angles, measured = in_order(scan)
+        headings = angles + heading
+        units = np.empty((len(headings), 2))
+        np.cos(headings, out=units[:, 0])
+        np.sin(headings, out=units[:, 1])
+        ranges = free_ranges(measured, scan.range_max)
+        variances = noise.variance(ranges) + pose_variance(scan, ranges)
+        return cls(units, ranges, np.sqrt(variances))
 
-    def restore(self, state: Int) -> None:
-        """Remember just these."""
-        self._seen = dict.fromkeys(state.tolist())
+
+def in_order(scan: LaserScan) -> tuple[Float, Float]:
+    """Angles (n,) [rad] and ranges (n,) [m] of a scan by rising angle."""
+    angles, ranges = scan.angles, scan.ranges
+    if (angles[1:] < angles[:-1]).any():
+        order = np.argsort(angles, kind="stable")
+        angles, ranges = angles[order], ranges[order]
+    return angles, ranges
+
+
+def longest_loss(ranges: Float, range_max: float) -> int:
+    """How many beams beside each other that return nothing are put down to beams that are lost.
+
+    Each gap in a scan is taken for a lost beam to learn how often one is lost, at worst: of a scan
+    without losses the gaps are few.
+    """
+    returned = (ranges > 0.0) & (ranges <= range_max) & (ranges < np.inf)
+    hits = np.count_nonzero(returned)
+    gaps = np.count_nonzero(returned[:-1] & ~returned[1:])
+    if gaps == 0 or gaps >= hits:
+        return MOST_LOST if gaps else LEAST_LOST
+    run = int(np.ceil(np.log(LOSS_ODDS) / np.log(gaps / hits)))
+    return min(max(run, LEAST_LOST), MOST_LOST)
+
+
+def free_ranges(measured: Float, range_max: float) -> Float:
+    """Ranges (beams,) [m] of those measured, by rising angle, as `Beams` has them.
+
+    A beam that is lost between two that returned says nothing: only where more beside each other
+    return nothing, nothing is there.
+    """
+    ranges: Float = measured.copy()
+    # Nothing is known before what is too near.
+    ranges[~(ranges > 0.0)] = 0.0
+    missed = ranges > range_max
+    if np.isinf(range_max):
+        ranges[np.isinf(ranges)] = 0.0
+    elif missed.any():
+        lost = longest_loss(measured, range_max)
+        edges = np.flatnonzero(np.diff(missed, prepend=False, append=False))
+        free = missed.copy()
+        for first, last in edges.reshape(-1, 2).tolist():
+            # At the rim of the field of view there is no neighbour to lose it from.
+            if last - first <= lost and first > 0 and last < len(ranges):
+                free[first:last] = False
+        ranges[missed] = 0.0
+        ranges[free] = -range_max
+    return ranges
+
+
+def pose_variance(scan: LaserScan, ranges: Float) -> Float | float:
+    """Variance [m²] that the pose's error leaves of places so far [m] from the laser."""
+    covariance = scan.pose_covariance
+    if covariance is None:
+        return 0.0
+    spread: Float = 0.5 * (covariance[0, 0] + covariance[1, 1]) + covariance[2, 2] * ranges**2
+    return spread
+
+
+def widen(moments: Float, scan: LaserScan) -> None:
+    """Let moments (n, 6) around the laser weigh no more than the error of the pose leaves them.
+
+    All points of a scan share it, so that it does not average out.
+    """
+    reach = np.hypot(moments[:, 1], moments[:, 2])
+    moments[:, [0, 3, 4, 5]] /= (1.0 + moments[:, 0] * pose_variance(scan, reach))[:, None]
+
+
+def fingerprint(scan: LaserScan) -> int:
+    """A number of 64 bits that no other scan has."""
+    digest = blake2b(scan.ranges.tobytes(), digest_size=8)
+    digest.update(scan.angles.tobytes())
+    digest.update(np.array(scan.pose).tobytes())
+    return int.from_bytes(digest.digest(), "little", signed=True)

@@ -33,11 +33,12 @@ PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
 """[χ²] How much worse than the best a division may be and still lead to a better one later: what
 the points behind it could cost that are too few for a wall of their own. Exact: no tuning."""
 
-MOST_OPEN = 1024
+MOST_OPEN = 256
 """[places] Most places where a wall may still begin that are weighed for a point, so that the work
-grows with the points and not with their square. On a wall all of its points stay such places;
-scanners with about a thousand beams have fewer on one wall. On longer ones the older half is
-thinned out, and a wall may then begin a few of many thousand beams beside its corner."""
+grows with the points and not with their square. On a wall all of its points stay such places. On
+walls of more points the older half is thinned out, and a wall may then begin a few of many beams
+beside its corner; with 1024 maps from scans of 721 beams are the same, and 50,000 beams take three
+times as long."""
 
 # --- Extraction: segments of a scan's walls ---
 
@@ -87,24 +88,74 @@ MERGE_CELL = 4.0
 """[m] Size of a cell of the grid that finds partners: a few of the reach of merging and a fraction
 of a wall. It changes speed only."""
 
-# --- The beams that are kept ---
+# --- Evidence: what beams have shown of the ground ---
 
-SAME_PLACE = 0.23
-"""[m] Scans from nearer to each other than this, and alike in heading, see about the same, and only
-the first is kept. Less keeps more beams: a map then costs more time and memory."""
+LOSS_ODDS = 0.01
+"""[odds] A gap in a scan that lost beams leave by no more than such a chance is a real one."""
 
-SAME_HEADING = np.radians(9.0)
-"""[rad] Headings that are alike."""
+LEAST_LOST, MOST_LOST = 2, 8
+"""[beams] How many beams beside each other may be lost at least, also where hardly any are, and at
+most. More forgets what is seen through narrow gaps, less takes lost beams for gaps of walls."""
 
-REMEMBERED_SCANS = 1 << 16
-"""[scans] How many scans, the latest, the duplicate filter remembers: hours of a drive, in a few
-megabytes."""
+CELL = 0.1
+"""[m] Size of a cell. What is kept of the ground grows with its square; at 0.2 the purity of the
+objects of a town falls by 0.05."""
+
+PASS_DIRECTIONS = 16
+"""[directions] By how many directions the beams through a cell are told apart: those that run
+along a wall do not violate it. Eight serve as well but for narrow lanes."""
+
+HIT_DIRECTIONS = 8
+"""[directions] By how many directions returns are told apart: thin walls are seen from both sides,
+and at a corner two walls share a cell."""
+
+MOST_PASSES = 127
+"""[beams] When more have gone through a cell one way, all that is kept of the cell is halved: what
+came later counts more, so that a wall that goes away, or comes, is noticed after some hundred
+beams whatever was before. Seven bits: the eighth marks cells with returns."""
+
+MOST_HITS = 255.0
+"""[beams] The same for the returns in a cell from one direction."""
+
+GONE_AFTER = 20
+"""[beams] When so many have gone on where others ended, the same way and without a hit between
+them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
+
+SAME_WAY = 0.7
+"""[cosine] Angle between beams that go the same way."""
+
+WALL_SINE = 0.5
+"""[sine] Angle from which on a beam through a cell of a wall crosses it: at less it may run before
+the wall as well, in the same cells."""
+
+LINK_SINE = 0.35
+"""[sine] The same for a link between two walls, which no beam need run along."""
+
+# --- News: which walls are worked over again ---
+
+FRESH_NEWS = 0.1
+"""[share] A wall is worked over again when this part of what it was refit by has come anew. Less
+takes time, more leaves walls behind what is known of them."""
+
+STALE_NEWS = 0.05
+"""[share] The same for the one wall that has waited longest, after scans with little news."""
+
+FEW_WALLS = 2
+"""[walls] How many walls are little news."""
+
+MOVED = 0.01
+"""[m] A wall is worked over again when its line has moved by this …"""
+
+GROWN = 0.1
+"""[m] … or it has become longer by this."""
+
+UNCHANGED = 0.05
+"""[m] A segment that has moved by less is the same one, and its links are not asked for again …"""
+
+NEW_POINTS = 1.3
+"""[share] … unless its points are this many times as many as when they were."""
 
 # --- Refinement: hits and free-space violations ---
-
-ROUNDS = 2
-"""[rounds] How often walls are refit and merged again: what the first round cuts free, the second
-merges."""
 
 PIECE = 0.1
 """[m] Length of a piece of a wall, within which its evidence is counted."""
@@ -137,6 +188,10 @@ off: beams that all but run along a wall hit it anywhere."""
 VIOLATION_WEIGHT = 0.07
 """[hits] What a free-space violation weighs against a hit: poses and edges are a little wrong, so a
 wall that one beam in fifteen hit is still more than nothing."""
+
+FORSAKEN = 4.0
+"""[share] A wall without a real part is given up, and found anew if it comes back, where its
+violations outweigh its hits by this. Less takes time to find weak walls again and again."""
 
 OPEN_WEIGHT = 0.5
 """[hits] What a free-space violation weighs at a piece without hits."""
@@ -217,9 +272,9 @@ BEHIND_SINE = 0.3
 LINK_DEVIATIONS = 2.0 * HIT_DEVIATIONS
 """[deviations] How far the end of a wall and the face before it may be off together."""
 
-LINK_END = 0.5 * PIECE
-"""[m] How much of a link's ends is left out: no end of a wall is known better than half a piece,
-and beams that go by it go on as far as they like."""
+LINK_END = 1.5 * CELL
+"""[m] How much of a link's ends is left out: beams that go by the end of a wall, through the same
+cells, go on as far as they like."""
 
 STRAY_BEAMS = 1
 """[beams] How many may cross a short link: noise that lets one through is rare, but links are

@@ -1,16 +1,19 @@
 """Evidence: which walls the beams hit, and where they violate them by going on behind, compiled.
 
-Enter walls and the beams of scans; leave, for each piece of a wall, how many beams hit it and how
-many are free-space violations, or whether any beam has crossed a line.
+Enter walls and the cells of all beams; leave, for each piece of a wall, how many beams hit it and
+how many are free-space violations, or whether any beam has crossed a line.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import Beams, range_deviation
+from lrf3d.mapping.robust.blocks import SIDE, SIDE_BITS, block_at
 from lrf3d.mapping.robust.constants import (
+    CELL,
     CONTINUATION_PENALTY,
     CONTINUATION_STRICTNESS,
     DEEPEST_HIT,
@@ -18,41 +21,90 @@ from lrf3d.mapping.robust.constants import (
     HIT_DEVIATIONS,
     LEAST_INCIDENCE,
     LINK_END,
+    MOST_PASSES,
+    PASS_DIRECTIONS,
+    PIECE,
+    WALL_SINE,
 )
+from lrf3d.mapping.robust.evidence_grid import Cells
 
 
 @inner
-def beams_between(
-    beams: Beams, scan: int, start: float, span: float, turn: int
-) -> tuple[int, int]:  # pragma: no cover
-    """The run of a scan's beams with directions in [start, start + span] [rad].
+def crossings(
+    cells: Cells, x: float, y: float, ux: float, uy: float, deeper: float, sine: float
+) -> int:  # pragma: no cover
+    """How many beams went across the direction (ux, uy) at a place [m], and so much [m] deeper."""
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
+    if block < 0:
+        return 0
+    place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    count = 0
+    for way in range(PASS_DIRECTIONS):
+        passed = cells.passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+        if passed:
+            turn = 2.0 * np.pi * way / PASS_DIRECTIONS
+            if abs(np.cos(turn) * uy - np.sin(turn) * ux) > sine:
+                if deeper > 0.0:
+                    dx, dy = np.cos(turn), np.sin(turn)
+                    passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
+                count += passed
+    return count
 
-    A direction occurs once or twice in a list of beams that may begin anywhere: turn 0 and 1 give
-    the two runs, of which either may be empty.
+
+@inner
+def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no cover
+    """How many beams went one way through the cell of a place [m]."""
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
+    if block < 0:
+        return 0
+    place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    passed: int = cells.passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+    return passed
+
+
+class Round(NamedTuple):
+    """The walls whose evidence is gathered in a round of the refinement.
+
+    Args:
+        number: 0 or 1.
+        walls: (m,) their numbers.
+        ends: (m, 4) where they are [m].
+        first: (m + 1,) the first piece of each.
+        stamps: (≥ all walls,) the stamp of each wall by its number.
+        counts: (≥ all walls,) news of each wall: what it has lost to others is added.
     """
-    first, last = beams.first[scan], beams.first[scan + 1]
-    base = beams.angles[first]
-    start = base + (start - base) % (2.0 * np.pi) - turn * 2.0 * np.pi
-    angles = beams.angles[first:last]
-    low = first + np.searchsorted(angles, start)
-    high = first + np.searchsorted(angles, start + span, side="right")
-    return low, high
+
+    number: int
+    walls: Int
+    ends: Float
+    first: Int
+    stamps: NDArray[np.int32]
+    counts: Float
+
+
+@inner
+def longer(column: Int) -> Int:  # pragma: no cover
+    """An array with as many numbers behind it, which may be anything."""
+    grown = np.empty(2 * len(column), np.int64)
+    for k in range(len(column)):
+        grown[k] = column[k]
+    return grown
 
 
 @compiled
 def gather_evidence(
-    ends: Float, first: Int, beams: Beams, near: float, noise: RangeNoise, margin: float
-) -> tuple[Int, Float]:  # pragma: no cover
+    turn: Round, cells: Cells, near: float, margin: float
+) -> tuple[Float, Float]:  # pragma: no cover
     """Count the hits and the free-space violations of each piece of each wall.
 
-    A beam hits the wall that its return lies nearest to, and no other.
+    A cluster of returns hits the wall that it lies nearest to, and no other.
 
     Args:
-        ends: (m, 4) walls [m].
-        first: (m + 1,) the first piece of each wall.
-        beams: The beams.
+        turn: The walls.
+        cells: The cells; whom the clusters belong to is written.
         near: How far from a wall [m] a return may lie, beside what noise explains.
-        noise: The noise of their ranges.
         margin: How much of each wall [m], at either end, only continues what was seen.
 
     Returns:
@@ -60,11 +112,15 @@ def gather_evidence(
         they not hit another wall more nearly; (pieces, 6) sums over the hits, of their weight,
         times place along the wall, offset from it, and the products of the two.
     """
-    counts = np.zeros((first[-1], 3), np.int64)
-    least = np.full(len(beams.ranges), np.inf)
-    hit_piece = np.full(len(beams.ranges), -1)
-    owner = np.full(len(beams.ranges), -1)
-    weights = np.zeros(len(beams.ranges))
+    number, ends, first = turn.number, turn.ends, turn.first
+    counts = np.zeros((first[-1], 3))
+    # What belongs to the walls before is free, so that all of it is claimed anew.
+    for k in range(len(ends)):
+        turn.stamps[turn.walls[k]] += 1
+    claimed, hit_wall = np.empty(256, np.int64), np.empty(256, np.int64)
+    hit_piece = np.empty(256, np.int64)
+    found = 0
+    band = near + HIT_DEVIATIONS * cells.widest[0]
     for wall in range(len(ends)):
         x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
         length = np.hypot(x2 - x1, y2 - y1)
@@ -72,108 +128,119 @@ def gather_evidence(
             continue
         ux, uy = (x2 - x1) / length, (y2 - y1) / length
         pieces = first[wall + 1] - first[wall]
-        for scan in range(len(beams.places)):
-            ox, oy = beams.places[scan, 0], beams.places[scan, 1]
-            ax, ay, bx, by = x1 - ox, y1 - oy, x2 - ox, y2 - oy
-            aside = ax * uy - ay * ux
-            if abs(aside) < 1e-9 or abs(aside) > beams.reaches[scan]:
-                continue
-            one = np.arctan2(ay, ax)
-            turned = np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
-            start = one if turned > 0.0 else one + turned
-            for turn in range(2):
-                low, high = beams_between(beams, scan, start, abs(turned), turn)
-                for beam in range(low, high):
-                    reading = beams.ranges[beam]
-                    if reading == 0.0:
-                        continue
-                    dx, dy = beams.units[beam, 0], beams.units[beam, 1]
-                    incidence = dx * uy - dy * ux
-                    if incidence * aside <= 0.0:
-                        continue
-                    reach = aside / incidence
-                    behind = abs(reading) - reach
-                    deviation = range_deviation(noise, reach)
-                    slope = abs(incidence)
-                    place = (reach * dx - ax) * ux + (reach * dy - ay) * uy
-                    piece = int(place / length * pieces)
-                    piece = first[wall] + min(max(piece, 0), pieces - 1)
-                    off = near + HIT_DEVIATIONS * deviation * slope
-                    away = abs(behind) * slope
-                    # What continues a wall lies on its line, and takes what no wall has.
-                    continues = place < margin or place > length - margin
-                    allowed = CONTINUATION_STRICTNESS * off if continues else off
-                    if reading > 0.0 and away <= allowed and abs(behind) < DEEPEST_HIT * allowed:
-                        counts[piece, 2] += 1
-                        if continues:
-                            away += CONTINUATION_PENALTY * off
-                        # A wall seen from its back does not end a beam.
-                        if aside < 0.0:
-                            away += off
-                        if away < least[beam]:
-                            least[beam] = away
-                            hit_piece[beam] = piece
-                            owner[beam] = wall
-                            weights[beam] = 1.0 / (deviation * max(slope, LEAST_INCIDENCE)) ** 2
-                    elif behind > FREE_DEPTH + HIT_DEVIATIONS * deviation:
-                        counts[piece, 1] += 1
+        for piece in range(pieces):
+            along = (piece + 0.5) * length / pieces
+            passed = crossings(cells, x1 + along * ux, y1 + along * uy, ux, uy, 0.0, WALL_SINE)
+            counts[first[wall] + piece, 1] += passed * (PIECE / CELL)
+        steep = abs(uy) > abs(ux)
+        # Columns of cells along the axis that the wall runs along more.
+        begin, end = (min(y1, y2), max(y1, y2)) if steep else (min(x1, x2), max(x1, x2))
+        main, aside = (uy, ux) if steep else (ux, uy)
+        begin -= band * abs(aside)
+        end += band * abs(aside)
+        half = band / abs(main) + 0.5 * CELL * abs(aside / main)
+        for column in range(int(np.floor(begin / CELL)), int(np.floor(end / CELL)) + 1):
+            centre = (column + 0.5) * CELL
+            middle = x1 + (centre - y1) * ux / uy if steep else y1 + (centre - x1) * uy / ux
+            low, high = int(np.floor((middle - half) / CELL)), int(np.floor((middle + half) / CELL))
+            for row in range(low, high + 1):
+                cx, cy = (row, column) if steep else (column, row)
+                block = block_at(cells.solid, cx >> SIDE_BITS, cy >> SIDE_BITS)
+                if block < 0:
+                    continue
+                cluster = cells.heads[block, ((cy & (SIDE - 1)) << SIDE_BITS) + (cx & (SIDE - 1))]
+                while cluster >= 0:
+                    moments = cells.moments[cluster]
+                    ox, oy = moments[2] - x1, moments[3] - y1
+                    place = ox * ux + oy * uy
+                    if 0.0 <= place <= length:
+                        incidence = moments[7] * uy - moments[8] * ux
+                        slope = abs(incidence)
+                        deviation = np.sqrt(moments[0] / moments[1])
+                        piece = first[wall] + min(int(place / length * pieces), pieces - 1)
+                        off = near + HIT_DEVIATIONS * deviation * slope
+                        away = abs(oy * ux - ox * uy)
+                        # What continues a wall lies on its line, and takes what no wall has.
+                        continues = place < margin or place > length - margin
+                        allowed = CONTINUATION_STRICTNESS * off if continues else off
+                        if away <= allowed and away < DEEPEST_HIT * allowed * slope:
+                            counts[piece, 2] += moments[0]
+                            if continues:
+                                away += CONTINUATION_PENALTY * off
+                            # A wall seen from its back does not end a beam.
+                            if incidence < 0.0:
+                                away += off
+                            owner = cells.owners[cluster, number]
+                            owned = (
+                                owner >= 0 and turn.stamps[owner] == cells.claims[cluster, number]
+                            )
+                            if not owned or away < cells.apart[cluster, number]:
+                                if owned:
+                                    turn.counts[owner] += moments[0]
+                                owner = turn.walls[wall]
+                                cells.owners[cluster, number] = owner
+                                cells.claims[cluster, number] = turn.stamps[owner]
+                                cells.apart[cluster, number] = away
+                                if found == len(claimed):
+                                    claimed, hit_wall = longer(claimed), longer(hit_wall)
+                                    hit_piece = longer(hit_piece)
+                                claimed[found], hit_wall[found] = cluster, wall
+                                hit_piece[found] = piece
+                                found += 1
+                    cluster = cells.following[cluster]
     sums = np.zeros((first[-1], 6))
-    for scan in range(len(beams.places)):
-        for beam in range(beams.first[scan], beams.first[scan + 1]):
-            if hit_piece[beam] < 0:
-                continue
-            counts[hit_piece[beam], 0] += 1
-            counts[hit_piece[beam], 2] -= 1
-            wall = owner[beam]
-            x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
-            length = np.hypot(x2 - x1, y2 - y1)
-            ux, uy = (x2 - x1) / length, (y2 - y1) / length
-            px = beams.places[scan, 0] + beams.units[beam, 0] * beams.ranges[beam] - x1
-            py = beams.places[scan, 1] + beams.units[beam, 1] * beams.ranges[beam] - y1
-            along, aside = px * ux + py * uy, py * ux - px * uy
-            weight = weights[beam]
-            total = sums[hit_piece[beam]]
-            total[0] += weight
-            total[1] += weight * along
-            total[2] += weight * aside
-            total[3] += weight * along * along
-            total[4] += weight * along * aside
-            total[5] += weight * aside * aside
+    for k in range(found):
+        cluster, wall, piece = claimed[k], hit_wall[k], hit_piece[k]
+        if cells.owners[cluster, number] != turn.walls[wall]:
+            continue
+        moments = cells.moments[cluster]
+        counts[piece, 0] += moments[0]
+        counts[piece, 2] -= moments[0]
+        x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
+        length = np.hypot(x2 - x1, y2 - y1)
+        ux, uy = (x2 - x1) / length, (y2 - y1) / length
+        ox, oy = moments[2] - x1, moments[3] - y1
+        along, aside = ox * ux + oy * uy, oy * ux - ox * uy
+        slope = max(abs(moments[7] * uy - moments[8] * ux), LEAST_INCIDENCE)
+        factor = 1.0 / (slope * slope)
+        weight = factor * moments[1]
+        xx, xy, yy = moments[4], moments[5], moments[6]
+        sums[piece, 0] += weight
+        sums[piece, 1] += weight * along
+        sums[piece, 2] += weight * aside
+        sums[piece, 3] += weight * along * along + factor * (
+            xx * ux * ux + 2.0 * xy * ux * uy + yy * uy * uy
+        )
+        sums[piece, 4] += weight * along * aside + factor * (
+            (yy - xx) * ux * uy + xy * (ux * ux - uy * uy)
+        )
+        sums[piece, 5] += weight * aside * aside + factor * (
+            xx * uy * uy - 2.0 * xy * ux * uy + yy * ux * ux
+        )
     return counts, sums
 
 
 @inner
 def is_crossed(
-    line: Float, beams: Beams, noise: RangeNoise, depth: float, spare: int
+    line: Float, cells: Cells, depth: float, spare: int, sine: float
 ) -> bool:  # pragma: no cover
-    """Whether more beams than are to spare have crossed a line (4,) by more than a depth [m]."""
+    """Whether more beams than are to spare have crossed a line (4,) by more than a depth [m].
+
+    The sine is that of the angle from which on a beam may cross it.
+    """
     x1, y1, x2, y2 = line
     length = np.hypot(x2 - x1, y2 - y1)
     if length == 0.0:
         return False
     ux, uy = (x2 - x1) / length, (y2 - y1) / length
     end = min(LINK_END, 0.25 * length)
-    x1, y1, x2, y2 = x1 + end * ux, y1 + end * uy, x2 - end * ux, y2 - end * uy
     length -= 2.0 * end
-    for scan in range(len(beams.places)):
-        ox, oy = beams.places[scan, 0], beams.places[scan, 1]
-        ax, ay, bx, by = x1 - ox, y1 - oy, x2 - ox, y2 - oy
-        aside = ax * uy - ay * ux
-        if abs(aside) < 1e-9 or ax * ax + ay * ay > (beams.reaches[scan] + length) ** 2:
-            continue
-        one = np.arctan2(ay, ax)
-        turned = np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
-        start = one if turned > 0.0 else one + turned
-        for turn in range(2):
-            low, high = beams_between(beams, scan, start, abs(turned), turn)
-            for beam in range(low, high):
-                incidence = beams.units[beam, 0] * uy - beams.units[beam, 1] * ux
-                if incidence * aside <= 0.0:
-                    continue
-                reach = aside / incidence
-                deviation = range_deviation(noise, reach)
-                if abs(beams.ranges[beam]) - reach > depth + HIT_DEVIATIONS * deviation:
-                    spare -= 1
-                    if spare < 0:
-                        return True
+    steps = int(length / CELL) + 1
+    for step in range(steps):
+        along = end + (step + 0.5) * length / steps
+        spare -= crossings(
+            cells, x1 + along * ux, y1 + along * uy, ux, uy, depth - FREE_DEPTH, sine
+        )
+        if spare < 0:
+            return True
     return False

@@ -15,7 +15,7 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
-from lrf3d.mapping.robust.beams import range_deviation
+from lrf3d.mapping.robust.beams import in_order, longest_loss, range_deviation
 from lrf3d.mapping.robust.constants import (
     CLUSTER_DEVIATIONS,
     END_DEVIATIONS,
@@ -55,6 +55,7 @@ def sorted_returns(
     range_max: float,
     noise: RangeNoise,
     gap: float,
+    lost: int,
 ) -> tuple[Float, Float, Float, Bool]:  # pragma: no cover
     """Beams, ranges and deviations of the returns by rising angle, and which hang together.
 
@@ -100,7 +101,8 @@ def sorted_returns(
         k = (i + 1) % kept
         if k == i or (k == 0 and not circle):
             continue
-        if (places[i] + 1) % count != places[k]:
+        # A beam that is lost says nothing of the wall between its neighbours.
+        if (places[k] - places[i]) % count > 1 + lost:
             continue
         turn = abs(turns[k] - turns[i])
         turn = min(turn, 2.0 * np.pi - turn)
@@ -124,6 +126,7 @@ def extract_walls(
     range_max: float,
     noise: RangeNoise,
     gap: float,
+    lost: int,
     local: LocalWalls,
 ) -> int:  # pragma: no cover
     """Find the walls of a scan.
@@ -135,6 +138,7 @@ def extract_walls(
         range_max: Farthest range [m] that counts.
         noise: The noise of the ranges.
         gap: The gap [m] that parts two clusters however far they are.
+        lost: How many lost beams beside each other part no cluster.
         local: (≥ n // 3 rows) is filled with the walls.
 
     Returns:
@@ -142,7 +146,7 @@ def extract_walls(
     """
     ends, moments, labels = local
     beams, reaches, deviations, joined = sorted_returns(
-        theta, angles, ranges, range_max, noise, gap
+        theta, angles, ranges, range_max, noise, gap, lost
     )
     count = len(reaches)
     found = clusters = 0
@@ -304,21 +308,28 @@ class LikelihoodExtractor:
         range_max = scan.range_max if scan.range_max < np.inf else USUAL_RANGE
         return RangeNoise.from_sigma(self.sigma, self.floor, range_max)
 
-    def walls(self, scan: LaserScan) -> LocalWalls:
-        """Walls of a scan, in the world's directions around the laser's place."""
+    def walls(self, scan: LaserScan, heading: float) -> LocalWalls:
+        """Walls of a scan around the laser's place, in a frame where it has a heading [rad]."""
         most = len(scan.ranges) // LEAST_POINTS
         ends, moments = np.empty((most, 4)), np.empty((most, 6))
         local = LocalWalls(ends, moments, np.empty((most, 2), np.int64))
-        theta, range_max = float(scan.pose.theta), float(scan.range_max)
+        range_max = float(scan.range_max)
         angles, ranges = _plain(scan.angles), _plain(scan.ranges)
         count = extract_walls(
-            theta, angles, ranges, range_max, self.noise(scan), float(self.gap), local
+            heading,
+            angles,
+            ranges,
+            range_max,
+            self.noise(scan),
+            float(self.gap),
+            longest_loss(in_order(scan)[1], range_max),
+            local,
         )
         return LocalWalls(ends[:count], moments[:count], local.labels[:count])
 
     def __call__(self, scan: LaserScan) -> SegmentTable:
         """The local map of a scan, in the world's directions around the laser's place."""
-        ends, moments, labels = self.walls(scan)
+        ends, moments, labels = self.walls(scan, float(scan.pose.theta))
         return SegmentTable(ends, moments, labels[:, 0], labels[:, 1])
 
 

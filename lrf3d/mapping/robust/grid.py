@@ -169,52 +169,6 @@ def near(
 
 
 @inner
-def pairs_within(segments: Float, reach: float) -> Int:  # pragma: no cover
-    """Pairs (k, 2) of rows of segments (n, 4), the greater first, that come within reach [m].
-
-    Some may lie farther apart.
-    """
-    count = len(segments)
-    room = 64
-    while room < 8 * count:
-        room *= 2
-    grid = _empty(room)
-    row = 0
-    while row < count:
-        if insert(grid, row, segments[row], reach):
-            row += 1
-        else:
-            room *= 2
-            grid = _empty(room)
-            row = 0
-    stamps = np.full(count, -1)
-    found = np.empty(count, np.int64)
-    pairs = np.empty((64, 2), np.int64)
-    kept = 0
-    for row in range(count):
-        for k in range(near(grid, segments[row], reach, reach, stamps, row, found)):
-            other = found[k]
-            if other >= row:
-                continue
-            if kept == len(pairs):
-                pairs = with_more_room(pairs)
-            pairs[kept, 0], pairs[kept, 1] = row, other
-            kept += 1
-    return pairs[:kept]
-
-
-@inner
-def _empty(room: int) -> Grid:  # pragma: no cover
-    """An empty grid with room for some entries (a power of two), in compiled code."""
-    keys, heads = np.empty(2 * room, np.int64), np.empty(2 * room, np.int64)
-    for slot in range(2 * room):
-        keys[slot], heads[slot] = EMPTY, -1
-    used = np.empty(3, np.int64)
-    used[0], used[1], used[2] = 0, 0, -1
-    return Grid(keys, heads, np.empty(room, np.int64), np.empty(room, np.int64), used)
-
-
-@inner
 def with_more_room(pairs: Int) -> Int:  # pragma: no cover
     """Pairs (k, 2) with as many rows behind them, which may hold anything."""
     larger = np.empty((2 * len(pairs), 2), np.int64)

@@ -1,9 +1,8 @@
 """RobustMapper: the default, made to get the number of walls right, each in its place and object.
 
-An update extracts the walls of a scan and merges them with those of the map, at a cost that does
-not depend on the size of the map. The beams are kept, and when a map is asked for, its walls are
-refined by them: by hits and free-space violations, where walls bend, and which walls belong to one
-object.
+An update extracts the walls of a scan and merges them with those of the map, judges each beam of
+the scan once, by the cells that it goes through, and works over again the walls that this is news
+for. What it costs does not depend on the size of the map or on the number of scans.
 """
 
 from collections.abc import Mapping
@@ -11,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.robust.beams import DuplicateFilter, ScanArchive
+from lrf3d.mapping.robust.beams import Beams, Frame, fingerprint, widen
+from lrf3d.mapping.robust.evidence_grid import EvidenceGrid, News
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
-from lrf3d.mapping.robust.refinement import refine_map
+from lrf3d.mapping.robust.news import choose_walls, note_loose
+from lrf3d.mapping.robust.refinement import LEAST_ROWS, MapRefinement
 from lrf3d.mapping.robust.wall_store import WallStore
-from lrf3d.mapping.robust.walls import Rule
+from lrf3d.mapping.robust.walls import Rule, longer
 
 
 class RobustMapper:
@@ -31,54 +31,115 @@ class RobustMapper:
     """
 
     def __init__(self, extract: LikelihoodExtractor, rule: Rule, least: int) -> None:
-        self._extract, self._rule, self._least = extract, rule, least
+        self._extract, self._rule = extract, rule
         self._walls = WallStore(rule)
-        self._scans = ScanArchive()
-        self._duplicates = DuplicateFilter()
-        self._origin: Float | None = None
+        self._grid = EvidenceGrid()
+        self._refined = MapRefinement(rule, least)
+        self._last_scan: int | None = None
+        self._frame: Frame | None = None
         self._map: LineMap | None = None
-        self._noise = RangeNoise(extract.floor, 0.0)
+        # Of each wall of the store: the last scan that was news for it, and where it was refit.
+        self._told = np.zeros(LEAST_ROWS, np.int64)
+        self._refit = np.full((LEAST_ROWS, 4), np.inf)
+        self._scans = 0
 
     def update(self, scan: LaserScan) -> None:
-        """Merge the walls of a scan with the map's; the very same scan again changes nothing."""
-        if not self._duplicates.add(scan):
+        """Unite the map with a scan; the same scan once more changes nothing."""
+        number = fingerprint(scan)
+        if number == self._last_scan:
             return
         self._map = None
-        x, y = scan.pose.x, scan.pose.y
-        if self._origin is None:
-            # Whole metres, so that taking the origin off and adding it again loses nothing.
-            self._origin = np.round(np.array([x, y]))
-        place = (x - float(self._origin[0]), y - float(self._origin[1]))
-        ends, moments, labels = self._extract.walls(scan)
+        if self._frame is None:
+            self._frame = Frame.of(scan)
+        place, heading = self._frame.pose_of(scan)
+        noise = self._extract.noise(scan)
+        news = self._judge(Beams.of(scan, heading, noise), place)
+        ends, moments, labels = self._extract.walls(scan, heading)
+        widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
-        self._scans.add(scan, place)
-        self._noise = self._extract.noise(scan)
+        self._work_over(news, noise)
+        # Last: a scan whose update was interrupted may be given again.
+        self._last_scan = number
+
+    def _judge(self, beams: Beams, place: tuple[float, float]) -> News:
+        """Add what the beams of a scan show to the grid; returns for which walls it is news."""
+        self._scans += 1
+        news = News(
+            self._refined.stamps,
+            self._refined.news,
+            np.empty(len(self._told), np.int64),
+            self._told,
+            np.empty(len(beams.ranges), np.int64),
+            np.array([0, 0, self._scans]),
+        )
+        self._grid.add(beams, place, news)
+        return news
+
+    def _work_over(self, news: News, noise: RangeNoise) -> None:
+        """Refine the walls that there is news for."""
+        store, cells = self._walls, self._grid.cells
+        rows = len(store.walls.points)
+        if rows > len(self._told):
+            self._refined.grow(rows)
+            while len(self._told) < rows:
+                self._told = longer(self._told)
+                self._refit = np.concatenate([self._refit, np.full_like(self._refit, np.inf)])
+            news = news._replace(
+                stamps=self._refined.stamps,
+                counts=self._refined.news,
+                walls=np.concatenate([news.walls, np.empty(rows, np.int64)]),
+                told=self._told,
+            )
+        note_loose(news, cells, store.walls, store.touched, store.grid, self._rule.distance)
+        chosen = np.empty(rows, np.int64)
+        count = choose_walls(
+            news, store.changed, store.walls, self._refit, self._refined.evidence, chosen
+        )
+        if not count:
+            return
+        chosen = np.sort(chosen[:count])
+        alive = store.walls.points[chosen] > 0
+        walls = chosen[alive]
+        for row in self._refined.refine(
+            walls, store.walls.ends[walls], chosen[~alive], cells, noise
+        ):
+            # Beams went through it: if it comes back, it is found anew.
+            store.drop(row)
+            self._refined.stamps[row] += 1
+            self._refit[row] = np.inf
 
     @property
     def map(self) -> LineMap:
-        """The global map as it is now; it is computed once after an update, when it is read."""
+        """The global map as it is now."""
         if self._map is None:
-            beams = self._scans.beams(len(self._scans))
-            table = refine_map(self._walls.table(), beams, self._noise, self._rule, self._least)
-            self._map = table.as_map(np.zeros(2) if self._origin is None else self._origin)
+            table = self._refined.table()
+            self._map = LineMap.empty() if self._frame is None else self._frame.map_of(table)
         return self._map
 
     def state(self) -> dict[str, Any]:
         """All that the mapper has learnt, as plain arrays; `restore` takes them back."""
-        origin = np.full(2, np.nan) if self._origin is None else self._origin
+        frame = np.full(3, np.nan) if self._frame is None else np.array(self._frame)
         return {
             **self._walls.state(),
-            **self._scans.state(),
-            "fingerprints": self._duplicates.state(),
-            "origin": origin,
-            "noise": np.array(self._noise),
+            **self._grid.state(),
+            **self._refined.state(),
+            "last_scan": np.array([] if self._last_scan is None else [self._last_scan], np.int64),
+            "frame": frame,
+            "news_told": self._told.copy(),
+            "refit": self._refit.copy(),
+            "scans": np.array([self._scans]),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what a mapper of the same settings had learnt."""
         self._walls.restore(state)
-        self._scans.restore(state)
-        self._duplicates.restore(state["fingerprints"])
-        self._origin = None if np.isnan(state["origin"]).any() else state["origin"].copy()
-        self._noise = RangeNoise(*state["noise"].tolist())
+        self._grid.restore(state)
+        self._refined.restore(state)
+        last = state["last_scan"].tolist()
+        self._last_scan = last[0] if last else None
+        frame = state["frame"]
+        self._frame = None if np.isnan(frame).any() else Frame(*frame.tolist())
+        self._told = state["news_told"].copy()
+        self._refit = state["refit"].copy()
+        self._scans = int(state["scans"][0])
         self._map = None

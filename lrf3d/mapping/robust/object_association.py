@@ -9,24 +9,22 @@ two objects of several walls are joined only by two such links: a single one may
 beam happened to find.
 """
 
+from typing import NamedTuple, TypeVar
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import Beams, range_deviation
 from lrf3d.mapping.robust.constants import (
     ABUTS,
     ABUTS_SIDE,
     BEHIND_SINE,
     CORNER_BEAMS,
-    FACING,
     FACING_SINE,
     FREE_DEPTH,
-    HIDDEN_LINK,
-    HIDDEN_SINE,
-    LINK_DEVIATIONS,
-    LONGEST_LINK,
+    LINK_SINE,
+    MERGE_CELL,
     NICHE_DEPTH,
     SECOND_LINK,
     SEVERAL_WALLS,
@@ -36,112 +34,159 @@ from lrf3d.mapping.robust.constants import (
     TOUCH,
 )
 from lrf3d.mapping.robust.evidence import is_crossed
-from lrf3d.mapping.robust.grid import order_of, pairs_within
+from lrf3d.mapping.robust.evidence_grid import Cells
+from lrf3d.mapping.robust.grid import Grid, near, order_of
+from lrf3d.mapping.robust.links import UNASKED, Links, reach_before
+
+Number = TypeVar("Number", np.float64, np.int64)
+
+CROSSED, JOINS, BLOCKED, OPEN = 1, 2, 3, 4
+"""What a link is: it joins nothing; it joins two walls; it is long, and either no line of sight is
+open behind both of its walls, or one is."""
 
 
-@inner
-def find_links(ends: Float, candidates: Int) -> tuple[Int, Float]:  # pragma: no cover
-    """Pairs (k, 2) of walls that a link may join, and the links (k, 6).
+class Sight(NamedTuple):
+    """What decides on links: the walls, and what the beams have shown.
 
-    A link is x1 y1 x2 y2, its length [m], and 1 where it runs before a wall.
+    Args:
+        ends: (rows, 4) all walls [m], seen from their left.
+        points: (rows,) 0 where there is no wall.
+        grid: Where the walls are, in cells of MERGE_CELL.
+        cells: The cells of the beams.
+        blur: How far walls may be seen too short or too long [m].
     """
-    pairs, links = np.empty((len(candidates), 2), np.int64), np.empty((len(candidates), 6))
-    kept = 0
-    for k in range(len(candidates)):
-        wall, other = candidates[k, 0], candidates[k, 1]
-        link = _shortest_link(ends[wall], ends[other])
-        length = np.hypot(link[2] - link[0], link[3] - link[1])
-        one, another = reach_before(ends[wall], link), reach_before(ends[other], link)
-        before, less = max(one, another), min(one, another)
-        if (
-            length > LONGEST_LINK
-            or (length > FACING and less > FACING_SINE * length)
-            or (
-                (length > SHORT_LINK and before > BEHIND_SINE * length)
-                and (length > HIDDEN_LINK or less > HIDDEN_SINE * length)
-            )
-        ):
+
+    ends: Float
+    points: Int
+    grid: Grid
+    cells: Cells
+    blur: float
+
+
+@compiled
+def associate_objects(rows: Int, links: Links, sight: Sight) -> Int:  # pragma: no cover
+    """The object (m,) that each of some walls belongs to, named by the place of one of them.
+
+    Args:
+        rows: (m,) the walls, rising.
+        links: Their links; what the beams show of them is written.
+        sight: What decides on links.
+    """
+    parents = np.arange(len(rows))
+    sizes = np.ones(len(rows), np.int64)
+    places = np.full(len(links.heads), -1)
+    stamps, found = np.full(len(links.heads), -1), np.empty(len(links.heads), np.int64)
+    for k in range(len(rows)):
+        places[rows[k]] = k
+    chosen, lengths = np.empty(64, np.int64), np.empty(64)
+    number = 0
+    for k in range(len(rows)):
+        entry = links.heads[rows[k]]
+        while entry >= 0:
+            link, side = entry >> 1, entry & 1
+            if side == 0 and links.kinds[link] != CROSSED and places[links.pairs[link, 1]] >= 0:
+                if number == len(chosen):
+                    chosen, lengths = longer(chosen), longer(lengths)
+                chosen[number], lengths[number] = link, links.lines[link, 4]
+                number += 1
+            entry = links.following[link, side]
+    order = order_of(lengths[:number])
+    pairs = np.empty((number, 2), np.int64)
+    for k in range(number):
+        for side in range(2):
+            pairs[k, side] = places[links.pairs[chosen[k], side]]
+    waiting, strong = np.empty(number, np.int64), np.zeros(number, np.bool_)
+    # The links that wait, in a list for each object that one of them leads from.
+    heads, tails = np.full(len(rows), -1), np.full(len(rows), -1)
+    following, counts = np.full(2 * number, -1), np.zeros(len(rows), np.int64)
+    count = 0
+    # The shortest links come first; most others join what is one object by then.
+    for turn in range(number):
+        place = order[turn]
+        one, other = _root(parents, pairs[place, 0]), _root(parents, pairs[place, 1])
+        if one == other:
             continue
-        pairs[kept, 0], pairs[kept, 1] = wall, other
-        for place in range(4):
-            links[kept, place] = link[place]
-        links[kept, 4] = length
-        links[kept, 5] = before > BEHIND_SINE * length
-        kept += 1
-    return pairs[:kept], links[:kept]
+        link = chosen[place]
+        kind = links.kinds[link]
+        if kind == UNASKED:
+            wall, across = links.pairs[link]
+            line = links.lines[link]
+            size = near(sight.grid, line[:4], 0.0, MERGE_CELL, stamps, turn, found)
+            others = found[:size]
+            kind = _kind(line, wall, across, others, sight)
+            links.kinds[link] = kind
+        if kind == CROSSED:
+            continue
+        if kind != JOINS:
+            blocked = kind == BLOCKED
+            if not blocked or min(sizes[one], sizes[other]) >= SEVERAL_WALLS:
+                least = -np.inf if blocked else lengths[place] - SECOND_LINK
+                few, many = (one, other) if counts[one] < counts[other] else (other, one)
+                seconded = False
+                entry = heads[few]
+                while entry >= 0 and not seconded:
+                    before = waiting[entry >> 1]
+                    # All sight is blocked at one of the two; the other is about as long.
+                    if blocked or (strong[entry >> 1] and lengths[before] >= least):
+                        seconded = _root(parents, pairs[before, 1 - (entry & 1)]) == many
+                    entry = following[entry]
+                if not seconded:
+                    waiting[count], strong[count] = place, blocked
+                    for side in range(2):
+                        root = _root(parents, pairs[place, side])
+                        entry = 2 * count + side
+                        following[entry] = heads[root]
+                        heads[root] = entry
+                        if tails[root] < 0:
+                            tails[root] = entry
+                        counts[root] += 1
+                    count += 1
+                    continue
+        kept, gone = min(one, other), max(one, other)
+        parents[gone] = kept
+        sizes[kept] += sizes[gone]
+        counts[kept] += counts[gone]
+        if heads[gone] >= 0:
+            if heads[kept] >= 0:
+                following[tails[kept]] = heads[gone]
+            else:
+                heads[kept] = heads[gone]
+            tails[kept] = tails[gone]
+    for place in range(len(rows)):
+        parents[place] = _root(parents, place)
+    return parents
 
 
 @inner
-def _shortest_link(one: Float, other: Float) -> Float:  # pragma: no cover
-    """The shortest line (4,) from one of two segments to the other."""
-    link = np.zeros(4)
-    dx, dy = one[2] - one[0], one[3] - one[1]
-    u, v = other[2] - other[0], other[3] - other[1]
-    crossing = dx * v - dy * u
-    if crossing != 0.0:
-        ahead = ((other[0] - one[0]) * v - (other[1] - one[1]) * u) / crossing
-        along = ((other[0] - one[0]) * dy - (other[1] - one[1]) * dx) / crossing
-        if 0.0 <= ahead <= 1.0 and 0.0 <= along <= 1.0:
-            # They cross: one was united through the other.
-            link[0] = link[2] = one[0] + ahead * dx
-            link[1] = link[3] = one[1] + ahead * dy
-            return link
-    least = np.inf
-    for turn in range(4):
-        own, across = (one, other) if turn < 2 else (other, one)
-        x, y = own[2 * (turn % 2)], own[2 * (turn % 2) + 1]
-        dx, dy = across[2] - across[0], across[3] - across[1]
-        place = ((x - across[0]) * dx + (y - across[1]) * dy) / (dx * dx + dy * dy)
-        place = min(max(place, 0.0), 1.0)
-        u, v = across[0] + place * dx, across[1] + place * dy
-        away = (x - u) ** 2 + (y - v) ** 2
-        if away < least:
-            least = away
-            link[0], link[1], link[2], link[3] = x, y, u, v
-    return link
+def _kind(
+    link: Float, wall: int, across: int, others: Int, sight: Sight
+) -> int:  # pragma: no cover
+    """What a link (6,) of two walls is."""
+    ends, cells = sight.ends, sight.cells
+    if link[4] > ABUTS and _goes_before(link, wall, across, others, sight):
+        return CROSSED
+    if link[4] <= TOUCH:
+        return JOINS
+    if link[4] <= SHORT_LINK:
+        return CROSSED if _is_separated(link, cells) else JOINS
+    if is_crossed(link[:4], cells, FREE_DEPTH, 0, LINK_SINE):
+        return CROSSED
+    if link[5] > 0.0:
+        return JOINS
+    return BLOCKED if _is_blocked(ends[wall], ends[across], cells) else OPEN
 
 
 @inner
-def reach_before(wall: Float, link: Float) -> float:  # pragma: no cover
-    """How far [m] a link gets before the face of a wall that it begins or ends at."""
-    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
-    size = np.hypot(dx, dy)
-    first = (dx * (link[1] - wall[1]) - dy * (link[0] - wall[0])) / size
-    last = (dx * (link[3] - wall[1]) - dy * (link[2] - wall[0])) / size
-    before: float = max(first, last)
-    return before
-
-
-@inner
-def neighbours(pairs: Int, count: int) -> tuple[Int, Int]:  # pragma: no cover
-    """The partners of all walls in pairs (k, 2) in one row, and (count + 1,) where each's begin."""
-    first = np.zeros(count + 2, np.int64)
-    for k in range(len(pairs)):
-        for turn in range(2):
-            first[pairs[k, turn] + 2] += 1
-    for wall in range(count):
-        first[wall + 2] += first[wall + 1]
-    near = np.empty(2 * len(pairs), np.int64)
-    for k in range(len(pairs)):
-        for turn in range(2):
-            wall, other = pairs[k, turn], pairs[k, 1 - turn]
-            near[first[wall + 1]] = other
-            first[wall + 1] += 1
-    return first[:-1], near
-
-
-@inner
-def goes_before(
-    link: Float, ends: Float, one: int, other: int, others: Int, blur: float
+def _goes_before(
+    link: Float, one: int, other: int, others: Int, sight: Sight
 ) -> bool:  # pragma: no cover
-    """Whether a link (6,) of two walls runs far before a face that goes on to both sides of it.
-
-    Walls end somewhere within a blur [m], which the noise of the ranges leaves.
-    """
+    """Whether a link (6,) of two walls runs far before a face that goes on to both sides of it."""
+    ends, blur = sight.ends, sight.blur
     for k in range(len(others)):
         wall = others[k]
-        if wall != other and _stands_off(link, ends[wall], blur):
-            return True
+        if wall not in (one, other) and sight.points[wall] > 0:
+            if _stands_off(link, ends[wall], blur):
+                return True
     # A wall may go on, unseen, to the face of another.
     if _stands_off(link, ends[one], blur) and not _goes_along(link, ends[other]):
         return True
@@ -173,76 +218,6 @@ def _stands_off(link: Float, wall: Float, blur: float) -> bool:  # pragma: no co
     return bool(ABUTS_SIDE < place < size - ABUTS_SIDE)
 
 
-@compiled
-def associate_objects(ends: Float, beams: Beams, noise: RangeNoise) -> Int:  # pragma: no cover
-    """The object (m,) that each of some walls (m, 4) belongs to, named by one of its walls.
-
-    Args:
-        ends: (m, 4) walls [m], seen from their left.
-        beams: The beams.
-        noise: The noise of their ranges.
-    """
-    parents = np.arange(len(ends))
-    sizes = np.ones(len(ends), np.int64)
-    candidates = pairs_within(ends, LONGEST_LINK)
-    starts, near = neighbours(candidates, len(ends))
-    pairs, links = find_links(ends, candidates)
-    lengths = np.empty(len(links))
-    for k in range(len(links)):
-        lengths[k] = links[k, 4]
-    order = order_of(lengths)
-    waiting, strong = np.empty(len(order), np.int64), np.zeros(len(order), np.bool_)
-    blur = LINK_DEVIATIONS * range_deviation(noise, LONGEST_LINK)
-    count = 0
-    # The shortest links come first; most others join what is one object by then.
-    for turn in range(len(order)):
-        place = order[turn]
-        one, other = _root(parents, pairs[place, 0]), _root(parents, pairs[place, 1])
-        if one == other:
-            continue
-        length = lengths[place]
-        if length > ABUTS:
-            wall, across = pairs[place, 0], pairs[place, 1]
-            others = near[starts[wall] : starts[wall + 1]]
-            if goes_before(links[place], ends, wall, across, others, blur):
-                continue
-        if length > SHORT_LINK:
-            if is_crossed(links[place, :4], beams, noise, FREE_DEPTH, 0):
-                continue
-            corner = links[place, 5] > 0.0
-            blocked = corner or _is_blocked(
-                ends[pairs[place, 0]], ends[pairs[place, 1]], beams, noise
-            )
-            if not corner and (not blocked or min(sizes[one], sizes[other]) >= SEVERAL_WALLS):
-                seconded = False
-                for k in range(count):
-                    before = waiting[k]
-                    # All sight is blocked at one of the two; the other is about as long.
-                    if not (blocked or (strong[k] and lengths[before] >= length - SECOND_LINK)):
-                        continue
-                    first, second = (
-                        _root(parents, pairs[before, 0]),
-                        _root(parents, pairs[before, 1]),
-                    )
-                    if min(first, second) == min(one, other) and max(first, second) == max(
-                        one, other
-                    ):
-                        seconded = True
-                        break
-                if not seconded:
-                    waiting[count], strong[count] = place, blocked
-                    count += 1
-                    continue
-        elif length > TOUCH and _is_separated(links[place], beams, noise):
-            continue
-        kept, gone = min(one, other), max(one, other)
-        parents[gone] = kept
-        sizes[kept] += sizes[gone]
-    for place in range(len(ends)):
-        parents[place] = _root(parents, place)
-    return parents
-
-
 @inner
 def _root(parents: Int, wall: int) -> int:  # pragma: no cover
     while parents[wall] != wall:
@@ -252,9 +227,7 @@ def _root(parents: Int, wall: int) -> int:  # pragma: no cover
 
 
 @inner
-def _is_blocked(
-    one: Float, other: Float, beams: Beams, noise: RangeNoise
-) -> bool:  # pragma: no cover
+def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no cover
     """Whether no beam has crossed any line of sight that runs behind both of two walls."""
     line = np.empty(4)
     for own in SIGHT_PLACES:
@@ -264,15 +237,24 @@ def _is_blocked(
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])
             length = np.hypot(line[2] - line[0], line[3] - line[1])
             if max(reach_before(one, line), reach_before(other, line)) <= BEHIND_SINE * length:
-                if is_crossed(line, beams, noise, FREE_DEPTH, 0):
+                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
                     return False
     return True
 
 
 @inner
-def _is_separated(link: Float, beams: Beams, noise: RangeNoise) -> bool:  # pragma: no cover
+def _is_separated(link: Float, cells: Cells) -> bool:  # pragma: no cover
     """Whether beams have crossed a short link (6,): many of them, or deeper than into a corner."""
     depth = max(FREE_DEPTH, NICHE_DEPTH * link[4]) if link[5] > 0.0 else FREE_DEPTH
-    return is_crossed(link[:4], beams, noise, depth, STRAY_BEAMS) or is_crossed(
-        link[:4], beams, noise, FREE_DEPTH, CORNER_BEAMS
+    return is_crossed(link[:4], cells, depth, STRAY_BEAMS, LINK_SINE) or is_crossed(
+        link[:4], cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE
     )
+
+
+@inner
+def longer(column: NDArray[Number]) -> NDArray[Number]:  # pragma: no cover
+    """An array with as many numbers behind it, which may be anything."""
+    grown = np.empty(2 * len(column), column.dtype)
+    for k in range(len(column)):
+        grown[k] = column[k]
+    return grown

@@ -1,214 +1,225 @@
-"""Map refinement: walls are checked against the beams of all scans and corrected by them.
+"""MapRefinement: walls are checked against what all beams have shown, and corrected by it.
 
-Enter the walls that merging left, and the beams; leave walls cut where beams went through them,
-split where the points bend, without second copies, continued across gaps that no beam crossed,
-grouped into objects, with closed corners.
+Enter the walls that merging left, and the cells of the beams; leave walls cut where beams went
+through them, split where the points bend, without second copies, continued across gaps that no
+beam crossed, grouped into objects, with closed corners. An update works over again just the walls
+that it brings news for, and what is joined with them.
+
+It goes in two rounds: of each wall the stretches that are real are found; stretches of one wall are
+joined, and checked again: what the first round cut free, the second merges.
 """
 
-from dataclasses import replace
+import itertools
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int, directions, lengths
+from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.constants import (
-    CORNER_REACH,
-    CORNER_SINE,
-    CORNER_TRIM,
     FOLLOWED,
-    FREE_DEPTH,
+    FORSAKEN,
     LONGEST_GAP,
     PIECE,
-    ROUNDS,
     SHORT_WALL,
     VIOLATION_WEIGHT,
 )
-from lrf3d.mapping.robust.evidence import gather_evidence, is_crossed
-from lrf3d.mapping.robust.grid import order_of, pairs_within, with_more_room
-from lrf3d.mapping.robust.object_association import associate_objects
+from lrf3d.mapping.robust.evidence import Round, gather_evidence
+from lrf3d.mapping.robust.evidence_grid import Cells
+from lrf3d.mapping.robust.joining import join_stretches, may_join
+from lrf3d.mapping.robust.object_groups import ObjectGroups
 from lrf3d.mapping.robust.refitting import refit_segments
-from lrf3d.mapping.robust.wall_store import WallStore
-from lrf3d.mapping.robust.walls import Rule, Walls, merge, misfit
+from lrf3d.mapping.robust.segment_pool import SegmentPool
+from lrf3d.mapping.robust.walls import Rule, longer
 from lrf3d.mapping.segment_table import SegmentTable
 
+LEAST_ROWS = 256
+"""Walls that a new refinement has room for."""
 
-def refine_map(
-    table: SegmentTable, beams: Beams, noise: RangeNoise, rule: Rule, least: int
-) -> SegmentTable:
-    """The walls of a table, corrected by the beams that saw them.
+
+class MapRefinement:
+    """The stretches of walls that are real, and the segments that they make.
 
     Args:
-        table: Walls.
-        beams: The beams of all scans.
-        noise: Their noise.
         rule: What one wall is.
         least: Walls with fewer hits than this are left out.
+
+    Attributes:
+        stamps: (rows,) the stamp of each wall of the store; see `Cells`.
+        news: (rows,) beams that hit each wall, or went through its hits, since it was refit.
+        evidence: (rows,) hits and free-space violations that each wall had when it was refit.
+        segments: The segments of the map.
+        groups: Their objects.
     """
-    for turn in range(ROUNDS):
-        # Scans show parts of walls; what single beams hit beyond them counts in the first round.
-        reach = 0.0 if turn else FOLLOWED
-        if turn:
-            table = _bridged(_merged(table, rule), rule, beams, noise)
-        if not len(table):
-            return table
-        units = directions(table.ends)
-        table = replace(table, ends=table.ends + np.hstack([-reach * units, reach * units]))
-        pieces = np.maximum(np.ceil(lengths(table.ends) / PIECE).astype(np.int64), 1)
+
+    def __init__(self, rule: Rule, least: int) -> None:
+        self._rule, self._least = rule, least
+        self.stamps = np.zeros(LEAST_ROWS, np.int32)
+        self.news, self.evidence = np.zeros(LEAST_ROWS), np.zeros(LEAST_ROWS)
+        self._joint_stamps = np.zeros(LEAST_ROWS, np.int32)
+        self._joint_news = np.zeros(LEAST_ROWS)
+        self._stretches, self.segments = SegmentPool(), SegmentPool()
+        # The joined wall that each stretch is a part of is named by one of them.
+        self._joint = np.zeros(LEAST_ROWS, np.int64)
+        self._parts: dict[int, list[int]] = {}
+        self.groups = ObjectGroups()
+
+    def grow(self, rows: int) -> None:
+        """Have room for so many walls."""
+        while len(self.stamps) < rows:
+            self.stamps = longer(self.stamps)
+            self.news, self.evidence = longer(self.news), longer(self.evidence)
+
+    def refine(
+        self, walls: Int, ends: Float, gone: Int, cells: Cells, noise: RangeNoise
+    ) -> list[int]:
+        """Work some walls over again.
+
+        Args:
+            walls: (m,) their rows.
+            ends: (m, 4) where they are [m].
+            gone: (k,) rows that are no walls any more.
+            cells: What the beams have shown.
+            noise: The noise of the ranges.
+
+        Returns:
+            Those of them that the beams went through and that have nothing real.
+        """
+        self.stamps[gone] += 1
+        if not len(walls) and not self._stretches.rows_of(gone.tolist()):
+            return []
+        changed = [*walls.tolist(), *gone.tolist()]
+        old = self._stretches.rows_of(changed)
+        affected = {int(self._joint[row]) for row in old}
+        parts = {part for joint in affected for part in self._parts[joint]}
+        self._stretches.drop(changed)
+        fresh: list[int] = []
+        contradicted: list[int] = []
+        if len(walls):
+            units = ends[:, 2:] - ends[:, :2]
+            units = FOLLOWED * units / lengths(ends)[:, None]
+            ends = ends + np.hstack([-units, units])
+            found, moments, labels, totals = self._refit(
+                0, walls, ends, self.stamps, self.news, cells, FOLLOWED
+            )
+            self.evidence[walls] = totals.sum(axis=1)
+            hits = labels[:, 1].astype(np.int64)
+            parents = walls[labels[:, 0].astype(np.int64)]
+            fresh = self._stretches.add(found, moments, hits, parents).tolist()
+            while len(self._joint) < len(self._stretches.parents):
+                self._joint = longer(self._joint)
+                self._joint_stamps = longer(self._joint_stamps)
+                self._joint_news = longer(self._joint_news)
+            weak = VIOLATION_WEIGHT * totals[:, 1] > FORSAKEN * totals[:, 0]
+            weak[np.isin(walls, parents)] = False
+            contradicted = walls[weak].tolist()
+        parts.difference_update(old)
+        parts.update(fresh)
+        self._add_neighbours(parts, set(fresh), affected)
+        self._rejoin(sorted(parts), affected, cells, noise)
+        return contradicted
+
+    def _add_neighbours(self, parts: set[int], fresh: set[int], affected: set[int]) -> None:
+        """Add all parts of the joined walls that any of the parts may be joined with."""
+        pool, waiting = self._stretches, sorted(parts)
+        while waiting:
+            row = waiting.pop()
+            near = pool.near(pool.walls.ends[row], LONGEST_GAP)
+            for other in may_join(pool.walls, row, near, self._rule).tolist():
+                if other in parts:
+                    continue
+                joint = int(self._joint[other])
+                affected.add(joint)
+                more = [part for part in self._parts[joint] if part not in parts]
+                parts.update(more)
+                waiting += more
+
+    def _rejoin(
+        self, parts: list[int], affected: set[int], cells: Cells, noise: RangeNoise
+    ) -> None:
+        """Join stretches anew, and find the segments of the walls that they make."""
+        for joint in affected:
+            del self._parts[joint]
+        old = sorted(affected)
+        self._joint_stamps[old] += 1
+        rows = np.array(parts, np.int64)
+        found, moments = np.empty((0, 4)), np.empty((0, 6))
+        hits = parents = np.zeros(0, np.int64)
+        if len(rows):
+            walls = self._stretches.walls.take(rows)
+            roots = join_stretches(walls, self._rule, cells)
+            self._joint[rows] = rows[roots]
+            for row, joint in zip(parts, rows[roots].tolist(), strict=True):
+                self._parts.setdefault(joint, []).append(row)
+            kept = np.flatnonzero(walls.points)
+            found, moments, labels, _ = self._refit(
+                1, rows[kept], walls.ends[kept], self._joint_stamps, self._joint_news, cells, 0.0
+            )
+            hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
+        gone, fresh = self.segments.exchange(old, found, moments, hits, parents)
+        self.groups.update(
+            self.segments, gone, fresh, self.segments.rows_of(set(parents.tolist())), cells, noise
+        )
+
+    def _refit(
+        self,
+        number: int,
+        walls: Int,
+        ends: Float,
+        stamps: Any,
+        lost: Float,
+        cells: Cells,
+        margin: float,
+    ) -> tuple[Float, Float, Float, Float]:
+        """The real segments of walls: ends, moments, labels; and evidence (walls, 2) of each."""
+        pieces = np.maximum(np.ceil(lengths(ends) / PIECE).astype(np.int64), 1)
         first = np.concatenate([[0], np.cumsum(pieces)])
-        counts, sums = gather_evidence(table.ends, first, beams, rule.distance, noise, reach)
-        ends, moments, labels = refit_segments(table.ends, first, counts, sums)
+        turn = Round(number, walls, ends, first, stamps, lost)
+        counts, sums = gather_evidence(turn, cells, self._rule.distance, margin)
+        found, moments, labels = refit_segments(ends, first, counts, sums)
         hits, violations = labels[:, 1], labels[:, 2]
-        needed = np.where(lengths(ends) < SHORT_WALL, 2 * least, least)
+        needed = np.where(lengths(found) < SHORT_WALL, 2 * self._least, self._least)
         real = (hits >= needed) & (VIOLATION_WEIGHT * violations <= hits)
-        table = SegmentTable(ends, moments, hits, np.arange(len(ends))).take(np.flatnonzero(real))
-    table = replace(table, unions=associate_objects(table.ends, beams, noise))
-    close_corners(table.ends, table.unions)
-    return table
+        spare = int(margin / PIECE)
+        totals: Float = np.array(
+            [counts[a + spare : b - spare, :2].sum(axis=0) for a, b in itertools.pairwise(first)]
+        )
+        return found[real], moments[real], labels[real], totals
 
+    def table(self) -> SegmentTable:
+        """The segments of the map as they are now."""
+        rows = self.segments.rows()
+        walls = self.segments.walls
+        return SegmentTable(
+            self.groups.closed[rows],
+            walls.moments[rows],
+            walls.points[rows],
+            self.groups.labels[rows],
+        )
 
-def _merged(table: SegmentTable, rule: Rule) -> SegmentTable:
-    """The walls of a table, merged once more."""
-    store = WallStore(rule)
-    store.add(table.ends, table.moments, table.points, (0.0, 0.0))
-    return store.table()
+    def state(self) -> dict[str, Any]:
+        """All that was worked out, as plain arrays by their names; `restore` takes them back."""
+        return {
+            **self._stretches.state("stretch"),
+            **self.segments.state("segment"),
+            **self.groups.state(),
+            "refit_stamps": self.stamps.copy(),
+            "news": self.news.copy(),
+            "refit_evidence": self.evidence.copy(),
+            "joint_stamps": self._joint_stamps.copy(),
+            "joints": self._joint.copy(),
+        }
 
-
-def _bridged(table: SegmentTable, rule: Rule, beams: Beams, noise: RangeNoise) -> SegmentTable:
-    """The walls of a table, with stretches of one wall made one."""
-    walls = Walls(table.ends, table.moments, table.points.copy())
-    bridge_walls(walls, rule, beams, noise)
-    return SegmentTable(*walls, table.unions).take(np.flatnonzero(walls.points))
-
-
-@compiled
-def bridge_walls(
-    walls: Walls, rule: Rule, beams: Beams, noise: RangeNoise
-) -> None:  # pragma: no cover
-    """Merge walls on one line where no beam has crossed the gap; those gone have no points.
-
-    Args:
-        walls: The walls; are written.
-        rule: What one wall is.
-        beams: The beams.
-        noise: The noise of their ranges.
-    """
-    pairs = pairs_within(walls.ends, LONGEST_GAP)
-    # As straight as a wall is continued, and no farther off than two views of it: stretches are
-    # short, and nothing overlaps that could tell where they lead.
-    straight = Rule(LONGEST_GAP, rule.bend, rule.bend, rule.distance)
-    lines = np.empty((len(pairs), 4))
-    gaps = np.full(len(pairs), np.inf)
-    for k in range(len(pairs)):
-        one, other = pairs[k, 0], pairs[k, 1]
-        if _fits(walls, one, other, straight):
-            gaps[k] = _span(walls.ends[one], walls.ends[other], lines[k])
-    parents = np.arange(len(walls.ends))
-    order = order_of(gaps)
-    for place in range(len(order)):
-        k = order[place]
-        if gaps[k] == np.inf:
-            break
-        one, other = pairs[k, 0], pairs[k, 1]
-        while parents[one] != one:
-            one = parents[one]
-        while parents[other] != other:
-            other = parents[other]
-        if one == other or not _fits(walls, one, other, straight):
-            continue
-        if gaps[k] > 0.0 and is_crossed(lines[k], beams, noise, FREE_DEPTH, 0):
-            continue
-        kept, gone = min(one, other), max(one, other)
-        merge(walls, kept, gone)
-        parents[gone] = kept
-
-
-@inner
-def _fits(walls: Walls, one: int, other: int, rule: Rule) -> bool:  # pragma: no cover
-    ends, moments = walls.ends, walls.moments
-    misses: float = misfit(ends[one], moments[one], ends[other], moments[other], rule)
-    return misses < 1.0
-
-
-@inner
-def _span(one: Float, other: Float, line: Float) -> float:  # pragma: no cover
-    """Fill in the line (4,) from the end of one wall to where the next begins: its length [m]."""
-    ux, uy = one[2] - one[0], one[3] - one[1]
-    size = np.hypot(ux, uy)
-    ahead = ((other[0] - one[2]) * ux + (other[1] - one[3]) * uy) / size
-    back = ((one[0] - other[2]) * ux + (one[1] - other[3]) * uy) / size
-    if ahead > back:
-        line[0], line[1], line[2], line[3] = one[2], one[3], other[0], other[1]
-    else:
-        line[0], line[1], line[2], line[3] = other[2], other[3], one[0], one[1]
-    gap: float = max(ahead, back, 0.0)
-    return gap
-
-
-@compiled
-def close_corners(ends: Float, objects: Int) -> None:  # pragma: no cover
-    """Move the ends of walls (m, 4) of one object that meet to the crossing of their lines."""
-    count = len(ends)
-    # First the one end of all walls, then the other.
-    xs, ys = np.empty(2 * count), np.empty(2 * count)
-    for place in range(2 * count):
-        wall, side = place % count, place // count
-        xs[place], ys[place] = ends[wall, 2 * side], ends[wall, 2 * side + 1]
-    order = order_of(xs)
-    pairs = np.empty((64, 2), np.int64)
-    found = 0
-    for place in range(2 * count):
-        one = order[place]
-        after = place + 1
-        while after < 2 * count:
-            other = order[after]
-            after += 1
-            if xs[other] - xs[one] > 2.0 * CORNER_REACH:
-                break
-            if objects[one % count] != objects[other % count]:
-                continue
-            if one % count == other % count or abs(ys[other] - ys[one]) > 2.0 * CORNER_REACH:
-                continue
-            if found == len(pairs):
-                pairs = with_more_room(pairs)
-            pairs[found, 0], pairs[found, 1] = one, other
-            found += 1
-    steps = np.empty(found)
-    for k in range(found):
-        one, other = pairs[k, 0], pairs[k, 1]
-        steps[k] = (xs[other] - xs[one]) ** 2 + (ys[other] - ys[one]) ** 2
-    taken = np.zeros(2 * count, np.bool_)
-    # The nearest ends go first, and each meets but one other.
-    order = order_of(steps)
-    for place in range(found):
-        one, other = pairs[order[place], 0], pairs[order[place], 1]
-        if not (taken[one] or taken[other]) and _close(
-            ends, one % count, one // count, other % count, other // count
-        ):
-            taken[one] = taken[other] = True
-
-
-@inner
-def _close(ends: Float, one: int, side: int, other: int, turned: int) -> bool:  # pragma: no cover
-    """Move an end of each of two walls to where their lines cross, if that is near to both."""
-    ux, uy = ends[one, 2] - ends[one, 0], ends[one, 3] - ends[one, 1]
-    vx, vy = ends[other, 2] - ends[other, 0], ends[other, 3] - ends[other, 1]
-    own, across = np.hypot(ux, uy), np.hypot(vx, vy)
-    turn = ux * vy - uy * vx
-    if abs(turn) < CORNER_SINE * own * across:
-        return False
-    dx = ends[other, 2 * turned] - ends[one, 2 * side]
-    dy = ends[other, 2 * turned + 1] - ends[one, 2 * side + 1]
-    ahead, back = (dx * vy - dy * vx) / turn, (dx * uy - dy * ux) / turn
-    if abs(ahead) * own > CORNER_REACH or abs(back) * across > CORNER_REACH:
-        return False
-    x, y = ends[one, 2 * side] + ahead * ux, ends[one, 2 * side + 1] + ahead * uy
-    # The first end (side 0) is taken back when it moves ahead, the second when it moves back.
-    if (1.0 - 2.0 * side) * ahead * own > min(CORNER_TRIM, 0.5 * own):
-        return False
-    if (1.0 - 2.0 * turned) * back * across > min(CORNER_TRIM, 0.5 * across):
-        return False
-    ends[one, 2 * side], ends[one, 2 * side + 1] = x, y
-    ends[other, 2 * turned], ends[other, 2 * turned + 1] = x, y
-    return True
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from what was worked out."""
+        self._stretches.restore(state, "stretch")
+        self.segments.restore(state, "segment")
+        self.groups.restore(state, self.segments)
+        self.stamps, self.evidence = state["refit_stamps"].copy(), state["refit_evidence"].copy()
+        self.news = state["news"].copy()
+        self._joint_news = np.zeros(len(state["joints"]))
+        self._joint_stamps, self._joint = state["joint_stamps"].copy(), state["joints"].copy()
+        self._parts = {}
+        for row in self._stretches.rows().tolist():
+            self._parts.setdefault(int(self._joint[row]), []).append(row)

@@ -22,7 +22,7 @@ from lrf3d.mapping.robust.constants import (
 
 
 @compiled
-def real_pieces(counts: Int) -> Int:  # pragma: no cover
+def real_pieces(counts: Float) -> Int:  # pragma: no cover
     """Which pieces (n,) of a wall are real, by the cheapest run of states along it.
 
     A real piece is charged for each of its free-space violations, one that is not for each of its
@@ -106,9 +106,9 @@ def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
 def refit_segments(
     ends: Float,
     first: Int,
-    counts: Int,
+    counts: Float,
     sums: Float,
-) -> tuple[Float, Float, Int]:  # pragma: no cover
+) -> tuple[Float, Float, Float]:  # pragma: no cover
     """The real parts of walls (m, 4), refit to their hits.
 
     Returns:
@@ -116,7 +116,7 @@ def refit_segments(
     """
     parts = np.empty((len(counts), 4))
     moments = np.empty((len(counts), 6))
-    labels = np.empty((len(counts), 3), np.int64)
+    labels = np.empty((len(counts), 3))
     breaks = np.empty(len(counts) + 1, np.int64)
     found = 0
     for wall in range(len(ends)):
@@ -138,7 +138,7 @@ def refit_segments(
             start = begin
             for part in range(number):
                 stop = begin + breaks[part]
-                hits = violations = 0
+                hits = violations = 0.0
                 total = np.zeros(6)
                 for k in range(low + start, low + stop):
                     hits += counts[k, 0]

@@ -10,7 +10,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import MERGE_CELL
-from lrf3d.mapping.robust.grid import Grid, insert
+from lrf3d.mapping.robust.grid import Grid, insert, remove
 from lrf3d.mapping.robust.walls import Rule, Touched, Walls, add_walls, unite_walls
 from lrf3d.mapping.segment_table import SegmentTable
 
@@ -37,10 +37,10 @@ class WallStore:
             points: (n,) their counts of points.
             place: Where the laser is [m].
         """
+        self._touched.number[0] = 0
         if not len(ends):
             return
         self._updates += 1
-        self._touched.number[0] = 0
         try:
             free = self._take(len(ends))
             # Compiled code takes a column without gaps.
@@ -86,6 +86,32 @@ class WallStore:
             if not insert(grid, row, self._walls.ends[row], self._cell):
                 return self._regrid(2 * entries)
         self._grid = grid
+
+    @property
+    def walls(self) -> Walls:
+        """The walls as they are now; rows without points are free."""
+        return self._walls
+
+    @property
+    def grid(self) -> Grid:
+        """Where the walls are, in cells of MERGE_CELL."""
+        return self._grid
+
+    @property
+    def touched(self) -> Touched:
+        """Which rows changes and searches met."""
+        return self._touched
+
+    @property
+    def changed(self) -> Int:
+        """The rows that the last update changed."""
+        return self._touched.rows[: self._touched.number[0]]
+
+    def drop(self, row: int) -> None:
+        """Take a wall out."""
+        remove(self._grid, row, self._walls.ends[row], self._cell)
+        self._walls.points[row] = 0
+        self._free.append(row)
 
     def table(self) -> SegmentTable:
         """The walls as they are now, each an object of its own."""

@@ -17,7 +17,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import MERGE_DEVIATIONS, SAME_DIRECTION
 from lrf3d.mapping.robust.grid import Grid, insert, near, remove
 
-Number = TypeVar("Number", np.float64, np.int64)
+Number = TypeVar("Number", np.float64, np.int64, np.int32)
 
 
 class Walls(NamedTuple):

@@ -1,0 +1,130 @@
+"""Joining: which stretches are of one wall, by the same rule as walls of scans and across gaps.
+
+Enter the real stretches of walls; leave the walls that they make. Stretches on one line become one
+wall also where a gap was never looked into, so that no beam has crossed it.
+"""
+
+import numpy as np
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, WALL_SINE
+from lrf3d.mapping.robust.evidence import is_crossed
+from lrf3d.mapping.robust.evidence_grid import Cells
+from lrf3d.mapping.robust.grid import order_of
+from lrf3d.mapping.robust.walls import Rule, Walls, merge, misfit, partner
+
+
+@inner
+def _straight(rule: Rule) -> Rule:  # pragma: no cover
+    """When two stretches are on one line.
+
+    As straight as a wall is continued, and no farther off than two views of it: stretches are
+    short, and nothing overlaps that could tell where they lead.
+    """
+    return Rule(LONGEST_GAP, rule.bend, rule.bend, rule.distance)
+
+
+@compiled
+def may_join(walls: Walls, row: int, others: Int, rule: Rule) -> Int:  # pragma: no cover
+    """Which of the others a row may be one wall with, if no beam parts them."""
+    straight = _straight(rule)
+    kept = np.empty(len(others), np.int64)
+    count = 0
+    for k in range(len(others)):
+        other = others[k]
+        if other != row and walls.points[other] > 0:
+            if _fits(walls, row, other, rule) or _fits(walls, row, other, straight):
+                kept[count] = other
+                count += 1
+    return kept[:count]
+
+
+@compiled
+def join_stretches(walls: Walls, rule: Rule, cells: Cells) -> Int:  # pragma: no cover
+    """Merge stretches that are of one wall.
+
+    Args:
+        walls: The stretches; are written, and those gone have no points.
+        rule: What one wall is.
+        cells: The cells.
+
+    Returns:
+        (n,) the stretch that each has become a part of.
+    """
+    count = len(walls.ends)
+    parents, everyone = np.arange(count), np.arange(count)
+    waiting = np.empty(2 * count + 1, np.int64)
+    waiting[:count] = everyone
+    turn, top = 0, count
+    while turn < top:
+        row = waiting[turn]
+        turn += 1
+        if walls.points[row] > 0:
+            other = partner(walls, row, everyone, rule)
+            if other >= 0:
+                kept, gone = min(row, other), max(row, other)
+                merge(walls, kept, gone)
+                parents[gone] = kept
+                waiting[top] = kept
+                top += 1
+    _bridge(walls, rule, cells, parents)
+    for row in range(count):
+        while parents[parents[row]] != parents[row]:
+            parents[row] = parents[parents[row]]
+    return parents
+
+
+@inner
+def _bridge(walls: Walls, rule: Rule, cells: Cells, parents: Int) -> None:  # pragma: no cover
+    """Merge stretches on one line where no beam has crossed the gap, the narrowest gap first."""
+    count = len(walls.ends)
+    straight = _straight(rule)
+    pairs = np.empty((count * (count - 1) // 2, 2), np.int64)
+    lines = np.empty((len(pairs), 4))
+    gaps = np.empty(len(pairs))
+    found = 0
+    for one in range(count):
+        for other in range(one):
+            if walls.points[one] > 0 and walls.points[other] > 0:
+                if _fits(walls, one, other, straight):
+                    gaps[found] = _span(walls.ends[one], walls.ends[other], lines[found])
+                    pairs[found, 0], pairs[found, 1] = one, other
+                    found += 1
+    order = order_of(gaps[:found])
+    for place in range(found):
+        k = order[place]
+        one, other = pairs[k, 0], pairs[k, 1]
+        while parents[one] != one:
+            one = parents[one]
+        while parents[other] != other:
+            other = parents[other]
+        if one == other or not _fits(walls, one, other, straight):
+            continue
+        if gaps[k] > 0.0 and is_crossed(lines[k], cells, FREE_DEPTH, 0, WALL_SINE):
+            continue
+        kept, gone = min(one, other), max(one, other)
+        merge(walls, kept, gone)
+        parents[gone] = kept
+
+
+@inner
+def _fits(walls: Walls, one: int, other: int, rule: Rule) -> bool:  # pragma: no cover
+    ends, moments = walls.ends, walls.moments
+    misses: float = misfit(ends[one], moments[one], ends[other], moments[other], rule)
+    return misses < 1.0
+
+
+@inner
+def _span(one: Float, other: Float, line: Float) -> float:  # pragma: no cover
+    """Fill in the line (4,) from the end of one wall to where the next begins: its length [m]."""
+    ux, uy = one[2] - one[0], one[3] - one[1]
+    size = np.hypot(ux, uy)
+    ahead = ((other[0] - one[2]) * ux + (other[1] - one[3]) * uy) / size
+    back = ((one[0] - other[2]) * ux + (one[1] - other[3]) * uy) / size
+    if ahead > back:
+        line[0], line[1], line[2], line[3] = one[2], one[3], other[0], other[1]
+    else:
+        line[0], line[1], line[2], line[3] = other[2], other[3], one[0], one[1]
+    gap: float = max(ahead, back, 0.0)
+    return gap

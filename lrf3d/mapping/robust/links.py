@@ -1,0 +1,170 @@
+"""Links: the shortest lines between walls that may be of one object, in a list for each wall."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.constants import (
+    BEHIND_SINE,
+    FACING,
+    FACING_SINE,
+    HIDDEN_LINK,
+    HIDDEN_SINE,
+    LONGEST_LINK,
+    SHORT_LINK,
+)
+
+UNASKED = 0
+"""The kind of a link that the beams were not asked about."""
+
+
+class Links(NamedTuple):
+    """The links that may join walls, a list of them for each wall.
+
+    Args:
+        pairs: (links, 2) the walls that each is between.
+        lines: (links, 6) see `measure_link`.
+        kinds: (links,) what each is, as far as it was asked.
+        following: (links, 2) the next entry of the list of either wall, −1 at the end; entry
+            2·link + side stands for a link in the list of the wall on that side of its pair.
+        heads: (walls,) the first entry of each wall's list.
+        used: (2,) links that were taken, and the first that was given back.
+    """
+
+    pairs: Int
+    lines: Float
+    kinds: NDArray[np.int8]
+    following: Int
+    heads: Int
+    used: Int
+
+    @classmethod
+    def of_size(cls, links: int, walls: int) -> "Links":
+        """No links, with room for some."""
+        return cls(
+            np.zeros((links, 2), np.int64), np.zeros((links, 6)), np.zeros(links, np.int8),
+            np.full((links, 2), -1), np.full(walls, -1), np.array([0, -1]),
+        )  # fmt: skip
+
+
+@inner
+def measure_link(one: Float, other: Float, link: Float) -> bool:  # pragma: no cover
+    """Fill in the link (6,) of two walls (4,); returns whether it may join them.
+
+    It is x1 y1 x2 y2, its length [m], and 1 where it runs before a wall.
+    """
+    shortest = _shortest_link(one, other)
+    length = np.hypot(shortest[2] - shortest[0], shortest[3] - shortest[1])
+    if length > LONGEST_LINK:
+        return False
+    near, far = reach_before(one, shortest), reach_before(other, shortest)
+    before, less = max(near, far), min(near, far)
+    if (length > FACING and less > FACING_SINE * length) or (
+        (length > SHORT_LINK and before > BEHIND_SINE * length)
+        and (length > HIDDEN_LINK or less > HIDDEN_SINE * length)
+    ):
+        return False
+    for place in range(4):
+        link[place] = shortest[place]
+    link[4] = length
+    link[5] = before > BEHIND_SINE * length
+    return True
+
+
+@inner
+def _shortest_link(one: Float, other: Float) -> Float:  # pragma: no cover
+    """The shortest line (4,) from one of two segments to the other."""
+    link = np.zeros(4)
+    dx, dy = one[2] - one[0], one[3] - one[1]
+    u, v = other[2] - other[0], other[3] - other[1]
+    crossing = dx * v - dy * u
+    if crossing != 0.0:
+        ahead = ((other[0] - one[0]) * v - (other[1] - one[1]) * u) / crossing
+        along = ((other[0] - one[0]) * dy - (other[1] - one[1]) * dx) / crossing
+        if 0.0 <= ahead <= 1.0 and 0.0 <= along <= 1.0:
+            # They cross: one was united through the other.
+            link[0] = link[2] = one[0] + ahead * dx
+            link[1] = link[3] = one[1] + ahead * dy
+            return link
+    least = np.inf
+    for turn in range(4):
+        own, across = (one, other) if turn < 2 else (other, one)
+        x, y = own[2 * (turn % 2)], own[2 * (turn % 2) + 1]
+        dx, dy = across[2] - across[0], across[3] - across[1]
+        place = ((x - across[0]) * dx + (y - across[1]) * dy) / (dx * dx + dy * dy)
+        place = min(max(place, 0.0), 1.0)
+        u, v = across[0] + place * dx, across[1] + place * dy
+        away = (x - u) ** 2 + (y - v) ** 2
+        if away < least:
+            least = away
+            link[0], link[1], link[2], link[3] = x, y, u, v
+    return link
+
+
+@inner
+def reach_before(wall: Float, link: Float) -> float:  # pragma: no cover
+    """How far [m] a link gets before the face of a wall that it begins or ends at."""
+    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+    size = np.hypot(dx, dy)
+    first = (dx * (link[1] - wall[1]) - dy * (link[0] - wall[0])) / size
+    last = (dx * (link[3] - wall[1]) - dy * (link[2] - wall[0])) / size
+    before: float = max(first, last)
+    return before
+
+
+@compiled
+def add_links(links: Links, wall: int, others: Int, ends: Float) -> bool:  # pragma: no cover
+    """Add the links from a wall to others; False where there is no room for them.
+
+    Args:
+        links: Is written.
+        wall: The row of the wall, which has no links.
+        others: (n,) rows.
+        ends: (rows, 4) the walls [m].
+    """
+    line = np.empty(6)
+    for k in range(len(others)):
+        other = others[k]
+        if other == wall or not measure_link(ends[wall], ends[other], line):
+            continue
+        link = links.used[1]
+        if link >= 0:
+            links.used[1] = links.following[link, 0]
+        elif links.used[0] < len(links.kinds):
+            link = links.used[0]
+            links.used[0] += 1
+        else:
+            return False
+        links.kinds[link] = UNASKED
+        for place in range(6):
+            links.lines[link, place] = line[place]
+        links.pairs[link, 0], links.pairs[link, 1] = wall, other
+        for side in range(2):
+            row = links.pairs[link, side]
+            links.following[link, side] = links.heads[row]
+            links.heads[row] = 2 * link + side
+    return True
+
+
+@compiled
+def drop_links(links: Links, wall: int) -> None:  # pragma: no cover
+    """Take all links of a wall out."""
+    entry = links.heads[wall]
+    while entry >= 0:
+        link, side = entry >> 1, entry & 1
+        other, twin = links.pairs[link, 1 - side], 2 * link + 1 - side
+        before, place = -1, links.heads[other]
+        while place != twin:
+            before, place = place, links.following[place >> 1, place & 1]
+        after = links.following[link, 1 - side]
+        if before < 0:
+            links.heads[other] = after
+        else:
+            links.following[before >> 1, before & 1] = after
+        entry = links.following[link, side]
+        links.following[link, 0] = links.used[1]
+        links.used[1] = link
+    links.heads[wall] = -1

@@ -1,0 +1,124 @@
+"""News: which walls of a map a scan has changed so much that they are worked over again."""
+
+import numpy as np
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.constants import (
+    FEW_WALLS,
+    FOLLOWED,
+    FRESH_NEWS,
+    GROWN,
+    HIT_DEVIATIONS,
+    MERGE_CELL,
+    MOVED,
+    STALE_NEWS,
+)
+from lrf3d.mapping.robust.evidence_grid import Cells, News, note
+from lrf3d.mapping.robust.grid import Grid, near
+from lrf3d.mapping.robust.walls import Touched, Walls
+
+
+@compiled
+def note_loose(
+    news: News, cells: Cells, walls: Walls, touched: Touched, grid: Grid, distance: float
+) -> None:  # pragma: no cover
+    """Note clusters that are hits of no wall at all walls whose hits they may be.
+
+    Args:
+        news: Is written.
+        cells: The cells.
+        walls: The walls of the store.
+        touched: Is written by searches.
+        grid: Where the walls are.
+        distance: How far from a wall [m] a return may lie, beside what noise explains.
+    """
+    found = np.empty(len(walls.points), np.int64)
+    point = np.empty(4)
+    for k in range(news.numbers[1]):
+        moments = cells.moments[news.loose[k]]
+        point[0] = point[2] = moments[2]
+        point[1] = point[3] = moments[3]
+        off = distance + HIT_DEVIATIONS * np.sqrt(moments[0] / moments[1])
+        touched.number[1] += 1
+        count = near(grid, point, FOLLOWED, MERGE_CELL, touched.searched, touched.number[1], found)
+        for i in range(count):
+            wall = found[i]
+            if walls.points[wall] > 0 and _reaches(walls.ends[wall], point[0], point[1], off):
+                note(news, wall)
+
+
+@inner
+def _reaches(ends: Float, x: float, y: float, off: float) -> bool:  # pragma: no cover
+    """Whether a wall (4,), followed beyond its ends, comes so near [m] to a point."""
+    ux, uy = ends[2] - ends[0], ends[3] - ends[1]
+    size = np.hypot(ux, uy)
+    along = ((x - ends[0]) * ux + (y - ends[1]) * uy) / size
+    aside = ((y - ends[1]) * ux - (x - ends[0]) * uy) / size
+    return bool(abs(aside) <= off and -FOLLOWED <= along <= size + FOLLOWED)
+
+
+@compiled
+def choose_walls(
+    news: News, changed: Int, walls: Walls, refit: Float, evidence: Float, chosen: Int
+) -> int:  # pragma: no cover
+    """Choose the walls that are to be worked over again.
+
+    Args:
+        news: The news of the walls; is written.
+        changed: (n,) the rows of the store that changed.
+        walls: The walls of the store.
+        refit: (rows, 4) where each wall was when it was refit last; infinite where it never was.
+        evidence: (rows,) hits and violations that it had then.
+        chosen: (rows,) is filled with their rows.
+
+    Returns:
+        How many there are.
+    """
+    for k in range(len(changed)):
+        if news.told[changed[k]] != news.numbers[2]:
+            note(news, changed[k])
+            news.counts[changed[k]] -= 1.0
+    count, stale, most = 0, -1, STALE_NEWS
+    for k in range(news.numbers[0]):
+        wall = news.walls[k]
+        if walls.points[wall] == 0:
+            news.counts[wall] = 0.0
+            if not np.isinf(refit[wall, 0]):
+                refit[wall, 0] = np.inf
+                chosen[count] = wall
+                count += 1
+        elif (
+            np.isinf(refit[wall, 0])
+            or news.counts[wall] >= FRESH_NEWS * evidence[wall]
+            or _moved(refit[wall], walls.ends[wall])
+        ):
+            news.counts[wall] = 0.0
+            for side in range(4):
+                refit[wall, side] = walls.ends[wall, side]
+            chosen[count] = wall
+            count += 1
+        elif news.counts[wall] > most * evidence[wall]:
+            stale, most = wall, news.counts[wall] / evidence[wall]
+    if stale >= 0 and count < FEW_WALLS:
+        # An update with little to do catches up with the wall that has waited longest.
+        news.counts[stale] = 0.0
+        for side in range(4):
+            refit[stale, side] = walls.ends[stale, side]
+        chosen[count] = stale
+        count += 1
+    return count
+
+
+@inner
+def _moved(before: Float, ends: Float) -> bool:  # pragma: no cover
+    """Whether a wall (4,) has grown, or moved sideways, since before."""
+    ux, uy = before[2] - before[0], before[3] - before[1]
+    size = np.hypot(ux, uy)
+    ux, uy = ux / size, uy / size
+    for k in range(0, 4, 2):
+        dx, dy = ends[k] - before[0], ends[k + 1] - before[1]
+        along = dx * ux + dy * uy
+        if abs(dy * ux - dx * uy) > MOVED or along < -GROWN or along > size + GROWN:
+            return True
+    return False

@@ -1,0 +1,18 @@
+"""The objects of walls, by what beams show of them."""
+
+import numpy as np
+
+from lrf3d.laser import RangeNoise
+from lrf3d.mapping.robust.object_groups import ObjectGroups
+from lrf3d.mapping.robust.segment_pool import SegmentPool
+
+
+def objects_of(walls, cells):
+    """The object (n,) of each of some walls (n, 4)."""
+    walls = np.array(walls, dtype=np.float64)
+    count = len(walls)
+    pool, groups = SegmentPool(), ObjectGroups()
+    points = np.full(count, 9)
+    rows = pool.add(walls, np.ones((count, 6)), points, np.arange(count))
+    groups.update(pool, rows[:0], rows, [], cells, RangeNoise(0.01, 0.0))
+    return groups.labels[rows]
