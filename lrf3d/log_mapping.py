@@ -10,7 +10,6 @@ import numpy as np
 from lrf3d.io import LaserLog
 from lrf3d.laser import LaserScan
 from lrf3d.laser.free_space import distinct_poses, free_cells
-from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.progress import Progress, silent
 from lrf3d.scoring import LogScore, score_log
@@ -25,7 +24,7 @@ class MappedLog:
     Args:
         log: The log.
         mode: Mode of the mapper.
-        sigma: The noise [m] that the mapper assumed.
+        sigma: The noise [m] that the mapper began with; its default if None.
         map: The map.
         score: How well it predicts the odd scans.
         milliseconds: (k,) time of the update with each scan.
@@ -34,7 +33,7 @@ class MappedLog:
 
     log: LaserLog
     mode: str
-    sigma: float
+    sigma: float | None
     map: LineMap
     score: LogScore
     milliseconds: tuple[float, ...]
@@ -100,7 +99,7 @@ def map_log(
     log: LaserLog,
     *,
     mode: str = "robust",
-    sigma: float = SIGMA,
+    sigma: float | None = None,
     all_scans: bool = False,
     progress: Progress = silent,
 ) -> MappedLog:
@@ -109,7 +108,8 @@ def map_log(
     Args:
         log: The log.
         mode: Mode of the mapper.
-        sigma: Noise of the ranges at the farthest that is measured [m].
+        sigma: Noise of the ranges at the farthest that is measured [m]; learnt from the scans if
+            not given.
         all_scans: Build it from all scans instead, and test it on none.
         progress: Called with the scans that are done and all.
 

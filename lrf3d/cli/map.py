@@ -59,7 +59,6 @@ def map_(
     from lrf3d.cli.folder import results_folder
     from lrf3d.errors import DrawingError
     from lrf3d.io import load_log
-    from lrf3d.laser.noise import SIGMA
     from lrf3d.log_mapping import draw_mapped_log, map_log
     from lrf3d.mapping import save_map
     from lrf3d.output import draw_all, write_text
@@ -71,7 +70,7 @@ def map_(
         mapped = map_log(
             drive,
             mode=(options.Mode.ROBUST if mode is None else mode).value,
-            sigma=SIGMA if sigma is None else sigma,
+            sigma=sigma,
             all_scans=all_scans,
             progress=progress,
         )

@@ -33,8 +33,9 @@ class LineMapper:
         merge_distance: R of Eq. 9 [m]; 0.1 m and one deviation of the noise at half of
             range_max if not given. In robust mode how far two views of a wall may lie apart
             beside what noise explains, 0.1.
-        sigma: Standard deviation of the range noise at range_max [m] (Eq. 7).
-        floor: Robust mode: standard deviation of a range at no distance [m].
+        sigma: Standard deviation of the range noise at range_max [m] (Eq. 7), 0.04 if not given.
+            Robust mode learns the noise from the scans, and begins with this.
+        floor: Robust mode: least standard deviation of a range at no distance [m].
         min_points: Segments of the map with fewer points than this are kept back until more
             points of them are seen; 2 in paper mode and 4 in robust mode if not given.
 
@@ -61,13 +62,14 @@ class LineMapper:
         split: float | None = None,
         merge_length: float | None = None,
         merge_distance: float | None = None,
-        sigma: float = SIGMA,
+        sigma: float | None = None,
         floor: float = FLOOR,
         min_points: int | None = None,
     ) -> None:
         if mode not in MODES:
             raise InputError(f"mapper mode {mode!r}: expected one of {', '.join(MODES)}")
         paper = mode == "paper"
+        sigma = SIGMA if sigma is None else sigma
         if not (is_finite(sigma) and sigma >= 0.0):
             raise InputError(f"mapper: sigma is {sigma}, expected metres, at least 0")
         split = 0.1 + 1.5 * sigma if split is None else split

@@ -308,7 +308,7 @@ class LikelihoodExtractor:
         range_max = scan.range_max if scan.range_max < np.inf else USUAL_RANGE
         return RangeNoise.from_sigma(self.sigma, self.floor, range_max)
 
-    def walls(self, scan: LaserScan, heading: float) -> LocalWalls:
+    def walls(self, scan: LaserScan, heading: float, noise: RangeNoise) -> LocalWalls:
         """Walls of a scan around the laser's place, in a frame where it has a heading [rad]."""
         most = len(scan.ranges) // LEAST_POINTS
         ends, moments = np.empty((most, 4)), np.empty((most, 6))
@@ -320,7 +320,7 @@ class LikelihoodExtractor:
             angles,
             ranges,
             range_max,
-            self.noise(scan),
+            noise,
             float(self.gap),
             longest_loss(in_order(scan)[1], range_max),
             local,
@@ -329,7 +329,7 @@ class LikelihoodExtractor:
 
     def __call__(self, scan: LaserScan) -> SegmentTable:
         """The local map of a scan, in the world's directions around the laser's place."""
-        ends, moments, labels = self.walls(scan, float(scan.pose.theta))
+        ends, moments, labels = self.walls(scan, float(scan.pose.theta), self.noise(scan))
         return SegmentTable(ends, moments, labels[:, 0], labels[:, 1])
 
 

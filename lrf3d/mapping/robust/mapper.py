@@ -16,6 +16,7 @@ from lrf3d.mapping.robust.beams import Beams, Frame, fingerprint, widen
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid, News
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.news import choose_walls, note_loose
+from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
 from lrf3d.mapping.robust.refinement import LEAST_ROWS, MapRefinement
 from lrf3d.mapping.robust.wall_store import WallStore
 from lrf3d.mapping.robust.walls import Rule, longer
@@ -34,6 +35,7 @@ class RobustMapper:
         self._extract, self._rule = extract, rule
         self._walls = WallStore(rule)
         self._grid = EvidenceGrid()
+        self._noise = NoiseEstimate(extract.floor)
         self._refined = MapRefinement(rule, least)
         self._last_scan: int | None = None
         self._frame: Frame | None = None
@@ -52,9 +54,9 @@ class RobustMapper:
         if self._frame is None:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
-        noise = self._extract.noise(scan)
+        noise = self._noise.update(scan, self._extract.noise(scan))
         news = self._judge(Beams.of(scan, heading, noise), place)
-        ends, moments, labels = self._extract.walls(scan, heading)
+        ends, moments, labels = self._extract.walls(scan, heading, noise)
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._work_over(news, noise)
@@ -109,6 +111,11 @@ class RobustMapper:
             self._refit[row] = np.inf
 
     @property
+    def noise(self) -> RangeNoise | None:
+        """The noise of the ranges as the scans have shown it; None before the first."""
+        return self._noise.known
+
+    @property
     def map(self) -> LineMap:
         """The global map as it is now."""
         if self._map is None:
@@ -122,6 +129,7 @@ class RobustMapper:
         return {
             **self._walls.state(),
             **self._grid.state(),
+            **self._noise.state(),
             **self._refined.state(),
             "last_scan": np.array([] if self._last_scan is None else [self._last_scan], np.int64),
             "frame": frame,
@@ -134,6 +142,7 @@ class RobustMapper:
         """Go on from what a mapper of the same settings had learnt."""
         self._walls.restore(state)
         self._grid.restore(state)
+        self._noise.restore(state)
         self._refined.restore(state)
         last = state["last_scan"].tolist()
         self._last_scan = last[0] if last else None

@@ -1,0 +1,186 @@
+"""NoiseEstimate: the noise of ranges as the scans themselves show it.
+
+On a flat wall the inverse of the range is a sine of the angle, so that the ranges before and behind
+a beam give its own; by how much it differs is noise. What differs at corners and in clutter differs
+by much more, and a robust scale leaves it out (Huber and Ronchetti 2009, section 5.2). Scans enter;
+a :class:`~lrf3d.laser.RangeNoise` leaves.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lrf3d.compiling import compiled
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserScan, RangeNoise
+from lrf3d.mapping.robust.constants import (
+    NOISE_JUMP,
+    NOISE_PRIOR,
+    NOISE_RANGES,
+    NOISE_SHARE,
+    NOISE_SLOPE,
+    NOISE_STEPS,
+    NOISE_UNIT,
+    NOISE_WIDEST,
+)
+
+RANGE_BINS = len(NOISE_RANGES) - 1
+RESIDUAL_BINS = 100
+PER_DECADE = 12
+
+# The scale of a normal distribution is its own deviation, and half of the residuals may be wrong.
+TUNING, CONSISTENT = 1.5476, 0.5
+
+
+class NoiseEstimate:
+    """The noise of ranges: what was assumed at first, and more and more what scans show.
+
+    Args:
+        floor: Least standard deviation [m] at zero distance.
+    """
+
+    def __init__(self, floor: float) -> None:
+        self._floor = floor
+        # How many differences there were, by range and by size.
+        self._counts = np.zeros((RANGE_BINS, RESIDUAL_BINS), np.int64)
+        self._fitted = 0
+        self._noise: RangeNoise | None = None
+
+    def update(self, scan: LaserScan, assumed: RangeNoise) -> RangeNoise:
+        """Learn from a scan; returns the noise as it is known now.
+
+        Args:
+            scan: The scan.
+            assumed: The noise that was assumed at first.
+        """
+        known = assumed if self._noise is None else self._noise
+        count_residuals(scan.angles, scan.ranges, known, NOISE_RANGES, self._counts)
+        total = int(self._counts.sum())
+        # The more is known, the less another scan changes it.
+        if self._noise is None or total > NOISE_STEPS * self._fitted:
+            self._noise = self._fit(assumed)
+            self._fitted = total
+        return self._noise
+
+    @property
+    def known(self) -> RangeNoise | None:
+        """The noise as it is known now; None before the first scan."""
+        return self._noise
+
+    def _fit(self, assumed: RangeNoise) -> RangeNoise:
+        """The floor and the growth that fit the scales at all ranges."""
+        number = self._counts.sum(axis=1).astype(np.float64)
+        ranges = np.sqrt(NOISE_RANGES[:-1] * NOISE_RANGES[1:])
+        before = np.log(np.maximum(assumed.variance(ranges), self._floor**2))
+        seen = number > 0.0
+        found = before.copy()
+        found[seen] = [2.0 * np.log(scale_of(row)) for row in self._counts[seen]]
+        # What was assumed counts the less the more is known, and nothing at ranges that were not
+        # seen where others were.
+        prior = NOISE_PRIOR**2 / (NOISE_PRIOR + number.sum())
+        weights = number + prior
+        variances = np.exp((number * found + prior * before) / weights)
+        if number.sum() > NOISE_PRIOR:
+            weights[~seen] = 0.0
+        least = self._floor**2
+        floor, growth = least, max(float(np.min(variances / ranges**2)), 0.0)
+        for _ in range(20):
+            # Weighted by the error of each variance, which is a share of the variance.
+            share = weights / (floor + growth * ranges**2) ** 2
+            growth = max(float((share * ranges**2) @ (variances - floor)), 0.0)
+            growth /= float((share * ranges**2) @ ranges**2)
+            floor = max(float(share @ (variances - growth * ranges**2)) / float(share.sum()), least)
+        return RangeNoise(float(np.sqrt(floor)), float(np.sqrt(growth)))
+
+    def state(self) -> dict[str, Any]:
+        """All that was learnt, as plain arrays; `restore` takes them back."""
+        noise = [] if self._noise is None else [*self._noise]
+        return {
+            "noise_counts": self._counts.copy(),
+            "noise_fitted": np.array([self._fitted]),
+            "noise": np.array(noise, dtype=np.float64),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state."""
+        self._counts = state["noise_counts"].copy()
+        self._fitted = int(state["noise_fitted"][0])
+        noise = state["noise"].tolist()
+        self._noise = RangeNoise(*noise) if noise else None
+
+
+@compiled
+def count_residuals(
+    angles: Float, ranges: Float, noise: RangeNoise, edges: Float, counts: Int
+) -> None:  # pragma: no cover
+    """Count by how much ranges differ from those that their neighbours give on a flat wall.
+
+    Args:
+        angles: (beams,) angles of the beams [rad].
+        ranges: (beams,) measured ranges [m].
+        noise: The noise as it is known so far.
+        edges: (bins + 1,) the ranges [m] between which differences are counted together.
+        counts: (bins, sizes) is added to.
+    """
+    # The last five beams that returned, and how many of them follow each other without a jump.
+    last = np.full(5, -1)
+    smooth = 0
+    for beam in range(len(ranges)):
+        own = ranges[beam]
+        if not (np.isfinite(own) and own > 0.0):
+            continue
+        for k in range(4):
+            last[k] = last[k + 1]
+        last[4] = beam
+        before = last[3]
+        if before >= 0:
+            step = abs(angles[beam] - angles[before])
+            near = min(own, ranges[before])
+            share = min(np.sqrt((noise.floor / near) ** 2 + noise.growth**2), NOISE_SHARE)
+            jump = abs(np.log(own / ranges[before]))
+            follows = jump < NOISE_SLOPE * step + NOISE_JUMP * share and step < NOISE_WIDEST
+            smooth = smooth + 1 if follows else 0
+        if smooth < 4:
+            continue
+        one, middle, other = last[1], last[2], last[3]
+        left, right = abs(angles[middle] - angles[one]), abs(angles[other] - angles[middle])
+        whole = np.sin(left + right)
+        if whole <= 0.0:
+            continue
+        # 1 / r = (sin(right) / one + sin(left) / other) / sin(left + right)
+        a, b = np.sin(right) / whole, np.sin(left) / whole
+        flat = 1.0 / (a / ranges[one] + b / ranges[other])
+        # By how much the noise of the neighbours moves that.
+        a, b = a * (flat / ranges[one]) ** 2, b * (flat / ranges[other]) ** 2
+        size = abs(ranges[middle] - flat) / np.sqrt(1.0 + a * a + b * b)
+        row = np.searchsorted(edges, ranges[middle]) - 1
+        if 0 <= row < len(edges) - 1:
+            decades = np.log10(max(size, NOISE_UNIT) / NOISE_UNIT)
+            counts[row, min(int(decades * PER_DECADE), counts.shape[1] - 1)] += 1
+
+
+@compiled
+def scale_of(counts: Int) -> float:  # pragma: no cover
+    """The standard deviation [m] of differences that are counted by size; half may be wrong."""
+    total = 0
+    for k in range(len(counts)):
+        total += counts[k]
+    reached, scale = 0, NOISE_UNIT
+    for k in range(len(counts)):
+        reached += counts[k]
+        if 2 * reached >= total:
+            # The median, to begin with.
+            scale = NOISE_UNIT * 10.0 ** ((k + 0.5) / PER_DECADE) / 0.6745
+            break
+    for _ in range(50):
+        mean = 0.0
+        for k in range(len(counts)):
+            if counts[k]:
+                size = NOISE_UNIT * 10.0 ** ((k + 0.5) / PER_DECADE) / (TUNING * scale)
+                mean += counts[k] * (1.0 - (1.0 - size * size) ** 3 if size < 1.0 else 1.0)
+        mean /= total * CONSISTENT
+        scale = max(scale * np.sqrt(mean), NOISE_UNIT)
+        if abs(mean - 1.0) < 1e-3:
+            break
+    return float(scale)
