@@ -1,0 +1,114 @@
+"""Front end: follows the robot from scan to scan, against the map of the last few key scans.
+
+Surfaces and odometry increments enter; poses in the drifting frame of the front end leave, and every
+half metre a key scan, which is what loops are closed with and what the pose graph is made of.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.slam.frames import between, compose, turned
+from lrf3d.slam.scan_matching import match_scan
+from lrf3d.slam.surface import SurfaceGrid, grid_of, moved
+from lrf3d.slam.wheels import Wheels
+
+KEY_DISTANCE, KEY_TURN = 0.5, 0.5
+"""A key scan is taken after this way [m] or turn [rad]. Errors change by a tenth from 0.4 to 0.6 m."""
+
+LOCAL_KEYS = 8
+"""Key scans that a scan is matched with: more cost time, fewer let the robot drift."""
+
+ITERATIONS = 12
+"""Most Gauss-Newton steps of a match; six are usual."""
+
+REACH = 0.3
+"""How far off walls are looked for [m]."""
+
+LEAST_EXPLAINED = 0.15
+"""A match that explains a smaller share of the points than this is not believed."""
+
+WEAK = 2500.0
+"""A direction is left to the odometry where scans fix it with less information than this [1/m²]: no
+better than 0.02 m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """One scan as the front end placed it.
+
+    Args:
+        pose: (3,) pose in the frame of the front end.
+        information: (3, 3) inverse covariance that matching gives it, along its own axes.
+        explained: Share of its surface that lies on the local map.
+        matched: Whether it was matched; if not, it stands where odometry has it.
+    """
+
+    pose: Float
+    information: Float
+    explained: float
+    matched: bool
+
+
+class FrontEnd:
+    """Follows the robot by matching scans with a local map.
+
+    Args:
+        key_distance: Way between key scans [m].
+        key_turn: Turn between key scans [rad].
+    """
+
+    def __init__(self, *, key_distance: float = KEY_DISTANCE, key_turn: float = KEY_TURN) -> None:
+        self.key_distance, self.key_turn = key_distance, key_turn
+        self.pose = np.zeros(3)
+        self.wheels = Wheels()
+        self._local: list[tuple[Float, Float]] = []
+        self._grid: SurfaceGrid | None = None
+        self._raw = np.zeros(3)
+        self._found = np.zeros(3)
+        self._ahead_known = True
+
+    def track(self, surface: Float, increment: Float) -> Tracked:
+        """Place the next scan.
+
+        Args:
+            surface: (m, 4) what it saw, in the frame of the robot's base.
+            increment: (3,) how the robot moved since the last scan by its wheels.
+        """
+        expected = self.wheels.corrected(increment)
+        guess = compose(self.pose, expected)
+        covariance = self.wheels.covariance(increment)
+        prior = turned(np.linalg.inv(covariance), float(self.pose[2]))
+        if self._grid is None or not len(surface):
+            self.pose = guess
+            return Tracked(guess, np.zeros((3, 3)), 0.0, False)
+        match = match_scan(surface, self._grid, guess, prior, ITERATIONS, REACH)
+        believed = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
+        pose = match.pose if believed else guess
+        pose[2] = wrap_angle(pose[2])
+        information = turned(match.information, -float(pose[2]))
+        found = between(self.pose, pose)
+        if believed:
+            self.wheels.compare(expected, found, covariance)
+        self._raw += increment
+        self._found += found
+        self._ahead_known &= believed and information[0, 0] > WEAK
+        self.pose = pose
+        return Tracked(pose, information, match.explained, believed)
+
+    def key_due(self) -> bool:
+        """Whether the robot has moved far enough since the last key scan."""
+        if not self._local:
+            return True
+        x, y, turn = between(self._local[-1][1], self.pose)
+        return bool(np.hypot(x, y) >= self.key_distance or abs(turn) >= self.key_turn)
+
+    def add_key(self, surface: Float) -> None:
+        """Take the scan that was just placed into the local map."""
+        if self._local:
+            self.wheels.learn(self._raw, self._found, self._ahead_known)
+        self._raw, self._found, self._ahead_known = np.zeros(3), np.zeros(3), True
+        self._local = [*self._local[1 - LOCAL_KEYS :], (surface, self.pose.copy())]
+        parts = np.concatenate([moved(part, pose) for part, pose in self._local])
+        self._grid = grid_of(parts) if len(parts) else None
