@@ -3,7 +3,7 @@
 A surface in the frame of the robot, the grid of a map's surface, and a guess of the pose with its
 information matrix enter. The pose leaves that minimises
 
-    (T − T₀)ᵀ Ω₀ (T − T₀) + Σ ρ(n·(T p − q)) / σ²
+    ρ₀((T − T₀)ᵀ Ω₀ (T − T₀)) + Σ ρ(n·(T p − q)) / σ²
 
 over x, y, θ, by Gauss-Newton, with the information matrix of both parts. Where the walls in view do
 not fix a direction, as along a corridor, the second part says nothing of it, and the guess, which
@@ -28,6 +28,9 @@ ALIGNED = 0.85
 FIRST_SCALE, LAST_SCALE = 0.15, 0.05
 """Scale of the robust weight [m] in the first iteration and in the last: at first the guess is off,
 in the end what lies farther off has moved or is not in the map."""
+
+PRIOR_SCALE = 4.0
+"""How many deviations the guess may be off before its weight has halved."""
 
 STEP = 1e-4
 """An iteration that moves the pose by less [m, rad] is the last."""
@@ -109,10 +112,16 @@ def match_scan(
                 scan_part[a, b] = scan_part[b, a]
         deviation = np.sqrt(squares / explained) if explained > 0.0 else np.inf
         explained /= max(len(surface), 1)
-        total = scan_part + prior
+        # Wheels slip, and bump into things: a guess that scans contradict loses its say.
+        square = 0.0
         for a in range(3):
             for b in range(3):
-                gradient[a] += prior[a, b] * (pose[b] - guess[b])
+                square += (pose[a] - guess[a]) * prior[a, b] * (pose[b] - guess[b])
+        trust = 1.0 / (1.0 + square / (PRIOR_SCALE * PRIOR_SCALE))
+        total = scan_part + trust * prior
+        for a in range(3):
+            for b in range(3):
+                gradient[a] += trust * prior[a, b] * (pose[b] - guess[b])
         step = solve3(total, gradient)
         for a in range(3):
             pose[a] -= step[a]
