@@ -10,7 +10,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.scan_matching import match_scan
+from lrf3d.slam.scan_matching import Match, match_scan
 from lrf3d.slam.surface import SurfaceGrid, grid_of, moved
 from lrf3d.slam.wheels import Wheels
 
@@ -28,6 +28,13 @@ REACH = 0.3
 
 LEAST_EXPLAINED = 0.15
 """A match that explains a smaller share of the points than this is not believed."""
+
+DOUBTFUL, BETTER = 0.65, 0.15
+"""Where a match explains a smaller share than the first, others are tried that odometry does not
+lead to, and believed if they explain more by the second."""
+
+UNGUIDED = np.diag([100.0, 100.0, 400.0])
+"""Information of the guess in these: 0.1 m and 0.05 rad."""
 
 WEAK = 2500.0
 """A direction is left to the odometry where scans fix it with less information than this [1/m²]: no
@@ -68,6 +75,7 @@ class FrontEnd:
         self._raw = np.zeros(3)
         self._found = np.zeros(3)
         self._ahead_known = True
+        self._last = np.zeros(3)
 
     def track(self, surface: Float, increment: Float) -> Tracked:
         """Place the next scan.
@@ -84,11 +92,14 @@ class FrontEnd:
             self.pose = guess
             return Tracked(guess, np.zeros((3, 3)), 0.0, False)
         match = match_scan(surface, self._grid, guess, prior, ITERATIONS, REACH)
+        if match.explained < DOUBTFUL:
+            match = self._better(surface, self._grid, match)
         believed = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
         pose = match.pose if believed else guess
         pose[2] = wrap_angle(pose[2])
         information = turned(match.information, -float(pose[2]))
         found = between(self.pose, pose)
+        self._last = found
         if believed:
             self.wheels.compare(expected, found, covariance)
         self._raw += increment
@@ -96,6 +107,20 @@ class FrontEnd:
         self._ahead_known &= believed and information[0, 0] > WEAK
         self.pose = pose
         return Tracked(pose, information, match.explained, believed)
+
+    def _better(self, surface: Float, grid: SurfaceGrid, match: Match) -> Match:
+        """A match that explains much more than the one that odometry led to, if there is one.
+
+        Wheels that spin or a robot that is pushed move otherwise than odometry says; then the robot
+        stands still, or goes on as it did.
+        """
+        best = match
+        for motion in (self._last, np.zeros(3)):
+            guess = compose(self.pose, motion)
+            other = match_scan(surface, grid, guess, UNGUIDED, ITERATIONS, REACH)
+            if other.explained > best.explained + (BETTER if best is match else 0.0):
+                best = other
+        return best
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""

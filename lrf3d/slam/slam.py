@@ -1,16 +1,23 @@
 """Slam: poses and map from scans and odometry increments alone, current after every scan.
 
-A scan and how the robot moved since the last one by its wheels enter; the front end places it, key
-scans look for loops, and where one closes the pose graph is optimised.
+A scan and how the robot moved since the last one by its wheels enter. The front end places the scan;
+key scans look for loops, and where one closes the pose graph is optimised, the poses move and the
+map is drawn anew.
 """
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.geometry import Float
-from lrf3d.laser import LaserScan
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Int, sealed, wrap_angle
+from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.range_finder import beam_directions
+from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.pose import Pose, as_pose
 from lrf3d.slam.closures import Closure, Key, LoopCloser
-from lrf3d.slam.frames import between, compose
+from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.pose_graph import Edges, optimised
 from lrf3d.slam.surface import surface_of
@@ -22,58 +29,199 @@ matched with the same local map, and share its errors."""
 NEWS = 3.0
 """A closure that is off by less than this many deviations waits for the next optimisation."""
 
+ONLINE_ITERATIONS, FINAL_ITERATIONS = 3, 20
+"""Most Gauss-Newton steps over the pose graph, while the robot drives and in the end."""
+
+REDRAWN = 0.02
+"""The map is drawn anew where key scans have moved by more than this since [m]."""
+
+
+def surface_of_scan(scan: LaserScan, laser: Float) -> Float:
+    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m]."""
+    hits = scan.hits
+    return surface_of(
+        scan.ranges[hits, None] * beam_directions(0.0, scan.angles[hits]) + laser, laser
+    )
+
 
 class Slam:
-    def __init__(self, *, laser_offset: float = 0.0, key_distance: float = KEY_DISTANCE,
-                 key_turn: float = KEY_TURN) -> None:
-        self._laser = np.array([laser_offset, 0.0])
-        self.front = FrontEnd(key_distance=key_distance, key_turn=key_turn)
-        self.closer = LoopCloser()
-        self.tracked: list[Tracked] = []
-        self.keys_poses = np.empty((0, 3))
-        self.edges = Edges.none()
-        self.poses_of_scans: list[Float] = []
-        self._covariance = np.zeros((3, 3))
+    """Follows a robot and maps its world, from scans and odometry increments alone.
 
-    def update(self, scan: LaserScan, odometry: Float) -> None:
-        hits = scan.hits
-        points = scan.ranges[hits, None] * beam_directions(0.0, scan.angles[hits]) + self._laser
-        surface = surface_of(points, self._laser)
-        tracked = self.front.track(surface, np.asarray(odometry, dtype=np.float64))
-        self._covariance += self.front.wheels.covariance(odometry)
-        self.tracked.append(tracked)
-        self.poses_of_scans.append(tracked.pose)
-        if self.front.key_due():
-            self._add_key(scan, surface, tracked)
+    Args:
+        lrf: The laser range finder; if given, a scan with another number of beams is refused.
+        start: Pose of the robot at its first scan.
+        laser_offset: How far the laser stands ahead of the robot's centre [m].
+        key_distance: Way from one key scan to the next [m].
+        key_turn: Turn from one key scan to the next [rad].
 
-    def _add_key(self, scan: LaserScan, surface: Float, tracked: Tracked) -> None:
-        self.front.add_key(surface)
-        key = Key(len(self.tracked) - 1, tracked.pose, surface, scan.angles, scan.ranges, self._laser)
-        keys = self.closer.keys
-        if keys:
-            relative = between(keys[-1].pose, key.pose)
-            new = compose(self.keys_poses[-1], relative)
-            wheels = np.linalg.inv(self._covariance)
-            information = EDGE_SHARE * tracked.information + wheels
-            from lrf3d.slam.frames import turned
-            information = turned(information, float(relative[2]))
-            count = len(keys)
-            self.edges = self.edges + Edges(np.array([count - 1]), np.array([count]), relative[None], information[None], np.array([False]))
-        else:
-            new = tracked.pose
-        self._covariance = np.zeros((3, 3))
-        self.keys_poses = np.vstack([self.keys_poses, new])
-        self.closer.add_key(key)
-        if keys[:-1]:
-            closures = self.closer.search(self.keys_poses)
-            if closures:
-                more = closure_edges(closures)
-                self.edges = self.edges + more
-                if (more.squares(self.keys_poses) > NEWS**2).any():
-                    self.keys_poses = optimised(self.keys_poses, self.edges, 3)
+    Raises:
+        InputError: A number is not finite, or a distance not positive.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> drive = [(1 + 0.1 * k, 1, 0) for k in range(10)]
+        >>> slam = lrf3d.Slam(start=drive[0])
+        >>> steps = [(0, 0, 0), *lrf3d.odometry_increments(drive)]
+        >>> for step, increment in zip(lrf3d.Simulation(room, drive), steps):
+        ...     slam.update(step.scan, increment)
+        >>> bool(abs(slam.pose.x - 1.9) < 0.02), len(slam.trajectory())
+        (True, 10)
+    """
+
+    def __init__(
+        self,
+        lrf: LaserRangeFinder | None = None,
+        *,
+        start: Sequence[float] | Float = (0.0, 0.0, 0.0),
+        laser_offset: float = 0.0,
+        key_distance: float = KEY_DISTANCE,
+        key_turn: float = KEY_TURN,
+    ) -> None:
+        values = (laser_offset, key_distance, key_turn)
+        if not (np.isfinite(values).all() and key_distance > 0.0 and key_turn > 0.0):
+            raise InputError(
+                f"slam: laser_offset, key_distance and key_turn are {values}; expected finite"
+                " numbers, the last two positive"
+            )
+        self._lrf = lrf
+        self._start = np.array(as_pose(start))
+        self._laser = sealed(np.array([laser_offset, 0.0]))
+        self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn)
+        self._closer = LoopCloser()
+        self._tracked: list[Tracked] = []
+        self._key_poses = np.empty((0, 3))
+        self._edges = Edges.none()
+        self._wheel_covariance = np.zeros((3, 3))
+        self._scans: list[LaserScan] = []
+        self._mapper = LineMapper()
+        self._mapped_poses: list[Float] = []
+
+    def __repr__(self) -> str:
+        return (
+            f"Slam({len(self._tracked)} scans, {len(self._closer.keys)} key scans,"
+            f" {len(self._closer.accepted)} closures)"
+        )
+
+    def update(self, scan: LaserScan, odometry: Sequence[float] | Float) -> None:
+        """Take in the next scan.
+
+        Args:
+            scan: The scan; its pose is not looked at.
+            odometry: How the robot moved since the last scan by its wheels: ahead, to the left
+                [m], turn [rad].
+
+        Raises:
+            InputError: The scan has another number of beams than the laser range finder, or the
+                odometry is not three finite numbers.
+        """
+        if self._lrf is not None and len(scan.ranges) != self._lrf.beams:
+            raise InputError(
+                f"slam: scan of {len(scan.ranges)} beams, the laser range finder has"
+                f" {self._lrf.beams}"
+            )
+        increment = np.array(as_pose(odometry))
+        surface = surface_of_scan(scan, self._laser)
+        self._wheel_covariance += self._front.wheels.covariance(increment)
+        self._tracked.append(self._front.track(surface, increment))
+        if self._front.key_due():
+            self._front.add_key(surface)
+            self._add_key(scan, surface)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is believed to be at the last scan; the start before the first."""
+        if not self._tracked:
+            return Pose(*self._start.tolist())
+        key = self._closer.keys[-1]
+        placed = compose(self._key_poses[-1], between(key.pose, self._tracked[-1].pose))
+        return Pose(*compose(self._start, placed).tolist())
+
+    @property
+    def map(self) -> LineMap:
+        """The map of all key scans as they are placed now; computed when it is read."""
+        now = self._key_poses
+        moved = [
+            np.hypot(*(then - place)[:2]) > REDRAWN
+            for then, place in zip(self._mapped_poses, now, strict=False)
+        ]
+        if any(moved):
+            self._mapper, self._mapped_poses = LineMapper(), []
+        for number in range(len(self._mapped_poses), len(now)):
+            self._mapper.update(self.placed(self._scans[number], now[number]))
+            self._mapped_poses.append(now[number].copy())
+        return self._mapper.map
+
+    def placed(self, scan: LaserScan, pose: Float) -> LaserScan:
+        """A scan with the pose of its laser in the world, of a robot's pose (3,) since the start."""
+        robot = compose(self._start, pose)
+        return replace(scan, pose=Pose(*compose(robot, np.array([*self._laser, 0.0])).tolist()))
+
+    def trajectory(self) -> Float:
+        """Poses (k, 3) of the robot at all scans, as they are believed now; theta is continuous."""
+        poses = compose(self._start, self.scan_poses(self._key_poses))
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
+
+    def scan_poses(self, key_poses: Float) -> Float:
+        """Poses (k, 3) of all scans since the start, for given poses of the key scans.
+
+        Between two key scans the front end's way is bent so that it meets both.
+        """
+        front = np.array([scan.pose for scan in self._tracked]).reshape(-1, 3)
+        return bent(front, self.key_scans, key_poses)
+
+    @property
+    def key_scans(self) -> Int:
+        """The numbers (m,) of the key scans among all scans."""
+        return np.array([key.scan for key in self._closer.keys], dtype=np.int64)
+
+    @property
+    def closures(self) -> list[Closure]:
+        """The loops that were closed, by the numbers of key scans."""
+        return list(self._closer.accepted)
+
+    @property
+    def wheel_biases(self) -> Float:
+        """What the wheels measure systematically wrong (3,): see `lrf3d.slam.wheels`."""
+        return self._front.wheels.biases
+
+    @property
+    def tracked(self) -> list[Tracked]:
+        """How the front end placed each scan, in its own drifting frame."""
+        return self._tracked
 
     def finish(self) -> None:
-        self.keys_poses = optimised(self.keys_poses, self.edges, 20)
+        """Settle all poses, once the last scan is in."""
+        if len(self._edges):
+            self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
+
+    def _add_key(self, scan: LaserScan, surface: Float) -> None:
+        """Add a vertex for the newest scan to the pose graph, and the loops that it closes."""
+        tracked, keys = self._tracked[-1], self._closer.keys
+        key = Key(
+            len(self._tracked) - 1, tracked.pose, surface, scan.angles, scan.ranges, self._laser
+        )
+        self._scans.append(scan)
+        new = np.zeros(3)
+        if keys:
+            relative = between(keys[-1].pose, key.pose)
+            new = compose(self._key_poses[-1], relative)
+            # The information is along the axes of the new pose; the edge's is along the old one's.
+            information = EDGE_SHARE * tracked.information + np.linalg.inv(self._wheel_covariance)
+            information = turned(information, float(relative[2]))
+            number = np.array([len(keys)])
+            never = np.array([False])
+            self._edges += Edges(number - 1, number, relative[None], information[None], never)
+        self._wheel_covariance = np.zeros((3, 3))
+        self._key_poses = np.vstack([self._key_poses, new])
+        self._closer.add_key(key)
+        closures = self._closer.search(self._key_poses) if len(keys) > 1 else []
+        if closures:
+            more = closure_edges(closures)
+            self._edges += more
+            if (more.squares(self._key_poses) > NEWS**2).any():
+                self._key_poses = optimised(self._key_poses, self._edges, ONLINE_ITERATIONS)
 
 
 def closure_edges(closures: list[Closure]) -> Edges:
@@ -85,3 +233,26 @@ def closure_edges(closures: list[Closure]) -> Edges:
         np.array([closure.information for closure in closures]),
         np.ones(len(closures), np.bool_),
     )
+
+
+def bent(way: Float, known: Int, poses: Float, at: Float | None = None) -> Float:
+    """A way (n, 3) that is right from step to step, bent to meet known poses.
+
+    Args:
+        way: Poses in a drifting frame.
+        known: (m,) rising numbers of the poses that are known.
+        poses: (m, 3) these poses.
+        at: (n,) how far along each pose of the way is, in any unit; its number if not given.
+    """
+    count = np.arange(len(way))
+    along = count.astype(np.float64) if at is None else at
+    before = np.clip(np.searchsorted(known, count, side="right") - 1, 0, len(known) - 1)
+    after = np.minimum(before + 1, len(known) - 1)
+    from_before = compose(poses[before], between(way[known[before]], way))
+    from_after = compose(poses[after], between(way[known[after]], way))
+    length = along[known[after]] - along[known[before]]
+    share = np.where(length > 0.0, (along - along[known[before]]) / np.where(length, length, 1), 0)
+    share = np.clip(share, 0.0, 1.0)
+    met = compose(from_before, between(from_before, from_after) * share[:, None])
+    met[:, 2] = wrap_angle(met[:, 2])
+    return met
