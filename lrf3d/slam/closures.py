@@ -38,6 +38,15 @@ SUBMAP = 5
 MOST_TRIES = 2
 """Old key scans that are tried for each new one."""
 
+OTHER_PLACE = 3.0
+"""The next one that is tried lies farther from the last than this along the way [m]."""
+
+LEAST_POINTS = 20
+"""Points that a surface must have."""
+
+CLOSURE_WAY = 0.5
+"""What a closure counts as in the way over the graph [m]: the drift that it leaves."""
+
 REACH = 0.3
 """How far off walls are looked for [m] when a closure is matched."""
 
@@ -142,15 +151,14 @@ def contradicted(keys: list[Key], olds: range, new: Key, poses: Float) -> bool:
         poses: (k, 3) for each old one the pose of the new one as seen from it.
     """
     through = seen = 0
-    for number, relative in zip(olds, poses, strict=True):
+    backs = between(poses, np.zeros(3))
+    for number, relative, back in zip(olds, poses, backs, strict=True):
         old = keys[number]
-        there = moved(new.surface, relative)
-        counts = [seen_through(there, old.laser, old.angles, old.ranges)]
-        back = between(relative, np.zeros(3))
-        here = moved(old.surface, back)
-        counts.append(seen_through(here, new.laser, new.angles, new.ranges))
-        through += sum(count[0] for count in counts)
-        seen += sum(count[1] for count in counts)
+        there, here = moved(new.surface, relative), moved(old.surface, back)
+        for points, key in ((there, old), (here, new)):
+            count = seen_through(points, key.laser, key.angles, key.ranges)
+            through += count[0]
+            seen += count[1]
     return through > MOST_THROUGH * max(seen, 1)
 
 
@@ -161,8 +169,10 @@ class LoopCloser:
         self.keys: list[Key] = []
         self.accepted: list[Closure] = []
         self._pending: list[Closure] = []
-        self._links: list[tuple[int, int, float]] = []
-        self._ways: list[float] = []
+        # Rows first, second, way [m] of the graph that distances are found over.
+        self._links = np.empty((0, 3))
+        # How far the robot had driven at each key scan [m].
+        self._ways = np.empty(0)
 
     def add_key(self, key: Key) -> None:
         """Take in the next key scan."""
@@ -170,10 +180,10 @@ class LoopCloser:
             step = between(self.keys[-1].pose, key.pose)
             # A turn in place lets the robot drift like a way of the length of its lever.
             way = float(np.hypot(step[0], step[1]) + abs(step[2]))
-            self._links.append((len(self.keys) - 1, len(self.keys), way))
-            self._ways.append(self._ways[-1] + way)
+            self._links = np.vstack([self._links, (len(self.keys) - 1, len(self.keys), way)])
+            self._ways = np.append(self._ways, self._ways[-1] + way)
         else:
-            self._ways.append(0.0)
+            self._ways = np.zeros(1)
         self.keys.append(key)
 
     def search(self, poses: Float) -> list[Closure]:
@@ -183,33 +193,37 @@ class LoopCloser:
             poses: (k, 3) where all key scans are believed to be.
         """
         new = len(self.keys) - 1
-        found = self._found(new, poses, self._graph_ways(new))
+        found = self._found(new, poses)
         believed: list[Closure] = []
         for closure in found:
             self._pending.append(closure)
             believed += self._confirmed(closure)
         for closure in believed:
-            self._links.append((closure.old, closure.new, 0.5))
+            self._links = np.vstack([self._links, (closure.old, closure.new, CLOSURE_WAY)])
         self.accepted += believed
         return believed
 
     def _graph_ways(self, new: int) -> Float:
         """The shortest way [m] from a key scan to each over driven ways and closures."""
-        links = np.array(self._links).reshape(-1, 3)
+        links = self._links
         place = links[:, 0].astype(np.int64), links[:, 1].astype(np.int64)
+        # A link without length would be none to SciPy.
         graph = csr_array((links[:, 2] + 1e-6, place), shape=(new + 1, new + 1))
         ways: Float = dijkstra(graph, directed=False, indices=new)
         return ways
 
-    def _found(self, new: int, poses: Float, ways: Float) -> list[Closure]:
+    def _found(self, new: int, poses: Float) -> list[Closure]:
         """Closures of a key scan with old ones near it."""
         key = self.keys[new]
-        if len(key.surface) < 20:
+        if len(key.surface) < LEAST_POINTS:
             return []
         apart = np.hypot(poses[:, 0] - poses[new, 0], poses[:, 1] - poses[new, 1])
-        window = np.clip(DRIFT * ways * 2.0 + 0.1, LEAST_WINDOW, MOST_WINDOW)
-        fits = (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
-        fits &= np.array(self._ways) < self._ways[new] - LEAST_WAY
+        fits = (self._ways < self._ways[new] - LEAST_WAY) & (apart < NEAR + 0.5 * MOST_WINDOW)
+        if not fits.any():
+            return []
+        ways = self._graph_ways(new)
+        window = np.clip(2.0 * DRIFT * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
+        fits &= (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
         closures: list[Closure] = []
         for _ in range(MOST_TRIES):
             candidates = np.flatnonzero(fits)
@@ -224,7 +238,7 @@ class LoopCloser:
                 closures.append(closure)
                 break
             # The next try is at another place than this one.
-            fits &= np.abs(np.array(self._ways) - self._ways[old]) > 3.0
+            fits &= np.abs(self._ways - self._ways[old]) > OTHER_PLACE
         return closures
 
     def _matched(
@@ -235,10 +249,10 @@ class LoopCloser:
         near = range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
         origin = self.keys[old].pose
         # A stretch so short was drawn by the front end better than the graph knows it.
-        locals_ = [between(origin, self.keys[k].pose) for k in near]
+        locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
         parts = [moved(self.keys[k].surface, pose) for k, pose in zip(near, locals_, strict=True)]
         cloud = np.concatenate(parts)
-        if len(cloud) < 50:
+        if len(cloud) < LEAST_POINTS:
             return None
         grid = grid_of(cloud)
         guess = between(poses[old], poses[new])
@@ -248,7 +262,7 @@ class LoopCloser:
         best = matches[0]
         if any(match.explained > AMBIGUOUS * best.explained for match in matches[1:]):
             return None
-        relatives = np.array([between(pose, best.pose) for pose in locals_])
+        relatives = between(locals_, best.pose)
         if contradicted(self.keys, near, key, relatives):
             return None
         information = CLOSURE_SHARE * best.information
@@ -257,34 +271,26 @@ class LoopCloser:
 
     def _confirmed(self, newest: Closure) -> list[Closure]:
         """The pending closures that are believed, now that another one has come."""
-        around = [
-            other
-            for other in self._pending
-            if abs(self._ways[other.new] - self._ways[newest.new]) < STRETCH
-            and abs(self._ways[other.old] - self._ways[newest.old]) < STRETCH
-        ]
-        rivals = [
-            other
-            for other in self._pending
-            if abs(self._ways[other.new] - self._ways[newest.new]) < STRETCH
-        ]
+        around = [other for other in self._pending if self._beside(other, newest)]
         agreeing = [other for other in around if self._agree(other, newest)]
-        known = [
-            other
-            for other in self.accepted
-            if abs(self._ways[other.new] - self._ways[newest.new]) < STRETCH
-            and abs(self._ways[other.old] - self._ways[newest.old]) < STRETCH
-        ]
+        known = [other for other in self.accepted if self._beside(other, newest)]
         backed = sum(self._agree(other, newest) for other in known)
-        against = len(known) - backed
-        if against > backed or len(agreeing) + backed < AGREEING:
-            return []
+        together = len(agreeing) + backed
         # Of sets that contradict each other the larger one is believed.
-        if len(agreeing) + backed <= sum(not self._agree(o, newest) for o in rivals if o in around):
+        against = len(around) - len(agreeing) + len(known) - backed
+        if together < AGREEING or together <= against:
             return []
         kept = {id(closure) for closure in agreeing}
         self._pending = [other for other in self._pending if id(other) not in kept]
         return agreeing
+
+    def _beside(self, first: Closure, second: Closure) -> bool:
+        """Whether two closures join the same two stretches of the way."""
+        ways = self._ways
+        return bool(
+            abs(ways[first.new] - ways[second.new]) < STRETCH
+            and abs(ways[first.old] - ways[second.old]) < STRETCH
+        )
 
     def _agree(self, first: Closure, second: Closure) -> bool:
         """Whether the loop over two closures and the ways between their ends closes."""
