@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from lrf3d.scenario_file import load_scenario
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Simulation, Step, simulate
+    from lrf3d.slam import Slam, slam
     from lrf3d.world import World, load_world, save_world, world_names
 
 __all__ = [
@@ -65,6 +66,7 @@ __all__ = [
     "Run",
     "Scenario",
     "Simulation",
+    "Slam",
     "Step",
     "Trajectory",
     "Unicycle",
@@ -92,6 +94,7 @@ __all__ = [
     "score_run",
     "simulate",
     "simulate_fleet",
+    "slam",
     "world_names",
 ]
 
@@ -120,6 +123,7 @@ __getattr__, __dir__ = loading(
         "Run": "run",
         "Scenario": "scenario",
         "Simulation": "simulation",
+        "Slam": "slam",
         "Step": "simulation",
         "Trajectory": "robot",
         "Unicycle": "robot",
@@ -147,6 +151,7 @@ __getattr__, __dir__ = loading(
         "score_run": "scoring",
         "simulate": "simulation",
         "simulate_fleet": "fleet",
+        "slam": "slam.log",
         "world_names": "world",
     },
 )

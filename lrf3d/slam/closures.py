@@ -209,7 +209,7 @@ class LoopCloser:
         place = links[:, 0].astype(np.int64), links[:, 1].astype(np.int64)
         # A link without length would be none to SciPy.
         graph = csr_array((links[:, 2] + 1e-6, place), shape=(new + 1, new + 1))
-        ways: Float = dijkstra(graph, directed=False, indices=new)
+        ways: Float = dijkstra(graph, directed=False, indices=np.array([new]))[0]
         return ways
 
     def _found(self, new: int, poses: Float) -> list[Closure]:
@@ -230,9 +230,7 @@ class LoopCloser:
             if not len(candidates):
                 break
             old = int(candidates[apart[candidates].argmin()])
-            turn = float(
-                np.clip(2.0 * DRIFT_TURN * ways[old], LEAST_WINDOW_TURN, MOST_WINDOW_TURN)
-            )
+            turn = float(np.clip(2.0 * DRIFT_TURN * ways[old], LEAST_WINDOW_TURN, MOST_WINDOW_TURN))
             closure = self._matched(old, new, poses, float(window[old]), turn)
             if closure is not None:
                 closures.append(closure)
@@ -305,10 +303,7 @@ class LoopCloser:
         lever = np.hypot(old[0], old[1]) * 0.015
         covariance = np.diag(spread**2 + np.array([lever, lever, 0.0]) ** 2)
         for closure in (first, second):
-            covariance = covariance + turned(
-                np.linalg.inv(closure.information), -float(second.relative[2])
-            )
+            own = np.asarray(np.linalg.inv(closure.information), dtype=np.float64)
+            covariance = covariance + turned(own, -float(second.relative[2]))
         square = float(error @ np.linalg.solve(covariance, error))
         return square < DEVIATIONS**2
-
-

@@ -90,7 +90,7 @@ def correlate(
     """
     half = max(1, int(np.ceil(window / COARSE_CELL)))
     turns = max(1, int(np.ceil(turn / ANGLE_STEP)))
-    angles = ANGLE_STEP * np.arange(-turns, turns + 1)
+    angles: Float = ANGLE_STEP * np.arange(-turns, turns + 1, dtype=np.float64)
     points = np.ascontiguousarray(surface[:: max(1, len(surface) // COARSE_POINTS), :2])
     scores = window_scores(points, grid, guess, half, angles)
     matches: list[Match] = []

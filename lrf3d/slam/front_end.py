@@ -1,7 +1,7 @@
 """Front end: follows the robot from scan to scan, against the map of the last few key scans.
 
-Surfaces and odometry increments enter; poses in the drifting frame of the front end leave, and every
-half metre a key scan, which is what loops are closed with and what the pose graph is made of.
+Surfaces and odometry increments enter; poses in the drifting frame of the front end leave, and
+every half metre a key scan: loops are closed with these, and the pose graph is made of them.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from lrf3d.slam.surface import SurfaceGrid, grid_of, moved
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
-"""A key scan is taken after this way [m] or turn [rad]. Errors change by a tenth from 0.4 to 0.6 m."""
+"""A key scan is taken after this way [m] or turn [rad]. Errors hardly change from 0.4 to 0.6 m."""
 
 LOCAL_KEYS = 8
 """Key scans that a scan is matched with: more cost time, fewer let the robot drift."""
@@ -57,6 +57,23 @@ class Tracked:
     explained: float
     matched: bool
 
+    @property
+    def weakest(self) -> tuple[Float, float]:
+        """The direction (2,) that matching fixes worst, in the robot's axes, and its information.
+
+        The information [1/m²] is that of the place, whatever the heading is.
+        """
+        turn = max(float(self.information[2, 2]), 1e-9)
+        coupling = self.information[:2, 2]
+        place = self.information[:2, :2] - np.outer(coupling, coupling) / turn
+        values, directions = np.linalg.eigh(place)
+        return directions[:, 0], float(max(values[0], 0.0))
+
+    @property
+    def weak(self) -> bool:
+        """Whether matching leaves a direction to the odometry, as along a corridor."""
+        return self.weakest[1] < WEAK
+
 
 class FrontEnd:
     """Follows the robot by matching scans with a local map.
@@ -87,7 +104,7 @@ class FrontEnd:
         expected = self.wheels.corrected(increment)
         guess = compose(self.pose, expected)
         covariance = self.wheels.covariance(increment)
-        prior = turned(np.linalg.inv(covariance), float(self.pose[2]))
+        prior = turned(np.diag(1.0 / covariance.diagonal()), float(self.pose[2]))
         if self._grid is None or not len(surface):
             self.pose = guess
             return Tracked(guess, np.zeros((3, 3)), 0.0, False)

@@ -6,8 +6,10 @@ their turns, which those of the odometry equal at the right lag and at no other.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int
 from lrf3d.slam.scan_matching import match_scan
@@ -29,10 +31,10 @@ HUBER = 0.01
 """Residuals beyond this [rad] count linearly."""
 
 GUIDED = np.diag([400.0, 400.0, 25.0])
-"""Information of the odometry when a pair is matched: 0.05 m, and 0.2 rad, for the turn is asked."""
+"""Information of the odometry when a pair is matched: 0.05 m, and 0.2 rad."""
 
 
-def wheel_poses_at(poses: Float, places: Float) -> Float:
+def wheel_poses_at(poses: Float, places: NDArray[np.floating[Any]]) -> Float:
     """Odometry poses at fractional places (k,) between the lines (n, 3); headings go on over π."""
     places = np.clip(places, 0.0, len(poses) - 1.0)
     line = np.minimum(places.astype(np.int64), max(len(poses) - 2, 0))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.slam.frames import between
@@ -68,7 +68,8 @@ class Edges:
     def squares(self, poses: Float) -> Float:
         """Squared errors (e,) in units of their variance."""
         error = self.errors(poses)
-        return np.einsum("ei,eij,ej->e", error, self.information, error)
+        squares: Float = np.einsum("ei,eij,ej->e", error, self.information, error)
+        return squares
 
     def weights(self, poses: Float) -> Float:
         """Robust weights (e,)."""
@@ -107,7 +108,7 @@ class NormalEquations:
         return np.concatenate([np.zeros(3), solved]).reshape(-1, 3)
 
 
-def factor(matrix: csc_array) -> "splu":
+def factor(matrix: csc_array) -> SuperLU:
     """The factors of a symmetric positive definite sparse matrix."""
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True})  # fmt: skip

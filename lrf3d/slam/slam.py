@@ -1,8 +1,8 @@
 """Slam: poses and map from scans and odometry increments alone, current after every scan.
 
-A scan and how the robot moved since the last one by its wheels enter. The front end places the scan;
-key scans look for loops, and where one closes the pose graph is optimised, the poses move and the
-map is drawn anew.
+A scan and how the robot moved since the last one by its wheels enter. The front end places the
+scan; key scans look for loops, and where one closes the pose graph is optimised, the poses move
+and the map is drawn anew.
 """
 
 from collections.abc import Sequence
@@ -153,7 +153,7 @@ class Slam:
         return self._mapper.map
 
     def placed(self, scan: LaserScan, pose: Float) -> LaserScan:
-        """A scan with the pose of its laser in the world, of a robot's pose (3,) since the start."""
+        """A scan with the pose of its laser, where the robot is at a pose (3,) since the start."""
         robot = compose(self._start, pose)
         return replace(scan, pose=Pose(*compose(robot, np.array([*self._laser, 0.0])).tolist()))
 

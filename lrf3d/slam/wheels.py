@@ -1,7 +1,7 @@
 """Wheels: what odometry measures systematically wrong, and how far it may be off by chance.
 
-Odometry increments (ahead, to the left [m], turn [rad]) enter, and what scan matching found instead;
-corrected increments leave, and their information matrices. The wheels are taken to turn by
+Odometry increments (ahead, to the left [m], turn [rad]) enter, and what scan matching found
+instead; corrected increments leave, and their covariances. The wheels are taken to turn by
 
     Δθ = (1 + a)·Δθ_wheels + b·Δs,    Δs = (1 + c)·Δs_wheels
 
@@ -40,7 +40,7 @@ class Wheels:
         self._way_sum = 0.0
         # Squared differences between wheels and scans in units of their variance.
         self._excess = np.ones(2)
-        self._turn_bias = np.zeros(2)
+        self._turn_bias: Float = np.zeros(2)
         self._way_bias = 0.0
 
     @property
@@ -91,11 +91,12 @@ class Wheels:
         spread = STILL_HEADING + SWERVE * abs(way) + SLIP_TURN * abs(turn)
         # A stretch that is off by more than three deviations holds a slip, which is no bias.
         error = float(matched[2]) - turn
-        off = abs(error - row @ self._turn_bias)
-        weight = min(1.0, 3.0 * spread / off) / spread**2 if off > 0.0 else spread**-2.0
+        off = abs(error - float(row @ self._turn_bias))
+        weight = 1.0 / (spread * max(spread, off / 3.0))
         self._turn_information += weight * np.outer(row, row)
         self._turn_sum += weight * error * row
-        self._turn_bias = np.linalg.solve(self._turn_information, self._turn_sum)
+        bias = np.linalg.solve(self._turn_information, self._turn_sum)
+        self._turn_bias = np.asarray(bias, dtype=np.float64)
         if ahead_known and abs(way) > 0.0:
             weight = (STILL_POSITION + SLIP * abs(way)) ** -2.0
             self._way_information += weight * way**2
