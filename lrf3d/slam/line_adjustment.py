@@ -111,9 +111,8 @@ class WallSystem:
         line_line = _summed(
             np.einsum("pki,pkl,plj->pij", by_line, self.moments, by_line), self.walls, walls
         )
-        inverse = _blocks(
-            np.linalg.inv(line_line), np.arange(walls), np.arange(walls), (walls, walls)
-        )
+        inverted = np.asarray(np.linalg.inv(line_line), dtype=np.float64)
+        inverse = _blocks(inverted, np.arange(walls), np.arange(walls), (walls, walls))
         eliminated = pose_line @ inverse @ pose_line.T
         return NormalEquations(csc_array(pose_pose - eliminated), gradient.ravel())
 

@@ -18,11 +18,15 @@ from lrf3d.slam.closures import Closure
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.lag import estimate_lag, wheel_poses_at
-from lrf3d.slam.slam import Slam, bent, surface_of_scan
+from lrf3d.slam.slam import Slam, bent
+from lrf3d.slam.surface import surface_of_scan
 from lrf3d.world import World
 
 FASTEST, FASTEST_TURN = 3.0, 3.0
 """A robot that moves farther [m] or turns more [rad] between two lines of a log has jumped."""
+
+STILL = 1e-3
+"""What a line without motion counts as between two scans [m], so that none counts nothing."""
 
 Progress = Callable[[int, int], None]
 
@@ -226,7 +230,7 @@ def solve_log(
         progress(number, len(scans))
     milliseconds = 1e3 * (perf_counter() - begin) / len(scans)
     slam.finish()
-    poses = slam.trajectory()
+    poses = slam.settled(scans)
     return LogSolution(
         slam,
         laser_offset,
@@ -260,6 +264,8 @@ def line_poses(wheels: Float, places: Int, lag: float, scan_poses: Float) -> Flo
     """
     way = wheel_poses_at(wheels, np.arange(len(wheels)) - lag)
     known, last = np.unique(np.maximum(places, 0)[::-1], return_index=True)
-    poses = bent(way, known, scan_poses[::-1][last])
+    # What is left between odometry and scans is spread by how far the robot moved and turned.
+    steps = np.abs(between(way[:-1], way[1:])).sum(axis=1) + STILL
+    poses = bent(way, known, scan_poses[::-1][last], np.concatenate([[0.0], np.cumsum(steps)]))
     poses[:, 2] = np.unwrap(poses[:, 2])
     return poses

@@ -59,6 +59,16 @@ class Edges:
             np.concatenate([self.robust, other.robust]),
         )
 
+    def part(self, chosen: Bool) -> "Edges":
+        """Some of the edges, of a mask (e,)."""
+        return Edges(
+            self.first[chosen],
+            self.second[chosen],
+            self.measured[chosen],
+            self.information[chosen],
+            self.robust[chosen],
+        )
+
     def errors(self, poses: Float) -> Float:
         """Errors (e, 3) [m, rad] at poses (k, 3)."""
         error = between(poses[self.first], poses[self.second]) - self.measured

@@ -13,14 +13,15 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, sealed, wrap_angle
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.laser.range_finder import beam_directions
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, as_pose
 from lrf3d.slam.closures import Closure, Key, LoopCloser
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
+from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised
-from lrf3d.slam.surface import surface_of
+from lrf3d.slam.settling import settled
+from lrf3d.slam.surface import surface_of_scan
 
 EDGE_SHARE = 0.3
 """Share of the matching's information that counts for the edge between key scans: neighbours are
@@ -34,14 +35,6 @@ ONLINE_ITERATIONS, FINAL_ITERATIONS = 3, 20
 
 REDRAWN = 0.02
 """The map is drawn anew where key scans have moved by more than this since [m]."""
-
-
-def surface_of_scan(scan: LaserScan, laser: Float) -> Float:
-    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m]."""
-    hits = scan.hits
-    return surface_of(
-        scan.ranges[hits, None] * beam_directions(0.0, scan.angles[hits]) + laser, laser
-    )
 
 
 class Slam:
@@ -192,9 +185,24 @@ class Slam:
         return self._tracked
 
     def finish(self) -> None:
-        """Settle all poses, once the last scan is in."""
+        """Adjust all poses, once the last scan is in: by the pose graph, then by the walls.
+
+        The walls replace the closures: what lies on one line says more than the relative pose of
+        two scans, and of a closure that was wrong nothing stays.
+        """
         if len(self._edges):
             self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
+            surfaces = [key.surface for key in self._closer.keys]
+            driven = self._edges.part(~self._edges.robust)
+            self._key_poses = adjusted(self._key_poses, driven, surfaces)
+
+    def settled(self, scans: Sequence[LaserScan]) -> Float:
+        """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
+        keys, key_poses = self._closer.keys, self._key_poses
+        poses = self.scan_poses(key_poses)
+        poses = compose(self._start, settled(scans, poses, keys, key_poses, self.key_scans))
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
 
     def _add_key(self, scan: LaserScan, surface: Float) -> None:
         """Add a vertex for the newest scan to the pose graph, and the loops that it closes."""

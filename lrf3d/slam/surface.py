@@ -11,6 +11,8 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserScan
+from lrf3d.laser.range_finder import beam_directions
 
 BASELINE = 0.15
 """How far a normal reaches to both sides [m]: at 1 m range beams stand 2 cm apart, and the noise of
@@ -115,6 +117,14 @@ def moved(surface: Float, pose: Float) -> Float:  # pragma: no cover
         there[i, 2] = cos * nx - sin * ny
         there[i, 3] = sin * nx + cos * ny
     return there
+
+
+def surface_of_scan(scan: LaserScan, laser: Float) -> Float:
+    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m]."""
+    hits = scan.hits
+    return surface_of(
+        scan.ranges[hits, None] * beam_directions(0.0, scan.angles[hits]) + laser, laser
+    )
 
 
 class SurfaceGrid(NamedTuple):
