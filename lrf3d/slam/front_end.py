@@ -36,6 +36,9 @@ lead to, and believed if they explain more by the second."""
 UNGUIDED = np.diag([100.0, 100.0, 400.0])
 """Information of the guess in these: 0.1 m and 0.05 rad."""
 
+BACKWARDS = np.array([-1.0, -1.0, 1.0])
+"""What turns an increment into that of a robot that drives backwards."""
+
 WEAK = 2500.0
 """A direction is left to the odometry where scans fix it with less information than this [1/m²]: no
 better than 0.02 m."""
@@ -110,7 +113,7 @@ class FrontEnd:
             return Tracked(guess, np.zeros((3, 3)), 0.0, False)
         match = match_scan(surface, self._grid, guess, prior, ITERATIONS, REACH)
         if match.explained < DOUBTFUL:
-            match = self._better(surface, self._grid, match)
+            match = self._better(surface, self._grid, match, expected)
         believed = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
         pose = match.pose if believed else guess
         pose[2] = wrap_angle(pose[2])
@@ -125,14 +128,14 @@ class FrontEnd:
         self.pose = pose
         return Tracked(pose, information, match.explained, believed)
 
-    def _better(self, surface: Float, grid: SurfaceGrid, match: Match) -> Match:
+    def _better(self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float) -> Match:
         """A match that explains much more than the one that odometry led to, if there is one.
 
-        Wheels that spin or a robot that is pushed move otherwise than odometry says; then the robot
-        stands still, or goes on as it did.
+        Wheels that spin, or a robot that is pushed, move otherwise than odometry says: the robot
+        stands still, goes on as it did, or drives backwards with encoders that know no sign.
         """
         best = match
-        for motion in (self._last, np.zeros(3)):
+        for motion in (self._last, np.zeros(3), expected * BACKWARDS):
             guess = compose(self.pose, motion)
             other = match_scan(surface, grid, guess, UNGUIDED, ITERATIONS, REACH)
             if other.explained > best.explained + (BETTER if best is match else 0.0):
