@@ -151,7 +151,7 @@ __getattr__, __dir__ = loading(
         "score_run": "scoring",
         "simulate": "simulation",
         "simulate_fleet": "fleet",
-        "slam": "slam.log",
+        "slam": "slam",
         "world_names": "world",
     },
 )

@@ -2,19 +2,25 @@
 
 import sys
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lrf3d.slam.log import LogSolution, run_of, slam, solve_recording
+from lrf3d.slam.log import LogSolution, run_of, solve_recording
+from lrf3d.slam.log import slam as _slam
 from lrf3d.slam.slam import Slam
 
 __all__ = ["LogSolution", "Slam", "run_of", "slam", "solve_recording"]
 
 
 class _CallableModule(ModuleType):
-    """The module that a package of this name is: ``lrf3d.slam`` is both it and its function."""
+    """The package and its main function have one name, ``lrf3d.slam``: so it is both."""
 
     def __call__(self, *arguments: Any, **settings: Any) -> Any:
-        return slam(*arguments, **settings)
+        return _slam(*arguments, **settings)
 
 
 sys.modules[__name__].__class__ = _CallableModule
+
+if TYPE_CHECKING:
+    slam = _slam
+else:
+    slam = sys.modules[__name__]
