@@ -1,4 +1,13 @@
-"""SLAM: poses and map from scans and odometry alone; ``lrf3d.slam(log)`` runs it over a log."""
+"""SLAM: poses and map from scans and odometry alone; ``lrf3d.slam(log)`` runs it over a log.
+
+Examples:
+    >>> import lrf3d
+    >>> room = lrf3d.load_world("paper_room")
+    >>> run = lrf3d.simulate(room, [(1 + 0.1 * k, 1, 0) for k in range(10)], rng=0)
+    >>> lrf3d.export_run(run, "carmen", "drive.log")
+    >>> lrf3d.slam(lrf3d.load_log("drive.log")).trajectory.poses[-1, :2].round(1).tolist()
+    [1.9, 1.0]
+"""
 
 import sys
 from types import ModuleType
