@@ -8,14 +8,13 @@ the window fits as well, and enough closures of the same stretch agree with each
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import correlate
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.surface import grid_of, moved
+from lrf3d.slam.ways import WayGraph
 
 LEAST_WAY = 6.0
 """Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
@@ -28,6 +27,9 @@ DRIFT, DRIFT_TURN = 0.01, 0.0015
 
 LEAST_WINDOW, MOST_WINDOW = 0.3, 4.0
 """Bounds of half the side of the window [m] that is searched."""
+
+FARTHEST_WAY = 0.5 * MOST_WINDOW / DRIFT
+"""Ways over the graph are found up to this length [m]; beyond it the window is the largest."""
 
 LEAST_WINDOW_TURN, MOST_WINDOW_TURN = 0.06, 0.45
 """Bounds of half its angle [rad]."""
@@ -169,8 +171,7 @@ class LoopCloser:
         self.keys: list[Key] = []
         self.accepted: list[Closure] = []
         self._pending: list[Closure] = []
-        # Rows first, second, way [m] of the graph that distances are found over.
-        self._links = np.empty((0, 3))
+        self._graph = WayGraph()
         # How far the robot had driven at each key scan [m].
         self._ways = np.empty(0)
 
@@ -180,9 +181,11 @@ class LoopCloser:
             step = between(self.keys[-1].pose, key.pose)
             # A turn in place lets the robot drift like a way of the length of its lever.
             way = float(np.hypot(step[0], step[1]) + abs(step[2]))
-            self._links = np.vstack([self._links, (len(self.keys) - 1, len(self.keys), way)])
+            self._graph.add()
+            self._graph.link(len(self.keys) - 1, len(self.keys), way)
             self._ways = np.append(self._ways, self._ways[-1] + way)
         else:
+            self._graph.add()
             self._ways = np.zeros(1)
         self.keys.append(key)
 
@@ -199,18 +202,9 @@ class LoopCloser:
             self._pending.append(closure)
             believed += self._confirmed(closure)
         for closure in believed:
-            self._links = np.vstack([self._links, (closure.old, closure.new, CLOSURE_WAY)])
+            self._graph.link(closure.old, closure.new, CLOSURE_WAY)
         self.accepted += believed
         return believed
-
-    def _graph_ways(self, new: int) -> Float:
-        """The shortest way [m] from a key scan to each over driven ways and closures."""
-        links = self._links
-        place = links[:, 0].astype(np.int64), links[:, 1].astype(np.int64)
-        # A link without length would be none to SciPy.
-        graph = csr_array((links[:, 2] + 1e-6, place), shape=(new + 1, new + 1))
-        ways: Float = dijkstra(graph, directed=False, indices=np.array([new]))[0]
-        return ways
 
     def _found(self, new: int, poses: Float) -> list[Closure]:
         """Closures of a key scan with old ones near it."""
@@ -221,7 +215,7 @@ class LoopCloser:
         fits = (self._ways < self._ways[new] - LEAST_WAY) & (apart < NEAR + 0.5 * MOST_WINDOW)
         if not fits.any():
             return []
-        ways = self._graph_ways(new)
+        ways = self._graph.ways(new, FARTHEST_WAY)
         window = np.clip(2.0 * DRIFT * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
         fits &= (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
         closures: list[Closure] = []

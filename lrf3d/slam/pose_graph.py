@@ -50,13 +50,15 @@ class Edges:
         shape = np.empty((0, 3)), np.empty((0, 3, 3))
         return cls(whole, whole, *shape, np.empty(0, np.bool_))
 
-    def __add__(self, other: "Edges") -> "Edges":
-        return Edges(
-            np.concatenate([self.first, other.first]),
-            np.concatenate([self.second, other.second]),
-            np.concatenate([self.measured, other.measured]),
-            np.concatenate([self.information, other.information]),
-            np.concatenate([self.robust, other.robust]),
+    @classmethod
+    def joined(cls, parts: "list[Edges]") -> "Edges":
+        """Edges of several kinds together."""
+        return cls(
+            np.concatenate([part.first for part in parts]),
+            np.concatenate([part.second for part in parts]),
+            np.concatenate([part.measured for part in parts]),
+            np.concatenate([part.information for part in parts]),
+            np.concatenate([part.robust for part in parts]),
         )
 
     def part(self, chosen: Bool) -> "Edges":

@@ -33,6 +33,9 @@ NEWS = 3.0
 ONLINE_ITERATIONS, FINAL_ITERATIONS = 3, 20
 """Most Gauss-Newton steps over the pose graph, while the robot drives and in the end."""
 
+LEAST_ROOM = 256
+"""Key scans that there is room for at first."""
+
 REDRAWN = 0.02
 """The map is drawn anew where key scans have moved by more than this since [m]."""
 
@@ -83,8 +86,12 @@ class Slam:
         self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn)
         self._closer = LoopCloser()
         self._tracked: list[Tracked] = []
-        self._key_poses = np.empty((0, 3))
+        self._room = np.empty((LEAST_ROOM, 3))
+        self._key_count = 0
         self._edges = Edges.none()
+        # Edges that came since the last optimisation: joining them each time would cost the more
+        # the longer the drive is.
+        self._new_edges: list[Edges] = []
         self._wheel_covariance = np.zeros((3, 3))
         self._scans: list[LaserScan] = []
         self._mapper = LineMapper()
@@ -190,11 +197,11 @@ class Slam:
         The walls replace the closures: what lies on one line says more than the relative pose of
         two scans, and of a closure that was wrong nothing stays.
         """
-        if len(self._edges):
-            self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
+        edges = self._gathered_edges()
+        if len(edges):
+            poses = optimised(self._key_poses, edges, FINAL_ITERATIONS)
             surfaces = [key.surface for key in self._closer.keys]
-            driven = self._edges.part(~self._edges.robust)
-            self._key_poses = adjusted(self._key_poses, driven, surfaces)
+            self._room[: len(poses)] = adjusted(poses, edges.part(~edges.robust), surfaces)
 
     def settled(self, scans: Sequence[LaserScan]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
@@ -203,6 +210,17 @@ class Slam:
         poses = compose(self._start, settled(scans, poses, keys, key_poses, self.key_scans))
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
+
+    @property
+    def _key_poses(self) -> Float:
+        """Poses (k, 3) of the key scans since the start, as they are believed now."""
+        return self._room[: self._key_count]
+
+    def _gathered_edges(self) -> Edges:
+        """All edges of the pose graph."""
+        self._edges = Edges.joined([self._edges, *self._new_edges])
+        self._new_edges = []
+        return self._edges
 
     def _add_key(self, scan: LaserScan, surface: Float) -> None:
         """Add a vertex for the newest scan to the pose graph, and the loops that it closes."""
@@ -220,16 +238,22 @@ class Slam:
             information = turned(information, float(relative[2]))
             number = np.array([len(keys)])
             never = np.array([False])
-            self._edges += Edges(number - 1, number, relative[None], information[None], never)
+            self._new_edges.append(
+                Edges(number - 1, number, relative[None], information[None], never)
+            )
         self._wheel_covariance = np.zeros((3, 3))
-        self._key_poses = np.vstack([self._key_poses, new])
+        if self._key_count == len(self._room):
+            self._room = np.concatenate([self._room, np.empty_like(self._room)])
+        self._room[self._key_count] = new
+        self._key_count += 1
         self._closer.add_key(key)
         closures = self._closer.search(self._key_poses) if len(keys) > 1 else []
         if closures:
             more = closure_edges(closures)
-            self._edges += more
+            self._new_edges.append(more)
             if (more.squares(self._key_poses) > NEWS**2).any():
-                self._key_poses = optimised(self._key_poses, self._edges, ONLINE_ITERATIONS)
+                poses = optimised(self._key_poses, self._gathered_edges(), ONLINE_ITERATIONS)
+                self._room[: len(poses)] = poses
 
 
 def closure_edges(closures: list[Closure]) -> Edges:

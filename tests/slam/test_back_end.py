@@ -55,7 +55,7 @@ def test_one_false_closure_among_true_ones_is_outvoted(rng):
     closed = edges_of(true, [(39, 0), (38, 1), (37, 0)], rng, robust=True)
     false = Edges(np.array([5]), np.array([20]), np.zeros((1, 3)), closed.information[:1],
                   np.array([True]))  # fmt: skip
-    found = optimised(true, driven + closed + false, 30)
+    found = optimised(true, Edges.joined([driven, closed, false]), 30)
     # It is off by 10 m; half of its say would move the poses by metres.
     assert np.abs(between(true, found)[:, :2]).max() < 0.1
 
