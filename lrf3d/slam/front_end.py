@@ -53,12 +53,14 @@ class Tracked:
         information: (3, 3) inverse covariance that matching gives it, along its own axes.
         explained: Share of its surface that lies on the local map.
         matched: Whether it was matched; if not, it stands where odometry has it.
+        deviation: RMS distance [m] of its points to the walls they were matched with.
     """
 
     pose: Float
     information: Float
     explained: float
     matched: bool
+    deviation: float
 
     @property
     def weakest(self) -> tuple[Float, float]:
@@ -110,7 +112,7 @@ class FrontEnd:
         prior = turned(np.diag(1.0 / covariance.diagonal()), float(self.pose[2]))
         if self._grid is None or not len(surface):
             self.pose = guess
-            return Tracked(guess, np.zeros((3, 3)), 0.0, False)
+            return Tracked(guess, np.zeros((3, 3)), 0.0, False, np.inf)
         match = match_scan(surface, self._grid, guess, prior, ITERATIONS, REACH)
         if match.explained < DOUBTFUL:
             match = self._better(surface, self._grid, match, expected)
@@ -126,7 +128,7 @@ class FrontEnd:
         self._found += found
         self._ahead_known &= believed and information[0, 0] > WEAK
         self.pose = pose
-        return Tracked(pose, information, match.explained, believed)
+        return Tracked(pose, information, match.explained, believed, match.deviation)
 
     def _better(self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float) -> Match:
         """A match that explains much more than the one that odometry led to, if there is one.

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, sealed, wrap_angle
+from lrf3d.geometry import Float, Int, sealed, whole_number, wrap_angle
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, as_pose
@@ -20,8 +20,10 @@ from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised
+from lrf3d.slam.scan_matching import POINT_SIGMA
 from lrf3d.slam.settling import settled
 from lrf3d.slam.surface import surface_of_scan
+from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, variance_factor
 
 EDGE_SHARE = 0.3
 """Share of the matching's information that counts for the edge between key scans: neighbours are
@@ -136,6 +138,43 @@ class Slam:
         key = self._closer.keys[-1]
         placed = compose(self._key_poses[-1], between(key.pose, self._tracked[-1].pose))
         return Pose(*compose(self._start, placed).tolist())
+
+    def covariance(self) -> Float:
+        """Covariance (3, 3) of the pose at the last scan, x, y [m], theta [rad], since the start.
+
+        It takes a step over the whole pose graph, and is computed when it is asked for.
+        """
+        if len(self._closer.keys) < 2:
+            return np.zeros((3, 3))
+        poses, edges = self._key_poses, self._gathered_edges()
+        return self._turned(joint_covariance(poses, edges, [len(poses) - 1])) * self._factor()
+
+    def relative_covariance(self, first: int, second: int) -> Float:
+        """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
+
+        Args:
+            first: Number of the key scan that it is seen from.
+            second: Number of the key scan.
+
+        Raises:
+            InputError: There is no such key scan.
+        """
+        for number in (first, second):
+            whole_number(number, "key scan", least=0, most=max(len(self._closer.keys) - 1, 0))
+        poses, edges = self._key_poses, self._gathered_edges()
+        if first == second or not len(edges):
+            return np.zeros((3, 3))
+        return relative_covariance(poses, edges, first, second) * self._factor()
+
+    def _factor(self) -> float:
+        """What covariances of the pose graph are multiplied with."""
+        matched = [scan.deviation for scan in self._tracked if scan.matched]
+        deviation = float(np.median(matched)) if matched else POINT_SIGMA
+        return variance_factor(self._key_poses, self._gathered_edges(), deviation)
+
+    def _turned(self, covariance: Float) -> Float:
+        """A covariance since the start along the axes of the world."""
+        return turned(covariance, float(self._start[2]))
 
     @property
     def map(self) -> LineMap:

@@ -104,6 +104,33 @@ def test_pose_and_map_are_current_after_every_scan():
     assert len(slam.map) >= 5 and distances.min(axis=1).max() < 0.1
 
 
+def test_the_covariance_is_that_of_the_errors():
+    squares = []
+    for seed in range(6):
+        scans, wheels, true = drive(rooms(2), through(2), seed=seed)
+        slam = lrf3d.Slam(start=true[0])
+        steps = [np.zeros(3), *lrf3d.odometry_increments(wheels)]
+        for number, (scan, step) in enumerate(zip(scans, steps, strict=True)):
+            slam.update(scan, step)
+            if number % 50 == 49:
+                error = np.array(slam.pose) - true[number]
+                error[2] = np.angle(np.exp(1j * error[2]))
+                squares.append(error @ np.linalg.solve(slam.covariance(), error) / 3.0)
+    assert len(squares) > 15
+    assert 0.2 < np.mean(squares) < 3.0
+
+
+def test_the_covariance_of_a_relative_pose_does_not_depend_on_the_way_to_it(identical_rooms):
+    slam = identical_rooms[0].slam
+    last = len(slam.key_scans) - 1
+    near, far = slam.relative_covariance(last - 1, last), slam.relative_covariance(0, last)
+    assert (np.linalg.eigvalsh(near) > 0.0).all()
+    assert np.trace(near[:2, :2]) < np.trace(far[:2, :2])
+    assert slam.relative_covariance(3, 3).tolist() == np.zeros((3, 3)).tolist()
+    with pytest.raises(InputError, match="key scan"):
+        slam.relative_covariance(0, last + 1)
+
+
 def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry():
     scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 1.0])
     with pytest.raises(InputError, match="2 beams"):
