@@ -78,6 +78,10 @@ CLOSURE_SHARE = 0.3
 by the same drifting front end, and both are bent a little."""
 
 
+FLOOR = np.diag([1.0, 1.0, 10.0])
+"""Information that a closure has in any direction: 1 m and 0.3 rad, for it lay in the window."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Key:
     """A key scan.
@@ -259,7 +263,7 @@ class LoopCloser:
             return None
         information = CLOSURE_SHARE * best.information
         relative = np.array([*best.pose[:2], wrap_angle(best.pose[2])])
-        return Closure(old, new, relative, information + np.diag([1.0, 1.0, 10.0]))
+        return Closure(old, new, relative, information + FLOOR)
 
     def _confirmed(self, newest: Closure) -> list[Closure]:
         """The pending closures that are believed, now that another one has come."""

@@ -32,6 +32,7 @@ class Edges:
         measured: (e, 3) the relative poses x, y [m], theta [rad].
         information: (e, 3, 3) their inverse covariances, along the axes of the first.
         robust: (e,) whether an edge may be wrong, as closures may.
+        prior: (e, 3, 3) the part of the information that does not come from matching scans.
     """
 
     first: Int
@@ -39,6 +40,7 @@ class Edges:
     measured: Float
     information: Float
     robust: Bool
+    prior: Float
 
     def __len__(self) -> int:
         return len(self.first)
@@ -48,7 +50,7 @@ class Edges:
         """No edges at all."""
         whole = np.empty(0, np.int64)
         shape = np.empty((0, 3)), np.empty((0, 3, 3))
-        return cls(whole, whole, *shape, np.empty(0, np.bool_))
+        return cls(whole, whole, *shape, np.empty(0, np.bool_), np.empty((0, 3, 3)))
 
     @classmethod
     def joined(cls, parts: "list[Edges]") -> "Edges":
@@ -59,6 +61,7 @@ class Edges:
             np.concatenate([part.measured for part in parts]),
             np.concatenate([part.information for part in parts]),
             np.concatenate([part.robust for part in parts]),
+            np.concatenate([part.prior for part in parts]),
         )
 
     def part(self, chosen: Bool) -> "Edges":
@@ -69,6 +72,7 @@ class Edges:
             self.measured[chosen],
             self.information[chosen],
             self.robust[chosen],
+            self.prior[chosen],
         )
 
     def errors(self, poses: Float) -> Float:

@@ -15,7 +15,7 @@ from lrf3d.geometry import Float, Int, sealed, whole_number, wrap_angle
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, as_pose
-from lrf3d.slam.closures import Closure, Key, LoopCloser
+from lrf3d.slam.closures import FLOOR, Closure, Key, LoopCloser
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.line_adjustment import adjusted
@@ -23,7 +23,7 @@ from lrf3d.slam.pose_graph import Edges, optimised
 from lrf3d.slam.scan_matching import POINT_SIGMA
 from lrf3d.slam.settling import settled
 from lrf3d.slam.surface import surface_of_scan
-from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, variance_factor
+from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, scaled, variance_factor
 
 EDGE_SHARE = 0.3
 """Share of the matching's information that counts for the edge between key scans: neighbours are
@@ -146,8 +146,8 @@ class Slam:
         """
         if len(self._closer.keys) < 2:
             return np.zeros((3, 3))
-        poses, edges = self._key_poses, self._gathered_edges()
-        return self._turned(joint_covariance(poses, edges, [len(poses) - 1])) * self._factor()
+        poses = self._key_poses
+        return self._turned(joint_covariance(poses, self._honest_edges(), [len(poses) - 1]))
 
     def relative_covariance(self, first: int, second: int) -> Float:
         """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
@@ -161,16 +161,16 @@ class Slam:
         """
         for number in (first, second):
             whole_number(number, "key scan", least=0, most=max(len(self._closer.keys) - 1, 0))
-        poses, edges = self._key_poses, self._gathered_edges()
-        if first == second or not len(edges):
+        if first == second:
             return np.zeros((3, 3))
-        return relative_covariance(poses, edges, first, second) * self._factor()
+        return relative_covariance(self._key_poses, self._honest_edges(), first, second)
 
-    def _factor(self) -> float:
-        """What covariances of the pose graph are multiplied with."""
+    def _honest_edges(self) -> Edges:
+        """The edges of the pose graph with covariances as closures and deviations show them."""
         matched = [scan.deviation for scan in self._tracked if scan.matched]
         deviation = float(np.median(matched)) if matched else POINT_SIGMA
-        return variance_factor(self._key_poses, self._gathered_edges(), deviation)
+        edges = self._gathered_edges()
+        return scaled(edges, variance_factor(self._key_poses, edges, deviation))
 
     def _turned(self, covariance: Float) -> Float:
         """A covariance since the start along the axes of the world."""
@@ -273,12 +273,13 @@ class Slam:
             relative = between(keys[-1].pose, key.pose)
             new = compose(self._key_poses[-1], relative)
             # The information is along the axes of the new pose; the edge's is along the old one's.
-            information = EDGE_SHARE * tracked.information + np.linalg.inv(self._wheel_covariance)
-            information = turned(information, float(relative[2]))
+            turn = float(relative[2])
+            wheels = turned(np.diag(1.0 / self._wheel_covariance.diagonal()), turn)
+            information = turned(EDGE_SHARE * tracked.information, turn) + wheels
             number = np.array([len(keys)])
             never = np.array([False])
             self._new_edges.append(
-                Edges(number - 1, number, relative[None], information[None], never)
+                Edges(number - 1, number, relative[None], information[None], never, wheels[None])
             )
         self._wheel_covariance = np.zeros((3, 3))
         if self._key_count == len(self._room):
@@ -303,6 +304,7 @@ def closure_edges(closures: list[Closure]) -> Edges:
         np.array([closure.relative for closure in closures]),
         np.array([closure.information for closure in closures]),
         np.ones(len(closures), np.bool_),
+        np.repeat(FLOOR[None], len(closures), axis=0),
     )
 
 

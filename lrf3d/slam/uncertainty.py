@@ -5,6 +5,8 @@ by the variance factor. The equations know how edges compare with each other, bu
 of them are: that is what closures show, by how well they fit.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from lrf3d.geometry import Float
@@ -14,6 +16,10 @@ from lrf3d.slam.scan_matching import POINT_SIGMA
 KNOWN_BEFORE = 30.0
 """How many residuals the deviation of matched points counts as, beside those of closures."""
 
+DEVIATIONS = 2.0
+"""Matched points count as if they lay this many times farther off than they do: along a corridor
+without closures, where nothing else tells, one such deviation was too little by half."""
+
 CORRELATED = 3.0
 """By how much errors exceed those of independent edges: edges between following key scans share
 the errors of one local map. Measured in simulated drives with known truth, in which the factor
@@ -21,7 +27,9 @@ without this one was 2 to 4 times too small."""
 
 
 def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
-    """What the covariances of edges are to be multiplied with.
+    """What the covariances that matching gives are to be multiplied with.
+
+    Those of the odometry are not: how far wheels slip does not depend on how sharp scans are.
 
     Args:
         poses: (k, 3) that fit the edges best.
@@ -30,8 +38,14 @@ def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
     """
     residuals = 3.0 * float(edges.robust.sum())
     squares = float((edges.weights(poses) * edges.squares(poses)).sum())
-    before = KNOWN_BEFORE * (deviation / POINT_SIGMA) ** 2
+    before = KNOWN_BEFORE * (DEVIATIONS * deviation / POINT_SIGMA) ** 2
     return CORRELATED * (squares + before) / (residuals + KNOWN_BEFORE)
+
+
+def scaled(edges: Edges, variance: float) -> Edges:
+    """Edges with the covariances that matching gives multiplied by a variance factor."""
+    matched = edges.information - edges.prior
+    return replace(edges, information=edges.prior + matched / variance)
 
 
 def joint_covariance(poses: Float, edges: Edges, numbers: list[int]) -> Float:

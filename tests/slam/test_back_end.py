@@ -25,7 +25,9 @@ def edges_of(poses, pairs, rng, noise=0.0, robust=False):
     measured = between(poses[first], poses[second])
     measured = measured + noise * rng.normal(size=measured.shape)
     information = np.repeat(np.diag([400.0, 300.0, 900.0])[None], len(first), axis=0)
-    return Edges(first, second, measured, information, np.full(len(first), robust))
+    return Edges(
+        first, second, measured, information, np.full(len(first), robust), 0.0 * information
+    )
 
 
 def test_exact_edges_bring_poses_back(rng):
@@ -68,7 +70,7 @@ def test_one_false_closure_among_true_ones_is_outvoted(rng):
     driven = edges_of(true, [(k, k + 1) for k in range(39)], rng, noise=0.003)
     closed = edges_of(true, [(39, 0), (38, 1), (37, 0)], rng, robust=True)
     false = Edges(np.array([5]), np.array([20]), np.zeros((1, 3)), closed.information[:1],
-                  np.array([True]))  # fmt: skip
+                  np.array([True]), closed.prior[:1])  # fmt: skip
     found = optimised(true, Edges.joined([driven, closed, false]), 30)
     # It is off by 10 m; half of its say would move the poses by metres.
     assert np.abs(between(true, found)[:, :2]).max() < 0.1
