@@ -13,7 +13,7 @@ from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import correlate
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.surface import grid_of, moved
+from lrf3d.slam.surface import filled, grid_of, moved
 from lrf3d.slam.ways import WayGraph
 
 LEAST_WAY = 6.0
@@ -43,7 +43,7 @@ MOST_TRIES = 2
 OTHER_PLACE = 3.0
 """The next one that is tried lies farther from the last than this along the way [m]."""
 
-LEAST_POINTS = 20
+LEAST_POINTS = 10
 """Points that a surface must have."""
 
 CLOSURE_WAY = 0.5
@@ -246,7 +246,9 @@ class LoopCloser:
         origin = self.keys[old].pose
         # A stretch so short was drawn by the front end better than the graph knows it.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
-        parts = [moved(self.keys[k].surface, pose) for k, pose in zip(near, locals_, strict=True)]
+        parts = [
+            moved(filled(self.keys[k].surface), pose) for k, pose in zip(near, locals_, strict=True)
+        ]
         cloud = np.concatenate(parts)
         if len(cloud) < LEAST_POINTS:
             return None

@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int
 from lrf3d.slam.scan_matching import match_scan
-from lrf3d.slam.surface import grid_of
+from lrf3d.slam.surface import filled, grid_of
 
 PAIRS = 300
 """Pairs of scans that are matched: those whose turns depend most on the lag."""
 
 LEAST_PAIRS = 20
 """With fewer of them the lag is taken to be 0."""
+
+LEAST_POINTS = 10
+"""Points that each of a pair must show."""
 
 LEAST_CHANGE = 0.01
 """A pair counts if a lag of one line changes its turn by more [rad]."""
@@ -66,10 +69,10 @@ def estimate_lag(surface: Callable[[int], Float], poses: Float, places: Int) -> 
     matched = np.full(len(chosen), np.nan)
     for row, number in enumerate(chosen.tolist()):
         before, after = surface(number), surface(number + 1)
-        if len(before) < 30 or len(after) < 30 or ways[number] > 0.5:
+        if min(len(before), len(after)) < LEAST_POINTS or ways[number] > 0.5:
             continue
         guess = np.array([ways[number], 0.0, at_scans[number + 1, 2] - at_scans[number, 2]])
-        match = match_scan(after, grid_of(before), guess, GUIDED, 20, 0.3)
+        match = match_scan(after, grid_of(filled(before)), guess, GUIDED, 20, 0.3)
         if match.explained > 0.5:
             matched[row] = match.pose[2]
     good = np.isfinite(matched)

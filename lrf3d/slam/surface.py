@@ -31,6 +31,9 @@ STRAIGHT = 0.03
 FLATTEST = 0.1
 """Least cosine between beam and normal: a line that the beam runs along joins two surfaces."""
 
+FILLED, FILLED_WITHIN = 0.15, 2.0
+"""Points of a map's wall lie at most this far apart [m] where the scan's lie within the second."""
+
 CELL = 0.3
 """Side of a cell of the grid [m]; lookups see a cell and those around it."""
 
@@ -117,6 +120,47 @@ def moved(surface: Float, pose: Float) -> Float:  # pragma: no cover
         there[i, 2] = cos * nx - sin * ny
         there[i, 3] = sin * nx + cos * ny
     return there
+
+
+@compiled
+def filled(surface: Float) -> Float:  # pragma: no cover
+    """A surface (m, 4) with points between those that lie far apart on one straight wall.
+
+    A scanner of few beams sees a wall at points a metre apart; a scan from elsewhere sees it
+    between them.
+    """
+    room = len(surface)
+    for i in range(len(surface) - 1):
+        room += _between(surface, i)
+    whole = np.empty((room, 4))
+    place = 0
+    for i in range(len(surface)):
+        count = _between(surface, i) if i + 1 < len(surface) else 0
+        for part in range(count + 1):
+            share = part / (count + 1.0)
+            for k in range(4):
+                whole[place, k] = surface[i, k]
+                if part:
+                    whole[place, k] += share * (surface[i + 1, k] - surface[i, k])
+            place += 1
+    return whole
+
+
+@inner
+def _between(surface: Float, i: int) -> int:  # pragma: no cover
+    """How many points are to be added between a point of a surface and the next."""
+    dx, dy = surface[i + 1, 0] - surface[i, 0], surface[i + 1, 1] - surface[i, 1]
+    apart = np.sqrt(dx * dx + dy * dy)
+    if apart < 2.0 * FILLED or apart > FILLED_WITHIN:
+        return 0
+    nx, ny = surface[i, 2], surface[i, 3]
+    mx, my = surface[i + 1, 2], surface[i + 1, 3]
+    # Both normals have to be that of the line between the points.
+    if abs(nx * dx + ny * dy) > STRAIGHT or abs(mx * dx + my * dy) > STRAIGHT:
+        return 0
+    if nx * mx + ny * my < 0.98:
+        return 0
+    return int(apart / FILLED)
 
 
 def surface_of_scan(scan: LaserScan, laser: Float) -> Float:
