@@ -13,11 +13,13 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.io import LaserLog
+from lrf3d.laser.free_space import distinct_poses, free_cells
 from lrf3d.run import Run
 from lrf3d.scoring import Relations, TrajectoryScore, score_trajectory
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.log import LogSolution, run_of, solve_recording
 from lrf3d.text import counted
+from lrf3d.world.free_cells import FreeCells
 
 Progress = Callable[[int, int], None]
 
@@ -51,6 +53,12 @@ class SlamLog:
         keys = self.solution.scan_poses[self.solution.slam.key_scans, :2]
         pairs = [np.concatenate([keys[c.old], keys[c.new]]) for c in self.solution.closures]
         return np.array(pairs).reshape(-1, 4)
+
+    def free_cells(self) -> FreeCells:
+        """What the key scans, which the map was built from, saw to be free."""
+        keys = self.solution.slam.key_scans
+        chosen = keys[distinct_poses(self.run.trajectory.poses[keys])]
+        return free_cells([self.run.scan(number) for number in chosen.tolist()])
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
@@ -100,7 +108,8 @@ class SlamLog:
         if log["odometry_jumps"]:
             lines = ", ".join(map(str, log["first_odometry_jumps"]))
             jumps = counted(log["odometry_jumps"], "jump")
-            rows.append(("", f"{jumps} of the odometry left out, at lines {lines}"))
+            rows.append(("", f"{jumps} of the odometry left out, at lines {lines};"))
+            rows.append(("", "if the robot drove on there unrecorded, what follows is misplaced"))
         if log["stamps_not_rising"]:
             rows.append(("", f"{counted(log['stamps_not_rising'], 'stamp')} run backwards"))
         rows.append(

@@ -80,7 +80,7 @@ def slam(
         return {**done.summary(), "made_by": place.made_by, "files": names}
 
     save_run(done.run, files["run"])
-    save_map(done.run.map, files["map"], free=done.run.free_cells())
+    save_map(done.run.map, files["map"], free=done.free_cells())
     save_tum(*done.trajectory(), files["trajectory"])
     write_text(files["summary"], json_text(summary()))
     if not json:

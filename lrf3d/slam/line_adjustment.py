@@ -28,10 +28,10 @@ PIECE_SCALE = 0.03
 """RMS distance [m] of a piece to its wall from which on its weight falls (Cauchy's)."""
 
 ROUNDS = 6
-"""How often pieces are assigned to walls anew."""
+"""How often pieces are assigned to walls, at most."""
 
-STEPS = 3
-"""Gauss-Newton steps after each assignment."""
+STEPS = 1
+"""Gauss-Newton steps after each assignment: more lower the cost of walls that the next replaces."""
 
 SETTLED = 2e-4
 """Poses that move by less [m, rad] have settled."""

@@ -157,6 +157,8 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
     )
     ranges = np.array([scan.ranges for scan in scans])
     times, _ = rising(np.array([scan.time for scan in scans]))
+    # Stamps count from 1970; the clock of a run begins with it.
+    times -= times[0]
     return Run(
         World(line_map.segments[solid], line_map.objects[solid], name=recording.name),
         lrf,
