@@ -15,9 +15,18 @@ from typing import TYPE_CHECKING, Any
 
 from lrf3d.slam.log import LogSolution, run_of, solve_recording
 from lrf3d.slam.log import slam as _slam
+from lrf3d.slam.simulated import SlamMapper, WheelErrors
 from lrf3d.slam.slam import Slam
 
-__all__ = ["LogSolution", "Slam", "run_of", "slam", "solve_recording"]
+__all__ = [
+    "LogSolution",
+    "Slam",
+    "SlamMapper",
+    "WheelErrors",
+    "run_of",
+    "slam",
+    "solve_recording",
+]
 
 
 class _CallableModule(ModuleType):

@@ -264,9 +264,10 @@ class Slam:
     def _add_key(self, scan: LaserScan, surface: Float) -> None:
         """Add a vertex for the newest scan to the pose graph, and the loops that it closes."""
         tracked, keys = self._tracked[-1], self._closer.keys
-        key = Key(
-            len(self._tracked) - 1, tracked.pose, surface, scan.angles, scan.ranges, self._laser
-        )
+        # A laser that hangs upside down turns clockwise.
+        way = slice(None, None, -1) if scan.angles[0] > scan.angles[-1] else slice(None)
+        angles, ranges = scan.angles[way], scan.ranges[way]
+        key = Key(len(self._tracked) - 1, tracked.pose, surface, angles, ranges, self._laser)
         self._scans.append(scan)
         new = np.zeros(3)
         if keys:

@@ -111,3 +111,14 @@ def test_slam_is_a_function_and_a_package_whatever_is_imported_before(before):
 def test_a_log_becomes_a_run(log):
     run = lrf3d.slam(lrf3d.load_log(log))
     assert isinstance(run, lrf3d.Run) and run.trajectory.length > 10.0
+
+
+def test_a_run_with_slam_reports_its_errors(program, tmp_path):
+    folder = tmp_path / "out"
+    arguments = ("run", "corridor", "--slam", "--scans", "60", "--no-video", "--out", folder)
+    done = program(*arguments, "--json")
+    assert (done.code, done.err) == (0, "")
+    report = json.loads(done.out)["report"]
+    assert report["slam_largest_error_m"] < 0.15
+    done = program(*arguments, "--mode", "paper")
+    assert done.code == 1 and "--slam: it is a mapper itself" in done.err
