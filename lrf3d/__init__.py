@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from lrf3d.scenario_file import load_scenario
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Simulation, Step, simulate
+    from lrf3d.slam import Slam, slam
     from lrf3d.version import __version__ as __version__
     from lrf3d.world import World, load_world, save_world, world_names
 else:
@@ -69,6 +70,7 @@ else:
             "Run": "run",
             "Scenario": "scenario",
             "Simulation": "simulation",
+            "Slam": "slam",
             "Step": "simulation",
             "Trajectory": "robot",
             "Unicycle": "robot",
@@ -96,6 +98,7 @@ else:
             "score_run": "scoring",
             "simulate": "simulation",
             "simulate_fleet": "fleet",
+            "slam": "slam",
             "world_names": "world",
         },
     )
@@ -122,6 +125,7 @@ __all__ = [
     "Run",
     "Scenario",
     "Simulation",
+    "Slam",
     "Step",
     "Trajectory",
     "Unicycle",
@@ -149,5 +153,6 @@ __all__ = [
     "score_run",
     "simulate",
     "simulate_fleet",
+    "slam",
     "world_names",
 ]

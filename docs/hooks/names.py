@@ -15,6 +15,9 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     package = griffe.load("lrf3d", search_paths=["."], resolve_aliases=True)
     rows = ["| name | what it is |", "|---|---|"]
     for name in sorted(package.exports or [], key=str.lower):
-        said = package[name].final_target.docstring.value.split("\n\n")[0].replace("\n", " ")
+        found = package[name]
+        # `slam` is a package that can be called; all others are imported from where they stand.
+        found = found.final_target if found.is_alias else found
+        said = found.docstring.value.split("\n\n")[0].replace("\n", " ")
         rows.append(f"| [`{name}`][lrf3d.{name}] | {said} |")
     return markdown.replace(MARK, "\n".join(rows))

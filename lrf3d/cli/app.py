@@ -10,6 +10,7 @@ from lrf3d.cli.localise import localise
 from lrf3d.cli.map import map_
 from lrf3d.cli.render import render
 from lrf3d.cli.run import run
+from lrf3d.cli.slam import slam
 from lrf3d.cli.sweep import sweep
 from lrf3d.cli.view import view
 from lrf3d.cli.world import world
@@ -52,6 +53,7 @@ app.command(epilog="Example: lrf3d view city")(view)
 app.command(epilog="Example: lrf3d export out/city --to mcap")(export)
 app.command(epilog="Example: lrf3d crosscheck city --json")(crosscheck)
 app.command("map", epilog="Example: lrf3d map drive.log.gz --out out/drive")(map_)
+app.command(epilog="Example: lrf3d slam drive.log.gz --out out/drive")(slam)
 app.command(epilog="Example: lrf3d localise city --seeds 100 --json")(localise)
 app.command(epilog="Example: lrf3d sweep city --sigma 0.04,0.42 --beams 91,181 --seeds 20")(sweep)
 app.add_typer(world, name="world")

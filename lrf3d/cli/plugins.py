@@ -110,6 +110,17 @@ def load_plugin(kind: str, name: str) -> Plugin:
     return Plugin(name, found, NEEDS[kind], kind)
 
 
+def slam_plugin(seed: int) -> Plugin:
+    """The mapper of ``--slam``, whose wheels draw their noise from a seed."""
+    from lrf3d.slam.simulated import SlamMapper
+
+    class SeededSlam(SlamMapper):
+        def __init__(self) -> None:
+            super().__init__(rng=seed)
+
+    return Plugin("lrf3d.slam:SlamMapper", SeededSlam, NEEDS["mapper"], "mapper")
+
+
 def _import(name: str) -> Any:
     """Import a module by its name, or a file by its path."""
     file = Path(f"{name}.py" if name.isidentifier() else name)

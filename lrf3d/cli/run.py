@@ -30,6 +30,12 @@ def run(
     mapper: Annotated[
         str | None, typer.Option(metavar="MODULE:OBJECT", help="Your mapper: update(scan).")
     ] = None,
+    slam: Annotated[
+        bool,
+        typer.Option(
+            "--slam", help="Map without true poses: from the scans and wheels that slip and drift."
+        ),
+    ] = False,
     controller: Annotated[
         str | None,
         typer.Option(
@@ -68,7 +74,7 @@ def run(
 
     from lrf3d.cli.film import make_film
     from lrf3d.cli.folder import results_folder
-    from lrf3d.cli.plugins import load_plugin
+    from lrf3d.cli.plugins import load_plugin, slam_plugin
     from lrf3d.cli.results import KEPT, Results, pictures_of, write_results
     from lrf3d.errors import DrawingError, InputError
     from lrf3d.interrupts import noting
@@ -86,6 +92,10 @@ def run(
     )
     own = {"mapper": mapper, "noise": noise, "controller": controller}
     plugins = {kind: load_plugin(kind, name) for kind, name in own.items() if name is not None}
+    if slam:
+        if mapper is not None or mode is not None:
+            raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
+        plugins["mapper"] = slam_plugin(seed)
     if controller is None:
         scenario = options.read_drive(world, settings, scale=scale, inside=inside)
     else:

@@ -9,6 +9,7 @@ messages are read::
                 robot_x robot_y robot_theta  v w  safety safety turn  time host logger_time
     ODOM x y theta  v w acceleration  time host logger_time
     TRUEPOS x y theta  odom_x odom_y odom_theta  time host logger_time
+    PARAM robot_frontlaser_offset metres  time host logger_time
 
 Lines that cannot be read are skipped and reported.
 
@@ -30,7 +31,15 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, wrap_angle
-from lrf3d.io.laser_log import LARGEST_RANGE, MOST_READINGS, NAMED, BadLine, LaserLog, log_name
+from lrf3d.io.laser_log import (
+    LARGEST_RANGE,
+    MOST_READINGS,
+    NAMED,
+    BadLine,
+    LaserLog,
+    WheelRecord,
+    log_name,
+)
 from lrf3d.io.packed import LogLine, lines_of
 from lrf3d.laser import LaserScan
 from lrf3d.output import replacing
@@ -48,12 +57,21 @@ LONGEST_NAME = 40
 HOST = "lrf3d"
 """The host name in messages."""
 
+FARTHEST_LASER = 10.0
+"""How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
+
 SAME = 1e-9
 """Largest difference [rad] of angles that count as equal."""
 
 
 class _BadMessage(ValueError):
     """A message that cannot be read, with the reason."""
+
+
+class LaserOffset(NamedTuple):
+    """How far the laser stands ahead of the robot's centre [m], from a PARAM message."""
+
+    metres: float
 
 
 class LoggedPose(NamedTuple):
@@ -92,6 +110,9 @@ def load_carmen(
     scans: list[LaserScan] = []
     tracks: dict[str, list[LoggedPose]] = {"odom": [], "truth": []}
     named: list[BadLine] = []
+    wheels: list[LoggedPose] = []
+    places: list[int] = []
+    offset = 0.0
     bad = readings = 0
     for item in read_carmen(lines_of(path), largest_range=largest_range, source=str(path)):
         if isinstance(item, BadLine):
@@ -100,6 +121,11 @@ def load_carmen(
             continue
         if isinstance(item, LoggedPose):
             _append(tracks[item.track], item)
+            if item.track == "odom":
+                wheels.append(item)
+            continue
+        if isinstance(item, LaserOffset):
+            offset = item.metres
             continue
         readings += len(item.ranges)
         if readings > MOST_READINGS:
@@ -107,6 +133,7 @@ def load_carmen(
                 f"{path}: more than {MOST_READINGS:,} readings; cut the log into parts"
             )
         scans.append(item)
+        places.append(len(wheels) - 1)
     if not scans:
         why = f"; {bad} bad lines, first {named[0]}" if named else ""
         raise InputError(f"{path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines{why}")
@@ -115,7 +142,14 @@ def load_carmen(
         for name, rows in tracks.items()
         if rows
     }
-    log = LaserLog(log_name(path), scans, bad, tuple(named), tracks=known)
+    record = WheelRecord(
+        np.array([row.time for row in wheels]),
+        np.array([row.pose for row in wheels]).reshape(-1, 3),
+        np.array(places),
+        offset,
+    )
+    wheels_or_none = record if len(record) else None
+    log = LaserLog(log_name(path), scans, bad, tuple(named), tracks=known, wheels=wheels_or_none)
     return log if poses == "auto" else _placed_by(log, poses, path)
 
 
@@ -138,15 +172,16 @@ def _placed_by(log: LaserLog, name: str, path: Path) -> LaserLog:
         for scan, pose, known in zip(log.scans, placed, inside, strict=True)
         if known
     ]
+    wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
     if not scans:
         raise InputError(f"{path}: no scan within the time of the poses from {name}")
     source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
-    return replace(log, scans=scans, source=source)
+    return replace(log, scans=scans, source=source, wheels=wheels)
 
 
 def read_carmen(
     lines: Iterable[LogLine], *, largest_range: float | None = None, source: str = "log"
-) -> Iterator[LaserScan | LoggedPose | BadLine]:
+) -> Iterator[LaserScan | LoggedPose | LaserOffset | BadLine]:
     """Read scans and poses line by line, in constant memory.
 
     If a log holds each scan twice, as an old and as a new message, only the kind that comes first
@@ -158,7 +193,8 @@ def read_carmen(
         source: Name of the log, for messages.
 
     Yields:
-        A scan or a pose for each line that holds one, and a BadLine for each that cannot be read.
+        A scan, a pose or the laser's offset for each line that holds one, and a BadLine for each
+        that cannot be read.
 
     Raises:
         InputError: A million lines in a row hold no scan.
@@ -180,6 +216,8 @@ def read_carmen(
             name = words[0] if words else b"#"
             if name in _TRACKS:
                 yield _logged_pose(words)
+            elif name == b"PARAM" and words[1:2] == [b"robot_frontlaser_offset"]:
+                yield LaserOffset(_offset(words))
             elif name not in _READERS:
                 _check_name(name)
             elif chosen in (b"", name):
@@ -202,6 +240,14 @@ def _logged_pose(words: list[bytes]) -> LoggedPose:
     if len(words) != 10:
         raise _BadMessage(f"{len(words)} words, expected 10")
     return LoggedPose(_TRACKS[words[0]], _number(words[7], "time"), _pose(words[1:4]))
+
+
+def _offset(words: list[bytes]) -> float:
+    """The value of a PARAM message of robot_frontlaser_offset [m]."""
+    offset = _number(words[2] if len(words) > 2 else b"", "robot_frontlaser_offset")
+    if abs(offset) > FARTHEST_LASER:
+        raise _BadMessage(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
+    return offset
 
 
 def _front_laser(

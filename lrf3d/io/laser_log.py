@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrf3d.geometry import Float, Value, sealed
+from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.input import own_name
 from lrf3d.laser import LaserScan
 from lrf3d.robot import Trajectory
@@ -43,6 +43,30 @@ class BadLine:
 
 
 @dataclass(frozen=True, eq=False)
+class WheelRecord(Value):
+    """The raw odometry of a log, line by line, and where the scans stand between the lines.
+
+    Args:
+        times: (n,) stamps [s] as logged; they may repeat or run backwards.
+        poses: (n, 3) poses x, y [m], theta [rad] of the robot's base, as its wheels measured them.
+        places: (k,) for each scan the index of the last odometry line before it.
+        laser_offset: How far the laser stands ahead of the base's centre [m].
+    """
+
+    times: Float
+    poses: Float
+    places: Int
+    laser_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._hold("times", "poses")
+        self._hold("places", dtype=np.int64)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+
+@dataclass(frozen=True, eq=False)
 class LaserLog(Value):
     """Scans with their logged poses, and the lines that could not be read.
 
@@ -53,6 +77,7 @@ class LaserLog(Value):
         bad_lines: The first few of them.
         source: Where the poses come from, in words.
         tracks: Other trajectories in the log: ``odom`` from wheels, ``truth``.
+        wheels: The raw odometry; None where the log has none.
     """
 
     name: str
@@ -61,6 +86,7 @@ class LaserLog(Value):
     bad_lines: tuple[BadLine, ...] = ()
     source: str = "as logged"
     tracks: Mapping[str, Trajectory] = field(default_factory=dict)
+    wheels: WheelRecord | None = None
 
     def __len__(self) -> int:
         return len(self.scans)

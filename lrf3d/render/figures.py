@@ -16,6 +16,7 @@ from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.render.marks import (
+    draw_closures,
     draw_objects,
     draw_points,
     draw_poses,
@@ -83,6 +84,7 @@ def draw_map(
     points: Float | None = None,
     poses: Float | None = None,
     world: World | None = None,
+    closures: Float | None = None,
     title: str = "",
 ) -> Figure:
     """Draw a map, each object in its colour, over reflection points and true walls (Fig. 7).
@@ -93,6 +95,7 @@ def draw_map(
         points: (n, 2) reflection points [m].
         poses: (k, 3) poses of the scans.
         world: The true walls.
+        closures: (n, 4) lines x1 y1 x2 y2 [m] between places where loops were closed.
         title: The headline; the world's name if not given.
 
     Raises:
@@ -111,6 +114,8 @@ def draw_map(
     counts = [line_map.counts]
     counts += [counted(len(poses), "scan")] if len(poses) else []
     counts += [counted(len(points), "point")] if len(points) else []
+    loops = np.empty((0, 4)) if closures is None else closures
+    counts += [counted(len(loops), "loop closure")] if len(loops) else []
     name = title or (world.name if world is not None else "") or "map"
     page = Page(frames, title=(name, "  ·  ".join(counts)))
     signs: list[Artist] = []
@@ -120,6 +125,7 @@ def draw_map(
         signs += draw_points(axes, frame, points)
         signs += draw_objects(axes, frame, line_map, objects)
         signs += draw_poses(axes, frame, poses)
+        signs += draw_closures(axes, frame, loops)
     page.legend(signs)
     return page.save(path)
 

@@ -144,6 +144,14 @@ def draw_route(axes: Axes, frame: Frame, way: Float) -> Line2D:
     return Line2D([], [], color=PATH, linewidth=1.2, linestyle=DASHES, label="route")
 
 
+def draw_closures(axes: Axes, frame: Frame, closures: Float) -> list[Line2D]:
+    """Draw loops that were closed (n, 4) as lines x1 y1 x2 y2 between the two places."""
+    if not len(closures):
+        return []
+    axes.add_collection(_lines(frame, closures, HIT, 0.8, zorder=3.5))
+    return [Line2D([], [], color=HIT, linewidth=0.8, label="loop closures")]
+
+
 def draw_poses(axes: Axes, frame: Frame, poses: Float) -> list[Line2D]:
     """Draw few poses as robots by name, many as a path with the robot at its end."""
     if not len(poses):

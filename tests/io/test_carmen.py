@@ -300,3 +300,24 @@ def test_what_the_new_message_says_of_its_range_holds_unless_more_is_said(tmp_pa
     path = write(tmp_path / "a.log", robot([60.0, 79.0, 80.0], farthest=80.0))
     assert load_log(path).scans[0].ranges.tolist() == [60.0, 79.0, inf]
     assert load_log(path, largest_range=70.0).scans[0].ranges.tolist() == [60.0, inf, inf]
+
+
+def test_raw_odometry_is_kept_line_by_line_with_the_places_of_the_scans(tmp_path):
+    def odom(x, time):
+        return f"ODOM {x} 0 0 0 0 0 {time} host {time}"
+
+    scan = front([1, 2, 3])
+    lines = ["PARAM robot_frontlaser_offset -0.04 0 h 0", scan, odom(0, 5), odom(1, 4)]
+    wheels = load_log(write(tmp_path / "a.log", *lines, scan, odom(2, 4), scan)).wheels
+    assert wheels.poses[:, 0].tolist() == [0.0, 1.0, 2.0]
+    assert wheels.times.tolist() == [5.0, 4.0, 4.0]
+    assert wheels.places.tolist() == [-1, 1, 2]
+    assert wheels.laser_offset == -0.04
+    assert load_log(write(tmp_path / "b.log", scan)).wheels is None
+
+
+def test_an_offset_of_the_laser_that_is_no_length_is_a_bad_line(tmp_path):
+    for value in ("x", "400", "nan"):
+        lines = [f"PARAM robot_frontlaser_offset {value} 0 h 0", front([1, 2, 3])]
+        log = load_log(write(tmp_path / "a.log", *lines))
+        assert log.bad_count == 1 and "robot_frontlaser_offset" in log.bad_lines[0].reason

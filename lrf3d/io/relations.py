@@ -1,0 +1,49 @@
+"""Relations: relative poses of a robot between lines of a log, as references for its trajectory.
+
+A text file enters, one relation a line; their table leaves::
+
+    odom_line_a odom_line_b dx dy dtheta [certain]
+
+The lines are the log's ODOM lines, counted from 0; the pose [m, rad] is that at line b as seen from
+the one at line a. ``certain`` is 0 where the lines may be others nearby, and 1 if not given.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.input import read_text
+from lrf3d.scoring.trajectory_score import Relations
+
+
+def load_relations(path: str | Path) -> Relations:
+    """Read relations from a text file.
+
+    Raises:
+        InputError: The file cannot be read, or a line is no relation.
+    """
+    rows: list[list[float]] = []
+    for number, line in enumerate(read_text(path).split("\n"), 1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = []
+        whole = row[:2] == [int(value) for value in row[:2] if np.isfinite(value)]
+        if len(row) not in (5, 6) or not np.isfinite(row).all() or not whole or min(row[:2]) < 0:
+            raise InputError(
+                f"{path}:{number}: expected two line numbers, dx, dy, dtheta and perhaps 0 or 1"
+            )
+        rows.append(row if len(row) == 6 else [*row, 1.0])
+    if not rows:
+        raise InputError(f"{path}: no relation in it, expected lines: a b dx dy dtheta")
+    table = np.array(rows)
+    return Relations(
+        table[:, 0].astype(np.int64),
+        table[:, 1].astype(np.int64),
+        table[:, 2:5],
+        table[:, 5] > 0.0,
+    )

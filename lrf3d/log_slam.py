@@ -1,0 +1,184 @@
+"""Slam over a recorded log: its poses, its map, the run that they make, and the figures of all.
+
+A log enters; the solution leaves, with what `lrf3d slam` writes to files.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry import Float
+from lrf3d.io import LaserLog
+from lrf3d.laser.free_space import distinct_poses, free_cells
+from lrf3d.progress import Progress
+from lrf3d.run import Run
+from lrf3d.scoring import Relations, TrajectoryScore, score_trajectory
+from lrf3d.slam.front_end import KEY_DISTANCE
+from lrf3d.slam.log import LogSolution, run_of, solve_recording
+from lrf3d.text import counted
+from lrf3d.world.free_cells import FreeCells
+
+
+@dataclass(frozen=True, eq=False)
+class SlamLog:
+    """A log and what slam made of it.
+
+    Args:
+        log: The log.
+        solution: The poses.
+        score: How far the trajectory is from known relations; None without any.
+    """
+
+    log: LaserLog
+    solution: LogSolution
+    score: TrajectoryScore | None = None
+
+    @cached_property
+    def run(self) -> Run:
+        """The recorded drive as a run, in the walls that it mapped."""
+        return run_of(self.log, self.solution)
+
+    def trajectory(self) -> tuple[Float, Float]:
+        """Times (n,) [s] and poses (n, 3) of the robot at the odometry lines, as logged."""
+        times = self.log.times if self.log.wheels is None else self.log.wheels.times
+        return times, self.solution.line_poses
+
+    def closures(self) -> Float:
+        """Lines (c, 4) x1 y1 x2 y2 [m] between the places where loops were closed."""
+        keys = self.solution.scan_poses[self.solution.slam.key_scans, :2]
+        pairs = [np.concatenate([keys[c.old], keys[c.new]]) for c in self.solution.closures]
+        return np.array(pairs).reshape(-1, 4)
+
+    def free_cells(self) -> FreeCells:
+        """What the key scans, which the map was built from, saw to be free."""
+        keys = self.solution.slam.key_scans
+        chosen = keys[distinct_poses(self.run.trajectory.poses[keys])]
+        return free_cells([self.run.scan(number) for number in chosen.tolist()])
+
+    def summary(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        solution, tracked = self.solution, self.solution.slam.tracked
+        turn, way, ahead = solution.slam.wheel_biases.tolist()
+        return {
+            "name": self.log.name,
+            "log": {
+                "scans": len(self.log),
+                "beams": len(self.log.scans[0].ranges),
+                "odometry_lines": len(solution.line_poses),
+                "odometry": self._odometry,
+                "odometry_jumps": len(solution.jumps),
+                "first_odometry_jumps": list(solution.jumps[:5]),
+                "stamps_not_rising": solution.stamps_not_rising,
+                "bad_lines": self.log.bad_count,
+            },
+            "wheels": {
+                "lag_lines": solution.lag,
+                "turn_share": turn,
+                "turn_rad_per_m": way,
+                "way_share": ahead,
+            },
+            "slam": {
+                "length_m": self.run.trajectory.length,
+                "key_scans": len(solution.slam.key_scans),
+                "loop_closures": len(solution.closures),
+                "scans_by_odometry_alone": sum(not scan.matched for scan in tracked[1:]),
+                "scans_with_a_weak_direction": sum(scan.weak for scan in tracked[1:]),
+            },
+            "map": {"segments": len(self.run.map), "objects": self.run.map.object_count},
+            "score": None if self.score is None else self.score.as_dict(),
+            "milliseconds_a_scan": solution.milliseconds,
+        }
+
+    @property
+    def _odometry(self) -> str:
+        return "the poses of the scans" if self.log.wheels is None else "ODOM lines"
+
+    def rows(self) -> list[tuple[str, str]]:
+        """The figures in a few lines for people."""
+        told = self.summary()
+        log, wheels, slam = told["log"], told["wheels"], told["slam"]
+        scans = f"{counted(log['scans'], 'scan')} of {counted(log['beams'], 'beam')}"
+        bad = counted(log["bad_lines"], "bad line")
+        rows = [("log", f"{scans}, {counted(log['odometry_lines'], 'pose')} by odometry, {bad}")]
+        if log["odometry_jumps"]:
+            lines = ", ".join(map(str, log["first_odometry_jumps"]))
+            jumps = counted(log["odometry_jumps"], "jump")
+            rows.append(("", f"{jumps} of the odometry left out, at lines {lines};"))
+            rows.append(("", "if the robot drove on there unrecorded, what follows is misplaced"))
+        if log["stamps_not_rising"]:
+            rows.append(("", f"{counted(log['stamps_not_rising'], 'stamp')} run backwards"))
+        rows.append(
+            (
+                "wheels",
+                f"lag {wheels['lag_lines']:.2f} lines, turn {wheels['turn_rad_per_m']:+.4f} rad/m",
+            )
+        )
+        closed = counted(slam["loop_closures"], "loop closure")
+        rows.append(
+            (
+                "drive",
+                f"{slam['length_m']:.0f} m, {counted(slam['key_scans'], 'key scan')}, {closed}",
+            )
+        )
+        if slam["scans_by_odometry_alone"]:
+            lost = counted(slam["scans_by_odometry_alone"], "scan")
+            rows.append(("", f"{lost} matched nothing and stand where odometry has them"))
+        rows.append(("map", self.run.map.counts))
+        if self.score is not None:
+            score = self.score
+            rows.append(
+                (
+                    "relations",
+                    f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"
+                    f" {score.rotation_mean:.2f} ± {score.rotation_std:.2f}°"
+                    f" over {score.relations}",
+                )
+            )
+        rows.append(("time", f"{told['milliseconds_a_scan']:.2f} ms a scan"))
+        return rows
+
+
+def slam_log(
+    log: LaserLog,
+    *,
+    key_distance: float = KEY_DISTANCE,
+    relations: Relations | None = None,
+    progress: Progress = lambda done, total: None,
+) -> SlamLog:
+    """Find poses and map of a recorded drive from its scans and its odometry.
+
+    Args:
+        log: The log.
+        key_distance: Way from one key scan to the next [m].
+        relations: Known relative poses between odometry lines, to score by.
+        progress: Called with the scans that are done and all.
+
+    Raises:
+        InputError: The log is too short, its scans differ in their beams, or the relations are of
+            another log.
+    """
+    solution = solve_recording(log, key_distance=key_distance, progress=progress)
+    score = None if relations is None else score_trajectory(solution.line_poses, relations)
+    return SlamLog(log, solution, score)
+
+
+def draw_slam_log(done: SlamLog, path: Path) -> None:
+    """Draw the map over the points of its key scans, the path and the closures, to a file.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    from lrf3d.render.figures import draw_map
+
+    keys = done.solution.slam.key_scans
+    draw_map(
+        done.run.map,
+        path,
+        points=np.vstack([done.run.scan(number).points() for number in keys.tolist()]),
+        poses=done.solution.scan_poses,
+        closures=done.closures(),
+        title=done.log.name,
+    )

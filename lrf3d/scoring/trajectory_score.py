@@ -1,0 +1,94 @@
+"""TrajectoryScore: a trajectory against relative poses that are known (Kümmerle et al. 2009)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Bool, Float, Int, Value, wrap_angle
+from lrf3d.pose import as_poses
+from lrf3d.scoring.report import Report
+
+
+@dataclass(frozen=True, eq=False)
+class Relations(Value):
+    """Known relative poses between poses of a trajectory.
+
+    Args:
+        first: (r,) the poses that they are relative to, by their numbers.
+        second: (r,) the poses that they are of.
+        relative: (r, 3) x, y [m], theta [rad] of the second as seen from the first.
+        certain: (r,) whether the two numbers are certain.
+    """
+
+    first: Int
+    second: Int
+    relative: Float
+    certain: Bool
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryScore(Report):
+    """How far the relative poses of a trajectory are from known ones.
+
+    Args:
+        relations: Number of relations.
+        translation_mean: Mean error of the translation [m].
+        translation_std: Standard deviation of the same [m].
+        rotation_mean: Mean absolute error of the rotation [°].
+        rotation_std: Standard deviation of the same [°].
+        certain_translation_mean: Mean error of the translation over certain relations [m]; NaN
+            without any.
+        certain_rotation_mean: Mean absolute error of the rotation over them [°].
+    """
+
+    relations: int
+    translation_mean: float
+    translation_std: float
+    rotation_mean: float
+    rotation_std: float
+    certain_translation_mean: float
+    certain_rotation_mean: float
+
+
+def score_trajectory(poses: Float, relations: Relations) -> TrajectoryScore:
+    """Score poses (n, 3) by relations between them.
+
+    Raises:
+        InputError: A relation is of a pose that there is not.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lrf3d.scoring import Relations, score_trajectory
+        >>> there = np.array([[2.0, 0.0, 0.0]])
+        >>> known = Relations(np.array([0]), np.array([1]), there, np.array([True]))
+        >>> float(round(score_trajectory([(0, 0, 0), (2, 0.5, 0)], known).translation_mean, 3))
+        0.5
+    """
+    poses = as_poses(poses)
+    last = int(max(relations.first.max(), relations.second.max()))
+    if last >= len(poses):
+        raise InputError(
+            f"relations: one is of pose {last}, the trajectory has {len(poses)}; they belong to"
+            " another log"
+        )
+    before, after = poses[relations.first], poses[relations.second]
+    cos, sin = np.cos(before[:, 2]), np.sin(before[:, 2])
+    dx, dy = after[:, 0] - before[:, 0], after[:, 1] - before[:, 1]
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    known = relations.relative
+    apart = np.hypot(ahead - known[:, 0], left - known[:, 1])
+    turned = np.degrees(np.abs(wrap_angle(after[:, 2] - before[:, 2] - known[:, 2])))
+    sure = relations.certain
+    return TrajectoryScore(
+        relations=len(relations),
+        translation_mean=float(apart.mean()),
+        translation_std=float(apart.std()),
+        rotation_mean=float(turned.mean()),
+        rotation_std=float(turned.std()),
+        certain_translation_mean=float(apart[sure].mean()) if sure.any() else np.nan,
+        certain_rotation_mean=float(turned[sure].mean()) if sure.any() else np.nan,
+    )

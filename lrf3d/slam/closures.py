@@ -1,0 +1,309 @@
+"""Loop closures: key scans that show the same place as much older ones.
+
+Key scans and where they are believed to be enter; relative poses between key scans leave that
+hold up: the scans overlap, no beam of the one passes through what the other saw, no other place in
+the window fits as well, and enough closures of the same stretch agree with each other.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.compiling import compiled
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.slam.correlation import correlate
+from lrf3d.slam.frames import between, compose, turned
+from lrf3d.slam.surface import filled, grid_of, moved
+from lrf3d.slam.ways import WayGraph
+
+LEAST_WAY = 6.0
+"""Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
+
+NEAR = 4.0
+"""Key scans up to this far apart [m], and their uncertainty more, may show the same walls."""
+
+DRIFT, DRIFT_TURN = 0.01, 0.0015
+"""How much farther [m], [rad] a robot may be off after each metre: twice what is usual."""
+
+LEAST_WINDOW, MOST_WINDOW = 0.3, 4.0
+"""Bounds of half the side of the window [m] that is searched."""
+
+FARTHEST_WAY = 0.5 * MOST_WINDOW / DRIFT
+"""Ways over the graph are found up to this length [m]; beyond it the window is the largest."""
+
+LEAST_WINDOW_TURN, MOST_WINDOW_TURN = 0.06, 0.45
+"""Bounds of half its angle [rad]."""
+
+SUBMAP = 5
+"""Key scans before and after an old one that make the map a scan is matched with."""
+
+MOST_TRIES = 2
+"""Old key scans that are tried for each new one."""
+
+OTHER_PLACE = 3.0
+"""The next one that is tried lies farther from the last than this along the way [m]."""
+
+LEAST_POINTS = 10
+"""Points that a surface must have."""
+
+CLOSURE_WAY = 0.5
+"""What a closure counts as in the way over the graph [m]: the drift that it leaves."""
+
+REACH = 0.3
+"""How far off walls are looked for [m] when a closure is matched."""
+
+LEAST_EXPLAINED = 0.6
+"""Share of a scan that has to lie on the old map."""
+
+AMBIGUOUS = 0.92
+"""A closure is dropped if another place explains this share of what the best one does."""
+
+BEHIND = 0.3
+"""A beam that passes this far behind what the other scan saw [m] contradicts a closure."""
+
+MOST_THROUGH = 0.04
+"""Share of points that beams may pass through: doors open and people walk."""
+
+AGREEING = 3
+"""Closures that have to agree with each other before any of them is believed."""
+
+STRETCH = 12.0
+"""Closures within this way [m] of each other, at both ends, are compared."""
+
+DEVIATIONS = 3.5
+"""Two closures agree if the loop that they form closes within this many deviations."""
+
+CLOSURE_SHARE = 0.3
+"""Share of the matching's information that a closure's edge counts with: old and new map were drawn
+by the same drifting front end, and both are bent a little."""
+
+
+FLOOR = np.diag([1.0, 1.0, 10.0])
+"""Information that a closure has in any direction: 1 m and 0.3 rad, for it lay in the window."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Key:
+    """A key scan.
+
+    Args:
+        scan: Its number among all scans.
+        pose: (3,) where the front end had it, in its own drifting frame.
+        surface: (m, 4) what it saw, in the frame of the robot.
+        angles: (beams,) directions of its beams [rad], rising.
+        ranges: (beams,) their ranges [m].
+        laser: (2,) where the laser stands on the robot [m].
+    """
+
+    scan: int
+    pose: Float
+    surface: Float
+    angles: Float
+    ranges: Float
+    laser: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Closure:
+    """An old key scan and a new one that show the same place.
+
+    Args:
+        old: Number of the old key scan.
+        new: Number of the new one.
+        relative: (3,) pose of the new one as seen from the old one.
+        information: (3, 3) its inverse covariance, along the axes of the old one.
+    """
+
+    old: int
+    new: int
+    relative: Float
+    information: Float
+
+
+@compiled
+def seen_through(
+    points: Float, laser: Float, angles: Float, ranges: Float
+) -> tuple[int, int]:  # pragma: no cover
+    """How many points (m, 2) in the frame of a robot its beams pass through, of how many in view.
+
+    A beam counts with the shorter of its neighbours' ranges, so that one that slips past an edge
+    contradicts nothing.
+    """
+    through = seen = 0
+    step = (angles[-1] - angles[0]) / (len(angles) - 1)
+    for i in range(len(points)):
+        dx, dy = points[i, 0] - laser[0], points[i, 1] - laser[1]
+        away = np.arctan2(dy, dx) - angles[0]
+        away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
+        beam = int(away / step + 0.5)
+        if beam < 1 or beam > len(angles) - 2:
+            continue
+        least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])
+        if not (least > 0.0 and np.isfinite(least)):
+            continue
+        seen += 1
+        if least > np.sqrt(dx * dx + dy * dy) + BEHIND:
+            through += 1
+    return through, seen
+
+
+def contradicted(keys: list[Key], olds: range, new: Key, poses: Float) -> bool:
+    """Whether beams of a new key scan or of old ones pass through what the other saw.
+
+    Args:
+        keys: All key scans.
+        olds: Numbers of the old ones.
+        new: The new one.
+        poses: (k, 3) for each old one the pose of the new one as seen from it.
+    """
+    through = seen = 0
+    backs = between(poses, np.zeros(3))
+    for number, relative, back in zip(olds, poses, backs, strict=True):
+        old = keys[number]
+        there, here = moved(new.surface, relative), moved(old.surface, back)
+        for points, key in ((there, old), (here, new)):
+            count = seen_through(points, key.laser, key.angles, key.ranges)
+            through += count[0]
+            seen += count[1]
+    return through > MOST_THROUGH * max(seen, 1)
+
+
+class LoopCloser:
+    """Finds closures for new key scans, and keeps them until enough agree."""
+
+    def __init__(self) -> None:
+        self.keys: list[Key] = []
+        self.accepted: list[Closure] = []
+        self._pending: list[Closure] = []
+        self._graph = WayGraph()
+        # How far the robot had driven at each key scan [m].
+        self._ways = np.empty(0)
+
+    def add_key(self, key: Key) -> None:
+        """Take in the next key scan."""
+        if self.keys:
+            step = between(self.keys[-1].pose, key.pose)
+            # A turn in place lets the robot drift like a way of the length of its lever.
+            way = float(np.hypot(step[0], step[1]) + abs(step[2]))
+            self._graph.add()
+            self._graph.link(len(self.keys) - 1, len(self.keys), way)
+            self._ways = np.append(self._ways, self._ways[-1] + way)
+        else:
+            self._graph.add()
+            self._ways = np.zeros(1)
+        self.keys.append(key)
+
+    def search(self, poses: Float) -> list[Closure]:
+        """Closures of the newest key scan that are believed now, and older ones that it confirms.
+
+        Args:
+            poses: (k, 3) where all key scans are believed to be.
+        """
+        new = len(self.keys) - 1
+        found = self._found(new, poses)
+        believed: list[Closure] = []
+        for closure in found:
+            self._pending.append(closure)
+            believed += self._confirmed(closure)
+        for closure in believed:
+            self._graph.link(closure.old, closure.new, CLOSURE_WAY)
+        self.accepted += believed
+        return believed
+
+    def _found(self, new: int, poses: Float) -> list[Closure]:
+        """Closures of a key scan with old ones near it."""
+        key = self.keys[new]
+        if len(key.surface) < LEAST_POINTS:
+            return []
+        apart = np.hypot(poses[:, 0] - poses[new, 0], poses[:, 1] - poses[new, 1])
+        fits = (self._ways < self._ways[new] - LEAST_WAY) & (apart < NEAR + 0.5 * MOST_WINDOW)
+        if not fits.any():
+            return []
+        ways = self._graph.ways(new, FARTHEST_WAY)
+        window = np.clip(2.0 * DRIFT * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
+        fits &= (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
+        closures: list[Closure] = []
+        for _ in range(MOST_TRIES):
+            candidates = np.flatnonzero(fits)
+            if not len(candidates):
+                break
+            old = int(candidates[apart[candidates].argmin()])
+            turn = float(np.clip(2.0 * DRIFT_TURN * ways[old], LEAST_WINDOW_TURN, MOST_WINDOW_TURN))
+            closure = self._matched(old, new, poses, float(window[old]), turn)
+            if closure is not None:
+                closures.append(closure)
+                break
+            # The next try is at another place than this one.
+            fits &= np.abs(self._ways - self._ways[old]) > OTHER_PLACE
+        return closures
+
+    def _matched(
+        self, old: int, new: int, poses: Float, window: float, turn: float
+    ) -> Closure | None:
+        """The closure between two key scans, if they show the same place."""
+        key = self.keys[new]
+        near = range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
+        origin = self.keys[old].pose
+        # A stretch so short was drawn by the front end better than the graph knows it.
+        locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
+        parts = [
+            moved(filled(self.keys[k].surface), pose) for k, pose in zip(near, locals_, strict=True)
+        ]
+        cloud = np.concatenate(parts)
+        if len(cloud) < LEAST_POINTS:
+            return None
+        grid = grid_of(cloud)
+        guess = between(poses[old], poses[new])
+        matches = correlate(key.surface, grid, guess, window=window, turn=turn, reach=REACH)
+        if not matches or matches[0].explained < LEAST_EXPLAINED:
+            return None
+        best = matches[0]
+        if any(match.explained > AMBIGUOUS * best.explained for match in matches[1:]):
+            return None
+        relatives = between(locals_, best.pose)
+        if contradicted(self.keys, near, key, relatives):
+            return None
+        information = CLOSURE_SHARE * best.information
+        relative = np.array([*best.pose[:2], wrap_angle(best.pose[2])])
+        return Closure(old, new, relative, information + FLOOR)
+
+    def _confirmed(self, newest: Closure) -> list[Closure]:
+        """The pending closures that are believed, now that another one has come."""
+        around = [other for other in self._pending if self._beside(other, newest)]
+        agreeing = [other for other in around if self._agree(other, newest)]
+        known = [other for other in self.accepted if self._beside(other, newest)]
+        backed = sum(self._agree(other, newest) for other in known)
+        together = len(agreeing) + backed
+        # Of sets that contradict each other the larger one is believed.
+        against = len(around) - len(agreeing) + len(known) - backed
+        if together < AGREEING or together <= against:
+            return []
+        kept = {id(closure) for closure in agreeing}
+        self._pending = [other for other in self._pending if id(other) not in kept]
+        return agreeing
+
+    def _beside(self, first: Closure, second: Closure) -> bool:
+        """Whether two closures join the same two stretches of the way."""
+        ways = self._ways
+        return bool(
+            abs(ways[first.new] - ways[second.new]) < STRETCH
+            and abs(ways[first.old] - ways[second.old]) < STRETCH
+        )
+
+    def _agree(self, first: Closure, second: Closure) -> bool:
+        """Whether the loop over two closures and the ways between their ends closes."""
+        if first is second:
+            return True
+        old = between(self.keys[first.old].pose, self.keys[second.old].pose)
+        new = between(self.keys[first.new].pose, self.keys[second.new].pose)
+        error = between(compose(first.relative, new), compose(old, second.relative))
+        way = abs(self._ways[first.old] - self._ways[second.old])
+        way += abs(self._ways[first.new] - self._ways[second.new])
+        spread = np.array([0.05 + DRIFT * way, 0.05 + DRIFT * way, 0.015 + DRIFT_TURN * way])
+        lever = np.hypot(old[0], old[1]) * 0.015
+        covariance = np.diag(spread**2 + np.array([lever, lever, 0.0]) ** 2)
+        for closure in (first, second):
+            own = np.asarray(np.linalg.inv(closure.information), dtype=np.float64)
+            covariance = covariance + turned(own, -float(second.relative[2]))
+        square = float(error @ np.linalg.solve(covariance, error))
+        return square < DEVIATIONS**2

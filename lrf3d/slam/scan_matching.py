@@ -1,0 +1,198 @@
+"""Scan matching: the pose at which a scan's surface lies on a map's, point to line.
+
+A surface in the frame of the robot, the grid of a map's surface, and a guess of the pose with its
+information matrix enter. The pose leaves that minimises
+
+    ρ₀((T − T₀)ᵀ Ω₀ (T − T₀)) + Σ ρ(n·(T p − q)) / σ²
+
+over x, y, θ, by Gauss-Newton, with the information matrix of both parts. Where the walls in view do
+not fix a direction, as along a corridor, the second part says nothing of it, and the guess, which
+comes from odometry, stands.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float
+from lrf3d.slam.surface import SurfaceGrid
+
+POINT_SIGMA = 0.06
+"""Standard deviation [m] that one point's distance to its line counts with. The noise of a range is
+about 0.01 m, but points of one wall share the errors of its normal and of the map."""
+
+ALIGNED = 0.85
+"""Least cosine between the normals of a point and of what it is matched to."""
+
+FIRST_SCALE, LAST_SCALE = 0.15, 0.05
+"""Scale of the robust weight [m] in the first iteration and in the last: at first the guess is off,
+in the end what lies farther off has moved or is not in the map."""
+
+PRIOR_SCALE = 4.0
+"""How many deviations the guess may be off before its weight has halved."""
+
+STEP = 1e-4
+"""An iteration that moves the pose by less [m, rad] is the last."""
+
+SMOOTHING = 0.25
+"""Map points farther off than this along the wall [m] do not count, and nearer ones the more."""
+
+
+class Match(NamedTuple):
+    """What matching a scan came to.
+
+    Args:
+        pose: (3,) x, y [m], theta [rad] of the robot in the frame of the map.
+        information: (3, 3) inverse covariance of the scan's part alone, without the guess.
+        explained: Share of the surface's points that lie on the map, weighted.
+        deviation: Weighted RMS distance [m] of matched points to their lines.
+    """
+
+    pose: Float
+    information: Float
+    explained: float
+    deviation: float
+
+
+@compiled
+def match_scan(
+    surface: Float, grid: SurfaceGrid, guess: Float, prior: Float, iterations: int, reach: float
+) -> Match:  # pragma: no cover
+    """Match a surface (m, 4) with a map.
+
+    Args:
+        surface: What the scan saw, in the frame of the robot.
+        grid: The map's surface.
+        guess: (3,) the expected pose.
+        prior: (3, 3) its information matrix.
+        iterations: How many Gauss-Newton steps to take at most.
+        reach: How far off [m] matches are looked for; at most a cell of the grid.
+    """
+    pose = guess.copy()
+    scan_part = np.zeros((3, 3))
+    gradient = np.zeros(3)
+    explained = deviation = 0.0
+    line = np.empty(4)
+    settled = 0
+    for iteration in range(iterations):
+        scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, 4) / 4.0)
+        for a in range(3):
+            gradient[a] = 0.0
+            for b in range(3):
+                scan_part[a, b] = 0.0
+        explained = squares = 0.0
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        for i in range(len(surface)):
+            # The lever of the turn: where the point lies from the robot, in the map's axes.
+            u = cos * surface[i, 0] - sin * surface[i, 1]
+            v = sin * surface[i, 0] + cos * surface[i, 1]
+            nx = cos * surface[i, 2] - sin * surface[i, 3]
+            ny = sin * surface[i, 2] + cos * surface[i, 3]
+            if not _line_near(grid, pose[0] + u, pose[1] + v, nx, ny, reach, line):
+                continue
+            distance = line[2]
+            bounded = 1.0 + (distance / scale) ** 2
+            weight = line[3] / (bounded * bounded)
+            turn = line[1] * u - line[0] * v
+            strength = weight / (POINT_SIGMA * POINT_SIGMA)
+            gradient[0] += strength * line[0] * distance
+            gradient[1] += strength * line[1] * distance
+            gradient[2] += strength * turn * distance
+            scan_part[0, 0] += strength * line[0] * line[0]
+            scan_part[0, 1] += strength * line[0] * line[1]
+            scan_part[0, 2] += strength * line[0] * turn
+            scan_part[1, 1] += strength * line[1] * line[1]
+            scan_part[1, 2] += strength * line[1] * turn
+            scan_part[2, 2] += strength * turn * turn
+            explained += weight
+            squares += weight * distance * distance
+        for a in range(3):
+            for b in range(a):
+                scan_part[a, b] = scan_part[b, a]
+        deviation = np.sqrt(squares / explained) if explained > 0.0 else np.inf
+        explained /= max(len(surface), 1)
+        # Wheels slip, and bump into things: a guess that scans contradict loses its say.
+        square = 0.0
+        for a in range(3):
+            for b in range(3):
+                square += (pose[a] - guess[a]) * prior[a, b] * (pose[b] - guess[b])
+        trust = 1.0 / (1.0 + square / (PRIOR_SCALE * PRIOR_SCALE))
+        total = scan_part + trust * prior
+        for a in range(3):
+            for b in range(3):
+                gradient[a] += trust * prior[a, b] * (pose[b] - guess[b])
+        step = solve3(total, gradient)
+        for a in range(3):
+            pose[a] -= step[a]
+        small = abs(step[0]) < STEP and abs(step[1]) < STEP and abs(step[2]) < STEP
+        settled = settled + 1 if small else 0
+        if settled and iteration >= 4:
+            break
+    return Match(pose, scan_part, explained, deviation)
+
+
+@inner
+def _line_near(
+    grid: SurfaceGrid, x: float, y: float, nx: float, ny: float, reach: float, line: Float
+) -> bool:  # pragma: no cover
+    """Whether a map has a wall near a point, and which: normal, distance and weight into a line.
+
+    All map points around count, not just the nearest: the mean of several views of a wall is better
+    than any one of them, and the nearest is always one whose error points to where we are.
+    """
+    columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
+    column = int(np.floor((x - grid.corner[0]) / cell))
+    row = int(np.floor((y - grid.corner[1]) / cell))
+    if column < 0 or row < 0 or column >= columns or row >= rows:
+        return False
+    total = sum_x = sum_y = sum_off = 0.0
+    for other_row in range(max(row - 1, 0), min(row + 2, rows)):
+        begin = grid.first[other_row * columns + max(column - 1, 0)]
+        end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
+        for k in range(begin, end):
+            dx, dy = x - grid.surface[k, 0], y - grid.surface[k, 1]
+            square = dx * dx + dy * dy
+            if square > reach * reach:
+                continue
+            mx, my = grid.surface[k, 2], grid.surface[k, 3]
+            if mx * nx + my * ny < ALIGNED:
+                continue
+            off = mx * dx + my * dy
+            # Both are bumps that end at 0, which cost a few products where a Gaussian has a power.
+            along = 1.0 - (square - off * off) / (SMOOTHING * SMOOTHING)
+            if along <= 0.0:
+                continue
+            # Of two walls that lie one behind the other the nearer one is meant.
+            across = 1.0 - off * off / (reach * reach)
+            weight = along * along * across * across
+            total += weight
+            sum_x += weight * mx
+            sum_y += weight * my
+            sum_off += weight * off
+    if total < 1e-3:
+        return False
+    length = np.sqrt(sum_x * sum_x + sum_y * sum_y)
+    line[0], line[1] = sum_x / length, sum_y / length
+    line[2] = sum_off / total
+    # A point that only far-off map points speak for counts less.
+    line[3] = min(1.0, total)
+    return True
+
+
+@inner
+def solve3(matrix: Float, right: Float) -> Float:  # pragma: no cover
+    """Solve a symmetric positive definite system (3, 3) by Cholesky's factors."""
+    l00 = np.sqrt(matrix[0, 0])
+    l10 = matrix[1, 0] / l00
+    l20 = matrix[2, 0] / l00
+    l11 = np.sqrt(matrix[1, 1] - l10 * l10)
+    l21 = (matrix[2, 1] - l20 * l10) / l11
+    l22 = np.sqrt(matrix[2, 2] - l20 * l20 - l21 * l21)
+    a = right[0] / l00
+    b = (right[1] - l10 * a) / l11
+    c = (right[2] - l20 * a - l21 * b) / l22
+    z = c / l22
+    y = (b - l21 * z) / l11
+    x = (a - l10 * y - l20 * z) / l00
+    return np.array([x, y, z])

@@ -1,0 +1,59 @@
+"""Settling: every scan is matched once more, with all key scans around it in their final places.
+
+While the robot drove, a scan was matched with what lay just behind it. Now its surroundings are
+known from all drives past it, which are better than any one of them.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserScan
+from lrf3d.slam.closures import Key
+from lrf3d.slam.frames import turned
+from lrf3d.slam.scan_matching import match_scan
+from lrf3d.slam.surface import filled, grid_of, moved, surface_of_scan
+
+NEAREST = 8
+"""Key scans that a scan is matched with. Twice as many take twice the time, and move the mean error
+by a hundredth."""
+
+PRIOR = np.diag([2500.0, 2500.0, 10000.0])
+"""Information of where a scan stood before: 0.02 m and 0.01 rad."""
+
+ITERATIONS, REACH = 8, 0.3
+"""Most Gauss-Newton steps, and how far off walls are looked for [m]."""
+
+LEAST_EXPLAINED = 0.3
+"""A scan that explains less than this share of its points stays where it is."""
+
+
+def settled(
+    scans: Sequence[LaserScan], poses: Float, keys: Sequence[Key], key_poses: Float, key_scans: Int
+) -> Float:
+    """Poses (n, 3) of all scans, matched with the key scans around them.
+
+    Args:
+        scans: The scans (n,).
+        poses: (n, 3) where they are believed to be.
+        keys: The key scans (k,).
+        key_poses: (k, 3) their poses.
+        key_scans: (k,) their numbers among all scans.
+    """
+    settled_poses = poses.copy()
+    ends = np.append(key_scans[1:], len(scans))
+    for number, (first, end) in enumerate(zip(key_scans.tolist(), ends.tolist(), strict=True)):
+        apart = np.hypot(*(key_poses[:, :2] - key_poses[number, :2]).T)
+        nearest = np.argsort(apart, kind="stable")[:NEAREST]
+        cloud = np.concatenate([moved(filled(keys[k].surface), key_poses[k]) for k in nearest])
+        if not len(cloud):
+            continue
+        grid = grid_of(cloud)
+        for scan in range(first, end):
+            surface = surface_of_scan(scans[scan], keys[number].laser)
+            prior = turned(PRIOR, float(poses[scan, 2]))
+            match = match_scan(surface, grid, poses[scan], prior, ITERATIONS, REACH)
+            if match.explained > LEAST_EXPLAINED:
+                settled_poses[scan] = match.pose
+    return settled_poses

@@ -1,0 +1,124 @@
+"""Slam in the simulator: a mapper that is not told where the robot is.
+
+Scans of a simulation enter; their poses are the true ones, from which wheels with errors make the
+odometry. Only that and the ranges go on to `Slam`, and its map leaves.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, is_finite
+from lrf3d.laser import LaserScan
+from lrf3d.mapping import LineMap
+from lrf3d.run import Run
+from lrf3d.slam.frames import between, compose
+from lrf3d.slam.slam import Slam
+
+
+@dataclass(frozen=True, slots=True)
+class WheelErrors:
+    """What wheels measure wrong: ``errors(increment, rng)`` is what they say of an increment.
+
+    Args:
+        turn_per_metre: Turn that is measured for each metre and is none [rad/m]: wheels of unequal
+            size.
+        slip: Standard deviation of the way as a share of it, and of the turn as a share of it.
+        position: Standard deviation of each increment [m].
+        heading: Standard deviation of its turn [rad].
+
+    Raises:
+        InputError: A number is not finite, or a deviation is negative.
+    """
+
+    turn_per_metre: float = 0.03
+    slip: float = 0.03
+    position: float = 0.005
+    heading: float = 0.003
+
+    def __post_init__(self) -> None:
+        values = (self.slip, self.position, self.heading)
+        if not (is_finite(self.turn_per_metre, *values) and min(values) >= 0.0):
+            raise InputError(f"{self}: expected finite numbers, deviations of at least 0")
+
+    def __call__(self, increment: Float, rng: np.random.Generator) -> Float:
+        """What the wheels measure of an increment (3,): ahead, to the left [m], turn [rad]."""
+        ahead, left, turn = increment
+        draws = rng.normal(size=5)
+        return np.array(
+            [
+                ahead * (1.0 + self.slip * draws[0]) + self.position * draws[1],
+                left + self.position * draws[2],
+                turn * (1.0 + self.slip * draws[3])
+                + self.turn_per_metre * ahead
+                + self.heading * draws[4],
+            ]
+        )
+
+
+class SlamMapper:
+    """A mapper for simulations that finds the robot's poses itself; ``lrf3d run --slam`` uses it.
+
+    Args:
+        wheels: What makes odometry of true increments.
+        rng: The source of the wheels' noise, or a seed of it.
+
+    Examples:
+        >>> import lrf3d
+        >>> from lrf3d.slam import SlamMapper
+        >>> room = lrf3d.load_world("paper_room")
+        >>> mapper = SlamMapper(rng=0)
+        >>> drive = [(1 + 0.1 * k, 1, 0) for k in range(10)]
+        >>> run = lrf3d.simulate(room, drive, mapper=mapper, rng=0)
+        >>> bool(mapper.errors().max() < 0.05), len(run.map) > 3
+        (True, True)
+    """
+
+    def __init__(
+        self, wheels: WheelErrors | None = None, *, rng: np.random.Generator | int = 0
+    ) -> None:
+        self.slam = Slam()
+        self._wheels = WheelErrors() if wheels is None else wheels
+        self._rng = np.random.default_rng(rng)
+        self._true: list[Float] = []
+        self._by_wheels: list[Float] = []
+
+    def update(self, scan: LaserScan) -> None:
+        """Take in a scan; of its pose only what the wheels make of the way to it is used."""
+        true = np.array(scan.pose)
+        if not self._true:
+            # Where the world's origin is no scan can tell, so that the first pose is given.
+            self.slam = Slam(start=true)
+            self._by_wheels.append(true)
+            self.slam.update(scan, np.zeros(3))
+        else:
+            increment = self._wheels(between(self._true[-1], true), self._rng)
+            self._by_wheels.append(compose(self._by_wheels[-1], increment))
+            self.slam.update(scan, increment)
+        self._true.append(true)
+
+    @property
+    def map(self) -> LineMap:
+        """The map as the robot knows it."""
+        return self.slam.map
+
+    def errors(self) -> Float:
+        """How far (k,) the robot is believed to be from where it is, at all scans [m]."""
+        return self._apart(self.slam.trajectory())
+
+    def report(self, run: Run, folder: Path) -> dict[str, Any]:
+        """The figures for the summary of ``lrf3d run``."""
+        errors = self.errors()
+        return {
+            "slam_mean_error_m": float(errors.mean()),
+            "slam_largest_error_m": float(errors.max()),
+            "odometry_largest_error_m": float(self._apart(np.array(self._by_wheels)).max()),
+            "loop_closures": len(self.slam.closures),
+        }
+
+    def _apart(self, poses: Float) -> Float:
+        apart = poses[:, :2] - np.array(self._true)[:, :2]
+        return np.hypot(apart[:, 0], apart[:, 1])

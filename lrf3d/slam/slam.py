@@ -1,0 +1,332 @@
+"""Slam: poses and map from scans and odometry increments alone, current after every scan.
+
+A scan and how the robot moved since the last one by its wheels enter. The front end places the
+scan; key scans look for loops, and where one closes the pose graph is optimised, the poses move
+and the map is drawn anew.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Int, sealed, whole_number, wrap_angle
+from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.pose import Pose, as_pose
+from lrf3d.slam.closures import FLOOR, Closure, Key, LoopCloser
+from lrf3d.slam.frames import between, compose, turned
+from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
+from lrf3d.slam.line_adjustment import adjusted
+from lrf3d.slam.pose_graph import Edges, optimised
+from lrf3d.slam.scan_matching import POINT_SIGMA
+from lrf3d.slam.settling import settled
+from lrf3d.slam.surface import surface_of_scan
+from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, scaled, variance_factor
+
+EDGE_SHARE = 0.3
+"""Share of the matching's information that counts for the edge between key scans: neighbours are
+matched with the same local map, and share its errors."""
+
+NEWS = 3.0
+"""A closure that is off by less than this many deviations waits for the next optimisation."""
+
+ONLINE_ITERATIONS, FINAL_ITERATIONS = 3, 20
+"""Most Gauss-Newton steps over the pose graph, while the robot drives and in the end."""
+
+LEAST_ROOM = 256
+"""Key scans that there is room for at first."""
+
+REDRAWN = 0.02
+"""The map is drawn anew where key scans have moved by more than this since [m]."""
+
+
+class Slam:
+    """Follows a robot and maps its world, from scans and odometry increments alone.
+
+    Args:
+        lrf: The laser range finder; if given, a scan with another number of beams is refused.
+        start: Pose of the robot at its first scan.
+        laser_offset: How far the laser stands ahead of the robot's centre [m].
+        key_distance: Way from one key scan to the next [m].
+        key_turn: Turn from one key scan to the next [rad].
+
+    Raises:
+        InputError: A number is not finite, or a distance not positive.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> drive = [(1 + 0.1 * k, 1, 0) for k in range(10)]
+        >>> slam = lrf3d.Slam(start=drive[0])
+        >>> steps = [(0, 0, 0), *lrf3d.odometry_increments(drive)]
+        >>> for step, increment in zip(lrf3d.Simulation(room, drive), steps):
+        ...     slam.update(step.scan, increment)
+        >>> bool(abs(slam.pose.x - 1.9) < 0.02), len(slam.trajectory())
+        (True, 10)
+    """
+
+    def __init__(
+        self,
+        lrf: LaserRangeFinder | None = None,
+        *,
+        start: Sequence[float] | Float = (0.0, 0.0, 0.0),
+        laser_offset: float = 0.0,
+        key_distance: float = KEY_DISTANCE,
+        key_turn: float = KEY_TURN,
+    ) -> None:
+        values = (laser_offset, key_distance, key_turn)
+        if not (np.isfinite(values).all() and key_distance > 0.0 and key_turn > 0.0):
+            raise InputError(
+                f"slam: laser_offset, key_distance and key_turn are {values}; expected finite"
+                " numbers, the last two positive"
+            )
+        self._lrf = lrf
+        self._start = np.array(as_pose(start))
+        self._laser = sealed(np.array([laser_offset, 0.0]))
+        self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn)
+        self._closer = LoopCloser()
+        self._tracked: list[Tracked] = []
+        self._room = np.empty((LEAST_ROOM, 3))
+        self._key_count = 0
+        self._edges = Edges.none()
+        # Edges that came since the last optimisation: joining them each time would cost the more
+        # the longer the drive is.
+        self._new_edges: list[Edges] = []
+        self._wheel_covariance = np.zeros((3, 3))
+        self._scans: list[LaserScan] = []
+        self._mapper = LineMapper()
+        self._mapped_poses: list[Float] = []
+
+    def __repr__(self) -> str:
+        return (
+            f"Slam({len(self._tracked)} scans, {len(self._closer.keys)} key scans,"
+            f" {len(self._closer.accepted)} closures)"
+        )
+
+    def update(self, scan: LaserScan, odometry: Sequence[float] | Float) -> None:
+        """Take in the next scan.
+
+        Args:
+            scan: The scan; its pose is not looked at.
+            odometry: How the robot moved since the last scan by its wheels: ahead, to the left
+                [m], turn [rad].
+
+        Raises:
+            InputError: The scan has another number of beams than the laser range finder, or the
+                odometry is not three finite numbers.
+        """
+        if self._lrf is not None and len(scan.ranges) != self._lrf.beams:
+            raise InputError(
+                f"slam: scan of {len(scan.ranges)} beams, the laser range finder has"
+                f" {self._lrf.beams}"
+            )
+        increment = np.array(as_pose(odometry))
+        surface = surface_of_scan(scan, self._laser)
+        self._wheel_covariance += self._front.wheels.covariance(increment)
+        self._tracked.append(self._front.track(surface, increment))
+        if self._front.key_due():
+            self._front.add_key(surface)
+            self._add_key(scan, surface)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is believed to be at the last scan; the start before the first."""
+        if not self._tracked:
+            return Pose(*self._start.tolist())
+        key = self._closer.keys[-1]
+        placed = compose(self._key_poses[-1], between(key.pose, self._tracked[-1].pose))
+        return Pose(*compose(self._start, placed).tolist())
+
+    def covariance(self) -> Float:
+        """Covariance (3, 3) of the pose at the last scan, x, y [m], theta [rad], since the start.
+
+        It takes a step over the whole pose graph, and is computed when it is asked for.
+        """
+        if len(self._closer.keys) < 2:
+            return np.zeros((3, 3))
+        poses = self._key_poses
+        return self._turned(joint_covariance(poses, self._honest_edges(), [len(poses) - 1]))
+
+    def relative_covariance(self, first: int, second: int) -> Float:
+        """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
+
+        Args:
+            first: Number of the key scan that it is seen from.
+            second: Number of the key scan.
+
+        Raises:
+            InputError: There is no such key scan.
+        """
+        for number in (first, second):
+            whole_number(number, "key scan", least=0, most=max(len(self._closer.keys) - 1, 0))
+        if first == second:
+            return np.zeros((3, 3))
+        return relative_covariance(self._key_poses, self._honest_edges(), first, second)
+
+    def _honest_edges(self) -> Edges:
+        """The edges of the pose graph with covariances as closures and deviations show them."""
+        matched = [scan.deviation for scan in self._tracked if scan.matched]
+        deviation = float(np.median(matched)) if matched else POINT_SIGMA
+        edges = self._gathered_edges()
+        return scaled(edges, variance_factor(self._key_poses, edges, deviation))
+
+    def _turned(self, covariance: Float) -> Float:
+        """A covariance since the start along the axes of the world."""
+        return turned(covariance, float(self._start[2]))
+
+    @property
+    def map(self) -> LineMap:
+        """The map of all key scans as they are placed now; computed when it is read."""
+        now = self._key_poses
+        moved = [
+            np.hypot(*(then - place)[:2]) > REDRAWN
+            for then, place in zip(self._mapped_poses, now, strict=False)
+        ]
+        if any(moved):
+            self._mapper, self._mapped_poses = LineMapper(), []
+        for number in range(len(self._mapped_poses), len(now)):
+            self._mapper.update(self.placed(self._scans[number], now[number]))
+            self._mapped_poses.append(now[number].copy())
+        return self._mapper.map
+
+    def placed(self, scan: LaserScan, pose: Float) -> LaserScan:
+        """A scan with the pose of its laser, where the robot is at a pose (3,) since the start."""
+        robot = compose(self._start, pose)
+        return replace(scan, pose=Pose(*compose(robot, np.array([*self._laser, 0.0])).tolist()))
+
+    def trajectory(self) -> Float:
+        """Poses (k, 3) of the robot at all scans, as they are believed now; theta is continuous."""
+        poses = compose(self._start, self.scan_poses(self._key_poses))
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
+
+    def scan_poses(self, key_poses: Float) -> Float:
+        """Poses (k, 3) of all scans since the start, for given poses of the key scans.
+
+        Between two key scans the front end's way is bent so that it meets both.
+        """
+        front = np.array([scan.pose for scan in self._tracked]).reshape(-1, 3)
+        return bent(front, self.key_scans, key_poses)
+
+    @property
+    def key_scans(self) -> Int:
+        """The numbers (m,) of the key scans among all scans."""
+        return np.array([key.scan for key in self._closer.keys], dtype=np.int64)
+
+    @property
+    def closures(self) -> list[Closure]:
+        """The loops that were closed, by the numbers of key scans."""
+        return list(self._closer.accepted)
+
+    @property
+    def wheel_biases(self) -> Float:
+        """What the wheels measure systematically wrong (3,): see `lrf3d.slam.wheels`."""
+        return self._front.wheels.biases
+
+    @property
+    def tracked(self) -> list[Tracked]:
+        """How the front end placed each scan, in its own drifting frame."""
+        return self._tracked
+
+    def finish(self) -> None:
+        """Adjust all poses, once the last scan is in: by the pose graph, then by the walls.
+
+        The walls replace the closures: what lies on one line says more than the relative pose of
+        two scans, and of a closure that was wrong nothing stays.
+        """
+        edges = self._gathered_edges()
+        if len(edges):
+            poses = optimised(self._key_poses, edges, FINAL_ITERATIONS)
+            surfaces = [key.surface for key in self._closer.keys]
+            self._room[: len(poses)] = adjusted(poses, edges.part(~edges.robust), surfaces)
+
+    def settled(self, scans: Sequence[LaserScan]) -> Float:
+        """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
+        keys, key_poses = self._closer.keys, self._key_poses
+        poses = self.scan_poses(key_poses)
+        poses = compose(self._start, settled(scans, poses, keys, key_poses, self.key_scans))
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
+
+    @property
+    def _key_poses(self) -> Float:
+        """Poses (k, 3) of the key scans since the start, as they are believed now."""
+        return self._room[: self._key_count]
+
+    def _gathered_edges(self) -> Edges:
+        """All edges of the pose graph."""
+        self._edges = Edges.joined([self._edges, *self._new_edges])
+        self._new_edges = []
+        return self._edges
+
+    def _add_key(self, scan: LaserScan, surface: Float) -> None:
+        """Add a vertex for the newest scan to the pose graph, and the loops that it closes."""
+        tracked, keys = self._tracked[-1], self._closer.keys
+        # A laser that hangs upside down turns clockwise.
+        way = slice(None, None, -1) if scan.angles[0] > scan.angles[-1] else slice(None)
+        angles, ranges = scan.angles[way], scan.ranges[way]
+        key = Key(len(self._tracked) - 1, tracked.pose, surface, angles, ranges, self._laser)
+        self._scans.append(scan)
+        new = np.zeros(3)
+        if keys:
+            relative = between(keys[-1].pose, key.pose)
+            new = compose(self._key_poses[-1], relative)
+            # The information is along the axes of the new pose; the edge's is along the old one's.
+            turn = float(relative[2])
+            wheels = turned(np.diag(1.0 / self._wheel_covariance.diagonal()), turn)
+            information = turned(EDGE_SHARE * tracked.information, turn) + wheels
+            number = np.array([len(keys)])
+            never = np.array([False])
+            self._new_edges.append(
+                Edges(number - 1, number, relative[None], information[None], never, wheels[None])
+            )
+        self._wheel_covariance = np.zeros((3, 3))
+        if self._key_count == len(self._room):
+            self._room = np.concatenate([self._room, np.empty_like(self._room)])
+        self._room[self._key_count] = new
+        self._key_count += 1
+        self._closer.add_key(key)
+        closures = self._closer.search(self._key_poses) if len(keys) > 1 else []
+        if closures:
+            more = closure_edges(closures)
+            self._new_edges.append(more)
+            if (more.squares(self._key_poses) > NEWS**2).any():
+                poses = optimised(self._key_poses, self._gathered_edges(), ONLINE_ITERATIONS)
+                self._room[: len(poses)] = poses
+
+
+def closure_edges(closures: list[Closure]) -> Edges:
+    """Closures as edges of the pose graph."""
+    return Edges(
+        np.array([closure.old for closure in closures]),
+        np.array([closure.new for closure in closures]),
+        np.array([closure.relative for closure in closures]),
+        np.array([closure.information for closure in closures]),
+        np.ones(len(closures), np.bool_),
+        np.repeat(FLOOR[None], len(closures), axis=0),
+    )
+
+
+def bent(way: Float, known: Int, poses: Float, at: Float | None = None) -> Float:
+    """A way (n, 3) that is right from step to step, bent to meet known poses.
+
+    Args:
+        way: Poses in a drifting frame.
+        known: (m,) rising numbers of the poses that are known.
+        poses: (m, 3) these poses.
+        at: (n,) how far along each pose of the way is, in any unit; its number if not given.
+    """
+    count = np.arange(len(way))
+    along = count.astype(np.float64) if at is None else at
+    before = np.clip(np.searchsorted(known, count, side="right") - 1, 0, len(known) - 1)
+    after = np.minimum(before + 1, len(known) - 1)
+    from_before = compose(poses[before], between(way[known[before]], way))
+    from_after = compose(poses[after], between(way[known[after]], way))
+    length = along[known[after]] - along[known[before]]
+    share = np.where(length > 0.0, (along - along[known[before]]) / np.where(length, length, 1), 0)
+    share = np.clip(share, 0.0, 1.0)
+    met = compose(from_before, between(from_before, from_after) * share[:, None])
+    met[:, 2] = wrap_angle(met[:, 2])
+    return met

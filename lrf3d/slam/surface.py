@@ -1,0 +1,220 @@
+"""Surfaces: what a scan saw, as points with normals, and a grid that finds those near a place.
+
+The points of a scan enter, in the order in which the beams turn; a surface leaves, rows x, y [m] of
+a point on a straight piece of wall and the unit normal of that wall, which faces the laser. Points
+with no straight neighbourhood are left out, for no line can be matched to them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserScan
+from lrf3d.laser.range_finder import beam_directions
+
+BASELINE = 0.15
+"""How far a normal reaches to both sides [m]: at 1 m range beams stand 2 cm apart, and the noise of
+a centimetre would turn the normal of adjacent points at will."""
+
+MOST_NEIGHBOURS = 8
+"""Points that a normal takes in to each side at most, which bounds its cost near a wall."""
+
+CONNECTED, CONNECTED_GROWTH = 0.2, 0.1
+"""Following points are of one surface if at most this far apart [m], and this share of the range
+more: beams fan out, and meet walls under flat angles."""
+
+STRAIGHT = 0.03
+"""Largest RMS distance [m] of points to their line: three times a usual range noise."""
+
+FLATTEST = 0.1
+"""Least cosine between beam and normal: a line that the beam runs along joins two surfaces."""
+
+FILLED, FILLED_WITHIN = 0.15, 2.0
+"""Points of a map's wall lie at most this far apart [m] where the scan's lie within the second."""
+
+CELL = 0.3
+"""Side of a cell of the grid [m]; lookups see a cell and those around it."""
+
+MOST_CELLS = 4_000_000
+"""Cells that a grid has at most; if there were more, they are made larger."""
+
+
+@compiled
+def surface_of(points: Float, laser: Float) -> Float:  # pragma: no cover
+    """Surface (m, 4) of points (n, 2) [m] seen in this order from the laser at (2,) [m]."""
+    count = len(points)
+    found = np.empty((count, 4))
+    kept = 0
+    for i in range(count):
+        first = _reach(points, laser, i, -1)
+        last = _reach(points, laser, i, 1)
+        number = last - first + 1
+        if number < 3:
+            continue
+        mean_x = mean_y = 0.0
+        for k in range(first, last + 1):
+            mean_x += points[k, 0] / number
+            mean_y += points[k, 1] / number
+        xx = xy = yy = 0.0
+        for k in range(first, last + 1):
+            dx, dy = points[k, 0] - mean_x, points[k, 1] - mean_y
+            xx += dx * dx
+            xy += dx * dy
+            yy += dy * dy
+        half = 0.5 * (xx - yy)
+        root = np.sqrt(half * half + xy * xy)
+        across = max(0.5 * (xx + yy) - root, 0.0)
+        along = 0.5 * (xx + yy) + root
+        if across > number * STRAIGHT * STRAIGHT or across > 0.1 * along:
+            continue
+        angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+        nx, ny = -np.sin(angle), np.cos(angle)
+        beam_x, beam_y = points[i, 0] - laser[0], points[i, 1] - laser[1]
+        reach = np.sqrt(beam_x * beam_x + beam_y * beam_y)
+        facing = -(nx * beam_x + ny * beam_y)
+        if abs(facing) < FLATTEST * reach:
+            continue
+        if facing < 0.0:
+            nx, ny = -nx, -ny
+        # The point moves onto its line but stays where it was along it.
+        off = nx * (points[i, 0] - mean_x) + ny * (points[i, 1] - mean_y)
+        found[kept, 0] = points[i, 0] - off * nx
+        found[kept, 1] = points[i, 1] - off * ny
+        found[kept, 2] = nx
+        found[kept, 3] = ny
+        kept += 1
+    return found[:kept]
+
+
+@inner
+def _reach(points: Float, laser: Float, i: int, way: int) -> int:  # pragma: no cover
+    """The last point on one side of a point that its normal takes in."""
+    end = i
+    for _ in range(MOST_NEIGHBOURS):
+        k = end + way
+        if k < 0 or k >= len(points):
+            break
+        dx, dy = points[k, 0] - points[end, 0], points[k, 1] - points[end, 1]
+        bx, by = points[end, 0] - laser[0], points[end, 1] - laser[1]
+        gap = CONNECTED + CONNECTED_GROWTH * np.sqrt(bx * bx + by * by)
+        if dx * dx + dy * dy > gap * gap:
+            break
+        end = k
+        dx, dy = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1]
+        if dx * dx + dy * dy > BASELINE * BASELINE:
+            break
+    return end
+
+
+@compiled
+def moved(surface: Float, pose: Float) -> Float:  # pragma: no cover
+    """A surface (m, 4) as it lies after it was moved by a pose (3,)."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    there = np.empty(surface.shape)
+    for i in range(len(surface)):
+        x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
+        there[i, 0] = pose[0] + cos * x - sin * y
+        there[i, 1] = pose[1] + sin * x + cos * y
+        there[i, 2] = cos * nx - sin * ny
+        there[i, 3] = sin * nx + cos * ny
+    return there
+
+
+@compiled
+def filled(surface: Float) -> Float:  # pragma: no cover
+    """A surface (m, 4) with points between those that lie far apart on one straight wall.
+
+    A scanner of few beams sees a wall at points a metre apart; a scan from elsewhere sees it
+    between them.
+    """
+    room = len(surface)
+    for i in range(len(surface) - 1):
+        room += _between(surface, i)
+    whole = np.empty((room, 4))
+    place = 0
+    for i in range(len(surface)):
+        count = _between(surface, i) if i + 1 < len(surface) else 0
+        for part in range(count + 1):
+            share = part / (count + 1.0)
+            for k in range(4):
+                whole[place, k] = surface[i, k]
+                if part:
+                    whole[place, k] += share * (surface[i + 1, k] - surface[i, k])
+            place += 1
+    return whole
+
+
+@inner
+def _between(surface: Float, i: int) -> int:  # pragma: no cover
+    """How many points are to be added between a point of a surface and the next."""
+    dx, dy = surface[i + 1, 0] - surface[i, 0], surface[i + 1, 1] - surface[i, 1]
+    apart = np.sqrt(dx * dx + dy * dy)
+    if apart < 2.0 * FILLED or apart > FILLED_WITHIN:
+        return 0
+    nx, ny = surface[i, 2], surface[i, 3]
+    mx, my = surface[i + 1, 2], surface[i + 1, 3]
+    # Both normals have to be that of the line between the points.
+    if abs(nx * dx + ny * dy) > STRAIGHT or abs(mx * dx + my * dy) > STRAIGHT:
+        return 0
+    if nx * mx + ny * my < 0.98:
+        return 0
+    return int(apart / FILLED)
+
+
+def surface_of_scan(scan: LaserScan, laser: Float) -> Float:
+    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m]."""
+    hits = scan.hits
+    return surface_of(
+        scan.ranges[hits, None] * beam_directions(0.0, scan.angles[hits]) + laser, laser
+    )
+
+
+class SurfaceGrid(NamedTuple):
+    """A surface whose points are sorted into square cells.
+
+    Args:
+        surface: (m, 4) the points and normals, cell by cell.
+        first: (rows · columns + 1,) the first point of each cell.
+        corner: (2,) the lower left corner of the grid [m].
+        size: (3,) columns, rows, and the side of a cell [m].
+    """
+
+    surface: Float
+    first: Int
+    corner: Float
+    size: Float
+
+
+@compiled
+def grid_of(surface: Float) -> SurfaceGrid:  # pragma: no cover
+    """Sort a surface (m, 4), which may not be empty, into cells."""
+    left = right = surface[0, 0]
+    low = high = surface[0, 1]
+    for i in range(len(surface)):
+        left, right = min(left, surface[i, 0]), max(right, surface[i, 0])
+        low, high = min(low, surface[i, 1]), max(high, surface[i, 1])
+    cell = max(CELL, np.sqrt((right - left) * (high - low) / MOST_CELLS))
+    # One empty cell all around spares lookups from asking whether a neighbour exists.
+    columns = int((right - left) / cell) + 3
+    rows = int((high - low) / cell) + 3
+    corner = np.array([left - cell, low - cell])
+    size = np.array([float(columns), float(rows), cell])
+    first = np.zeros(columns * rows + 1, np.int64)
+    places = np.empty(len(surface), np.int64)
+    for i in range(len(surface)):
+        column = int((surface[i, 0] - corner[0]) / cell)
+        row = int((surface[i, 1] - corner[1]) / cell)
+        places[i] = row * columns + column
+        first[places[i] + 1] += 1
+    for k in range(columns * rows):
+        first[k + 1] += first[k]
+    filled = first[:-1].copy()
+    ordered = np.empty(surface.shape)
+    for i in range(len(surface)):
+        target = filled[places[i]]
+        filled[places[i]] += 1
+        for k in range(4):
+            ordered[target, k] = surface[i, k]
+    return SurfaceGrid(ordered, first, corner, size)

@@ -1,0 +1,99 @@
+"""Ways: how far key scans are from each other over a graph of driven ways and closures.
+
+Links between key scans enter one by one; the shortest ways from one key scan to those around it
+leave, at a cost that depends on how many there are within a limit and not on the whole graph.
+"""
+
+import numpy as np
+
+from lrf3d.compiling import compiled
+from lrf3d.geometry import Float, Int
+
+LEAST_ROOM = 256
+"""Links that a new graph has room for."""
+
+
+class WayGraph:
+    """Key scans and the links between them, in arrays that grow in place."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._links = 0
+        # The newest link of each key scan; for each link the one before it, its end and length.
+        self._newest = np.full(LEAST_ROOM, -1, np.int64)
+        self._before = np.full(2 * LEAST_ROOM, -1, np.int64)
+        self._ends = np.zeros(2 * LEAST_ROOM, np.int64)
+        self._lengths = np.zeros(2 * LEAST_ROOM)
+
+    def add(self) -> None:
+        """Add a key scan."""
+        if self._count == len(self._newest):
+            self._newest = np.append(self._newest, np.full(self._count, -1))
+        self._count += 1
+
+    def link(self, first: int, second: int, length: float) -> None:
+        """Link two key scans by a way of some length [m]."""
+        if self._links + 2 > len(self._ends):
+            room = np.zeros(len(self._ends), np.int64)
+            self._before, self._ends = np.append(self._before, room), np.append(self._ends, room)
+            self._lengths = np.append(self._lengths, np.zeros(len(room)))
+        for start, end in ((first, second), (second, first)):
+            self._before[self._links] = self._newest[start]
+            self._ends[self._links] = end
+            self._lengths[self._links] = length
+            self._newest[start] = self._links
+            self._links += 1
+
+    def ways(self, start: int, limit: float) -> Float:
+        """The shortest way [m] from a key scan to each; +inf beyond a limit [m]."""
+        newest = self._newest[: self._count]
+        return shortest_ways(start, limit, newest, self._before, self._ends, self._lengths)
+
+
+@compiled
+def shortest_ways(
+    start: int, limit: float, newest: Int, before: Int, ends: Int, lengths: Float
+) -> Float:  # pragma: no cover
+    """Dijkstra's ways from a start, over linked lists of links, up to a limit."""
+    ways = np.full(len(newest), np.inf)
+    # A heap of key scans by their ways; one that was found again, and nearer, stands in it twice.
+    nodes = np.empty(64, np.int64)
+    keys = np.empty(64)
+    nodes[0], keys[0] = start, 0.0
+    size = 1
+    ways[start] = 0.0
+    while size > 0:
+        node, way = nodes[0], keys[0]
+        size -= 1
+        last, key = nodes[size], keys[size]
+        place = 0
+        while 2 * place + 1 < size:
+            child = 2 * place + 1
+            if child + 1 < size and keys[child + 1] < keys[child]:
+                child += 1
+            if keys[child] >= key:
+                break
+            nodes[place], keys[place] = nodes[child], keys[child]
+            place = child
+        nodes[place], keys[place] = last, key
+        if way > ways[node]:
+            continue
+        link = newest[node]
+        while link >= 0:
+            farther = way + lengths[link]
+            end = ends[link]
+            if farther < ways[end] and farther <= limit:
+                ways[end] = farther
+                if size == len(nodes):
+                    more_nodes, more_keys = np.empty(2 * size, np.int64), np.empty(2 * size)
+                    for k in range(size):
+                        more_nodes[k], more_keys[k] = nodes[k], keys[k]
+                    nodes, keys = more_nodes, more_keys
+                place = size
+                size += 1
+                while place > 0 and keys[(place - 1) // 2] > farther:
+                    nodes[place], keys[place] = nodes[(place - 1) // 2], keys[(place - 1) // 2]
+                    place = (place - 1) // 2
+                nodes[place], keys[place] = end, farther
+            link = before[link]
+    return ways

@@ -1,0 +1,104 @@
+"""Wheels: what odometry measures systematically wrong, and how far it may be off by chance.
+
+Odometry increments (ahead, to the left [m], turn [rad]) enter, and what scan matching found
+instead; corrected increments leave, and their covariances. The wheels are taken to turn by
+
+    Δθ = (1 + a)·Δθ_wheels + b·Δs,    Δs = (1 + c)·Δs_wheels
+
+with a, b, c from a linear regression over all stretches so far: b is what wheels of unequal size
+do, a what a wrong wheel base does, and c what a wrong circumference does.
+"""
+
+import numpy as np
+
+from lrf3d.geometry import Float
+
+EXPECTED = np.array([0.05, 0.05, 0.03])
+"""Standard deviations of a, b [rad/m] and c before anything was driven."""
+
+STILL_POSITION, STILL_HEADING = 0.005, 0.003
+"""Standard deviations [m], [rad] of any increment, even where the wheels stood still."""
+
+SLIP, SLIP_TURN = 0.05, 0.05
+"""Standard deviation of an increment's place as a share of its way, and of its turn as a share of
+its turn: what wheels on carpets and sills do."""
+
+SWERVE, SKID = 0.02, 0.05
+"""Standard deviation of the turn for each metre [rad/m], and of the place for each turn [m/rad]."""
+
+FORGETTING = 0.98
+"""Weight of the past in the running mean of how far wheels and scans differ, at each scan."""
+
+
+class Wheels:
+    """Corrects odometry increments by what scan matching has found of the wheels' errors."""
+
+    def __init__(self) -> None:
+        self._turn_information = np.diag(EXPECTED[:2] ** -2.0)
+        self._turn_sum = np.zeros(2)
+        self._way_information = EXPECTED[2] ** -2.0
+        self._way_sum = 0.0
+        # Squared differences between wheels and scans in units of their variance.
+        self._excess = np.ones(2)
+        self._turn_bias: Float = np.zeros(2)
+        self._way_bias = 0.0
+
+    @property
+    def biases(self) -> Float:
+        """The errors (3,): a, b [rad/m] and c."""
+        return np.array([*self._turn_bias, self._way_bias])
+
+    def corrected(self, increment: Float) -> Float:
+        """An increment (3,) without the systematic errors that are known by now."""
+        ahead, left, turn = increment
+        more = self._turn_bias[0] * turn + self._turn_bias[1] * ahead
+        scale = 1.0 + self._way_bias
+        return np.array([scale * ahead, scale * left, turn + more])
+
+    def covariance(self, increment: Float) -> Float:
+        """Covariance (3, 3) of an increment's random errors."""
+        way, turn = float(np.hypot(increment[0], increment[1])), abs(float(increment[2]))
+        place = STILL_POSITION + SLIP * way + SKID * turn
+        heading = STILL_HEADING + SWERVE * way + SLIP_TURN * turn
+        deviations = np.array([place, place, heading]) ** 2
+        deviations[:2] *= self._excess[0]
+        deviations[2] *= self._excess[1]
+        return np.diag(deviations)
+
+    def compare(self, measured: Float, matched: Float, covariance: Float) -> None:
+        """Learn how far one corrected increment was off, by the one that matching found.
+
+        The running mean never falls below what is expected: wheels that were right for a while
+        may still slip.
+        """
+        error = matched - measured
+        square = error**2 / covariance.diagonal() * np.repeat(self._excess, [2, 1])
+        now = np.array([0.5 * (square[0] + square[1]), square[2]])
+        # A slip counts as one of ten deviations, so that it is not remembered for ever.
+        now = np.minimum(now, 100.0 * self._excess)
+        self._excess = np.maximum(FORGETTING * self._excess + (1.0 - FORGETTING) * now, 1.0)
+
+    def learn(self, measured: Float, matched: Float, ahead_known: bool) -> None:
+        """Learn the systematic errors from a stretch of some scans.
+
+        Args:
+            measured: (3,) sums of the raw increments: way ahead, to the left [m], turn [rad].
+            matched: (3,) the same sums as matching found them.
+            ahead_known: Whether the walls in view fixed the way ahead.
+        """
+        way, turn = float(measured[0]), float(measured[2])
+        row = np.array([turn, way])
+        spread = STILL_HEADING + SWERVE * abs(way) + SLIP_TURN * abs(turn)
+        # A stretch that is off by more than three deviations holds a slip, which is no bias.
+        error = float(matched[2]) - turn
+        off = abs(error - float(row @ self._turn_bias))
+        weight = 1.0 / (spread * max(spread, off / 3.0))
+        self._turn_information += weight * np.outer(row, row)
+        self._turn_sum += weight * error * row
+        bias = np.linalg.solve(self._turn_information, self._turn_sum)
+        self._turn_bias = np.asarray(bias, dtype=np.float64)
+        if ahead_known and abs(way) > 0.0:
+            weight = (STILL_POSITION + SLIP * abs(way)) ** -2.0
+            self._way_information += weight * way**2
+            self._way_sum += weight * way * (float(matched[0]) - way)
+            self._way_bias = self._way_sum / self._way_information

@@ -1,0 +1,124 @@
+import json
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.cli import main
+from lrf3d.io import load_run
+from lrf3d.mapping import load_map
+from lrf3d.slam.frames import compose
+
+
+@pytest.fixture(scope="module")
+def log_text():
+    """A log of a drive around in a room, whose wheels drift, and the true poses of its lines."""
+    room = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
+    way = lrf3d.follow_route(np.array([(1, 1), (7, 1), (7, 5), (4, 4), (2, 1.5)]), dt=0.25)
+    lrf = lrf3d.LaserRangeFinder(-np.pi / 2, np.pi / 2 - np.pi / 180, 180, range_max=20.0)
+    run = lrf3d.simulate(room, way, lrf, noise=lrf3d.ProportionalNoise(0.02), rng=1)
+    true = run.trajectory.poses
+    steps = lrf3d.odometry_increments(true)
+    steps[:, 2] += 0.05 * steps[:, 0] + 0.003 * np.random.default_rng(1).normal(size=len(steps))
+    wheels = [true[0]]
+    for step in steps:
+        wheels.append(compose(wheels[-1], step))
+    lines = []
+    for scan, pose in zip(run.scans, wheels, strict=True):
+        x, y, theta = pose
+        end = f"{scan.time} host {scan.time}"
+        lines.append(f"ODOM {x} {y} {theta} 0 0 0 {end}")
+        readings = " ".join(f"{value:.3f}" for value in np.minimum(scan.ranges, 81.9))
+        lines.append(f"FLASER 180 {readings} {x} {y} {theta} {x} {y} {theta} {end}")
+    return "\n".join(lines) + "\n", true
+
+
+@pytest.fixture
+def log(log_text, tmp_path):
+    path = tmp_path / "room.log"
+    path.write_text(log_text[0])
+    return path
+
+
+@pytest.fixture
+def program(monkeypatch, capsys):
+    """The program within this process."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["lrf3d", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        return SimpleNamespace(code=end.value.code or 0, **capsys.readouterr()._asdict())
+
+    return call
+
+
+def test_slam_writes_run_map_trajectory_and_summary(program, log, log_text, tmp_path):
+    true = log_text[1]
+    relative = lrf3d.odometry_increments(true[[0, len(true) - 1]])[0]
+    relations = tmp_path / "room.relations"
+    relations.write_text(f"0 {len(true) - 1} {relative[0]} {relative[1]} {relative[2]}\n")
+    folder = tmp_path / "out"
+    done = program("slam", log, "--relations", relations, "--out", folder, "--json")
+    assert (done.code, done.err) == (0, "")
+    summary = json.loads(done.out)
+    assert summary == json.loads((folder / "summary.json").read_text())
+    written = {path.name for path in folder.iterdir()}
+    expected = {"run.npz", "map.geojson", "map.png", "trajectory.tum", "summary.json"}
+    assert written == expected == set(summary["files"].values())
+    assert summary["score"]["translation_mean"] < 0.03
+    assert summary["score"]["rotation_mean"] < 0.5
+    assert summary["log"]["odometry_lines"] == len(true)
+    assert summary["slam"]["scans_by_odometry_alone"] == 0
+    table = np.loadtxt(folder / "trajectory.tum")
+    assert table.shape == (len(true), 8)
+    assert np.hypot(*(table[:, 1:3] - true[:, :2]).T).max() < 0.05
+    run = load_run(folder)
+    assert len(run) == len(true)
+    line_map = load_map(folder / "map.geojson")
+    assert len(line_map) == summary["map"]["segments"] == len(run.world.segments)
+
+
+def test_a_table_is_printed_for_people(program, log, tmp_path):
+    done = program("slam", log, "--out", tmp_path / "out")
+    assert done.code == 0
+    assert "0 bad lines" in done.out and "loop closure" in done.out and "rad/m" in done.out
+
+
+def test_known_errors_are_one_line(program, log, tmp_path):
+    bad = tmp_path / "bad.relations"
+    bad.write_text("0 100000 1 0 0\n")
+    for arguments in (
+        ("slam", tmp_path / "missing.log"),
+        ("slam", log, "--relations", bad, "--out", tmp_path / "out"),
+        ("slam", log, "--key-distance", "-1", "--out", tmp_path / "out"),
+    ):
+        done = program(*arguments)
+        assert (done.code, done.out) == (1, "")
+        assert done.err.count("\n") == 1 and done.err.startswith("lrf3d: ")
+
+
+@pytest.mark.parametrize("before", ["", "import lrf3d.slam.lag; "])
+def test_slam_is_a_function_and_a_package_whatever_is_imported_before(before):
+    code = f"{before}import lrf3d; print(callable(lrf3d.slam), lrf3d.slam.Slam is lrf3d.Slam)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "True True\n"
+
+
+def test_a_log_becomes_a_run(log):
+    run = lrf3d.slam(lrf3d.load_log(log))
+    assert isinstance(run, lrf3d.Run) and run.trajectory.length > 10.0
+
+
+def test_a_run_with_slam_reports_its_errors(program, tmp_path):
+    folder = tmp_path / "out"
+    arguments = ("run", "corridor", "--slam", "--scans", "60", "--no-video", "--out", folder)
+    done = program(*arguments, "--json")
+    assert (done.code, done.err) == (0, "")
+    report = json.loads(done.out)["report"]
+    assert report["slam_largest_error_m"] < 0.15
+    done = program(*arguments, "--mode", "paper")
+    assert done.code == 1 and "--slam: it is a mapper itself" in done.err

@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.slam.frames import between, compose
+from lrf3d.slam.scan_matching import match_scan
+from lrf3d.slam.surface import grid_of, moved, surface_of_scan
+from lrf3d.world import World
+
+ROOM = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
+CORRIDOR = World([[-100, 0, 100, 0], [-100, 2, 100, 2]])
+LASER = np.zeros(2)
+WEAK = np.diag([1.0, 1.0, 1.0])
+
+
+def surface_at(world, pose, **lrf):
+    scan = PlanarCaster(world).cast(LaserRangeFinder(beams=181, **lrf), pose)
+    return surface_of_scan(scan, LASER)
+
+
+def test_normals_face_the_laser_and_points_lie_on_walls():
+    surface = surface_at(ROOM, (3.0, 1.5, 0.4))
+    assert len(surface) > 150
+    assert np.hypot(surface[:, 2], surface[:, 3]) == pytest.approx(1.0)
+    assert ((surface[:, :2] * surface[:, 2:]).sum(axis=1) < 0.0).all()
+    there = moved(surface, np.array([3.0, 1.5, 0.4]))
+    on_floor = np.abs(there[:, 1]) < 1e-6
+    assert on_floor.sum() > 20
+    assert there[on_floor, 3] == pytest.approx(1.0)
+
+
+def test_a_point_without_a_straight_neighbourhood_is_left_out():
+    points = np.array([[5.0, 0.0], [1.0, 0.4], [5.0, 0.8], [1.0, 1.2], [5.0, 1.6]])
+    from lrf3d.slam.surface import surface_of
+
+    assert len(surface_of(points, LASER)) == 0
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.floats(-0.12, 0.12),
+    st.floats(-0.12, 0.12),
+    st.floats(-0.06, 0.06),
+    st.floats(-np.pi, np.pi),
+)
+def test_a_scan_finds_back_to_where_it_was_taken(x, y, turn, heading):
+    old = surface_at(ROOM, (3.0, 1.5, heading))
+    true = np.array([0.1, -0.05, 0.02])
+    new = surface_at(ROOM, compose(np.array([3.0, 1.5, heading]), true))
+    match = match_scan(new, grid_of(old), true + np.array([x, y, turn]), 1e-3 * WEAK, 25, 0.3)
+    error = between(true, match.pose)
+    assert np.hypot(error[0], error[1]) < 0.01 and abs(error[2]) < 0.005
+    assert match.explained > 0.8
+
+
+def test_along_a_corridor_the_guess_stands():
+    old = surface_at(CORRIDOR, (0, 1, 0), range_max=10.0)
+    guess = np.array([0.3, 0.05, 0.01])
+    match = match_scan(old, grid_of(old), guess, np.diag([100.0, 100.0, 400.0]), 15, 0.3)
+    assert match.pose[0] == pytest.approx(0.3, abs=1e-3)
+    assert match.pose[1] == pytest.approx(0.0, abs=3e-3)
+    assert match.information[0, 0] < 1e-3 * match.information[1, 1]
+
+
+def test_a_guess_that_scans_contradict_loses_its_say():
+    old = surface_at(ROOM, (3.0, 1.5, 0.0))
+    sure = np.diag([1e4, 1e4, 1e4])
+    match = match_scan(old, grid_of(old), np.array([0.0, 0.1, 0.0]), sure, 20, 0.3)
+    assert np.abs(match.pose).max() < 0.01
+
+
+def test_a_surface_far_from_any_wall_stays_where_it_was_guessed():
+    old = surface_at(ROOM, (3.0, 1.5, 0.0))
+    match = match_scan(old, grid_of(old), np.array([50.0, 0.0, 0.0]), WEAK, 5, 0.3)
+    assert match.pose.tolist() == [50.0, 0.0, 0.0]
+    assert match.explained == 0.0

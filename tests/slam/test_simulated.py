@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.errors import InputError
+from lrf3d.slam import SlamMapper, WheelErrors
+
+
+@pytest.fixture(scope="module")
+def corridor():
+    scenario = lrf3d.load_scenario("corridor")
+    mapper = SlamMapper(rng=3)
+    return scenario.run(rng=1, mapper=mapper, snapshots=3), mapper
+
+
+def test_a_drive_is_mapped_without_true_poses(corridor):
+    run, mapper = corridor
+    assert mapper.report(run, None)["odometry_largest_error_m"] > 3.0
+    assert mapper.errors().max() < 0.15
+    assert lrf3d.score_run(run).length_precision > 0.95
+
+
+def test_the_same_seed_gives_the_same_map(corridor):
+    run, _ = corridor
+    again = lrf3d.load_scenario("corridor").run(rng=1, mapper=SlamMapper(rng=3), snapshots=3)
+    assert np.array_equal(again.map.segments, run.map.segments)
+
+
+def test_wheels_without_errors_measure_the_truth():
+    wheels = WheelErrors(0.0, 0.0, 0.0, 0.0)
+    increment = np.array([1.0, 0.2, 0.3])
+    assert wheels(increment, np.random.default_rng(0)).tolist() == increment.tolist()
+    with pytest.raises(InputError, match="at least 0"):
+        WheelErrors(slip=-1.0)
+
+
+def test_a_laser_that_turns_clockwise_maps_the_same():
+    room = lrf3d.World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
+    drive = lrf3d.follow_route(np.array([(1, 1), (5, 1), (5, 3), (1, 1), (5, 1)]), dt=0.25)
+    scans = list(lrf3d.simulate(room, drive, rng=0).scans)
+    steps = [np.zeros(3), *lrf3d.odometry_increments(drive.poses)]
+    ends = []
+    for way in (slice(None), slice(None, None, -1)):
+        slam = lrf3d.Slam(start=drive.poses[0])
+        for scan, step in zip(scans, steps, strict=True):
+            turned = lrf3d.LaserScan(scan.pose, scan.angles[way], scan.ranges[way])
+            slam.update(turned, step)
+        ends.append(slam)
+    assert np.array(ends[1].pose) == pytest.approx(np.array(ends[0].pose), abs=1e-3)
+    assert len(ends[1].closures) == len(ends[0].closures) > 0

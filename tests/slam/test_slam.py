@@ -1,0 +1,204 @@
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.errors import InputError
+from lrf3d.geometry import project_on_segments
+from lrf3d.slam.closures import seen_through
+from lrf3d.slam.frames import between, compose
+from lrf3d.slam.lag import wheel_poses_at
+from lrf3d.slam.log import line_poses, rising, solve_log, without_jumps
+
+SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)
+
+
+class NoMap:
+    def update(self, scan):
+        """Nothing."""
+
+
+def drive(world, route, *, seed=0, position=0.01, heading=0.004, bias=0.03, speed=0.8):
+    """A drive, its scans, and what wheels with noise and a bias [rad/m] say of it."""
+    way = lrf3d.follow_route(np.array(route, dtype=float), speed=speed, dt=0.25)
+    noise = lrf3d.ProportionalNoise(0.02)
+    run = lrf3d.simulate(world, way, SCANNER, noise=noise, rng=seed, mapper=NoMap())
+    true = lrf3d.odometry_increments(run.trajectory.poses)
+    steps = lrf3d.OdometryNoise(position, heading)(true, np.random.default_rng(seed))
+    steps[:, 2] += bias * true[:, 0]
+    wheels = [run.trajectory.poses[0]]
+    for step in steps:
+        wheels.append(compose(wheels[-1], step))
+    return list(run.scans), np.array(wheels), run.trajectory.poses
+
+
+def errors(true, found):
+    apart = between(true, found)
+    return np.hypot(apart[:, 0], apart[:, 1])
+
+
+def rooms(count):
+    """A corridor of identical rooms of 5 m, each with a door in the middle."""
+    walls = [[0, 0, 5 * count, 0], [0, 0, 0, 2.4], [5 * count, 0, 5 * count, 6]]
+    for x in range(0, 5 * count, 5):
+        walls += [[x, 2.4, x + 2, 2.4], [x + 3, 2.4, x + 5, 2.4], [x, 2.4, x, 6], [x, 6, x + 5, 6]]
+        walls += [[x + 1, 5, x + 2, 5], [x + 1, 5, x + 1, 6], [x + 2, 5, x + 2, 6]]
+    return lrf3d.World(walls)
+
+
+def through(count):
+    route = [(1.0, 1.2)]
+    for x in range(0, 5 * count, 5):
+        route += [(x + 2.5, 1.2), (x + 2.5, 4.2), (x + 3.5, 4.4), (x + 2.5, 3.8), (x + 2.5, 1.2)]
+    return [*route, (5 * count - 1.5, 1.2), (1.0, 1.0)]
+
+
+@pytest.fixture(scope="module")
+def identical_rooms():
+    scans, wheels, true = drive(rooms(4), through(4))
+    return solve_log(scans, wheels, np.arange(len(scans))), wheels, true
+
+
+def test_a_drive_through_identical_rooms_is_followed_to_centimetres(identical_rooms):
+    solution, wheels, true = identical_rooms
+    assert errors(true, wheels).max() > 1.0
+    assert errors(true, solution.scan_poses).max() < 0.1
+
+
+def test_no_closure_takes_one_room_for_another(identical_rooms):
+    solution, _, true = identical_rooms
+    assert len(solution.closures) > 10
+    keys = true[solution.slam.key_scans]
+    for closure in solution.closures:
+        off = closure.relative - between(keys[closure.old], keys[closure.new])
+        off[2] = np.angle(np.exp(1j * off[2]))
+        assert off @ closure.information @ off < 30.0
+
+
+def test_the_turn_that_wheels_of_unequal_size_add_is_found(identical_rooms):
+    solution, _, _ = identical_rooms
+    assert solution.slam.wheel_biases[1] == pytest.approx(-0.03, abs=0.006)
+
+
+def test_in_a_corridor_the_way_along_it_is_left_to_the_odometry_and_reported():
+    world = lrf3d.World([[-100, 0, 200, 0], [-100, 2, 200, 2]])
+    scans, wheels, true = drive(world, [(0, 1), (30, 1)], bias=0.0)
+    solution = solve_log(scans, wheels, np.arange(len(scans)))
+    last = solution.slam.tracked[-1]
+    assert last.weak and abs(last.weakest[0][0]) > 0.99
+    assert np.abs(solution.scan_poses[:, 1] - true[:, 1]).max() < 0.02
+    assert errors(true, solution.scan_poses).max() < 1.0
+
+
+def test_pose_and_map_are_current_after_every_scan():
+    world = lrf3d.World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
+    scans, wheels, true = drive(world, [(1, 1), (5, 1), (5, 3)])
+    slam = lrf3d.Slam(SCANNER, start=true[0])
+    assert slam.pose == tuple(true[0]) and len(slam.map) == 0
+    steps = [np.zeros(3), *lrf3d.odometry_increments(wheels)]
+    for number, (scan, step) in enumerate(zip(scans, steps, strict=True)):
+        slam.update(scan, step)
+        assert np.hypot(*(np.array(slam.pose) - true[number])[:2]) < 0.05
+    assert len(slam.trajectory()) == len(scans)
+    assert slam.trajectory()[-1] == pytest.approx(np.array(slam.pose), abs=1e-6)
+    distances = project_on_segments(slam.map.segments.reshape(-1, 2), world.segments)[0]
+    assert len(slam.map) >= 5 and distances.min(axis=1).max() < 0.1
+
+
+def test_the_covariance_is_that_of_the_errors():
+    squares = []
+    for seed in range(6):
+        scans, wheels, true = drive(rooms(2), through(2), seed=seed)
+        slam = lrf3d.Slam(start=true[0])
+        steps = [np.zeros(3), *lrf3d.odometry_increments(wheels)]
+        for number, (scan, step) in enumerate(zip(scans, steps, strict=True)):
+            slam.update(scan, step)
+            if number % 50 == 49:
+                error = np.array(slam.pose) - true[number]
+                error[2] = np.angle(np.exp(1j * error[2]))
+                squares.append(error @ np.linalg.solve(slam.covariance(), error) / 3.0)
+    assert len(squares) > 15
+    assert 0.2 < np.mean(squares) < 3.0
+
+
+def test_the_covariance_of_a_relative_pose_does_not_depend_on_the_way_to_it(identical_rooms):
+    slam = identical_rooms[0].slam
+    last = len(slam.key_scans) - 1
+    near, far = slam.relative_covariance(last - 1, last), slam.relative_covariance(0, last)
+    assert (np.linalg.eigvalsh(near) > 0.0).all()
+    assert np.trace(near[:2, :2]) < np.trace(far[:2, :2])
+    assert slam.relative_covariance(3, 3).tolist() == np.zeros((3, 3)).tolist()
+    with pytest.raises(InputError, match="key scan"):
+        slam.relative_covariance(0, last + 1)
+
+
+def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry():
+    scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 1.0])
+    with pytest.raises(InputError, match="2 beams"):
+        lrf3d.Slam(SCANNER).update(scan, (0, 0, 0))
+    with pytest.raises(InputError, match="finite"):
+        lrf3d.Slam().update(scan, (0, np.nan, 0))
+    with pytest.raises(InputError, match="positive"):
+        lrf3d.Slam(key_distance=0.0)
+
+
+def test_a_scan_without_any_return_leaves_the_robot_to_the_odometry():
+    slam = lrf3d.Slam()
+    empty = lrf3d.LaserScan((0, 0, 0), SCANNER.angles, np.full(181, np.inf))
+    for _ in range(3):
+        slam.update(empty, (0.5, 0.0, 0.1))
+    assert slam.pose.x > 0.9
+    assert len(slam.map) == 0
+
+
+def test_the_lag_of_the_laser_is_found():
+    scans, wheels, _ = drive(rooms(2), through(2) * 2, bias=0.0, heading=0.001)
+    # Lines lie twice as dense as scans, and a scan was taken 0.6 lines before its place.
+    lines = wheel_poses_at(wheels, np.arange(0.0, len(wheels) - 0.5, 0.5))
+    places = np.arange(0, len(lines), 2)
+    shifted = wheel_poses_at(lines, np.arange(len(lines)) + 0.6)
+    solution = solve_log(scans, shifted, places)
+    assert solution.lag == pytest.approx(0.6, abs=0.1)
+
+
+def test_an_odometry_that_jumps_is_mended_and_reported():
+    scans, wheels, true = drive(rooms(2), through(2))
+    jumped = wheels.copy()
+    jumped[60:, 0] += 10.0
+    solution = solve_log(scans, jumped, np.arange(len(scans)))
+    assert solution.jumps == (60,)
+    assert errors(true, solution.scan_poses).max() < 0.1
+    same, none = without_jumps(wheels)
+    assert none == () and same is wheels
+
+
+def test_lines_between_scans_follow_the_odometry():
+    wheels = np.column_stack([np.arange(9.0), np.zeros(9), np.zeros(9)])
+    places = np.array([0, 4, 8])
+    known = np.array([[0.0, 1.0, 0.0], [4.0, 1.0, 0.0], [8.4, 1.0, 0.0]])
+    poses = line_poses(wheels, places, 0.0, known)
+    assert poses[places] == pytest.approx(known)
+    assert poses[2] == pytest.approx([2.0, 1.0, 0.0])
+    assert poses[6] == pytest.approx([6.2, 1.0, 0.0])
+
+
+def test_stamps_that_run_backwards_become_times_that_rise():
+    times, wrong = rising(np.array([0.0, 1.0, 0.9, 1.1, 1.1]))
+    assert wrong == 2
+    assert (np.diff(times) > 0.0).all()
+    assert times[[0, 1, 3]].tolist() == [0.0, 1.0, 1.1]
+
+
+def test_beams_that_pass_through_what_the_other_saw_are_counted():
+    angles = np.linspace(-0.5, 0.5, 11)
+    ranges = np.full(11, 4.0)
+    points = np.array([[2.0, 0.0], [4.1, 0.0], [3.8, 0.3], [2.0, 30.0]])
+    assert seen_through(points, np.zeros(2), angles, ranges) == (1, 3)
+
+
+def test_a_log_of_too_little_is_refused():
+    scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 1.0])
+    with pytest.raises(InputError, match="at least two"):
+        solve_log([scan], np.zeros((1, 3)), np.zeros(1, np.int64))
+    other = lrf3d.LaserScan((0, 0, 0), [0.0, 0.2], [1.0, 1.0])
+    with pytest.raises(InputError, match="scan 1 has 2 beams"):
+        solve_log([scan, other], np.zeros((2, 3)), np.arange(2))

@@ -1,0 +1,25 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from lrf3d.slam.ways import WayGraph
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(2, 600), st.integers(0, 2**32 - 1), st.floats(1.0, 50.0))
+def test_ways_are_those_of_dijkstra(count, seed, limit):
+    rng = np.random.default_rng(seed)
+    links = [(k - 1, k) for k in range(1, count)] + rng.integers(0, count, (count, 2)).tolist()
+    graph, table = WayGraph(), np.full((count, count), np.inf)
+    for _ in range(count):
+        graph.add()
+    for first, second in links:
+        length = float(rng.uniform(0.5, 5.0))
+        graph.link(first, second, length)
+        table[first, second] = min(table[first, second], length)
+    rows, columns = np.nonzero(np.isfinite(table))
+    known = csr_array((table[rows, columns], (rows, columns)), shape=table.shape)
+    expected = dijkstra(known, directed=False, indices=np.array([0]), limit=limit)[0]
+    assert np.allclose(graph.ways(0, limit), expected)
