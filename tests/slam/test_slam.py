@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+import shapely
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.geometry import project_on_segments
 from lrf3d.slam.closures import seen_through
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.lag import wheel_poses_at
@@ -100,7 +100,9 @@ def test_pose_and_map_are_current_after_every_scan():
         assert np.hypot(*(np.array(slam.pose) - true[number])[:2]) < 0.05
     assert len(slam.trajectory()) == len(scans)
     assert slam.trajectory()[-1] == pytest.approx(np.array(slam.pose), abs=1e-6)
-    distances = project_on_segments(slam.map.segments.reshape(-1, 2), world.segments)[0]
+    ends = shapely.points(slam.map.segments.reshape(-1, 2))
+    walls = shapely.linestrings(world.segments.reshape(-1, 2, 2))
+    distances = shapely.distance(ends[:, None], walls)
     assert len(slam.map) >= 5 and distances.min(axis=1).max() < 0.1
 
 
