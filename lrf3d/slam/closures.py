@@ -13,7 +13,7 @@ from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import correlate
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.surface import filled, grid_of, moved
+from lrf3d.slam.surface import evenly_spaced, grid_of, moved
 from lrf3d.slam.ways import WayGraph
 
 LEAST_WAY = 6.0
@@ -247,7 +247,8 @@ class LoopCloser:
         # A stretch so short was drawn by the front end better than the graph knows it.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
         parts = [
-            moved(filled(self.keys[k].surface), pose) for k, pose in zip(near, locals_, strict=True)
+            moved(evenly_spaced(self.keys[k].surface), pose)
+            for k, pose in zip(near, locals_, strict=True)
         ]
         cloud = np.concatenate(parts)
         if len(cloud) < LEAST_POINTS:

@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.surface import SurfaceGrid, filled, grid_of, moved
+from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, grid_of, moved
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
@@ -156,6 +156,6 @@ class FrontEnd:
         if self._local:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
         self._raw, self._found, self._ahead_known = np.zeros(3), np.zeros(3), True
-        self._local = [*self._local[1 - LOCAL_KEYS :], (filled(surface), self.pose.copy())]
+        self._local = [*self._local[1 - LOCAL_KEYS :], (evenly_spaced(surface), self.pose.copy())]
         parts = np.concatenate([moved(part, pose) for part, pose in self._local])
         self._grid = grid_of(parts) if len(parts) else None

@@ -13,7 +13,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.slam.closures import Key
 from lrf3d.slam.frames import turned
 from lrf3d.slam.scan_matching import match_scan
-from lrf3d.slam.surface import filled, grid_of, moved, surface_of_scan
+from lrf3d.slam.surface import evenly_spaced, grid_of, moved, surface_of_scan
 
 NEAREST = 8
 """Key scans that a scan is matched with. Twice as many take twice the time, and move the mean error
@@ -46,7 +46,9 @@ def settled(
     for number, (first, end) in enumerate(zip(key_scans.tolist(), ends.tolist(), strict=True)):
         apart = np.hypot(*(key_poses[:, :2] - key_poses[number, :2]).T)
         nearest = np.argsort(apart, kind="stable")[:NEAREST]
-        cloud = np.concatenate([moved(filled(keys[k].surface), key_poses[k]) for k in nearest])
+        cloud = np.concatenate(
+            [moved(evenly_spaced(keys[k].surface), key_poses[k]) for k in nearest]
+        )
         if not len(cloud):
             continue
         grid = grid_of(cloud)

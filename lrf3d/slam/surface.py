@@ -34,6 +34,9 @@ FLATTEST = 0.1
 FILLED, FILLED_WITHIN = 0.15, 2.0
 """Points of a map's wall lie at most this far apart [m] where the scan's lie within the second."""
 
+THINNED = 0.05
+"""And they lie at least this far apart [m]: 0.03 takes a tenth more time for the same errors."""
+
 CELL = 0.3
 """Side of a cell of the grid [m]; lookups see a cell and those around it."""
 
@@ -123,18 +126,25 @@ def moved(surface: Float, pose: Float) -> Float:  # pragma: no cover
 
 
 @compiled
-def filled(surface: Float) -> Float:  # pragma: no cover
-    """A surface (m, 4) with points between those that lie far apart on one straight wall.
+def evenly_spaced(surface: Float) -> Float:  # pragma: no cover
+    """A surface (m, 4) as a map needs it: with points at even distances, as far as can be.
 
-    A scanner of few beams sees a wall at points a metre apart; a scan from elsewhere sees it
-    between them.
+    A scanner of few beams sees a wall at points a metre apart, and a scan from elsewhere sees it
+    between them; one of many beams sees a near wall at points a centimetre apart, each of which
+    would be looked at again and again.
     """
     room = len(surface)
     for i in range(len(surface) - 1):
         room += _between(surface, i)
     whole = np.empty((room, 4))
     place = 0
+    last = 0
     for i in range(len(surface)):
+        dx, dy = surface[i, 0] - surface[last, 0], surface[i, 1] - surface[last, 1]
+        facing = surface[i, 2] * surface[last, 2] + surface[i, 3] * surface[last, 3]
+        if i > 0 and dx * dx + dy * dy < THINNED * THINNED and facing > 0.98:
+            continue
+        last = i
         count = _between(surface, i) if i + 1 < len(surface) else 0
         for part in range(count + 1):
             share = part / (count + 1.0)
@@ -143,7 +153,7 @@ def filled(surface: Float) -> Float:  # pragma: no cover
                 if part:
                     whole[place, k] += share * (surface[i + 1, k] - surface[i, k])
             place += 1
-    return whole
+    return whole[:place]
 
 
 @inner
