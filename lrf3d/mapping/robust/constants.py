@@ -150,10 +150,15 @@ GROWN = 0.1
 """[m] … or it has become longer by this."""
 
 UNCHANGED = 0.05
-"""[m] A segment that has moved by less is the same one, and its links are not asked for again …"""
+"""[m] A segment that has moved by less in an update is the same one, and its links are not asked
+for again …"""
 
 NEW_POINTS = 1.3
 """[share] … unless its points are this many times as many as when they were."""
+
+DRIFTED = 0.2
+"""[m] It is then linked anew if it has moved by this since it was last: links that beams crossed
+are not asked for again before. Less takes time; crossed links hardly ever become free."""
 
 # --- Refinement: hits and free-space violations ---
 

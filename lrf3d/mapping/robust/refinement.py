@@ -125,7 +125,7 @@ class MapRefinement:
         pool, waiting = self._stretches, sorted(parts)
         while waiting:
             row = waiting.pop()
-            near = pool.near(pool.walls.ends[row], LONGEST_GAP)
+            near = pool_near(pool, pool.walls.ends[row], LONGEST_GAP)
             for other in may_join(pool.walls, row, near, self._rule).tolist():
                 if other in parts:
                     continue
@@ -157,10 +157,9 @@ class MapRefinement:
                 1, rows[kept], walls.ends[kept], self._joint_stamps, self._joint_news, cells, 0.0
             )
             hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
-        gone, fresh = self.segments.exchange(old, found, moments, hits, parents)
-        self.groups.update(
-            self.segments, gone, fresh, self.segments.rows_of(set(parents.tolist())), cells, noise
-        )
+        gone, fresh, renewed = self.segments.exchange(old, found, moments, hits, parents)
+        moved = np.array(self.segments.rows_of(set(parents.tolist())), np.int64)
+        self.groups.update(self.segments, gone, fresh, renewed, moved, cells, noise)
 
     def _refit(
         self,
@@ -223,3 +222,10 @@ class MapRefinement:
         self._parts = {}
         for row in self._stretches.rows().tolist():
             self._parts.setdefault(int(self._joint[row]), []).append(row)
+
+
+def pool_near(self, segment, reach):
+    from lrf3d.mapping.robust.grid import find
+    self.search.number[0] += 1
+    count = find(self.grid, segment, reach, 4.0, self.search.stamps, int(self.search.number[0]), self.search.found)
+    return self.search.found[:count].copy()
