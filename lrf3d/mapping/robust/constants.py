@@ -149,16 +149,13 @@ MOVED = 0.01
 GROWN = 0.1
 """[m] … or it has become longer by this."""
 
-UNCHANGED = 0.05
-"""[m] A segment that has moved by less in an update is the same one, and its links are not asked
-for again …"""
+UNCHANGED = 0.15
+"""[m] A segment that lies no farther than this from where it was linked with others keeps its
+links. Its ends move by whole pieces of 0.1 m. Less takes time …"""
 
 NEW_POINTS = 1.3
-"""[share] … unless its points are this many times as many as when they were."""
-
-DRIFTED = 0.2
-"""[m] It is then linked anew if it has moved by this since it was last: links that beams crossed
-are not asked for again before. Less takes time; crossed links hardly ever become free."""
+"""[share] … but the beams are asked again about those that they have not crossed when its points
+are this many times as many as when they were."""
 
 # --- Refinement: hits and free-space violations ---
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.robust.constants import DRIFTED, MERGE_CELL, NEW_POINTS, UNCHANGED
+from lrf3d.mapping.robust.constants import MERGE_CELL, NEW_POINTS, UNCHANGED
 from lrf3d.mapping.robust.grid import Grid, Search, insert_rows, remove_rows
 from lrf3d.mapping.robust.walls import Walls, longer
 
@@ -79,14 +79,14 @@ class SegmentPool:
     ) -> tuple[Int, Int, Int]:
         """Put segments (n, 4) in the place of those of some walls.
 
-        One that hardly differs from one before keeps its row. When it has many more points it is
-        renewed, or, where it has moved little by little, a new one.
+        One that hardly differs from where another was when it was new keeps its row. When it has
+        many more points it is renewed.
 
         Returns:
             The rows whose segments are gone, those that have new ones, and those that are renewed.
         """
         old = self._pop(walls)
-        places = match(self.walls.ends, old, ends)
+        places = match(self._placed, old, ends)
         same = places >= 0
         kept = np.zeros(len(old), np.bool_)
         kept[places[same]] = True
@@ -100,13 +100,10 @@ class SegmentPool:
         grown = points[same] > NEW_POINTS * self._known[rows[same]]
         renewed = rows[same][grown]
         self._put(rows, ends, moments, points, parents)
-        drifted = np.abs(self.walls.ends[renewed] - self._placed[renewed]).max(axis=1) >= DRIFTED
-        moved, renewed = renewed[drifted], renewed[~drifted]
-        fresh = np.concatenate([fresh, moved])
-        self._placed[fresh] = self.walls.ends[fresh]
+        self._placed[fresh] = ends[~same]
         for new in (fresh, renewed):
             self._known[new] = self.walls.points[new]
-        return np.concatenate([gone, moved]), fresh, renewed
+        return gone, fresh, renewed
 
     def _take(self) -> int:
         if self._free:
@@ -155,7 +152,7 @@ def match(before: Float, old: Int, ends: Float) -> Int:  # pragma: no cover
     """For each of some segments (n, 4) the place of the old row that it hardly differs from.
 
     Args:
-        before: (rows, 4) the segments before [m].
+        before: (rows, 4) where all segments were [m].
         old: (m,) rows of them.
         ends: (n, 4) the segments [m].
 
