@@ -215,8 +215,17 @@ def misfit(
     """How far the shorter of two segments lies off the longer one's line; 1 is the most allowed."""
     x, y = ends[2] - ends[0], ends[3] - ends[1]
     u, v = other_ends[2] - other_ends[0], other_ends[3] - other_ends[1]
+    # Most pairs that are asked for are two faces of a wall, or lie far apart: their ends run so
+    # that the laser stood on the left, and opposite ways are never one.
+    if x * u + y * v <= 0.0:
+        return np.inf
+    reach = rule.length + max(rule.distance, rule.bend) + rule.most_explained
+    for k in range(2):
+        if min(ends[k], ends[k + 2]) - max(other_ends[k], other_ends[k + 2]) > reach:
+            return np.inf
+        if min(other_ends[k], other_ends[k + 2]) - max(ends[k], ends[k + 2]) > reach:
+            return np.inf
     size, length = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
-    # Ends run so that the laser stood on the left: opposite ways are two faces of a wall.
     if x * u + y * v <= SAME_DIRECTION * size * length:
         return np.inf
     if size > length:
