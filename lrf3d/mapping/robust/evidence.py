@@ -95,7 +95,8 @@ class Round(NamedTuple):
         ends: (m, 4) where they are [m].
         first: (m + 1,) the first piece of each.
         stamps: (≥ all walls,) the stamp of each wall by its number.
-        counts: (≥ all walls,) news of each wall: what it has lost to others is added.
+        counts: (≥ all walls,) news of each wall: none of these, and what others lose to them is
+            added.
     """
 
     number: int
@@ -202,6 +203,9 @@ def gather_evidence(
                                 hit_piece[found] = piece
                                 found += 1
                     cluster = cells.following[cluster]
+    # What one of these walls has lost to another of them is counted already.
+    for k in range(len(ends)):
+        turn.counts[turn.walls[k]] = 0.0
     sums = np.zeros((first[-1], 6))
     for k in range(found):
         cluster, wall, piece = claimed[k], hit_wall[k], hit_piece[k]
