@@ -106,7 +106,7 @@ class MapRefinement:
             found, moments, labels, totals = self._refit(
                 0, walls, ends, self.stamps, self.news, cells, FOLLOWED
             )
-            self.evidence[walls] = totals.sum(axis=1)
+            self.evidence[walls] = totals @ (1.0, VIOLATION_WEIGHT)
             hits = labels[:, 1].astype(np.int64)
             parents = walls[labels[:, 0].astype(np.int64)]
             fresh = self._stretches.add(found, moments, hits, parents)
