@@ -257,9 +257,9 @@ def is_crossed(
     ways = _ways_across(ux, uy, sine)
     passes, deeper = cells.passes, depth - FREE_DEPTH
     at_x, at_y, block = 1 << 40, 0, -1
-    # Most lines are crossed in wide open space, which long steps find first.
-    for start in range(min(STRIDE, steps)):
-        for step in range(start, steps, STRIDE):
+    # Most lines are crossed in wide open space, which long steps away from their ends find first.
+    for turn in range(STRIDE):
+        for step in range((turn + STRIDE // 2) % STRIDE, steps, STRIDE):
             along = end + (step + 0.5) * length / steps
             x, y = x1 + along * ux, y1 + along * uy
             column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))

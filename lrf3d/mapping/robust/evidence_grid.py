@@ -88,7 +88,7 @@ class News(NamedTuple):
 
     Args:
         stamps: (walls,) the stamp of each wall.
-        counts: (walls,) beams that hit each wall, or went through its hits, since it was refit [hits].
+        counts: (walls,) what is new of each wall since it was refit [hits].
         walls: (walls,) the walls with news, each once.
         told: (walls,) the last scan that was news for each wall.
         loose: (≥ beams,) clusters that are hits of no wall and grew.

@@ -174,16 +174,18 @@ def associate_objects(
 def _kind(link: Float, wall: int, across: int, sight: Sight) -> int:  # pragma: no cover
     """What a link (6,) of two walls is."""
     ends, cells = sight.ends, sight.cells
-    # Most long links are crossed, which is asked first.
-    if link[4] > SHORT_LINK and is_crossed(link[:4], cells, FREE_DEPTH, 0, LINK_SINE):
+    if link[4] <= TOUCH:
+        return JOINS
+    # Most links are crossed, which is asked first.
+    if link[4] <= SHORT_LINK:
+        crossed = _is_separated(link, cells)
+    else:
+        crossed = is_crossed(link[:4], cells, FREE_DEPTH, 0, LINK_SINE)
+    if crossed:
         return CROSSED
     if link[4] > ABUTS and _goes_before(link, wall, across, sight):
         return BEFORE
-    if link[4] <= TOUCH:
-        return JOINS
-    if link[4] <= SHORT_LINK:
-        return CROSSED if _is_separated(link, cells) else JOINS
-    if link[5] > 0.0:
+    if link[4] <= SHORT_LINK or link[5] > 0.0:
         return JOINS
     return BLOCKED if _is_blocked(ends[wall], ends[across], cells) else OPEN
 

@@ -112,7 +112,7 @@ class MapRefinement:
             fresh = self._stretches.add(found, moments, hits, parents)
             while len(self._joint) < len(self._stretches.parents):
                 self._joint = longer(self._joint)
-                self._marks = longer(self._marks)
+                self._marks = np.zeros(len(self._joint), np.bool_)
                 self._rings = np.concatenate([self._rings, np.empty_like(self._rings)])
                 self._joint_stamps = longer(self._joint_stamps)
                 self._joint_news = longer(self._joint_news)
