@@ -13,7 +13,7 @@ from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, MERGE_CELL, 
 from lrf3d.mapping.robust.evidence import is_crossed
 from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.grid import Grid, Search, longer, near, order_of
-from lrf3d.mapping.robust.walls import Rule, Walls, merge, misfit, partner
+from lrf3d.mapping.robust.walls import Rule, Walls, may_fit, merge, misfit, partner
 
 
 @inner
@@ -191,6 +191,8 @@ def _bridge(walls: Walls, rule: Rule, cells: Cells, parents: Int) -> None:  # pr
 @inner
 def _fits(walls: Walls, one: int, other: int, rule: Rule) -> bool:  # pragma: no cover
     ends, moments = walls.ends, walls.moments
+    if not may_fit(ends, one, other, rule):
+        return False
     misses: float = misfit(ends[one], moments[one], ends[other], moments[other], rule)
     return misses < 1.0
 
