@@ -196,7 +196,7 @@ FORSAKEN = 4.0
 violations outweigh its hits by this. Less takes time to find weak walls again and again."""
 
 OPEN_WEIGHT = 0.5
-"""[hits] What a free-space violation weighs at a piece without hits."""
+"""[hits] What a free-space violation weighs at a piece without hits, and as news of a wall."""
 
 DUPLICATE_WEIGHT = 0.2
 """[hits] What a beam weighs that hit another wall more nearly: a second copy of a wall is not

@@ -32,9 +32,9 @@ from lrf3d.mapping.robust.constants import (
     HIT_DIRECTIONS,
     MOST_HITS,
     MOST_PASSES,
+    OPEN_WEIGHT,
     PASS_DIRECTIONS,
     SAME_WAY,
-    VIOLATION_WEIGHT,
 )
 
 Number = TypeVar("Number", bound=np.generic)
@@ -210,7 +210,7 @@ def _contradict(
     cluster = cells.heads[solid, cell]
     while cluster >= 0:
         total = cells.moments[cluster]
-        weight = VIOLATION_WEIGHT
+        weight = OPEN_WEIGHT
         if dx * total[7] + dy * total[8] > SAME_WAY:
             cells.misses[cluster] += 1
             if cells.misses[cluster] >= GONE_AFTER:

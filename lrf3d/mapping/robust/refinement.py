@@ -19,6 +19,7 @@ from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.constants import (
     FOLLOWED,
     FORSAKEN,
+    OPEN_WEIGHT,
     PIECE,
     SHORT_WALL,
     VIOLATION_WEIGHT,
@@ -106,7 +107,7 @@ class MapRefinement:
             found, moments, labels, totals = self._refit(
                 0, walls, ends, self.stamps, self.news, cells, FOLLOWED
             )
-            self.evidence[walls] = totals @ (1.0, VIOLATION_WEIGHT)
+            self.evidence[walls] = totals @ (1.0, OPEN_WEIGHT)
             hits = labels[:, 1].astype(np.int64)
             parents = walls[labels[:, 0].astype(np.int64)]
             fresh = self._stretches.add(found, moments, hits, parents)
