@@ -14,5 +14,5 @@ def objects_of(walls, cells):
     pool, groups = SegmentPool(), ObjectGroups()
     points = np.full(count, 9)
     rows = pool.add(walls, np.ones((count, 6)), points, np.arange(count))
-    groups.update(pool, rows[:0], rows, [], cells, RangeNoise(0.01, 0.0))
+    groups.update(pool, rows[:0], rows, rows[:0], rows[:0], cells, RangeNoise(0.01, 0.0))
     return groups.labels[rows]

@@ -149,11 +149,13 @@ MOVED = 0.01
 GROWN = 0.1
 """[m] … or it has become longer by this."""
 
-UNCHANGED = 0.05
-"""[m] A segment that has moved by less is the same one, and its links are not asked for again …"""
+UNCHANGED = 0.15
+"""[m] A segment that lies no farther than this from where it was linked with others keeps its
+links. Its ends move by whole pieces of 0.1 m. Less takes time …"""
 
 NEW_POINTS = 1.3
-"""[share] … unless its points are this many times as many as when they were."""
+"""[share] … but the beams are asked again about those that they have not crossed when its points
+are this many times as many as when they were."""
 
 # --- Refinement: hits and free-space violations ---
 
@@ -194,7 +196,7 @@ FORSAKEN = 4.0
 violations outweigh its hits by this. Less takes time to find weak walls again and again."""
 
 OPEN_WEIGHT = 0.5
-"""[hits] What a free-space violation weighs at a piece without hits."""
+"""[hits] What a free-space violation weighs at a piece without hits, and as news of a wall."""
 
 DUPLICATE_WEIGHT = 0.2
 """[hits] What a beam weighs that hit another wall more nearly: a second copy of a wall is not

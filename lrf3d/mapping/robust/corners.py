@@ -28,9 +28,9 @@ def close_corners(ends: Float, objects: Int) -> None:  # pragma: no cover
             after += 1
             if xs[other] - xs[one] > 2.0 * CORNER_REACH:
                 break
-            if objects[one % count] != objects[other % count]:
+            if abs(ys[other] - ys[one]) > 2.0 * CORNER_REACH:
                 continue
-            if one % count == other % count or abs(ys[other] - ys[one]) > 2.0 * CORNER_REACH:
+            if one % count == other % count or objects[one % count] != objects[other % count]:
                 continue
             if found == len(pairs):
                 pairs = with_more_room(pairs)

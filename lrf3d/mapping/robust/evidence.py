@@ -27,29 +27,24 @@ from lrf3d.mapping.robust.constants import (
     WALL_SINE,
 )
 from lrf3d.mapping.robust.evidence_grid import Cells
+from lrf3d.mapping.robust.grid import longer
+
+COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
+SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
+"""The directions by which the beams through a cell are told apart."""
+
+STRIDE = 8
+"""Steps from one to the next where a line is first searched for beams that cross it."""
 
 
 @inner
-def crossings(
-    cells: Cells, x: float, y: float, ux: float, uy: float, deeper: float, sine: float
-) -> int:  # pragma: no cover
-    """How many beams went across the direction (ux, uy) at a place [m], and so much [m] deeper."""
-    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
-    if block < 0:
-        return 0
-    place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    count = 0
+def _ways_across(ux: float, uy: float, sine: float) -> int:  # pragma: no cover
+    """The directions of the beams that cross a direction (ux, uy), each a bit."""
+    ways = 0
     for way in range(PASS_DIRECTIONS):
-        passed = cells.passes[block, way * SIDE * SIDE + place] & MOST_PASSES
-        if passed:
-            turn = 2.0 * np.pi * way / PASS_DIRECTIONS
-            if abs(np.cos(turn) * uy - np.sin(turn) * ux) > sine:
-                if deeper > 0.0:
-                    dx, dy = np.cos(turn), np.sin(turn)
-                    passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
-                count += passed
-    return count
+        if abs(COSINES[way] * uy - SINES[way] * ux) > sine:
+            ways |= 1 << way
+    return ways
 
 
 @inner
@@ -64,6 +59,33 @@ def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no co
     return passed
 
 
+@inner
+def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma: no cover
+    """Count the beams that went through each piece (n, 3) of a wall (4,)."""
+    x1, y1, x2, y2 = ends[0], ends[1], ends[2], ends[3]
+    pieces = len(counts)
+    length = np.hypot(x2 - x1, y2 - y1)
+    ux, uy = (x2 - x1) / length, (y2 - y1) / length
+    ways = _ways_across(ux, uy, WALL_SINE)
+    passes = cells.passes
+    at_x, at_y, block = 1 << 40, 0, -1
+    for piece in range(pieces):
+        along = (piece + 0.5) * length / pieces
+        column = int(np.floor((x1 + along * ux) / CELL))
+        row = int(np.floor((y1 + along * uy) / CELL))
+        # Most pieces are in the block of the one before, which is not looked up again.
+        if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
+            at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+            block = block_at(cells.open, at_x, at_y)
+        if block >= 0:
+            place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+            count = 0
+            for way in range(PASS_DIRECTIONS):
+                if (ways >> way) & 1:
+                    count += passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+            counts[piece, 1] += count * (PIECE / CELL)
+
+
 class Round(NamedTuple):
     """The walls whose evidence is gathered in a round of the refinement.
 
@@ -73,7 +95,8 @@ class Round(NamedTuple):
         ends: (m, 4) where they are [m].
         first: (m + 1,) the first piece of each.
         stamps: (≥ all walls,) the stamp of each wall by its number.
-        counts: (≥ all walls,) news of each wall: what it has lost to others is added.
+        counts: (≥ all walls,) news of each wall: none of these, and what others lose to them is
+            added.
     """
 
     number: int
@@ -82,15 +105,6 @@ class Round(NamedTuple):
     first: Int
     stamps: NDArray[np.int32]
     counts: Float
-
-
-@inner
-def longer(column: Int) -> Int:  # pragma: no cover
-    """An array with as many numbers behind it, which may be anything."""
-    grown = np.empty(2 * len(column), np.int64)
-    for k in range(len(column)):
-        grown[k] = column[k]
-    return grown
 
 
 @compiled
@@ -121,6 +135,8 @@ def gather_evidence(
     hit_piece = np.empty(256, np.int64)
     found = 0
     band = near + HIT_DEVIATIONS * cells.widest[0]
+    heads, moments = cells.heads, cells.moments
+    at_x, at_y, block = 1 << 40, 0, -1
     for wall in range(len(ends)):
         x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
         length = np.hypot(x2 - x1, y2 - y1)
@@ -128,10 +144,7 @@ def gather_evidence(
             continue
         ux, uy = (x2 - x1) / length, (y2 - y1) / length
         pieces = first[wall + 1] - first[wall]
-        for piece in range(pieces):
-            along = (piece + 0.5) * length / pieces
-            passed = crossings(cells, x1 + along * ux, y1 + along * uy, ux, uy, 0.0, WALL_SINE)
-            counts[first[wall] + piece, 1] += passed * (PIECE / CELL)
+        _add_violations(ends[wall], counts[first[wall] : first[wall + 1]], cells)
         steep = abs(uy) > abs(ux)
         # Columns of cells along the axis that the wall runs along more.
         begin, end = (min(y1, y2), max(y1, y2)) if steep else (min(x1, x2), max(x1, x2))
@@ -145,18 +158,20 @@ def gather_evidence(
             low, high = int(np.floor((middle - half) / CELL)), int(np.floor((middle + half) / CELL))
             for row in range(low, high + 1):
                 cx, cy = (row, column) if steep else (column, row)
-                block = block_at(cells.solid, cx >> SIDE_BITS, cy >> SIDE_BITS)
+                if cx >> SIDE_BITS != at_x or cy >> SIDE_BITS != at_y:
+                    at_x, at_y = cx >> SIDE_BITS, cy >> SIDE_BITS
+                    block = block_at(cells.solid, at_x, at_y)
                 if block < 0:
                     continue
-                cluster = cells.heads[block, ((cy & (SIDE - 1)) << SIDE_BITS) + (cx & (SIDE - 1))]
+                cluster = heads[block, ((cy & (SIDE - 1)) << SIDE_BITS) + (cx & (SIDE - 1))]
                 while cluster >= 0:
-                    moments = cells.moments[cluster]
-                    ox, oy = moments[2] - x1, moments[3] - y1
+                    ox, oy = moments[cluster, 2] - x1, moments[cluster, 3] - y1
                     place = ox * ux + oy * uy
                     if 0.0 <= place <= length:
-                        incidence = moments[7] * uy - moments[8] * ux
+                        incidence = moments[cluster, 7] * uy - moments[cluster, 8] * ux
                         slope = abs(incidence)
-                        deviation = np.sqrt(moments[0] / moments[1])
+                        hits = moments[cluster, 0]
+                        deviation = np.sqrt(hits / moments[cluster, 1])
                         piece = first[wall] + min(int(place / length * pieces), pieces - 1)
                         off = near + HIT_DEVIATIONS * deviation * slope
                         away = abs(oy * ux - ox * uy)
@@ -164,7 +179,7 @@ def gather_evidence(
                         continues = place < margin or place > length - margin
                         allowed = CONTINUATION_STRICTNESS * off if continues else off
                         if away <= allowed and away < DEEPEST_HIT * allowed * slope:
-                            counts[piece, 2] += moments[0]
+                            counts[piece, 2] += hits
                             if continues:
                                 away += CONTINUATION_PENALTY * off
                             # A wall seen from its back does not end a beam.
@@ -176,7 +191,7 @@ def gather_evidence(
                             )
                             if not owned or away < cells.apart[cluster, number]:
                                 if owned:
-                                    turn.counts[owner] += moments[0]
+                                    turn.counts[owner] += hits
                                 owner = turn.walls[wall]
                                 cells.owners[cluster, number] = owner
                                 cells.claims[cluster, number] = turn.stamps[owner]
@@ -188,23 +203,26 @@ def gather_evidence(
                                 hit_piece[found] = piece
                                 found += 1
                     cluster = cells.following[cluster]
+    # What one of these walls has lost to another of them is counted already.
+    for k in range(len(ends)):
+        turn.counts[turn.walls[k]] = 0.0
     sums = np.zeros((first[-1], 6))
     for k in range(found):
         cluster, wall, piece = claimed[k], hit_wall[k], hit_piece[k]
         if cells.owners[cluster, number] != turn.walls[wall]:
             continue
-        moments = cells.moments[cluster]
-        counts[piece, 0] += moments[0]
-        counts[piece, 2] -= moments[0]
+        total = moments[cluster]
+        counts[piece, 0] += total[0]
+        counts[piece, 2] -= total[0]
         x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
         length = np.hypot(x2 - x1, y2 - y1)
         ux, uy = (x2 - x1) / length, (y2 - y1) / length
-        ox, oy = moments[2] - x1, moments[3] - y1
+        ox, oy = total[2] - x1, total[3] - y1
         along, aside = ox * ux + oy * uy, oy * ux - ox * uy
-        slope = max(abs(moments[7] * uy - moments[8] * ux), LEAST_INCIDENCE)
+        slope = max(abs(total[7] * uy - total[8] * ux), LEAST_INCIDENCE)
         factor = 1.0 / (slope * slope)
-        weight = factor * moments[1]
-        xx, xy, yy = moments[4], moments[5], moments[6]
+        weight = factor * total[1]
+        xx, xy, yy = total[4], total[5], total[6]
         sums[piece, 0] += weight
         sums[piece, 1] += weight * along
         sums[piece, 2] += weight * aside
@@ -236,11 +254,28 @@ def is_crossed(
     end = min(LINK_END, 0.25 * length)
     length -= 2.0 * end
     steps = int(length / CELL) + 1
-    for step in range(steps):
-        along = end + (step + 0.5) * length / steps
-        spare -= crossings(
-            cells, x1 + along * ux, y1 + along * uy, ux, uy, depth - FREE_DEPTH, sine
-        )
-        if spare < 0:
-            return True
+    ways = _ways_across(ux, uy, sine)
+    passes, deeper = cells.passes, depth - FREE_DEPTH
+    at_x, at_y, block = 1 << 40, 0, -1
+    # Most lines are crossed in wide open space, which long steps away from their ends find first.
+    for turn in range(STRIDE):
+        for step in range((turn + STRIDE // 2) % STRIDE, steps, STRIDE):
+            along = end + (step + 0.5) * length / steps
+            x, y = x1 + along * ux, y1 + along * uy
+            column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+            if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
+                at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+                block = block_at(cells.open, at_x, at_y)
+            if block < 0:
+                continue
+            place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+            for way in range(PASS_DIRECTIONS):
+                if (ways >> way) & 1:
+                    passed = passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+                    if passed and deeper > 0.0:
+                        dx, dy = COSINES[way], SINES[way]
+                        passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
+                    spare -= passed
+            if spare < 0:
+                return True
     return False

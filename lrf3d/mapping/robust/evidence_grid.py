@@ -32,6 +32,7 @@ from lrf3d.mapping.robust.constants import (
     HIT_DIRECTIONS,
     MOST_HITS,
     MOST_PASSES,
+    OPEN_WEIGHT,
     PASS_DIRECTIONS,
     SAME_WAY,
 )
@@ -87,7 +88,7 @@ class News(NamedTuple):
 
     Args:
         stamps: (walls,) the stamp of each wall.
-        counts: (walls,) beams that hit each wall, or went through its hits, since it was refit.
+        counts: (walls,) what is new of each wall since it was refit [hits].
         walls: (walls,) the walls with news, each once.
         told: (walls,) the last scan that was news for each wall.
         loose: (≥ beams,) clusters that are hits of no wall and grew.
@@ -177,9 +178,9 @@ def add_beams(
 
 
 @inner
-def note(news: News, wall: int) -> None:  # pragma: no cover
-    """Note that a beam is news for a wall."""
-    news.counts[wall] += 1.0
+def note(news: News, wall: int, weight: float) -> None:  # pragma: no cover
+    """Note that a beam is news for a wall, of a weight [hits]."""
+    news.counts[wall] += weight
     if news.told[wall] != news.numbers[2]:
         news.told[wall] = news.numbers[2]
         news.walls[news.numbers[0]] = wall
@@ -209,16 +210,18 @@ def _contradict(
     cluster = cells.heads[solid, cell]
     while cluster >= 0:
         total = cells.moments[cluster]
+        weight = OPEN_WEIGHT
         if dx * total[7] + dy * total[8] > SAME_WAY:
             cells.misses[cluster] += 1
             if cells.misses[cluster] >= GONE_AFTER:
                 # What beams hit there is gone: each further few halve what is left of it.
                 cells.misses[cluster] -= GONE_AFTER // 4
+                weight += 0.5 * total[0]
                 for k in (0, 1, 4, 5, 6):
                     total[k] *= 0.5
         owner = cells.owners[cluster, 0]
         if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
-            note(news, owner)
+            note(news, owner, weight)
         cluster = cells.following[cluster]
 
 
@@ -292,7 +295,7 @@ def _add_hit(
     total[8] += (dy - total[8]) / total[0]
     owner = cells.owners[cluster, 0]
     if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
-        note(news, owner)
+        note(news, owner, 1.0)
     else:
         news.loose[news.numbers[1]] = cluster
         news.numbers[1] += 1

@@ -44,6 +44,25 @@ class Grid(NamedTuple):
         )
 
 
+class Search(NamedTuple):
+    """What searches of a grid need.
+
+    Args:
+        number: (1,) number of the last one.
+        stamps: (rows,) the last one that met each row.
+        found: (rows,) room for the rows that are found.
+    """
+
+    number: Int
+    stamps: Int
+    found: Int
+
+    @classmethod
+    def of_size(cls, rows: int) -> "Search":
+        """No search yet."""
+        return cls(np.zeros(1, np.int64), np.zeros(rows, np.int64), np.empty(rows, np.int64))
+
+
 @inner
 def slot_of(grid: Grid, x: int, y: int) -> int:  # pragma: no cover
     """The slot of a cell, or the free one that it would take."""
@@ -122,6 +141,24 @@ def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:  # pragma
 
 
 @compiled
+def insert_rows(
+    grid: Grid, rows: Int, begin: int, segments: Float, cell: float
+) -> int:  # pragma: no cover
+    """Put rows (n,) of segments into the grid, from one on; returns the first without room."""
+    for k in range(begin, len(rows)):
+        if not insert(grid, rows[k], segments[rows[k]], cell):
+            return k
+    return len(rows)
+
+
+@compiled
+def remove_rows(grid: Grid, rows: Int, segments: Float, cell: float) -> None:  # pragma: no cover
+    """Take rows (n,) of segments out of the grid."""
+    for k in range(len(rows)):
+        remove(grid, rows[k], segments[rows[k]], cell)
+
+
+@compiled
 def find(
     grid: Grid, segment: Float, reach: float, cell: float, stamps: Int, stamp: int, found: Int
 ) -> int:  # pragma: no cover
@@ -166,6 +203,15 @@ def near(
                         count += 1
                     entry = grid.following[entry]
     return count
+
+
+@inner
+def longer(column: Int) -> Int:  # pragma: no cover
+    """An array with as many numbers behind it, which may be anything."""
+    grown = np.empty(2 * len(column), np.int64)
+    for k in range(len(column)):
+        grown[k] = column[k]
+    return grown
 
 
 @inner

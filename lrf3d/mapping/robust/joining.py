@@ -5,14 +5,15 @@ wall also where a gap was never looked into, so that no beam has crossed it.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, WALL_SINE
+from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, MERGE_CELL, WALL_SINE
 from lrf3d.mapping.robust.evidence import is_crossed
 from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.grid import order_of
-from lrf3d.mapping.robust.walls import Rule, Walls, merge, misfit, partner
+from lrf3d.mapping.robust.grid import Grid, Search, longer, near, order_of
+from lrf3d.mapping.robust.walls import Rule, Walls, may_fit, merge, misfit, partner
 
 
 @inner
@@ -26,18 +27,97 @@ def _straight(rule: Rule) -> Rule:  # pragma: no cover
 
 
 @compiled
-def may_join(walls: Walls, row: int, others: Int, rule: Rule) -> Int:  # pragma: no cover
-    """Which of the others a row may be one wall with, if no beam parts them."""
-    straight = _straight(rule)
-    kept = np.empty(len(others), np.int64)
+def parts_of(rows: Int, rings: Int, marks: NDArray[np.bool_]) -> Int:  # pragma: no cover
+    """All stretches (m,) of the walls that some stretches (n,) are of, each once.
+
+    Args:
+        rows: The rows of the stretches.
+        rings: (all rows,) the next stretch of the same wall, in a ring.
+        marks: (all rows,) False; is written, and restored.
+    """
+    parts = np.empty(64, np.int64)
     count = 0
-    for k in range(len(others)):
-        other = others[k]
-        if other != row and walls.points[other] > 0:
+    for k in range(len(rows)):
+        row = rows[k]
+        while not marks[row]:
+            marks[row] = True
+            if count == len(parts):
+                parts = longer(parts)
+            parts[count] = row
+            count += 1
+            row = rings[row]
+    for k in range(count):
+        marks[parts[k]] = False
+    return parts[:count]
+
+
+@compiled
+def neighbours_of(
+    rows: Int,
+    walls: Walls,
+    grid: Grid,
+    search: Search,
+    rings: Int,
+    marks: NDArray[np.bool_],
+    rule: Rule,
+) -> Int:  # pragma: no cover
+    """All other stretches of the walls that some stretches may be of, and that those may be of.
+
+    Args:
+        rows: (n,) the rows of the stretches, with all of their walls that are left.
+        walls: All stretches.
+        grid: Where they are, in cells of MERGE_CELL.
+        search: Is written by searches of the grid.
+        rings: (all rows,) the next stretch of the same wall, in a ring.
+        marks: (all rows,) False; is written, and restored.
+        rule: What one wall is.
+    """
+    straight = _straight(rule)
+    parts = np.empty(len(rows) + 64, np.int64)
+    count = len(rows)
+    for k in range(count):
+        parts[k] = rows[k]
+        marks[rows[k]] = True
+    turn = 0
+    while turn < count:
+        row = parts[turn]
+        turn += 1
+        search.number[0] += 1
+        number = search.number[0]
+        segment = walls.ends[row]
+        size = near(grid, segment, LONGEST_GAP, MERGE_CELL, search.stamps, number, search.found)
+        for k in range(size):
+            other = search.found[k]
+            if marks[other] or walls.points[other] == 0:
+                continue
             if _fits(walls, row, other, rule) or _fits(walls, row, other, straight):
-                kept[count] = other
-                count += 1
-    return kept[:count]
+                while not marks[other]:
+                    marks[other] = True
+                    if count == len(parts):
+                        parts = longer(parts)
+                    parts[count] = other
+                    count += 1
+                    other = rings[other]
+    for k in range(count):
+        marks[parts[k]] = False
+    return parts[len(rows) : count]
+
+
+@compiled
+def tie_rings(rows: Int, joints: Int, rings: Int) -> None:  # pragma: no cover
+    """Tie the stretches of each wall into a ring.
+
+    Args:
+        rows: (n,) their rows.
+        joints: (all rows,) the wall that each is of, named by one of its stretches.
+        rings: (all rows,) is written.
+    """
+    for k in range(len(rows)):
+        rings[rows[k]] = rows[k]
+    for k in range(len(rows)):
+        row, first = rows[k], joints[rows[k]]
+        if row != first:
+            rings[row], rings[first] = rings[first], row
 
 
 @compiled
@@ -111,6 +191,8 @@ def _bridge(walls: Walls, rule: Rule, cells: Cells, parents: Int) -> None:  # pr
 @inner
 def _fits(walls: Walls, one: int, other: int, rule: Rule) -> bool:  # pragma: no cover
     ends, moments = walls.ends, walls.moments
+    if not may_fit(ends, one, other, rule):
+        return False
     misses: float = misfit(ends[one], moments[one], ends[other], moments[other], rule)
     return misses < 1.0
 

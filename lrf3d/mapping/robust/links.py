@@ -14,8 +14,11 @@ from lrf3d.mapping.robust.constants import (
     HIDDEN_LINK,
     HIDDEN_SINE,
     LONGEST_LINK,
+    MERGE_CELL,
     SHORT_LINK,
 )
+from lrf3d.mapping.robust.grid import Grid, Search, longer, near
+from lrf3d.mapping.robust.walls import Walls
 
 UNASKED = 0
 """The kind of a link that the beams were not asked about."""
@@ -27,9 +30,11 @@ class Links(NamedTuple):
     Args:
         pairs: (links, 2) the walls that each is between.
         lines: (links, 6) see `measure_link`.
-        kinds: (links,) what each is, as far as it was asked.
+        kinds: (links,) what each is, as far as it was asked. One that beams have crossed is
+            dropped.
         following: (links, 2) the next entry of the list of either wall, −1 at the end; entry
             2·link + side stands for a link in the list of the wall on that side of its pair.
+        preceding: (links, 2) the entry before, −1 at the beginning.
         heads: (walls,) the first entry of each wall's list.
         used: (2,) links that were taken, and the first that was given back.
     """
@@ -38,6 +43,7 @@ class Links(NamedTuple):
     lines: Float
     kinds: NDArray[np.int8]
     following: Int
+    preceding: Int
     heads: Int
     used: Int
 
@@ -46,7 +52,8 @@ class Links(NamedTuple):
         """No links, with room for some."""
         return cls(
             np.zeros((links, 2), np.int64), np.zeros((links, 6)), np.zeros(links, np.int8),
-            np.full((links, 2), -1), np.full(walls, -1), np.array([0, -1]),
+            np.full((links, 2), -1), np.full((links, 2), -1), np.full(walls, -1),
+            np.array([0, -1]),
         )  # fmt: skip
 
 
@@ -116,55 +123,108 @@ def reach_before(wall: Float, link: Float) -> float:  # pragma: no cover
 
 
 @compiled
-def add_links(links: Links, wall: int, others: Int, ends: Float) -> bool:  # pragma: no cover
-    """Add the links from a wall to others; False where there is no room for them.
+def add_links(
+    links: Links, fresh: Int, begin: int, places: Int, walls: Walls, grid: Grid, search: Search
+) -> int:  # pragma: no cover
+    """Add the links of some walls to all others near them.
 
     Args:
         links: Is written.
-        wall: The row of the wall, which has no links.
-        others: (n,) rows.
-        ends: (rows, 4) the walls [m].
+        fresh: (n,) the rows of the walls, which have no links.
+        begin: The first of them whose links are to be added.
+        places: (rows,) at each of them its place among them; −1 at all other walls.
+        walls: All walls.
+        grid: Where they are, in cells of MERGE_CELL.
+        search: Is written.
+
+    Returns:
+        The first of them that there was no room for; its links are to be dropped.
     """
     line = np.empty(6)
-    for k in range(len(others)):
-        other = others[k]
-        if other == wall or not measure_link(ends[wall], ends[other], line):
-            continue
-        link = links.used[1]
-        if link >= 0:
-            links.used[1] = links.following[link, 0]
-        elif links.used[0] < len(links.kinds):
-            link = links.used[0]
-            links.used[0] += 1
+    ends = walls.ends
+    for k in range(begin, len(fresh)):
+        wall = fresh[k]
+        search.number[0] += 1
+        stamp = search.number[0]
+        count = near(grid, ends[wall], LONGEST_LINK, MERGE_CELL, search.stamps, stamp, search.found)
+        for i in range(count):
+            other = search.found[i]
+            # A link of two of them is added once, by the later one.
+            if places[other] >= k or not measure_link(ends[wall], ends[other], line):
+                continue
+            link = links.used[1]
+            if link >= 0:
+                links.used[1] = links.following[link, 0]
+            elif links.used[0] < len(links.kinds):
+                link = links.used[0]
+                links.used[0] += 1
+            else:
+                return k
+            links.kinds[link] = UNASKED
+            for place in range(6):
+                links.lines[link, place] = line[place]
+            links.pairs[link, 0], links.pairs[link, 1] = wall, other
+            for side in range(2):
+                row = links.pairs[link, side]
+                entry, head = 2 * link + side, links.heads[row]
+                links.following[link, side], links.preceding[link, side] = head, -1
+                if head >= 0:
+                    links.preceding[head >> 1, head & 1] = entry
+                links.heads[row] = entry
+    return len(fresh)
+
+
+@inner
+def drop_link(links: Links, link: int) -> None:  # pragma: no cover
+    """Take a link out of the lists of its two walls."""
+    for side in range(2):
+        before, after = links.preceding[link, side], links.following[link, side]
+        if before < 0:
+            links.heads[links.pairs[link, side]] = after
         else:
-            return False
-        links.kinds[link] = UNASKED
-        for place in range(6):
-            links.lines[link, place] = line[place]
-        links.pairs[link, 0], links.pairs[link, 1] = wall, other
-        for side in range(2):
-            row = links.pairs[link, side]
-            links.following[link, side] = links.heads[row]
-            links.heads[row] = 2 * link + side
-    return True
+            links.following[before >> 1, before & 1] = after
+        if after >= 0:
+            links.preceding[after >> 1, after & 1] = before
+    links.following[link, 0] = links.used[1]
+    links.used[1] = link
 
 
 @compiled
-def drop_links(links: Links, wall: int) -> None:  # pragma: no cover
-    """Take all links of a wall out."""
-    entry = links.heads[wall]
-    while entry >= 0:
-        link, side = entry >> 1, entry & 1
-        other, twin = links.pairs[link, 1 - side], 2 * link + 1 - side
-        before, place = -1, links.heads[other]
-        while place != twin:
-            before, place = place, links.following[place >> 1, place & 1]
-        after = links.following[link, 1 - side]
-        if before < 0:
-            links.heads[other] = after
-        else:
-            links.following[before >> 1, before & 1] = after
-        entry = links.following[link, side]
-        links.following[link, 0] = links.used[1]
-        links.used[1] = link
-    links.heads[wall] = -1
+def drop_links(links: Links, walls: Int) -> None:  # pragma: no cover
+    """Take all links of some walls (n,) out."""
+    for k in range(len(walls)):
+        while links.heads[walls[k]] >= 0:
+            drop_link(links, links.heads[walls[k]] >> 1)
+
+
+@compiled
+def renew_links(links: Links, walls: Int, ends: Float) -> None:  # pragma: no cover
+    """Measure the links of some walls (n,) anew, and have the beams asked about them again."""
+    for k in range(len(walls)):
+        entry = links.heads[walls[k]]
+        while entry >= 0:
+            link = entry >> 1
+            entry = links.following[link, entry & 1]
+            one, other = links.pairs[link]
+            if measure_link(ends[one], ends[other], links.lines[link]):
+                links.kinds[link] = UNASKED
+            else:
+                drop_link(links, link)
+
+
+@compiled
+def linked_labels(links: Links, walls: Int, labels: Int) -> Int:  # pragma: no cover
+    """The labels of what some walls (n,) are linked with; few of them more than once."""
+    found = np.empty(64, np.int64)
+    count = 0
+    for k in range(len(walls)):
+        entry = links.heads[walls[k]]
+        while entry >= 0:
+            label = labels[links.pairs[entry >> 1, 1 - (entry & 1)]]
+            if count == 0 or label != found[count - 1]:
+                if count == len(found):
+                    found = longer(found)
+                found[count] = label
+                count += 1
+            entry = links.following[entry >> 1, entry & 1]
+    return found[:count]

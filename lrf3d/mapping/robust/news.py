@@ -45,7 +45,7 @@ def note_loose(
         for i in range(count):
             wall = found[i]
             if walls.points[wall] > 0 and _reaches(walls.ends[wall], point[0], point[1], off):
-                note(news, wall)
+                note(news, wall, 1.0)
 
 
 @inner
@@ -77,8 +77,7 @@ def choose_walls(
     """
     for k in range(len(changed)):
         if news.told[changed[k]] != news.numbers[2]:
-            note(news, changed[k])
-            news.counts[changed[k]] -= 1.0
+            note(news, changed[k], 0.0)
     count, stale, most = 0, -1, STALE_NEWS
     for k in range(news.numbers[0]):
         wall = news.walls[k]

@@ -9,10 +9,9 @@ two objects of several walls are joined only by two such links: a single one may
 beam happened to find.
 """
 
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
@@ -35,14 +34,13 @@ from lrf3d.mapping.robust.constants import (
 )
 from lrf3d.mapping.robust.evidence import is_crossed
 from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.grid import Grid, near, order_of
-from lrf3d.mapping.robust.links import UNASKED, Links, reach_before
+from lrf3d.mapping.robust.grid import Grid, Search, longer, near, order_of
+from lrf3d.mapping.robust.links import UNASKED, Links, drop_link, reach_before
 
-Number = TypeVar("Number", np.float64, np.int64)
-
-CROSSED, JOINS, BLOCKED, OPEN = 1, 2, 3, 4
-"""What a link is: it joins nothing; it joins two walls; it is long, and either no line of sight is
-open behind both of its walls, or one is."""
+CROSSED, JOINS, BLOCKED, OPEN, BEFORE = 1, 2, 3, 4, 5
+"""What a link is: beams have crossed it; it joins two walls; it is long, and either no line of
+sight is open behind both of its walls, or one is; it runs before a wall that goes on behind it, and
+joins nothing while that wall is there."""
 
 
 class Sight(NamedTuple):
@@ -54,6 +52,7 @@ class Sight(NamedTuple):
         grid: Where the walls are, in cells of MERGE_CELL.
         cells: The cells of the beams.
         blur: How far walls may be seen too short or too long [m].
+        search: Is written by searches of the grid.
     """
 
     ends: Float
@@ -61,40 +60,56 @@ class Sight(NamedTuple):
     grid: Grid
     cells: Cells
     blur: float
+    search: Search
 
 
 @compiled
-def associate_objects(rows: Int, links: Links, sight: Sight) -> Int:  # pragma: no cover
+def associate_objects(
+    rows: Int, links: Links, places: Int, sight: Sight
+) -> Int:  # pragma: no cover
     """The object (m,) that each of some walls belongs to, named by the place of one of them.
 
     Args:
         rows: (m,) the walls, rising.
-        links: Their links; what the beams show of them is written.
+        links: Their links; what the beams show of them is written, and those are dropped that
+            they have crossed.
+        places: (all rows,) −1; is written, and restored.
         sight: What decides on links.
     """
     parents = np.arange(len(rows))
     sizes = np.ones(len(rows), np.int64)
-    places = np.full(len(links.heads), -1)
-    stamps, found = np.full(len(links.heads), -1), np.empty(len(links.heads), np.int64)
     for k in range(len(rows)):
         places[rows[k]] = k
-    chosen, lengths = np.empty(64, np.int64), np.empty(64)
+    chosen = np.empty(64, np.int64)
     number = 0
     for k in range(len(rows)):
         entry = links.heads[rows[k]]
         while entry >= 0:
             link, side = entry >> 1, entry & 1
-            if side == 0 and links.kinds[link] != CROSSED and places[links.pairs[link, 1]] >= 0:
-                if number == len(chosen):
-                    chosen, lengths = longer(chosen), longer(lengths)
-                chosen[number], lengths[number] = link, links.lines[link, 4]
-                number += 1
+            across = places[links.pairs[link, 1 - side]]
+            if across >= 0 and across < k:
+                # Short links that join walls do so in any order.
+                if links.kinds[link] == JOINS and links.lines[link, 4] <= SHORT_LINK:
+                    _unite(parents, sizes, k, across)
+                elif links.kinds[link] != BEFORE:
+                    if number == len(chosen):
+                        chosen = longer(chosen)
+                    chosen[number] = link
+                    number += 1
             entry = links.following[link, side]
-    order = order_of(lengths[:number])
-    pairs = np.empty((number, 2), np.int64)
+    pairs, lengths = np.empty((number, 2), np.int64), np.empty(number)
+    count = 0
     for k in range(number):
-        for side in range(2):
-            pairs[k, side] = places[links.pairs[chosen[k], side]]
+        link = chosen[k]
+        one, other = places[links.pairs[link, 0]], places[links.pairs[link, 1]]
+        if _root(parents, one) != _root(parents, other):
+            chosen[count], lengths[count] = link, links.lines[link, 4]
+            pairs[count, 0], pairs[count, 1] = one, other
+            count += 1
+    for k in range(len(rows)):
+        places[rows[k]] = -1
+    number = count
+    order = order_of(lengths[:number])
     waiting, strong = np.empty(number, np.int64), np.zeros(number, np.bool_)
     # The links that wait, in a list for each object that one of them leads from.
     heads, tails = np.full(len(rows), -1), np.full(len(rows), -1)
@@ -111,11 +126,11 @@ def associate_objects(rows: Int, links: Links, sight: Sight) -> Int:  # pragma: 
         if kind == UNASKED:
             wall, across = links.pairs[link]
             line = links.lines[link]
-            size = near(sight.grid, line[:4], 0.0, MERGE_CELL, stamps, turn, found)
-            others = found[:size]
-            kind = _kind(line, wall, across, others, sight)
+            kind = _kind(line, wall, across, sight)
             links.kinds[link] = kind
-        if kind == CROSSED:
+            if kind == CROSSED:
+                drop_link(links, link)
+        if kind in (CROSSED, BEFORE):
             continue
         if kind != JOINS:
             blocked = kind == BLOCKED
@@ -142,9 +157,7 @@ def associate_objects(rows: Int, links: Links, sight: Sight) -> Int:  # pragma: 
                         counts[root] += 1
                     count += 1
                     continue
-        kept, gone = min(one, other), max(one, other)
-        parents[gone] = kept
-        sizes[kept] += sizes[gone]
+        kept, gone = _unite(parents, sizes, one, other)
         counts[kept] += counts[gone]
         if heads[gone] >= 0:
             if heads[kept] >= 0:
@@ -158,32 +171,34 @@ def associate_objects(rows: Int, links: Links, sight: Sight) -> Int:  # pragma: 
 
 
 @inner
-def _kind(
-    link: Float, wall: int, across: int, others: Int, sight: Sight
-) -> int:  # pragma: no cover
+def _kind(link: Float, wall: int, across: int, sight: Sight) -> int:  # pragma: no cover
     """What a link (6,) of two walls is."""
     ends, cells = sight.ends, sight.cells
-    if link[4] > ABUTS and _goes_before(link, wall, across, others, sight):
-        return CROSSED
     if link[4] <= TOUCH:
         return JOINS
+    # Most links are crossed, which is asked first.
     if link[4] <= SHORT_LINK:
-        return CROSSED if _is_separated(link, cells) else JOINS
-    if is_crossed(link[:4], cells, FREE_DEPTH, 0, LINK_SINE):
+        crossed = _is_separated(link, cells)
+    else:
+        crossed = is_crossed(link[:4], cells, FREE_DEPTH, 0, LINK_SINE)
+    if crossed:
         return CROSSED
-    if link[5] > 0.0:
+    if link[4] > ABUTS and _goes_before(link, wall, across, sight):
+        return BEFORE
+    if link[4] <= SHORT_LINK or link[5] > 0.0:
         return JOINS
     return BLOCKED if _is_blocked(ends[wall], ends[across], cells) else OPEN
 
 
 @inner
-def _goes_before(
-    link: Float, one: int, other: int, others: Int, sight: Sight
-) -> bool:  # pragma: no cover
+def _goes_before(link: Float, one: int, other: int, sight: Sight) -> bool:  # pragma: no cover
     """Whether a link (6,) of two walls runs far before a face that goes on to both sides of it."""
-    ends, blur = sight.ends, sight.blur
-    for k in range(len(others)):
-        wall = others[k]
+    ends, blur, search = sight.ends, sight.blur, sight.search
+    search.number[0] += 1
+    stamp = search.number[0]
+    count = near(sight.grid, link[:4], 0.0, MERGE_CELL, search.stamps, stamp, search.found)
+    for k in range(count):
+        wall = search.found[k]
         if wall not in (one, other) and sight.points[wall] > 0:
             if _stands_off(link, ends[wall], blur):
                 return True
@@ -227,6 +242,17 @@ def _root(parents: Int, wall: int) -> int:  # pragma: no cover
 
 
 @inner
+def _unite(parents: Int, sizes: Int, one: int, other: int) -> tuple[int, int]:  # pragma: no cover
+    """Make one of the objects of two walls; returns the root that is kept, and the other."""
+    one, other = _root(parents, one), _root(parents, other)
+    kept, gone = min(one, other), max(one, other)
+    if kept != gone:
+        parents[gone] = kept
+        sizes[kept] += sizes[gone]
+    return kept, gone
+
+
+@inner
 def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no cover
     """Whether no beam has crossed any line of sight that runs behind both of two walls."""
     line = np.empty(4)
@@ -249,12 +275,3 @@ def _is_separated(link: Float, cells: Cells) -> bool:  # pragma: no cover
     return is_crossed(link[:4], cells, depth, STRAY_BEAMS, LINK_SINE) or is_crossed(
         link[:4], cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE
     )
-
-
-@inner
-def longer(column: NDArray[Number]) -> NDArray[Number]:  # pragma: no cover
-    """An array with as many numbers behind it, which may be anything."""
-    grown = np.empty(2 * len(column), column.dtype)
-    for k in range(len(column)):
-        grown[k] = column[k]
-    return grown

@@ -4,7 +4,7 @@ Enter the segments that an update changed; leave objects that are worked out ane
 them. What the beams have shown of a link between two walls is asked once.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,13 @@ from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.constants import LINK_DEVIATIONS, LONGEST_LINK
 from lrf3d.mapping.robust.corners import close_corners
 from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.links import Links, add_links, drop_links
+from lrf3d.mapping.robust.links import (
+    Links,
+    add_links,
+    drop_links,
+    linked_labels,
+    renew_links,
+)
 from lrf3d.mapping.robust.object_association import Sight, associate_objects
 from lrf3d.mapping.robust.segment_pool import LEAST_ROWS, SegmentPool
 from lrf3d.mapping.robust.walls import longer
@@ -34,7 +40,8 @@ class ObjectGroups:
     def __init__(self) -> None:
         self.closed = np.zeros((LEAST_ROWS, 4))
         self.labels = np.full(LEAST_ROWS, -1)
-        self._members: dict[int, list[int]] = {}
+        self._members: dict[int, Int] = {}
+        self._places = np.full(LEAST_ROWS, -1)
         self._links = Links.of_size(LEAST_LINKS, LEAST_ROWS)
 
     def update(
@@ -42,7 +49,8 @@ class ObjectGroups:
         pool: SegmentPool,
         gone: Int,
         fresh: Int,
-        moved: Iterable[int],
+        renewed: Int,
+        moved: Int,
         cells: Cells,
         noise: RangeNoise,
     ) -> None:
@@ -52,7 +60,8 @@ class ObjectGroups:
             pool: The segments.
             gone: The rows whose segments are gone.
             fresh: The rows with new segments.
-            moved: The rows whose segments have changed a little, some of the new ones too.
+            renewed: The rows with segments that the beams are asked about again.
+            moved: The rows whose segments have changed a little, some of the others too.
             cells: What the beams have shown.
             noise: The noise of the ranges.
         """
@@ -60,46 +69,56 @@ class ObjectGroups:
             self.closed, self.labels = longer(self.closed), longer(self.labels)
             heads = np.concatenate([self._links.heads, np.full_like(self._links.heads, -1)])
             self._links = self._links._replace(heads=heads)
+            self._places = np.full(len(self.labels), -1)
         touched = set(self.labels[gone].tolist())
+        drop_links(self._links, gone)
         self.labels[fresh] = -1
-        for row in gone.tolist():
-            drop_links(self._links, row)
-        rows = set(fresh.tolist())
-        linked: set[int] = set()
-        for row in fresh.tolist():
-            near = pool.near(pool.walls.ends[row], LONGEST_LINK)
-            near = np.array([k for k in near.tolist() if k not in rows or k in linked], np.int64)
-            linked.add(row)
-            while not add_links(self._links, row, near, pool.walls.ends):
-                drop_links(self._links, row)
-                self._links = _doubled(self._links)
-            touched.update(self.labels[near].tolist())
+        self._add_links(pool, fresh)
+        renew_links(self._links, renewed, pool.walls.ends)
+        touched.update(self.labels[renewed].tolist())
+        for rows in (fresh, renewed):
+            touched.update(linked_labels(self._links, rows, self.labels).tolist())
         touched.discard(-1)
-        for label in touched:
-            rows.update(self._members.pop(label))
-        if rows:
+        rows = np.concatenate([fresh, *(self._members.pop(label) for label in touched)])
+        rows = np.unique(rows)
+        rows = rows[pool.walls.points[rows] > 0]
+        if len(rows):
             self._regroup(pool, rows, cells, noise)
-        for label in {int(self.labels[row]) for row in moved}:
-            members = np.array(self._members[label], np.int64)
-            ends = pool.walls.ends[members]
-            close_corners(ends, self.labels[members])
-            self.closed[members] = ends
+        labels = set(self.labels[moved].tolist()).difference(self.labels[rows].tolist())
+        rows = np.concatenate([rows, *(self._members[label] for label in labels)])
+        ends = pool.walls.ends[rows]
+        close_corners(ends, self.labels[rows])
+        self.closed[rows] = ends
 
-    def _regroup(self, pool: SegmentPool, rows: set[int], cells: Cells, noise: RangeNoise) -> None:
+    def _add_links(self, pool: SegmentPool, fresh: Int) -> None:
+        """Link fresh rows with what is near them."""
+        self._places[fresh] = np.arange(len(fresh))
+        done = 0
+        while done < len(fresh):
+            done = add_links(
+                self._links, fresh, done, self._places, pool.walls, pool.grid, pool.search
+            )
+            if done < len(fresh):
+                drop_links(self._links, fresh[done : done + 1])
+                self._links = _doubled(self._links)
+        self._places[fresh] = -1
+
+    def _regroup(self, pool: SegmentPool, rows: Int, cells: Cells, noise: RangeNoise) -> None:
         """Find the objects of some rows, which belong to no others."""
-        alive = np.array(sorted(rows), np.int64)
-        alive = alive[pool.walls.points[alive] > 0]
-        ends = pool.walls.ends[alive]
         deviation = float(np.sqrt(noise.variance(np.array(LONGEST_LINK))))
-        sight = Sight(
-            pool.walls.ends, pool.walls.points, pool.grid, cells, LINK_DEVIATIONS * deviation
-        )
-        objects = associate_objects(alive, self._links, sight)
-        close_corners(ends, objects)
-        self.closed[alive] = ends
-        self.labels[alive] = alive[objects]
-        for row, label in zip(alive.tolist(), alive[objects].tolist(), strict=True):
-            self._members.setdefault(label, []).append(row)
+        sight = Sight(*pool.walls[::2], pool.grid, cells, LINK_DEVIATIONS * deviation, pool.search)
+        labels = rows[associate_objects(rows, self._links, self._places, sight)]
+        self.labels[rows] = labels
+        self._gather(rows, labels)
+
+    def _gather(self, rows: Int, labels: Int) -> None:
+        """Note which rows are of each object."""
+        order = np.argsort(labels, kind="stable")
+        rows, labels = rows[order], labels[order]
+        begins = np.flatnonzero(np.diff(labels, prepend=-1))
+        ends = [*begins[1:].tolist(), len(rows)]
+        for label, begin, end in zip(labels[begins].tolist(), begins.tolist(), ends, strict=True):
+            self._members[label] = rows[begin:end]
 
     def state(self) -> dict[str, Any]:
         """All that is known, as plain arrays by their names; `restore` takes them back."""
@@ -113,14 +132,15 @@ class ObjectGroups:
         """Go on from what was known."""
         self.closed, self.labels = state["group_closed"].copy(), state["group_labels"].copy()
         self._links = Links(*(state[f"link_{name}"].copy() for name in Links._fields))
+        self._places = np.full(len(self.labels), -1)
         self._members = {}
-        for row in pool.rows().tolist():
-            self._members.setdefault(int(self.labels[row]), []).append(row)
+        rows = pool.rows()
+        self._gather(rows, self.labels[rows])
 
 
 def _doubled(links: Links) -> Links:
     """The same links with room for twice as many."""
     grown = Links.of_size(2 * len(links.kinds), len(links.heads))
-    for name in ("pairs", "lines", "kinds", "following"):
+    for name in ("pairs", "lines", "kinds", "following", "preceding"):
         getattr(grown, name)[: len(links.kinds)] = getattr(links, name)
     return grown._replace(heads=links.heads, used=links.used)

@@ -9,7 +9,6 @@ It goes in two rounds: of each wall the stretches that are real are found; stret
 joined, and checked again: what the first round cut free, the second merges.
 """
 
-import itertools
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,14 +19,19 @@ from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.constants import (
     FOLLOWED,
     FORSAKEN,
-    LONGEST_GAP,
+    OPEN_WEIGHT,
     PIECE,
     SHORT_WALL,
     VIOLATION_WEIGHT,
 )
 from lrf3d.mapping.robust.evidence import Round, gather_evidence
 from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.joining import join_stretches, may_join
+from lrf3d.mapping.robust.joining import (
+    join_stretches,
+    neighbours_of,
+    parts_of,
+    tie_rings,
+)
 from lrf3d.mapping.robust.object_groups import ObjectGroups
 from lrf3d.mapping.robust.refitting import refit_segments
 from lrf3d.mapping.robust.segment_pool import SegmentPool
@@ -62,7 +66,7 @@ class MapRefinement:
         self._stretches, self.segments = SegmentPool(), SegmentPool()
         # The joined wall that each stretch is a part of is named by one of them.
         self._joint = np.zeros(LEAST_ROWS, np.int64)
-        self._parts: dict[int, list[int]] = {}
+        self._rings, self._marks = np.arange(LEAST_ROWS), np.zeros(LEAST_ROWS, np.bool_)
         self.groups = ObjectGroups()
 
     def grow(self, rows: int) -> None:
@@ -90,11 +94,11 @@ class MapRefinement:
         if not len(walls) and not self._stretches.rows_of(gone.tolist()):
             return []
         changed = [*walls.tolist(), *gone.tolist()]
-        old = self._stretches.rows_of(changed)
-        affected = {int(self._joint[row]) for row in old}
-        parts = {part for joint in affected for part in self._parts[joint]}
+        old = np.array(self._stretches.rows_of(changed), np.int64)
+        parts = parts_of(old, self._rings, self._marks)
+        affected = set(self._joint[parts].tolist())
         self._stretches.drop(changed)
-        fresh: list[int] = []
+        parts = parts[self._stretches.walls.points[parts] > 0]
         contradicted: list[int] = []
         if len(walls):
             units = ends[:, 2:] - ends[:, :2]
@@ -103,64 +107,53 @@ class MapRefinement:
             found, moments, labels, totals = self._refit(
                 0, walls, ends, self.stamps, self.news, cells, FOLLOWED
             )
-            self.evidence[walls] = totals.sum(axis=1)
+            self.evidence[walls] = totals @ (1.0, OPEN_WEIGHT)
             hits = labels[:, 1].astype(np.int64)
             parents = walls[labels[:, 0].astype(np.int64)]
-            fresh = self._stretches.add(found, moments, hits, parents).tolist()
+            fresh = self._stretches.add(found, moments, hits, parents)
             while len(self._joint) < len(self._stretches.parents):
                 self._joint = longer(self._joint)
+                self._marks = np.zeros(len(self._joint), np.bool_)
+                self._rings = np.concatenate([self._rings, np.empty_like(self._rings)])
                 self._joint_stamps = longer(self._joint_stamps)
                 self._joint_news = longer(self._joint_news)
             weak = VIOLATION_WEIGHT * totals[:, 1] > FORSAKEN * totals[:, 0]
             weak[np.isin(walls, parents)] = False
             contradicted = walls[weak].tolist()
-        parts.difference_update(old)
-        parts.update(fresh)
-        self._add_neighbours(parts, set(fresh), affected)
-        self._rejoin(sorted(parts), affected, cells, noise)
+            parts = np.concatenate([parts, fresh])
+        stretches = self._stretches
+        neighbours = neighbours_of(
+            parts,
+            stretches.walls,
+            stretches.grid,
+            stretches.search,
+            self._rings,
+            self._marks,
+            self._rule,
+        )
+        affected.update(self._joint[neighbours].tolist())
+        rows = np.sort(np.concatenate([parts, neighbours]))
+        self._rejoin(rows, sorted(affected), cells, noise)
         return contradicted
 
-    def _add_neighbours(self, parts: set[int], fresh: set[int], affected: set[int]) -> None:
-        """Add all parts of the joined walls that any of the parts may be joined with."""
-        pool, waiting = self._stretches, sorted(parts)
-        while waiting:
-            row = waiting.pop()
-            near = pool.near(pool.walls.ends[row], LONGEST_GAP)
-            for other in may_join(pool.walls, row, near, self._rule).tolist():
-                if other in parts:
-                    continue
-                joint = int(self._joint[other])
-                affected.add(joint)
-                more = [part for part in self._parts[joint] if part not in parts]
-                parts.update(more)
-                waiting += more
-
-    def _rejoin(
-        self, parts: list[int], affected: set[int], cells: Cells, noise: RangeNoise
-    ) -> None:
+    def _rejoin(self, rows: Int, old: list[int], cells: Cells, noise: RangeNoise) -> None:
         """Join stretches anew, and find the segments of the walls that they make."""
-        for joint in affected:
-            del self._parts[joint]
-        old = sorted(affected)
         self._joint_stamps[old] += 1
-        rows = np.array(parts, np.int64)
         found, moments = np.empty((0, 4)), np.empty((0, 6))
         hits = parents = np.zeros(0, np.int64)
         if len(rows):
             walls = self._stretches.walls.take(rows)
             roots = join_stretches(walls, self._rule, cells)
             self._joint[rows] = rows[roots]
-            for row, joint in zip(parts, rows[roots].tolist(), strict=True):
-                self._parts.setdefault(joint, []).append(row)
+            tie_rings(rows, self._joint, self._rings)
             kept = np.flatnonzero(walls.points)
             found, moments, labels, _ = self._refit(
                 1, rows[kept], walls.ends[kept], self._joint_stamps, self._joint_news, cells, 0.0
             )
             hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
-        gone, fresh = self.segments.exchange(old, found, moments, hits, parents)
-        self.groups.update(
-            self.segments, gone, fresh, self.segments.rows_of(set(parents.tolist())), cells, noise
-        )
+        gone, fresh, renewed = self.segments.exchange(old, found, moments, hits, parents)
+        moved = np.array(self.segments.rows_of(set(parents.tolist())), np.int64)
+        self.groups.update(self.segments, gone, fresh, renewed, moved, cells, noise)
 
     def _refit(
         self,
@@ -182,9 +175,8 @@ class MapRefinement:
         needed = np.where(lengths(found) < SHORT_WALL, 2 * self._least, self._least)
         real = (hits >= needed) & (VIOLATION_WEIGHT * violations <= hits)
         spare = int(margin / PIECE)
-        totals: Float = np.array(
-            [counts[a + spare : b - spare, :2].sum(axis=0) for a, b in itertools.pairwise(first)]
-        )
+        sums = np.concatenate([np.zeros((1, 2)), np.cumsum(counts[:, :2], axis=0)])
+        totals: Float = sums[first[1:] - spare] - sums[first[:-1] + spare]
         return found[real], moments[real], labels[real], totals
 
     def table(self) -> SegmentTable:
@@ -220,6 +212,6 @@ class MapRefinement:
         self.news = state["news"].copy()
         self._joint_news = np.zeros(len(state["joints"]))
         self._joint_stamps, self._joint = state["joint_stamps"].copy(), state["joints"].copy()
-        self._parts = {}
-        for row in self._stretches.rows().tolist():
-            self._parts.setdefault(int(self._joint[row]), []).append(row)
+        self._marks = np.zeros(len(self._joint), np.bool_)
+        self._rings = np.arange(len(self._joint))
+        tie_rings(self._stretches.rows(), self._joint, self._rings)

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import MERGE_CELL, NEW_POINTS, UNCHANGED
-from lrf3d.mapping.robust.grid import Grid, find, insert, remove
+from lrf3d.mapping.robust.grid import Grid, Search, insert_rows, remove_rows
 from lrf3d.mapping.robust.walls import Walls, longer
 
 LEAST_ROWS = 256
@@ -21,18 +22,19 @@ class SegmentPool:
         walls: The segments; rows without points are free.
         parents: (rows,) the number of the wall that each is of.
         grid: Where they are, in cells of MERGE_CELL.
+        search: Is written by searches of the grid.
     """
 
     def __init__(self) -> None:
         self.walls = Walls.of_size(LEAST_ROWS)
         self.parents = np.zeros(LEAST_ROWS, np.int64)
-        self._known = np.zeros(LEAST_ROWS, np.int64)
+        # The points that each had when it was new, or renewed, and where it was when it was new.
+        self._known, self._placed = np.zeros(LEAST_ROWS, np.int64), np.zeros((LEAST_ROWS, 4))
         self.grid = Grid.of_size(4 * LEAST_ROWS)
-        self._stamps = np.zeros(LEAST_ROWS, np.int64)
-        self._found = np.zeros(LEAST_ROWS, np.int64)
+        self.search = Search.of_size(LEAST_ROWS)
         self._rows_of: dict[int, list[int]] = {}
         self._free: list[int] = []
-        self._top = self._searches = 0
+        self._top = 0
 
     def rows_of(self, walls: Iterable[int]) -> list[int]:
         """The rows of the segments of some walls."""
@@ -44,70 +46,64 @@ class SegmentPool:
 
     def add(self, ends: Float, moments: Float, points: Int, parents: Int) -> Int:
         """Add segments (n, 4); returns their rows (n,)."""
-        rows = [self._take() for _ in range(len(ends))]
-        for row, segment, parent in zip(rows, ends, parents.tolist(), strict=True):
-            self._rows_of.setdefault(parent, []).append(row)
-            self._insert(row, segment)
-        added = np.array(rows, np.int64)
-        self.walls.ends[added], self.walls.moments[added] = ends, moments
-        self.walls.points[added], self.parents[added] = points, parents
-        return added
+        rows = np.array([self._take() for _ in range(len(ends))], np.int64)
+        self._put(rows, ends, moments, points, parents)
+        return rows
 
-    def drop(self, walls: Iterable[int]) -> Int:
-        """Drop all segments of some walls; returns the rows that they had."""
-        gone = sorted(row for wall in walls for row in self._rows_of.pop(wall, ()))
-        for row in gone:
-            remove(self.grid, row, self.walls.ends[row], MERGE_CELL)
-            self.walls.points[row] = 0
-        self._free += gone
-        return np.array(gone, np.int64)
+    def _put(self, rows: Int, ends: Float, moments: Float, points: Int, parents: Int) -> None:
+        self.walls.ends[rows], self.walls.moments[rows] = ends, moments
+        self.walls.points[rows], self.parents[rows] = points, parents
+        for row, parent in zip(rows.tolist(), parents.tolist(), strict=True):
+            self._rows_of.setdefault(parent, []).append(row)
+        done = insert_rows(self.grid, rows, 0, self.walls.ends, MERGE_CELL)
+        while done < len(rows):
+            self.grid = Grid.of_size(2 * len(self.grid.rows))
+            rows = self.rows()
+            done = insert_rows(self.grid, rows, 0, self.walls.ends, MERGE_CELL)
+
+    def _pop(self, walls: Iterable[int]) -> Int:
+        """Take all segments of some walls out of the grid; returns their rows."""
+        rows = sorted(row for wall in walls for row in self._rows_of.pop(wall, ()))
+        gone = np.array(rows, np.int64)
+        remove_rows(self.grid, gone, self.walls.ends, MERGE_CELL)
+        return gone
+
+    def drop(self, walls: Iterable[int]) -> None:
+        """Drop all segments of some walls."""
+        gone = self._pop(walls)
+        self.walls.points[gone] = 0
+        self._free += gone.tolist()
 
     def exchange(
         self, walls: Iterable[int], ends: Float, moments: Float, points: Int, parents: Int
-    ) -> tuple[Int, Int]:
+    ) -> tuple[Int, Int, Int]:
         """Put segments (n, 4) in the place of those of some walls.
 
-        One that hardly differs from one before keeps its row, and is no new one until it has
-        many more points.
+        One that hardly differs from where another was when it was new keeps its row. When it has
+        many more points it is renewed.
 
         Returns:
-            The rows whose segments are gone, and those that have new ones.
+            The rows whose segments are gone, those that have new ones, and those that are renewed.
         """
-        old = np.array(
-            sorted(row for wall in walls for row in self._rows_of.pop(wall, ())), np.int64
-        )
-        rows = np.full(len(ends), -1)
-        if len(old) and len(ends):
-            apart = np.abs(ends[:, None] - self.walls.ends[old]).max(axis=2)
-            for k, nearest in enumerate(apart.argmin(axis=1).tolist()):
-                if apart[k, nearest] < UNCHANGED and old[nearest] not in rows:
-                    rows[k] = old[nearest]
-        gone = [row for row in old.tolist() if row not in rows]
-        for row in old.tolist():
-            remove(self.grid, row, self.walls.ends[row], MERGE_CELL)
+        old = self._pop(walls)
+        places = match(self._placed, old, ends)
+        same = places >= 0
+        kept = np.zeros(len(old), np.bool_)
+        kept[places[same]] = True
+        gone = old[~kept]
         self.walls.points[gone] = 0
-        self._free += gone
-        same = rows >= 0
+        self._free += gone.tolist()
+        rows = np.full(len(ends), -1)
+        rows[same] = old[places[same]]
+        fresh = np.array([self._take() for _ in range(np.count_nonzero(~same))], np.int64)
+        rows[~same] = fresh
         grown = points[same] > NEW_POINTS * self._known[rows[same]]
         renewed = rows[same][grown]
-        fresh = [self._take() for _ in range(len(ends) - np.count_nonzero(same))]
-        rows[~same] = fresh
-        self.walls.ends[rows], self.walls.moments[rows] = ends, moments
-        self.walls.points[rows], self.parents[rows] = points, parents
-        for row, segment, parent in zip(rows.tolist(), ends, parents.tolist(), strict=True):
-            self._rows_of.setdefault(parent, []).append(row)
-            self._insert(row, segment)
-        new = np.concatenate([np.array(fresh, np.int64), renewed])
-        self._known[new] = self.walls.points[new]
-        return np.concatenate([np.array(gone, np.int64), renewed]), new
-
-    def near(self, segment: Float, reach: float) -> Int:
-        """The rows of segments near another (4,); some may be farther off than the reach [m]."""
-        self._searches += 1
-        count = find(
-            self.grid, segment, reach, MERGE_CELL, self._stamps, self._searches, self._found
-        )
-        return self._found[:count].copy()
+        self._put(rows, ends, moments, points, parents)
+        self._placed[fresh] = ends[~same]
+        for new in (fresh, renewed):
+            self._known[new] = self.walls.points[new]
+        return gone, fresh, renewed
 
     def _take(self) -> int:
         if self._free:
@@ -115,17 +111,10 @@ class SegmentPool:
         if self._top == len(self.parents):
             self.walls = self.walls.doubled()
             self.parents = longer(self.parents)
-            self._known = longer(self._known)
-            self._stamps, self._found = longer(self._stamps), longer(self._found)
+            self._known, self._placed = longer(self._known), longer(self._placed)
+            self.search = Search.of_size(len(self.parents))
         self._top += 1
         return self._top - 1
-
-    def _insert(self, row: int, segment: Float) -> None:
-        while not insert(self.grid, row, segment, MERGE_CELL):
-            grid = Grid.of_size(2 * len(self.grid.rows))
-            for other in self.rows().tolist():
-                insert(grid, other, self.walls.ends[other], MERGE_CELL)
-            self.grid = grid
 
     def state(self, name: str) -> dict[str, Any]:
         """All that the pool is, as plain arrays by their names; `restore` takes them back."""
@@ -135,6 +124,7 @@ class SegmentPool:
             **{f"{name}_grid_{part}": array.copy() for part, array in self.grid._asdict().items()},
             f"{name}_parents": self.parents[: self._top].copy(),
             f"{name}_known": self._known[: self._top].copy(),
+            f"{name}_placed": self._placed[: self._top].copy(),
             f"{name}_free": np.array(self._free, np.int64),
         }
 
@@ -150,7 +140,34 @@ class SegmentPool:
             column[:top] = state[f"{name}_{part}"]
         self.parents[:top] = state[f"{name}_parents"]
         self._known[:top] = state[f"{name}_known"]
+        self._placed[:top] = state[f"{name}_placed"]
         self.grid = Grid(*(state[f"{name}_grid_{part}"].copy() for part in Grid._fields))
         self._free = state[f"{name}_free"].tolist()
         for row in self.rows().tolist():
             self._rows_of.setdefault(int(self.parents[row]), []).append(row)
+
+
+@compiled
+def match(before: Float, old: Int, ends: Float) -> Int:  # pragma: no cover
+    """For each of some segments (n, 4) the place of the old row that it hardly differs from.
+
+    Args:
+        before: (rows, 4) where all segments were [m].
+        old: (m,) rows of them.
+        ends: (n, 4) the segments [m].
+
+    Returns:
+        (n,) places among the old rows, each once; −1 where there is none.
+    """
+    places, taken = np.full(len(ends), -1), np.zeros(len(old), np.bool_)
+    for k in range(len(ends)):
+        best, least = -1, UNCHANGED
+        for place in range(len(old)):
+            apart = 0.0
+            for side in range(4):
+                apart = max(apart, abs(ends[k, side] - before[old[place], side]))
+            if apart < least:
+                best, least = place, apart
+        if best >= 0 and not taken[best]:
+            places[k], taken[best] = best, True
+    return places

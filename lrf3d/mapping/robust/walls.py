@@ -199,13 +199,36 @@ def partner(walls: Walls, row: int, candidates: Int, rule: Rule) -> int:  # prag
     best, least = -1, 1.0
     for k in range(len(candidates)):
         other = candidates[k]
-        if other != row and walls.points[other] > 0:
+        if other != row and walls.points[other] > 0 and may_fit(walls.ends, row, other, rule):
             value = misfit(
                 walls.ends[row], walls.moments[row], walls.ends[other], walls.moments[other], rule
             )
             if value < least or (value == least and best >= 0 and other < best):
                 best, least = other, value
     return best
+
+
+@inner
+def may_fit(ends: Float, one: int, other: int, rule: Rule) -> bool:  # pragma: no cover
+    """Whether two of some segments (rows, 4) run one way and lie near each other.
+
+    It is what `misfit` would find as well, but most pairs need no more.
+    """
+    x, y = ends[one, 2] - ends[one, 0], ends[one, 3] - ends[one, 1]
+    u, v = ends[other, 2] - ends[other, 0], ends[other, 3] - ends[other, 1]
+    along = x * u + y * v
+    if along <= 0.0:
+        return False
+    if along * along < SAME_DIRECTION * SAME_DIRECTION * (x * x + y * y) * (u * u + v * v):
+        return False
+    reach = rule.length + max(rule.distance, rule.bend) + rule.most_explained
+    for k in range(2):
+        low, high = min(ends[one, k], ends[one, k + 2]), max(ends[one, k], ends[one, k + 2])
+        if min(ends[other, k], ends[other, k + 2]) - high > reach:
+            return False
+        if low - max(ends[other, k], ends[other, k + 2]) > reach:
+            return False
+    return True
 
 
 @compiled
