@@ -8,6 +8,7 @@ from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise,
 from lrf3d.geometry import lengths
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.beams import Beams, free_ranges
+from lrf3d.mapping.robust.evidence import Round, gather_evidence
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 from lrf3d.mapping.robust.refitting import real_pieces
 
@@ -227,3 +228,19 @@ def test_the_error_of_poses_makes_no_second_walls_where_it_is_known():
             mapper.update(replace(scan, pose=pose, pose_covariance=covariance))
         counts.append(len(mapper.map))
     assert counts[1] == 4 < counts[0]
+
+
+def test_what_walls_of_one_update_take_from_each_other_is_no_news_for_them():
+    cells = seen_from([[5, -3, 5, 3.0]], [(0, 0, 0)])
+    far_off, near = [5.05, -3, 5.05, 3], [5, -3, 5, 3]
+    ends, first = np.array([far_off, near], dtype=np.float64), np.array([0, 60, 120])
+    stamps, news = np.zeros(3, np.int32), np.zeros(3)
+    both = Round(0, np.array([0, 1]), ends, first, stamps, news)
+    counts, _ = gather_evidence(both, cells, 0.1, 0.0)
+    assert counts[:60, 0].sum() == 0.0 < counts[60:, 0].sum()
+    assert not news.any()
+    # A nearer wall of a later update takes hits from the second one, which is news for it.
+    middle = Round(0, np.array([2]), ends[1:], first[:2], stamps, news)
+    cells.apart[:, 0] += 0.01
+    gather_evidence(middle, cells, 0.1, 0.0)
+    assert news.tolist() == [0.0, counts[60:, 0].sum(), 0.0]
