@@ -33,7 +33,7 @@ class Exporter:
 
 
 def _write_carmen(run: Run, path: Path, every: int) -> None:
-    from lrf3d.io.carmen import write_carmen
+    from lrf3d.io.carmen_writer import write_carmen
 
     write_carmen(_thinned(run, every), path)
 

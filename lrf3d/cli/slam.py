@@ -46,8 +46,7 @@ def slam(
     from lrf3d.errors import DrawingError
     from lrf3d.io import load_log, save_run
     from lrf3d.io.reading import CARMEN_ENDINGS
-    from lrf3d.io.relations import load_relations
-    from lrf3d.io.tum import save_tum
+    from lrf3d.io.trajectory_files import load_relations, save_tum
     from lrf3d.log_slam import draw_slam_log, slam_log
     from lrf3d.mapping import save_map
     from lrf3d.output import draw_all, write_text

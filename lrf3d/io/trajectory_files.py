@@ -1,6 +1,8 @@
-"""Relations: relative poses of a robot between lines of a log, as references for its trajectory.
+"""Trajectories in files: TUM files for other tools, and relations as references to score them by.
 
-A text file enters, one relation a line; their table leaves::
+A line of a TUM file, which evo reads, is ``t x y z qx qy qz qw``: time [s], position [m] and
+orientation as a unit quaternion. Relations are relative poses of a robot between lines of a log,
+one a line::
 
     odom_line_a odom_line_b dx dy dtheta [certain]
 
@@ -13,7 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import InputError
+from lrf3d.geometry import Float
 from lrf3d.input import read_text
+from lrf3d.output import write_text
 from lrf3d.scoring.trajectory_score import Relations
 
 
@@ -47,3 +51,18 @@ def load_relations(path: str | Path) -> Relations:
         table[:, 2:5],
         table[:, 5] > 0.0,
     )
+
+
+def save_tum(times: Float, poses: Float, path: str | Path) -> None:
+    """Write poses (k, 3) x, y [m], theta [rad] at times (k,) [s] to a file, whole or not at all.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    sines, cosines = np.sin(0.5 * poses[:, 2]), np.cos(0.5 * poses[:, 2])
+    rows = zip(times.tolist(), poses.tolist(), sines.tolist(), cosines.tolist(), strict=True)
+    lines = [
+        f"{time:.6f} {x:.6f} {y:.6f} 0 0 0 {sine:.9f} {cosine:.9f}\n"
+        for time, (x, y, _), sine, cosine in rows
+    ]
+    write_text(Path(path), "".join(lines))

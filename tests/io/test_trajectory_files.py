@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from lrf3d.errors import InputError
-from lrf3d.io.relations import load_relations
-from lrf3d.io.tum import save_tum
+from lrf3d.io.trajectory_files import load_relations, save_tum
 
 
 def test_relations_are_read_with_and_without_their_certainty(tmp_path):
