@@ -26,6 +26,9 @@ from lrf3d.exporting import export_run
 SECONDS, BYTES = 10, 1 << 30
 """What an input may take of a processor [s] and of the memory [bytes]."""
 
+FRESH = 200 << 20
+"""What a program takes to begin with [bytes], without any input."""
+
 TOKENS = [
     b"nan", b"inf", b"-inf", b"-1", b"0", b"-0.0", b"1e308", b"-1e308", b"1e-308", b"1e400", b".5",
     b"5.", b"1_000", b"0x10", b"1e16", b"99999999999999999999", b"9" * 5000, b"2026-11-21", b"true",
@@ -309,10 +312,14 @@ class End:
 
 
 def end(case: Input, folder: Path) -> End:
-    """Run an input in a process of its own, forked from this one, in an empty folder."""
+    """Run an input in a process of its own, forked from this one, in an empty folder.
+
+    What this process holds is its own: after hundreds of tests that may be a gigabyte.
+    """
     for name, data in case.files.items():
         (folder / name).write_bytes(data)
     said = [folder / ".stdout", folder / ".stderr"]
+    held = int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
     child = os.fork()
     if child == 0:
         try:
@@ -324,7 +331,7 @@ def end(case: Input, folder: Path) -> End:
     # What the children of the child took counts as well.
     return End(
         os.waitstatus_to_exitcode(status), out, err, used.ru_utime + used.ru_stime,
-        used.ru_maxrss << 10,
+        max((used.ru_maxrss << 10) - held, 0) + FRESH,
     )  # fmt: skip
 
 
