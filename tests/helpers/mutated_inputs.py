@@ -319,7 +319,9 @@ def end(case: Input, folder: Path) -> End:
     for name, data in case.files.items():
         (folder / name).write_bytes(data)
     said = [folder / ".stdout", folder / ".stderr"]
-    held = int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+    # A fork takes over what is no file: what is resident without what is shared.
+    resident, shared = map(int, Path("/proc/self/statm").read_text().split()[1:3])
+    held = (resident - shared) * resource.getpagesize()
     child = os.fork()
     if child == 0:
         try:
