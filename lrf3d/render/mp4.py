@@ -39,12 +39,13 @@ class Encoder:
         first: The number of the first picture in the film; an mp4's parts are alike.
     """
 
+    FORMAT: ClassVar = "mp4"
     CODEC: ClassVar = "libx264"
     COLOURS: ClassVar = "yuv420p"
     OPTIONS: ClassVar[dict[str, str]] = _OPTIONS
 
     def __init__(self, path: Path, *, size: tuple[int, int], fps: float, first: int = 0) -> None:
-        self._container = av.open(str(path), "w", format="mp4")
+        self._container = av.open(str(path), "w", format=self.FORMAT)
         rate = Fraction(fps).limit_denominator(_RATES)
         stream = self._container.add_stream(self.CODEC, rate, options=self.OPTIONS)
         self._stream = cast(av.VideoStream, stream)
@@ -53,12 +54,16 @@ class Encoder:
         self._stream.codec_context.time_base = 1 / rate
         # Each process has one encoder, and there are as many as there are cores.
         self._stream.codec_context.thread_count = 1
-        self._frames = 0
+        self._fps, self._first, self._frames = fps, first, 0
+
+    def _time(self) -> int:
+        """When the next frame begins, in units of the stream's time base."""
+        return self._frames
 
     def add(self, picture: Picture) -> None:
         """Write a picture (h, w, 4) uint8."""
         frame = av.VideoFrame.from_ndarray(picture, format="rgba")
-        frame.pts = self._frames
+        frame.pts = self._time()
         frame.time_base = self._stream.codec_context.time_base
         self._frames += 1
         self._container.mux(self._stream.encode(frame))

@@ -4,11 +4,8 @@ import struct
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 
-import av
-
-from lrf3d.render.pictures import Picture
+from lrf3d.render.mp4 import Encoder
 
 FASTEST = 200.0
 """Most frames a second: browsers show what lasts 10 ms or less for a tenth of a second instead."""
@@ -37,7 +34,7 @@ def milliseconds(frame: int, fps: float) -> int:
     return round(frame * 1000 / fps)
 
 
-class WebpEncoder:
+class WebpEncoder(Encoder):
     """Writes RGBA pictures as a part of an animated WebP.
 
     Args:
@@ -47,36 +44,17 @@ class WebpEncoder:
         first: The number of the first picture in the film.
     """
 
+    FORMAT = "webp"
+    CODEC = "libwebp_anim"
+    OPTIONS = _OPTIONS
+
     def __init__(self, path: Path, *, size: tuple[int, int], fps: float, first: int = 0) -> None:
-        self._container = av.open(str(path), "w", format="webp")
-        rate = Fraction(fps).limit_denominator(1000)
-        self._stream = self._container.add_stream("libwebp_anim", rate=rate, options=_OPTIONS)
-        self._stream.width, self._stream.height = size
-        self._stream.pix_fmt = "yuv420p"
+        super().__init__(path, size=size, fps=fps, first=first)
         self._stream.codec_context.time_base = _MILLISECOND
-        self._fps, self._first, self._frames = fps, first, 0
 
-    def add(self, picture: Picture) -> None:
-        """Write a picture (h, w, 4) uint8."""
-        frame = av.VideoFrame.from_ndarray(picture, format="rgba")
+    def _time(self) -> int:
         number = self._first + self._frames
-        frame.pts = milliseconds(number, self._fps) - milliseconds(self._first, self._fps)
-        frame.time_base = _MILLISECOND
-        self._frames += 1
-        self._container.mux(self._stream.encode(frame))
-
-    def __enter__(self) -> "WebpEncoder":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self._container.mux(self._stream.encode(None))
-        self._container.close()
+        return milliseconds(number, self._fps) - milliseconds(self._first, self._fps)
 
 
 def join_webp(parts: Sequence[Path], frames: Sequence[int], path: Path, *, fps: float) -> None:

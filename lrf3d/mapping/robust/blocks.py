@@ -7,7 +7,7 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import CELL
-from lrf3d.mapping.robust.grid import EMPTY
+from lrf3d.mapping.robust.grid import EMPTY, slot_of
 
 SIDE_BITS = 4
 SIDE = 1 << SIDE_BITS
@@ -36,28 +36,16 @@ class Blocks(NamedTuple):
 
 
 @inner
-def _slot(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
-    """The slot of a block, or the free one that it would take."""
-    key = (x << 31) + y
-    mask = len(blocks.keys) - 1
-    mixed = key * 0x9E3779B97F4A7C1
-    slot = (mixed ^ (mixed >> 29)) & mask
-    while blocks.keys[slot] != key and blocks.keys[slot] != EMPTY:
-        slot = (slot + 1) & mask
-    return slot
-
-
-@inner
 def block_at(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
     """The number of a block; −1 where there is none."""
-    slot = _slot(blocks, x, y)
+    slot = slot_of(blocks.keys, x, y)
     return -1 if blocks.keys[slot] == EMPTY else blocks.numbers[slot]
 
 
 @inner
 def take_block(blocks: Blocks, x: int, y: int) -> bool:  # pragma: no cover
     """Make sure that there is a block; False where there is no room."""
-    slot = _slot(blocks, x, y)
+    slot = slot_of(blocks.keys, x, y)
     if blocks.keys[slot] == EMPTY:
         if 2 * blocks.used[0] == len(blocks.keys):
             return False
@@ -127,6 +115,6 @@ def move_blocks(blocks: Blocks, grown: Blocks) -> None:  # pragma: no cover
         if key == EMPTY:
             continue
         y = ((key + (1 << 30)) & ((1 << 31) - 1)) - (1 << 30)
-        slot = _slot(grown, (key - y) >> 31, y)
+        slot = slot_of(grown.keys, (key - y) >> 31, y)
         grown.keys[slot], grown.numbers[slot] = key, blocks.numbers[old]
     grown.used[0] = blocks.used[0]

@@ -64,13 +64,13 @@ class Search(NamedTuple):
 
 
 @inner
-def slot_of(grid: Grid, x: int, y: int) -> int:  # pragma: no cover
-    """The slot of a cell, or the free one that it would take."""
+def slot_of(keys: Int, x: int, y: int) -> int:  # pragma: no cover
+    """The slot of a cell in a hash table of cells, or the free one that it would take."""
     key = (x << 31) + y
-    mask = len(grid.keys) - 1
+    mask = len(keys) - 1
     mixed = key * 0x9E3779B97F4A7C1
     slot = (mixed ^ (mixed >> 29)) & mask
-    while grid.keys[slot] != key and grid.keys[slot] != EMPTY:
+    while keys[slot] != key and keys[slot] != EMPTY:
         slot = (slot + 1) & mask
     return slot
 
@@ -91,7 +91,7 @@ def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:  # pragma
             for y in range(
                 int(np.floor(min(ay, by) / cell)), int(np.floor(max(ay, by) / cell)) + 1
             ):
-                slot = slot_of(grid, x, y)
+                slot = slot_of(grid.keys, x, y)
                 entry = grid.heads[slot]
                 while entry >= 0 and grid.rows[entry] != row:
                     entry = grid.following[entry]
@@ -126,7 +126,7 @@ def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:  # pragma
             for y in range(
                 int(np.floor(min(ay, by) / cell)), int(np.floor(max(ay, by) / cell)) + 1
             ):
-                slot = slot_of(grid, x, y)
+                slot = slot_of(grid.keys, x, y)
                 before, entry = -1, grid.heads[slot]
                 while entry >= 0 and grid.rows[entry] != row:
                     before, entry = entry, grid.following[entry]
@@ -194,7 +194,7 @@ def near(
         low, high = min(ay, by) - reach, max(ay, by) + reach
         for x in range(int(np.floor(left / cell)), int(np.floor(right / cell)) + 1):
             for y in range(int(np.floor(low / cell)), int(np.floor(high / cell)) + 1):
-                entry = grid.heads[slot_of(grid, x, y)]
+                entry = grid.heads[slot_of(grid.keys, x, y)]
                 while entry >= 0:
                     row = grid.rows[entry]
                     if stamps[row] != stamp:
