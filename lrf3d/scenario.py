@@ -96,7 +96,7 @@ class Scenario(Value):
     lookahead: float = LOOKAHEAD
     radius: float = RADIUS
     mapper: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
-    view: str = "chase"
+    view: str = "story"
     playback: float = PLAYBACK
     name: str = ""
 

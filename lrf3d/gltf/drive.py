@@ -200,15 +200,15 @@ class ScanMeshes:
         place = np.array(scan.pose) - [*self._origin, 0.0]
         local = replace(scan, pose=place)
         beams = DrawnBeams.from_scan(local, self._walls, run.world.objects, place[:2])
-        fan = beams.fan(height).reshape(-1, 3, 4)[:, 1:].reshape(-1, 4).astype(np.float64)
+        fan = beams.fan(height).reshape(-1, 3, 5)[:, 1:].reshape(-1, 5).astype(np.float64)
         ends, ranges = fan[:, :2] - beams.apex, fan[:, 3]
         single, reached = beams.ends[self._chosen] - beams.apex, beams.ranges[self._chosen]
         trace, quads = self._trace(beams)
         rows = [
             self._rows(np.zeros((1, 2)), np.zeros(1), *_BEAM),
-            self._rows(single, reached, *_BEAM),
+            self._rows(single, reached, *_BEAM, beams.shares[self._chosen]),
             self._rows(np.zeros((1, 2)), np.zeros(1), *_FAN),
-            self._rows(ends, ranges, *_FAN),
+            self._rows(ends, ranges, *_FAN, fan[:, 4]),
             trace,
         ]
         # Two ends for each triangle of the fan, and one apex before them all.
@@ -237,14 +237,18 @@ class ScanMeshes:
         colour: tuple[float, float, float],
         strength: float,
         curve: float,
+        shares: Float | float = 1.0,
     ) -> Float:
-        """Vertices (n, 7), place and colour, of beam ends that fade with their ranges [m]."""
+        """Vertices (n, 7), place and colour, of beam ends that fade with their ranges [m].
+
+        Shares (n,) are what of their opacity is left.
+        """
         share = np.minimum(1.0, self._reach / np.maximum(ranges, 1e-9))
         left = np.clip(1.0 - ranges / self._reach, 0.0, 1.0)
         rows = np.zeros((len(ends), 7))
         rows[:, :2] = ends * share[:, None]
         rows[:, 3:6] = linear(np.array(colour))
-        rows[:, 6] = strength * left**curve
+        rows[:, 6] = strength * shares * left**curve
         return rows
 
     def _trace(

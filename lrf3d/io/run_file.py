@@ -7,8 +7,9 @@ version               the version of this format, 1
 world_name            name of the world
 segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
                       object_names (o,) and colours (o, 3) beside them
-camera_names (c,)     names of the cameras that stand in the world; cameras (c, 7) their
-                      position and target x, y, z [m] and angle of view [degrees]
+camera_names (c,)     names of the cameras that stand in the world; cameras (c, 8) their
+                      position and target x, y, z [m], angle of view [degrees] and whether
+                      they turn with the robot; the last is missing in older files
 lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
 film_view             name of the camera that the run is filmed from, and film_playback the seconds
                       of the run in a second of the film, if nothing else is given; missing
@@ -118,8 +119,9 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
         "colours": world.colours,
         "camera_names": np.array([camera.name for camera in world.cameras], dtype=np.str_),
         "cameras": np.array(
-            [(*c.position, *c.target, c.field_deg) for c in world.cameras], dtype=np.float64
-        ).reshape(-1, 7),
+            [(*c.position, *c.target, c.field_deg, c.track) for c in world.cameras],
+            dtype=np.float64,
+        ).reshape(-1, 8),
         "lrf": np.array(
             [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
         ),
@@ -224,11 +226,11 @@ _OTHERS = {
 
 
 def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
-    # Files of earlier versions have no cameras.
-    names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 7)))
+    # Files of earlier versions have no cameras, or none that turn.
+    names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 8)))
     return tuple(
-        FixedCamera(str(name), (x, y, z), (u, v, w), field)
-        for name, (x, y, z, u, v, w, field) in zip(names, rows.tolist(), strict=True)
+        FixedCamera(str(name), (x, y, z), (u, v, w), field, any(track))
+        for name, (x, y, z, u, v, w, field, *track) in zip(names, rows.tolist(), strict=True)
     )
 
 

@@ -15,11 +15,12 @@ from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Draw, FrameRenderer
 from lrf3d.render.scenery import Frame, Scenery
 from lrf3d.run import Run
-from lrf3d.scene.camera import Look, make_camera
+from lrf3d.scene.camera import Look
+from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline
 
-LAYERS = ("shadow", "trail", "fan", "beams", "trace", "points", "inset", "hud")
+LAYERS = ("shadow", "trail", "fan", "beams", "map", "trace", "points", "inset", "hud")
 """What can be left out of a film; what is left out costs nothing."""
 
 Layer = Callable[[Frame], Iterable[Draw]]
@@ -82,8 +83,16 @@ class Film:
         moment = self.timeline.moment(time)
         look = self.camera.look(time, self._size[0] / self._size[1])
         words = self._hud.lines(moment) if self._hud is not None else ()
-        moving = time if self.scenery.run.obstacles else 0.0
-        shown = (moment.scan, moment.scanning, moment.pose.tobytes(), look.key, words, moving)
+        moving = moment.time if self.scenery.run.obstacles else 0.0
+        shown = (
+            moment.scan,
+            moment.scanning,
+            moment.pose.tobytes(),
+            look.key,
+            words,
+            moving,
+            self.scenery.grown(moment),
+        )
         if shown == self._shown:
             # Nothing has moved, no word has changed: the last picture is this one.
             return self._picture
@@ -130,8 +139,9 @@ class Film:
         width, height = self._size
         matrix, eye = self._place_camera(look)
         light = self.scenery.light
-        if look.clear:
-            light["haze"] = (*light["haze"][:3], 0.0)
+        *haze, thick = light["haze"]
+        thick = 0.0 if look.clear else min(thick, 1.0 / max(look.air, 1e-9))
+        light["haze"] = (*haze, thick)
         uniforms = {
             **light,
             "view_projection": matrix,
@@ -163,6 +173,7 @@ class Film:
         solid: list[Layer] = [
             scenery.draw_robot,
             scenery.draw_movers,
+            *((scenery.draw_bands,) if "map" in chosen else ()),
             scenery.draw_walls,
             scenery.draw_ground,
             scenery.draw_sky,
@@ -170,13 +181,14 @@ class Film:
         soft: list[tuple[str, Layer]] = [
             ("shadow", scenery.draw_shadows),
             ("trail", scenery.draw_trail),
+            ("map", scenery.draw_glow),
             ("fan", scenery.draw_fan),
             ("beams", scenery.draw_beams),
             ("map", draw_map),
             ("trace", scenery.draw_trace),
             ("points", scenery.draw_points),
         ]
-        return solid, [layer for name, layer in soft if name in chosen or name == "map"]
+        return solid, [layer for name, layer in soft if name in chosen]
 
 
 def _renderer(name: str, size: tuple[int, int], samples: int) -> FrameRenderer:

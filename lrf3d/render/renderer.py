@@ -25,6 +25,8 @@ _SHADERS = Path(__file__).parent / "shaders"
 _CONSTANTS: dict[str, Any] = {
     "FAN_COLOUR": look.FAN_COLOUR,
     "GLOW": look.GLOW,
+    "POINT_HALO": look.POINT_HALO,
+    "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
     "RIM": look.SHADOW_RIM,
     "SHADOW_COLOUR": look.SHADOW_COLOUR,
     "SHARPNESS": look.GROUND_SHARPNESS,
@@ -33,6 +35,7 @@ _CONSTANTS: dict[str, Any] = {
     "SLANTS": facades.SLANTS,
     "TILE": float(facades.TILE),
     "TRAIL_COLOUR": look.TRAIL_COLOUR,
+    "TRAIL_OLD": look.TRAIL_OLD,
     "WINDOWED": facades.WINDOWED,
     "ZENITH": look.ZENITH,
     "ZENITH_INDOOR": look.ZENITH_INDOOR,

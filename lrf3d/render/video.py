@@ -15,6 +15,7 @@ from lrf3d.render.film_parts import FRAMES, Job, draw_parts
 from lrf3d.render.gl import gl_available, require_gl
 from lrf3d.render.pictures import FrameProgress
 from lrf3d.run import Run
+from lrf3d.scene.cameras import margins
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
 
@@ -186,6 +187,9 @@ def frame(
         raise InputError(f"time {time} and playback {playback}: expected finite numbers of seconds")
     film = _film(run, size, view, samples, playback, choose_renderer(renderer))
     start, end = film.timeline.start, film.timeline.end
+    # The pictures of the opening and the end can be looked at, too.
+    opening, closing = (playback * margin for margin in margins(view))
+    start, end = start - opening, end + closing
     if not start - _SLACK <= time <= end + _SLACK:
         raise InputError(f"time {time:g} s: the run goes from {start:g} to {end:g} s")
     return np.array(film.draw(time)[:, :, :3])
@@ -219,7 +223,7 @@ def _job(
         raise InputError(f"fps {fps:g} and playback {playback:g}: expected more than 0")
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}: expected at least 1")
-    times = Timeline(run, playback=playback).frame_times(fps)
+    times = Timeline(run, playback=playback).frame_times(fps, margins(view))
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
     drawn = choose_renderer(renderer)

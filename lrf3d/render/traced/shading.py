@@ -33,6 +33,7 @@ from lrf3d.scene.look import (
     SHADOW_RIM,
     SKYLIGHT,
     TRAIL_COLOUR,
+    TRAIL_OLD,
     ZENITH,
     ZENITH_INDOOR,
 )
@@ -42,7 +43,7 @@ NORMAL, OFFSET, ALONG, UP, UNDER, COLOUR, LIGHT, BACK, LAYER, COLUMNS = (
 )  # fmt: skip
 """Columns of the table of faces."""
 
-FLAT, FAN, LINE, TRAIL, BLOB, ROBOT = range(6)
+FLAT, FAN, LINE, TRAIL, BLOB, ROBOT, BAND = range(7)
 """Programs, named like the files in ``render/shaders``."""
 
 MOST = 9
@@ -367,7 +368,8 @@ def fragment(
         return at[0], at[1], at[2], at[3]
     if program == FAN:
         left = clamp(1.0 - at[0] / fixed[0], 0.0, 1.0)
-        return FAN_COLOUR[0], FAN_COLOUR[1], FAN_COLOUR[2], fixed[1] * math.pow(left, FAN_CURVE)
+        alpha = fixed[1] * at[1] * math.pow(left, FAN_CURVE)
+        return FAN_COLOUR[0], FAN_COLOUR[1], FAN_COLOUR[2], alpha
     if program == LINE:
         cover = clamp(0.5 * fixed[0] + 0.5 - abs(at[4] * w), 0.0, 1.0)
         return at[0], at[1], at[2], at[3] * cover
@@ -376,11 +378,16 @@ def fragment(
             return 0.0, 0.0, 0.0, 0.0
         r, g, b = TRAIL_COLOUR
         r, g, b = hazed(r, g, b, at[1] - eye[0], at[2] - eye[1], at[3] - eye[2], light)
-        return r, g, b, 0.95
+        old = min((fixed[0] - at[0]) * fixed[1], 1.0)
+        return r, g, b, mix(0.95, TRAIL_OLD, old * (2.0 - old))
     if program == BLOB:
         share = clamp((math.hypot(at[0], at[1]) - 0.45) / 0.55, 0.0, 1.0)
         r, g, b = SHADOW_COLOUR
         return r, g, b, fixed[0] * (1.0 - share * share * (3.0 - 2.0 * share))
+    if program == BAND:
+        dx, dy, dz = at[4] - eye[0], at[5] - eye[1], at[6] - eye[2]
+        r, g, b = hazed(at[0], at[1], at[2], dx, dy, dz, light)
+        return r, g, b, at[3]
     # The robot: place, normal, colour.
     x, y, z = eye[0] - at[0], eye[1] - at[1], eye[2] - at[2]
     away = 1.0 / math.sqrt(x * x + y * y + z * z)
