@@ -20,7 +20,7 @@ from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline
 
-LAYERS = ("shadow", "trail", "fan", "beams", "map", "trace", "points", "inset", "hud")
+LAYERS = ("shadow", "trail", "fan", "beams", "map", "trace", "points", "marker", "inset", "hud")
 """What can be left out of a film; what is left out costs nothing."""
 
 Layer = Callable[[Frame], Iterable[Draw]]
@@ -28,6 +28,9 @@ Layer = Callable[[Frame], Iterable[Draw]]
 
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
+
+_SMALL = 0.7
+"""Size of the panel, against its usual one, where the whole picture is a map."""
 
 _SLACK = 0.002
 """By how much the depth of marks gains with their distance [m/m], as depths are coarser far away;
@@ -62,7 +65,8 @@ class Film:
         self.timeline = Timeline(run, playback=playback)
         self.renderer = _renderer(renderer, size, samples)
         self.scenery = Scenery(self.timeline)
-        layout = lay_out(size, widest_lines(run))
+        small = _SMALL if view == "top" else 1.0
+        layout = lay_out(size, widest_lines(run, self.timeline.playback), small)
         self._size = size
         self._solid, self._soft = self._layers(layers)
         covered = layout.covered if "hud" in layers else (0.0, 0.0)
@@ -72,7 +76,8 @@ class Film:
         if "inset" in layers and layout.inset is not None:
             self._inset = Inset(self.scenery, size, layout.inset)
         if "hud" in layers and layout.scale is not None:
-            self._hud = Hud(self.scenery, size, layout.scale, layout.gap)
+            played = self.timeline.playback
+            self._hud = Hud(self.scenery, size, layout.scale, layout.gap, played)
         lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=SIGHT_DISTANCE)
         self._eye = self.scenery.scene.add(lens)
         self._shown: tuple[Any, ...] | None = None
@@ -187,6 +192,7 @@ class Film:
             ("map", draw_map),
             ("trace", scenery.draw_trace),
             ("points", scenery.draw_points),
+            ("marker", scenery.draw_marker),
         ]
         return solid, [layer for name, layer in soft if name in chosen]
 

@@ -18,10 +18,10 @@ from lrf3d.render.parts import build_walls
 from lrf3d.render.primitives import Draw, Mesh, Primitive
 from lrf3d.scene import look
 from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams
-from lrf3d.scene.bodies import robot_mesh, world_from_robot
+from lrf3d.scene.bodies import robot_arrow, robot_mesh, world_from_robot
 from lrf3d.scene.camera import Look
-from lrf3d.scene.structures import Structures
 from lrf3d.scene.map_bands import BAND_SIZES, WallTops
+from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 from lrf3d.scene.trail_and_map import RIBBON_SIZES, DrawnMap, legs_begun, smoothed, trail_ribbon
 
@@ -37,6 +37,13 @@ _BEAM_WIDTH, _TRACE_WIDTH, _MAP_WIDTH = 0.9, 1.6, 4.0
 
 _BEAM_NEARER, _WALL_NEARER = 0.02, 0.12
 """How much nearer to the eye [m] beams, and marks on walls, are than what they may lie in."""
+
+_ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
+"""Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
+is the third [pixels at 720 lines]."""
+
+_MARKER_NEARER = 0.3
+"""Share of the way from the eye to the robot at which that arrow is drawn."""
 
 _GROWING = 0.5
 """Time of the film [s] in which a wall of the map grows to its length."""
@@ -92,6 +99,7 @@ class Scenery:
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
         self._keys, self._start = smoothed(drive_keys(timeline)), timeline.start
         self._robot = Primitive("robot", (3, 3, 3), rows, indices=indices, cull=True)
+        self._marker = Primitive("flat", (2, 4), robot_arrow(), blend=True)
         self._sky = Primitive("sky", (2,), _mesh(10, 10))
         self._blob = Primitive("blob", (2,), corners, blend=True)
         self._trail = Primitive("trail", RIBBON_SIZES, trail_ribbon(self._keys), blend=True)
@@ -110,7 +118,7 @@ class Scenery:
         self._reach = min(run.lrf.range_max, look.BEAM_REACH)
         for primitive in (
             self._robot, self.walls.faces, self._sky, self._blob, self._trail, self._fan,
-            self._lines, self._trace, self._dots, self._map, self._bands, self._glow,
+            self._lines, self._trace, self._dots, self._map, self._bands, self._glow, self._marker,
             *self.movers.all,
         ):  # fmt: skip
             self.scene.add(Mesh([primitive]))
@@ -154,6 +162,22 @@ class Scenery:
             # The picture is drawn upside down, so that the sky begins at the row of −1.
             band = (-1.0, -max(horizon, -1.0))
             yield Draw(self._sky, {"band": band, "ray_from_corner": np.linalg.inv(frame.matrix)})
+
+    def draw_marker(self, frame: Frame) -> Iterator[Draw]:
+        """An arrow over a robot that is too small to be seen; nothing hides it."""
+        eye, place = frame.look.eye, np.array([*frame.pose[:2], self.run.lrf.height])
+        away = float(np.linalg.norm(place - eye))
+        pixel = frame.scale * away / frame.focus
+        if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
+            return
+        matrix = world_from_robot(frame.pose)
+        matrix[:2, :2] *= _MARKER * pixel
+        matrix[2, 3] = place[2]
+        # Seen from the eye, what is drawn smaller and nearer is the same.
+        share = max(_MARKER_NEARER, 1.5 * frame.look.near / away)
+        nearer = share * np.eye(4)
+        nearer[:3, 3], nearer[3, 3] = (1.0 - share) * eye, 1.0
+        yield Draw(self._marker, {"place": nearer @ matrix})
 
     def draw_shadows(self, frame: Frame) -> Iterator[Draw]:
         """The shadows of what moves."""

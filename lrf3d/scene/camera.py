@@ -193,8 +193,10 @@ class Top:
     """Largest world [m] that is seen whole."""
     WINDOW = 70.0
     """Shorter side [m] of what is seen of a larger one."""
-    MARGIN = 1.06
-    """What is seen around the world, as a factor."""
+    LONG = 1.2
+    """A world so many times as long as wide is turned where that fits the picture better."""
+    MARGIN, SMALLER = 1.06, 1.18
+    """What is seen around the world, as a factor, at the least and to free the panel's corner."""
 
     def __init__(
         self,
@@ -209,20 +211,24 @@ class Top:
             ends = np.array([[-1.0, -1.0], [1.0, 1.0]])
         self._low: Float = ends.min(axis=0)
         self._high: Float = ends.max(axis=0)
+        sides = self._high - self._low
+        self._longer = float(sides.max() / max(sides.min(), 1e-9))
         self._tallest = float(structures.heights.max(initial=0.0))
         self._path = SmoothPath(timeline)
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
-        size = self._high - self._low
+        size, up = self._high - self._low, (0.0, 1.0, 0.0)
         if float(size.max()) <= self.WHOLE:
-            # The world is in the middle, as large as leaves the corner to the panel: that stands
-            # beside it or above it, whichever leaves it larger.
+            # The world is in the middle, and smaller where that frees the corner for the panel,
+            # but not much smaller.
             wide, high = self._covered
+            turned = (size[0] > size[1]) != (aspect > 1.0) and self._longer > self.LONG
+            size, up = (size[::-1], (1.0, 0.0, 0.0)) if turned else (size, up)
             whole = max(size[1], size[0] / aspect)
             beside = size[0] / (aspect - 2.0 * wide) if 2.0 * wide < aspect else np.inf
             above = size[1] / (1.0 - 2.0 * high) if high < 0.5 else np.inf
-            window = self.MARGIN * max(whole, min(beside, above))
+            window = max(self.MARGIN * whole, min(beside, above, self.SMALLER * whole))
             middle = 0.5 * (self._low + self._high)
         else:
             middle, window = self._path.place(time), self.WINDOW / min(1.0, aspect)
@@ -232,7 +238,7 @@ class Top:
             eye,
             np.array([*middle, 0.0]),
             float(self.FIELD),
-            up=(0.0, 1.0, 0.0),
+            up=up,
             near=0.5 * (away - self._tallest),
             clear=True,
             shows_map=True,

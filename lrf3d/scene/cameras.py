@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.geometry import Float
 from lrf3d.scene.camera import Camera, Chase, First, Look, Orbit, SmoothPath, Top
 from lrf3d.scene.overview import CLOSING, OPENING, Overview, Story
 from lrf3d.scene.structures import Structures

@@ -138,7 +138,7 @@ _HUE_STEP = 0.6180339887
 """The golden ratio's fraction of a turn: neighbours in number lie far apart in hue."""
 
 
-_TRAIL_HUE, _FREE_HUES = np.radians(255.0), np.radians(24.0)
+_TRAIL_HUE, _FREE_HUES = np.radians(255.0), np.radians(20.0)
 """Hue of the trail in Oklch, and how far off it those of all objects are [rad]."""
 
 
@@ -178,7 +178,7 @@ def object_tints(objects: Int) -> Float:
     """Colours (n, 3) of the objects of a map, strong on white, the same for the same number."""
     number = np.asarray(objects, dtype=np.float64)
     # Hues a golden step apart never come round; three tones part those that come near.
-    turn = np.mod(0.12 - number * _HUE_STEP, 1.0)
+    turn = np.mod(-number * _HUE_STEP, 1.0)
     hue = _TRAIL_HUE + _FREE_HUES + turn * 2.0 * (np.pi - _FREE_HUES)
     lightness = _TONES[number.astype(np.int64) % len(_TONES)]
     return _oklch_to_rgb(lightness, np.full(len(number), _CHROMA), hue)

@@ -57,9 +57,7 @@ class WallTops:
         tops = np.full(len(segments), np.inf)
         if len(segments) and len(self._heights):
             middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
-            found, wall = self._tree.query_nearest(
-                middles, max_distance=_NEAR, all_matches=False
-            )
+            found, wall = self._tree.query_nearest(middles, max_distance=_NEAR, all_matches=False)
             tops[found] = self._heights[wall]
         return tops
 
@@ -80,7 +78,7 @@ def map_bands(segments: Float, colours: Float, tops: Float, before: Float) -> Ba
     left = np.column_stack([-along[:, 1], along[:, 0]])
     middles = np.minimum(0.5 * sum(MAP_BAND), tops - 0.5 * (MAP_BAND[1] - MAP_BAND[0]))
     heights = np.column_stack([middles, np.minimum(tops, 1e3)])
-    solid = [
+    solid: list[list[tuple[int, float, float]]] = [
         # End of the segment, side and height of each corner of a face.
         [(0, 1, -1), (1, 1, -1), (1, 1, 1), (0, 1, 1)],
         [(1, -1, -1), (0, -1, -1), (0, -1, 1), (1, -1, 1)],

@@ -115,7 +115,8 @@ def between(near: Look, far: Look, share: float) -> Look:
     angle = turn[0] + share * half
     down = steep[0] + np.sqrt(share) * (steep[1] - steep[0])
     level = distance * np.cos(down)
-    eye = target + [level * np.cos(angle), level * np.sin(angle), distance * np.sin(down)]
+    way = [level * np.cos(angle), level * np.sin(angle), distance * np.sin(down)]
+    eye = target + np.array(way)
     field = near.field + share * (far.field - near.field)
     air = near.air + share * (far.air - near.air)
     return replace(near, eye=eye, target=target, field=field, air=air)

@@ -83,7 +83,8 @@ class Timeline:
         step = self.playback / fps
         first = -int(np.floor(margins[0] * fps))
         length = (self.end - self.start) / step + margins[1] * fps
-        return self.start + step * np.arange(first, int(np.floor(length + 1e-6)) + 1)
+        frames = np.arange(first, int(np.floor(length + 1e-6)) + 1, dtype=np.float64)
+        return self.start + step * frames
 
     def poses(self, times: Float) -> Float:
         """Poses (m, 3) of the robot at times (m,) [s]."""
