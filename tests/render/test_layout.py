@@ -69,7 +69,7 @@ def test_from_above_the_whole_world_is_in_the_middle_and_beside_the_panel_if_it_
     fill = max(x.max() / aspect, y.max())
     freed = ((x > -aspect + 2.0 * wide) | (y < 1.0 - 2.0 * high)).all()
     # Where the panel's corner cannot be freed, the world is hardly smaller than the picture.
-    assert freed or fill == pytest.approx(1.0 / Top.SMALLER, rel=0.01)
+    assert freed or fill == pytest.approx(1.0 / Top.SMALLER, rel=0.03)
 
 
 def test_a_large_world_is_followed_with_as_much_to_the_shorter_side_in_portrait():
