@@ -13,7 +13,8 @@ import numpy as np
 
 from lrf3d.geometry import Float, Single
 from lrf3d.render.primitives import Draw, Mesh, Primitive, Texture
-from lrf3d.scene.ground import Ground, paint_ground, paint_tile
+from lrf3d.scene.ground import BRIGHTEST, Ground, paint_ground, paint_tile
+from lrf3d.scene.light import Light
 from lrf3d.scene.structures import Structures
 
 _LAND_REACH = 3000.0
@@ -51,13 +52,19 @@ class GroundLayer:
 
     Args:
         structures: What stands on it.
+        light: The light of the world.
         scene: pyrender's scene, which new tiles are put into.
     """
 
-    def __init__(self, structures: Structures, scene: Any) -> None:
+    def __init__(self, structures: Structures, light: Light, scene: Any) -> None:
         self._structures = structures
+        self._light = light
         self._scene = scene
-        whole = paint_ground(structures)
+        whole = paint_ground(structures, light)
+        paints = np.zeros((4, 4))
+        paints[:3] = whole.paints.T
+        shade, lit = (tuple((BRIGHTEST * tint).tolist()) for tint in whole.tints)
+        self._colours = {"paints": paints, "shade_tint": shade, "lit_tint": lit}
         self._low, self._high = whole.corner, whole.corner + whole.size
         indoor = structures.indoor
         self._side = _TILE_INDOOR if indoor else _TILE
@@ -77,10 +84,11 @@ class GroundLayer:
         """What is drawn for an eye (3,) that looks down at so much to each side [m], or ahead."""
         tiles = self._tiles_round(eye, reach)
         for tile in tiles:
-            yield Draw(tile.primitive, {"area": tile.area, "below": 0.0})
+            yield Draw(tile.primitive, {"area": tile.area, "below": 0.0, **self._colours})
         under = _BELOW if tiles else 0.0
-        yield Draw(self._whole, {"area": self._area, "below": under})
-        yield Draw(self._land, {"area": self._area, "below": under, "beyond": self._beyond})
+        whole = {"area": self._area, "below": under, **self._colours}
+        yield Draw(self._whole, whole)
+        yield Draw(self._land, {**whole, "beyond": self._beyond})
 
     def _tiles_round(self, eye: Float, reach: float) -> list[_Tile]:
         """The tiles round an eye; none where they would show no more than the whole picture."""
@@ -104,7 +112,7 @@ class GroundLayer:
             self._tiles[place] = self._tiles.pop(place)
             return self._tiles[place][0]
         low = self._side * np.array([column, row], dtype=np.float64)
-        ground = paint_tile(self._structures, low, self._side)
+        ground = paint_tile(self._structures, self._light, low, self._side)
         primitive = Primitive("ground", (2,), _square(low, low + self._side))
         primitive.texture = Texture(ground.picture, far=True)
         tile = _Tile(primitive, _area(ground))

@@ -31,7 +31,6 @@ _CONSTANTS: dict[str, Any] = {
     "SHADOW_COLOUR": look.SHADOW_COLOUR,
     "SHARPNESS": look.GROUND_SHARPNESS,
     "SIZE": (float(facades.BAYS * facades.TILE), float(facades.ROWS * facades.TILE)),
-    "SKYLIGHT": look.SKYLIGHT,
     "SLANTS": facades.SLANTS,
     "TILE": float(facades.TILE),
     "TRAIL_COLOUR": look.TRAIL_COLOUR,

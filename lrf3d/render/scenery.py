@@ -93,7 +93,7 @@ class Scenery:
         self.scene = pyrender.Scene()
         self.walls = build_walls(self.structures)
         self.movers = MovingBodies(run.obstacles, self.origin, self.structures.indoor)
-        self.ground = GroundLayer(self.structures, self.scene)
+        self.ground = GroundLayer(self.structures, self.walls.light, self.scene)
         self.beams: DrawnBeams | None = None
         rows, indices = robot_mesh(run.lrf.height)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single
-from lrf3d.scene.look import SUN
 
 Texels = NDArray[np.uint8]
 
@@ -88,23 +87,16 @@ def _blank() -> Float:
 
 
 def _foot(indoor: bool) -> Float:
-    """The lowest storey of a plain wall: light does not reach into the corner at its foot."""
+    """The lowest storey of a plain wall, with the skirting of one in rooms."""
     layer = _blank()
-    height = (np.arange(len(layer)) + 0.5) / len(layer) * STOREY
-    near = 3.5 * height
-    light = 1.0 - 0.16 / (1.0 + near + 0.5 * near * near)
     if indoor:
-        light[height <= _SKIRTING_HEIGHT] *= 0.62
-    layer[..., 3] = light[:, None]
+        layer[(np.arange(len(layer)) + 0.5) / len(layer) * STOREY <= _SKIRTING_HEIGHT, :, 3] = 0.62
     return layer
 
 
 def _darkened(layer: Float) -> Float:
-    """A layer with the plinth and the darker foot of a house over its lowest storey."""
-    height = (np.arange(TILE) + 0.5) / TILE * STOREY
-    light = 1.0 - 0.22 / (1.0 + 1.1 * height * (1.0 + height))
-    light[height <= _PLINTH_HEIGHT] -= 0.14
-    layer[:TILE] *= light[:, None, None]
+    """A layer with the plinth of a house over its lowest storey."""
+    layer[:TILE][(np.arange(TILE) + 0.5) / TILE * STOREY <= _PLINTH_HEIGHT] *= 0.82
     # What lies under the foot where the layer repeats is seen with it from far away.
     layer[-TILE // 4 :] = layer[:1]
     return layer
@@ -145,17 +137,6 @@ def _slants(layer: Float) -> list[Float]:
         layer = 0.5 * (layer + np.roll(layer, (-1) ** step * 2**step, axis=1))
         found.append(layer)
     return found
-
-
-def light_on(normals: Float, *, indoor: bool) -> Float:
-    """Light (n, 3) on faces by their normals (n, 3), where nothing hides the sun."""
-    bright = normals @ SUN
-    if indoor:
-        return np.asarray(np.repeat((0.90 + 0.16 * bright)[:, None], 3, axis=1))
-    light = 0.73 + 0.52 * np.maximum(bright, 0.0) + 0.10 * np.minimum(bright, 0.0)
-    # The sun is warm, the sky is not.
-    tint = np.where(bright[:, None] >= 0.0, [1.04, 1.01, 0.96], [0.95, 0.98, 1.06])
-    return np.asarray(light[:, None] * tint)
 
 
 def lay_walls(quads: Single, faces: Int, *, indoor: bool) -> tuple[Single, Int]:
@@ -214,8 +195,7 @@ def lay_walls(quads: Single, faces: Int, *, indoor: bool) -> tuple[Single, Int]:
         # Along the wall, only windows differ from place to place.
         piece[blank, :, 6] = 0.0
         piece[..., 9:12] = bright * quad[..., 10:13]
-        light = light_on(quad[:, 0, 3:6], indoor=indoor)
-        piece[..., 12:15] = np.where(level[..., None], 1.0, light[:, None])
+        piece[..., 12:15] = 1.0
         piece[..., 15] = quad[..., 14] - raised
         pieces.append(piece)
         owners.append(number)

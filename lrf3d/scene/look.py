@@ -11,8 +11,17 @@ from lrf3d.world import World
 SUN = np.array([0.33, -0.37, 0.868])
 """Direction to the sun, of unit length: high, so that shadows leave streets some light."""
 
-SKYLIGHT = 0.68 * np.array([0.95, 0.98, 1.06])
-"""What light is left where the sun is hidden."""
+GAMMA = 2.2
+"""The power that screens show colours with: light is reckoned in linear values."""
+
+SUNSHINE, SKYSHINE = np.array([1.22, 1.10, 0.92]), np.array([0.42, 0.47, 0.56])
+"""What a white face sends on that looks at the sun, and one that sees nothing but sky, linear."""
+
+SKYSHINE_INDOOR = np.array([1.12, 1.105, 1.08])
+"""The same for the ceiling of rooms, which is one large lamp."""
+
+GROUND_ALBEDO, GROUND_ALBEDO_INDOOR = np.array([0.17, 0.168, 0.162]), np.array([0.50, 0.46, 0.40])
+"""What share of light the ground sends on to houses and walls, linear."""
 
 PLASTER = np.array(
     [
@@ -65,7 +74,7 @@ BEAM_COLOUR, BEAM_STRENGTH = (1.0, 0.36, 0.26), 0.55
 """Colour of a single beam, and its opacity at the robot."""
 
 FAN_COLOUR, FAN_CURVE = (1.00, 0.30, 0.20), 1.5
-FAN_STRENGTH, FAN_STRENGTH_INDOOR = 0.22, 0.22
+FAN_STRENGTH, FAN_STRENGTH_INDOOR = 0.20, 0.17
 """Colour of the fan of beams, the power of what is left of its reach that it fades with, and its
 opacity at the robot."""
 
@@ -105,7 +114,7 @@ TRACE_COLOUR, TRACE_STRENGTH = (1.0, 0.36, 0.14), 0.70
 TRACE_HEIGHT, TRACE_GAP = 0.06, 0.02
 """Height of that line where it is a ribbon, and how far it stands before its wall [m]."""
 
-TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.07, 0.015
+TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.045, 0.015
 """Colour of the robot's trail, and its width and height over the ground [m]."""
 
 TRAIL_FADE, TRAIL_OLD = 15.0, 0.35

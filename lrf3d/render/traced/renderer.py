@@ -73,12 +73,12 @@ class TracedRenderer:
         """Draw a primitive with uniforms for its program; what is solid waits for the rays."""
         name = primitive.program
         if name in ("walls", "sky", "ground", "beyond"):
+            # Of the ground, the land around has the last word.
             self._shared = {**self._shared, **uniforms}
         if name == "walls" and self._surfaces is None:
             assert isinstance(primitive, PartedPrimitive) and primitive.texture is not None
-            corners = primitive.vertices[primitive.triangles.ravel()].reshape(-1, 3, 13)
-            levels = primitive.texture.levels
-            self._surfaces = Surfaces(corners, levels, indoor=uniforms["indoor"] > 0.5)
+            corners = primitive.vertices[primitive.triangles.ravel()].reshape(-1, 3, 16)
+            self._surfaces = Surfaces(corners, primitive.texture.levels)
         if not primitive.count:
             return
         if name == "ground":
@@ -126,6 +126,7 @@ class TracedRenderer:
             surfaces.painted,
             surfaces.painted_levels,
             *self._grounds.table(),
+            _paints(self._shared),
             _light(self._shared),
         )
         origins, directions = self._rays
@@ -191,6 +192,14 @@ def _camera(uniforms: Uniforms, box: Box) -> Float:
     across = (ray(1.0, -1.0) - corner) / box[2]
     down = (ray(-1.0, 1.0) - corner) / box[3]
     return np.concatenate([eye, corner, across, down])
+
+
+def _paints(uniforms: Uniforms) -> Float:
+    """The ground's colours as rows of :mod:`shading`: four paints and two tints of the light."""
+    if "paints" not in uniforms:
+        return np.zeros((6, 3))
+    paints = np.asarray(uniforms["paints"])[:3].T
+    return np.concatenate([paints, [uniforms["shade_tint"], uniforms["lit_tint"]]])
 
 
 def _light(uniforms: Uniforms) -> Float:

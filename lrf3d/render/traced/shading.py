@@ -31,15 +31,14 @@ from lrf3d.scene.look import (
     GROUND_SHARPNESS,
     SHADOW_COLOUR,
     SHADOW_RIM,
-    SKYLIGHT,
     TRAIL_COLOUR,
     TRAIL_OLD,
     ZENITH,
     ZENITH_INDOOR,
 )
 
-NORMAL, OFFSET, ALONG, UP, UNDER, COLOUR, LIGHT, BACK, LAYER, COLUMNS = (
-    0, 3, 4, 8, 12, 16, 19, 22, 25, 26,
+NORMAL, OFFSET, ALONG, UP, UNDER, COLOUR, LIGHT, SHADE, LAYER, COLUMNS = (
+    0, 3, 4, 8, 12, 16, 19, 31, 43, 44,
 )  # fmt: skip
 """Columns of the table of faces."""
 
@@ -61,8 +60,8 @@ LEAST_LIT = 100.0
 SHARPER = -GROUND_SHARPNESS
 """By how much coarser copies of the ground are taken."""
 
-BLUE, SUN_RIM = tuple(SKYLIGHT.tolist()), SHADOW_RIM
-"""What light is left in the shadow, and the width of its edge [m]."""
+SUN_RIM = SHADOW_RIM
+"""Width of the edge of the sun's light [m]."""
 
 
 class RayScene(NamedTuple):
@@ -75,6 +74,7 @@ class RayScene(NamedTuple):
         texels: (u,) all copies of the pictures of the ground, one after the other.
         levels: (l, 3) where each copy starts, its width and height.
         grounds: (g, 10) the pictures of the ground.
+        paints: (6, 3) colours of the ground, and of its light without and with the sun.
         light: (12,) sun, haze and land.
     """
 
@@ -84,6 +84,7 @@ class RayScene(NamedTuple):
     texels: NDArray[np.uint8]
     levels: Int
     grounds: Float
+    paints: Float
     light: Float
 
 
@@ -159,6 +160,18 @@ def along_face(face: Float, column: int, x: float, y: float, z: float) -> float:
 
 
 @inner
+def face_light(
+    face: Float, column: int, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Light that changes evenly over a face, at a place."""
+    return (
+        along_face(face, column, x, y, z) + face[column + 3],
+        along_face(face, column + 4, x, y, z) + face[column + 7],
+        along_face(face, column + 8, x, y, z) + face[column + 11],
+    )
+
+
+@inner
 def hazed(
     r: float, g: float, b: float, dx: float, dy: float, dz: float, light: Float
 ) -> tuple[float, float, float]:
@@ -196,17 +209,47 @@ def ground_colour(x: float, y: float, step: float, scenery: RayScene) -> tuple[f
     for number in range(len(grounds)):
         ground = grounds[number]
         if ground[0] <= x <= ground[2] and ground[1] <= y <= ground[3]:
-            return picture_colour(x, y, step, SHARPER, texels, levels, ground)
+            seen = picture_colour(x, y, step, SHARPER, texels, levels, ground)
+            texel = 1.0 / (ground[6] * levels[int(ground[8]), 1])
+            sharp = clamp(2.0 * texel / math.sqrt(max(step, 1e-12)), 1.0, 32.0)
+            return painted_ground(seen, sharp, scenery.paints)
     ground = grounds[len(grounds) - 1]
     u, v = (x - ground[4]) * ground[6], (y - ground[5]) * ground[7]
     past = max(abs(u - 0.5) - 0.5, 0.0) / ground[6] + max(abs(v - 0.5) - 0.5, 0.0) / ground[7]
     share = min(past / light[BEYOND + 3], 1.0)
-    r, g, b = picture_colour(x, y, step, 4.0 * min(16.0 * share, 1.0), texels, levels, ground)
+    seen = picture_colour(x, y, step, 4.0 * min(16.0 * share, 1.0), texels, levels, ground)
+    r, g, b = painted_ground(seen, 1.0, scenery.paints)
     return (
         mix(r, light[BEYOND], share),
         mix(g, light[BEYOND + 1], share),
         mix(b, light[BEYOND + 2], share),
     )
+
+
+@inner
+def painted_ground(
+    seen: tuple[float, float, float, float], sharp: float, paints: Float
+) -> tuple[float, float, float]:
+    """The colour of the ground by its picture, whose edges are magnified so many times."""
+    cover, mark, bright, sun = seen
+    kerb = clamp((min(2.0 * cover, 1.0) - 0.5) * sharp + 0.5, 0.0, 1.0)
+    pave = clamp((max(2.0 * cover - 1.0, 0.0) - 0.5) * sharp + 0.5, 0.0, 1.0)
+    mark = clamp((mark - 0.5) * sharp + 0.5, 0.0, 1.0)
+    return (
+        paint_of(0, kerb, pave, mark, bright, sun, paints),
+        paint_of(1, kerb, pave, mark, bright, sun, paints),
+        paint_of(2, kerb, pave, mark, bright, sun, paints),
+    )
+
+
+@inner
+def paint_of(
+    channel: int, kerb: float, pave: float, mark: float, bright: float, sun: float, paints: Float
+) -> float:
+    """One channel of the colour of the ground by what covers it and its light."""
+    paint = mix(mix(paints[0, channel], paints[1, channel], kerb), paints[2, channel], pave)
+    paint = mix(paint, paints[3, channel], mark)
+    return paint * bright * mix(paints[4, channel], paints[5, channel], sun)
 
 
 @inner
@@ -218,7 +261,7 @@ def picture_colour(
     texels: NDArray[np.uint8],
     levels: Int,
     ground: Float,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """A picture of the ground at a place, from the copy whose texels are as large as pixels."""
     u, v = (x - ground[4]) * ground[6], (y - ground[5]) * ground[7]
     first, count = int(ground[8]), int(ground[9])
@@ -233,19 +276,35 @@ def picture_colour(
     y = clamp(v * height - 0.5, 0.0, height - 1.0)
     left, top = int(x), int(y)
     x, y = x - left, y - top
-    here = start + 3 * (top * width + left)
-    right = 3 if left < width - 1 else 0
-    below = 3 * width if top < height - 1 else 0
-    upper_left, upper_right = (1.0 - x) * (1.0 - y) / 255.0, x * (1.0 - y) / 255.0
-    lower_left, lower_right = (1.0 - x) * y / 255.0, x * y / 255.0
-    r = upper_left * texels[here] + upper_right * texels[here + right]
-    g = upper_left * texels[here + 1] + upper_right * texels[here + right + 1]
-    b = upper_left * texels[here + 2] + upper_right * texels[here + right + 2]
-    here += below
-    r += lower_left * texels[here] + lower_right * texels[here + right]
-    g += lower_left * texels[here + 1] + lower_right * texels[here + right + 1]
-    b += lower_left * texels[here + 2] + lower_right * texels[here + right + 2]
-    return r, g, b
+    here = start + 4 * (top * width + left)
+    right = 4 if left < width - 1 else 0
+    below = here + (4 * width if top < height - 1 else 0)
+    a, b = (1.0 - x) * (1.0 - y) / 255.0, x * (1.0 - y) / 255.0
+    c, d = (1.0 - x) * y / 255.0, x * y / 255.0
+    return (
+        between(texels, here, right, below, 0, a, b, c, d),
+        between(texels, here, right, below, 1, a, b, c, d),
+        between(texels, here, right, below, 2, a, b, c, d),
+        between(texels, here, right, below, 3, a, b, c, d),
+    )
+
+
+@inner
+def between(
+    texels: NDArray[np.uint8],
+    here: int,
+    right: int,
+    below: int,
+    channel: int,
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+) -> float:
+    """One channel between four texels, by their shares."""
+    value: float = a * texels[here + channel] + b * texels[here + right + channel]
+    value += c * texels[below + channel] + d * texels[below + right + channel]
+    return value
 
 
 @inner
@@ -291,10 +350,10 @@ def see(
             shadowed = 0.0
             if under > -LEAST_LIT:
                 shadowed = clamp(under / (under_step + SUN_RIM) + 0.5, 0.0, 1.0)
-            side = LIGHT if slope < 0.0 else BACK
-            r = (r + face[COLOUR] * wall) * mix(face[side], BLUE[0], shadowed)
-            g = (g + face[COLOUR + 1] * wall) * mix(face[side + 1], BLUE[1], shadowed)
-            b = (b + face[COLOUR + 2] * wall) * mix(face[side + 2], BLUE[2], shadowed)
+            lit, shade = face_light(face, LIGHT, wx, wy, wz), face_light(face, SHADE, wx, wy, wz)
+            r = (r + face[COLOUR] * wall) * mix(lit[0], shade[0], shadowed)
+            g = (g + face[COLOUR + 1] * wall) * mix(lit[1], shade[1], shadowed)
+            b = (b + face[COLOUR + 2] * wall) * mix(lit[2], shade[2], shadowed)
             r, g, b = hazed(r, g, b, x, y, z, light)
             return r, g, b, 1.0 / depth, hit
     if np.isfinite(down):
