@@ -35,6 +35,9 @@ _WIDEST = 160.0
 _KEPT = 12
 """Tiles that are kept; each takes some five megabytes."""
 
+_RAMP = 2.0
+"""Width of the change between two paints in a picture [texels]: magnified, it is one pixel wide."""
+
 _BELOW = -0.02
 """Height [m] of what lies under the tiles."""
 
@@ -45,6 +48,7 @@ class _Tile:
 
     primitive: Primitive
     area: tuple[float, ...]
+    texel: float
 
 
 class GroundLayer:
@@ -61,10 +65,10 @@ class GroundLayer:
         self._light = light
         self._scene = scene
         whole = paint_ground(structures, light)
-        paints = np.zeros((4, 4))
-        paints[:3] = whole.paints.T
-        shade, lit = (tuple((BRIGHTEST * tint).tolist()) for tint in whole.tints)
-        self._colours = {"paints": paints, "shade_tint": shade, "lit_tint": lit}
+        # Each paint but the first is what it adds to the one before.
+        self._paints = np.zeros((4, 4))
+        self._paints[:3] = BRIGHTEST * np.diff(whole.paints, axis=0, prepend=0.0).T
+        self._paints[:3, 0] += self._paints[:3, 1]
         self._low, self._high = whole.corner, whole.corner + whole.size
         indoor = structures.indoor
         self._side = _TILE_INDOOR if indoor else _TILE
@@ -76,19 +80,28 @@ class GroundLayer:
         land = _ring(middle - size, middle + size, self._low, self._high)
         self._land = Primitive("beyond", (2,), land)
         self._whole.texture = self._land.texture = Texture(whole.picture, far=True)
-        self._area = _area(whole)
+        self._all = _Tile(self._whole, _area(whole), _texel(whole))
         self._beyond = (*whole.beyond, 12.0 if indoor else 60.0)
         scene.add(Mesh([self._whole, self._land]))
 
-    def draws(self, eye: Float, reach: float) -> Iterator[Draw]:
-        """What is drawn for an eye (3,) that looks down at so much to each side [m], or ahead."""
+    def draws(self, eye: Float, reach: float, focus: float) -> Iterator[Draw]:
+        """What is drawn for an eye (3,) that looks down at so much to each side [m], or ahead.
+
+        The focus is the number of pixels that a metre takes at a distance of one metre.
+        """
         tiles = self._tiles_round(eye, reach)
         for tile in tiles:
-            yield Draw(tile.primitive, {"area": tile.area, "below": 0.0, **self._colours})
-        under = _BELOW if tiles else 0.0
-        whole = {"area": self._area, "below": under, **self._colours}
+            yield Draw(tile.primitive, self._uniforms(tile, eye, focus, 0.0))
+        whole = self._uniforms(self._all, eye, focus, _BELOW if tiles else 0.0)
         yield Draw(self._whole, whole)
         yield Draw(self._land, {**whole, "beyond": self._beyond})
+
+    def _uniforms(self, tile: "_Tile", eye: Float, focus: float, below: float) -> dict[str, Any]:
+        """The uniforms of a tile, or of the whole, at a height [m]."""
+        # On the ground a pixel is as long as the square of its distance, over this, says.
+        long = focus * abs(float(eye[2]))
+        edge = _RAMP * tile.texel * long
+        return {"area": tile.area, "below": below, "paints": self._paints, "edge": edge}
 
     def _tiles_round(self, eye: Float, reach: float) -> list[_Tile]:
         """The tiles round an eye; none where they would show no more than the whole picture."""
@@ -115,7 +128,7 @@ class GroundLayer:
         ground = paint_tile(self._structures, self._light, low, self._side)
         primitive = Primitive("ground", (2,), _square(low, low + self._side))
         primitive.texture = Texture(ground.picture, far=True)
-        tile = _Tile(primitive, _area(ground))
+        tile = _Tile(primitive, _area(ground), _texel(ground))
         self._tiles[place] = tile, self._scene.add(Mesh([primitive]))
         return tile
 
@@ -126,6 +139,11 @@ class GroundLayer:
             self._scene.remove_node(node)
             assert oldest.primitive.texture is not None
             oldest.primitive.texture.delete()
+
+
+def _texel(ground: Ground) -> float:
+    """The size of a texel of a picture [m]."""
+    return float(ground.size[0]) / ground.picture.shape[1]
 
 
 def _area(ground: Ground) -> tuple[float, ...]:

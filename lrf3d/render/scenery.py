@@ -153,7 +153,7 @@ class Scenery:
         width, height = frame.uniforms["viewport"]
         # How much is seen to each side by an eye that looks down from far above [m].
         across = 0.5 * height / frame.focus * float(frame.eye[2]) * max(1.0, width / height)
-        return self.ground.draws(frame.eye, across if frame.look.clear else 0.0)
+        return self.ground.draws(frame.eye, across if frame.look.clear else 0.0, frame.focus)
 
     def draw_sky(self, frame: Frame) -> Iterator[Draw]:
         """The sky, where the picture has any."""

@@ -35,7 +35,7 @@ BLANK, FOOT, PLINTH, WINDOWED = 0, 1, 2, 3
 """Layers: nothing painted, the foot of a plain wall, that of a house, and the first of those with
 windows."""
 
-_STYLES = ((16, 17), (19, 20), (21, 18))
+_STYLES = ((12, 16), (14, 15), (11, 18))
 """Half the width and height of a window [texels], for each style of houses."""
 
 _GROUND, _UPPER = WINDOWED, WINDOWED + SLANTS * len(_STYLES)
@@ -47,8 +47,11 @@ _FRAME = np.array([0.4185, 0.4185, 0.4185, 0.55])
 """Colours of doors by style, of panes, and of frames, which are pale and take on some of the
 wall's colour."""
 
-_MIDDLE, _RIM, _DOOR = 34, 2, (13, 45)
+_MIDDLE, _RIM, _DOOR = 35, 2, (13, 45)
 """Height of a window's middle, width of frames, and half the width and height of doors [texels]."""
+
+_SILL, _SILL_PAINT = (5, 5), np.array([0.56, 0.55, 0.53, 0.25])
+"""How far a sill reaches to both sides of its window and below it [texels], and its colour."""
 
 _PLINTH_HEIGHT, _SKIRTING_HEIGHT = 0.45, 0.09
 """Heights of the darker foot of a house, and of that of a wall in rooms [m]."""
@@ -120,8 +123,11 @@ def _windows(style: int, rng: np.random.Generator, *, ground: bool) -> Float:
             pane[..., :3] = _DARK_PANE + share * (_LIGHT_PANE - _DARK_PANE)
             low, high = _MIDDLE - tall, _MIDDLE + tall
             _box(tile, wide + _RIM, low - _RIM, high + _RIM)[:] = _FRAME
+            _box(tile, wide + _SILL[0], low - _SILL[1], low - _RIM)[:] = _SILL_PAINT
             _box(tile, wide, low, high)[:] = pane[low:high]
             _box(tile, 1, low, high)[:] = 0.8 * _FRAME + 0.2 * pane[low:high]
+            bar = low + 2 * (high - low) // 3
+            _box(tile, wide, bar, bar + 1)[:] = 0.8 * _FRAME + 0.2 * pane[bar]
     return _darkened(layer) if ground else layer
 
 
@@ -208,7 +214,8 @@ def lay_roofs(roofs: Single, *, indoor: bool) -> Single:
     rows[..., :6] = roofs[..., :6]
     colour = roofs[..., 10:13].astype(np.float64)
     if not indoor:
-        colour = 1.08 * (colour + _ROOF_SHARE * (ROOF_GREY - colour))
+        grey = 1.08 * (colour + _ROOF_SHARE * (ROOF_GREY - colour))
+        colour = np.where(np.floor(roofs[..., 13:14]) == CAP, colour, grey)
     rows[..., 9:12] = 1.02 * colour if indoor else colour
     rows[..., 12:15] = 1.0
     rows[..., 15] = roofs[..., 14]

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from PIL import Image, ImageChops, ImageDraw, ImageFilter
+from PIL import Image, ImageChops
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from lrf3d.geometry import Float, directions
+from lrf3d.geometry import Float, Single
+from lrf3d.scene.brush import Brush, as_mask
 from lrf3d.scene.light import Light, open_light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
 from lrf3d.scene.streets import centre_lines, dashes
@@ -44,33 +45,29 @@ _PAVEMENT, _KERB = 1.7, 0.16
 _TURN = 1.4
 """Radius of the corners of kerbs [m]."""
 
+_STRAIGHT = 0.7
+"""How far kerbs may be off the outline of their houses [m] to run straight."""
+
 _BLOCK = 7.0
 """Houses less than this apart [m] are of one block, whose kerb runs straight before them."""
 
 _LOCAL = 8.0
 """Only what of two houses is this near to the other [m] makes their common kerb."""
 
-_FINER = 2
-"""Pixels to a side that marks and kerbs are painted with in place of one: their edges are seen from
-near, where steps would show."""
-
 _SHADOW_RIM = 0.14
 """Width of the rim of the sun's light on the ground [m]."""
 
 _STREET_PAINTS = np.array(
-    [[0.370, 0.370, 0.370], [0.66, 0.65, 0.62], [0.545, 0.53, 0.50], [0.80, 0.79, 0.75]]
+    [[0.80, 0.79, 0.75], [0.370, 0.370, 0.370], [0.66, 0.65, 0.62], [0.545, 0.53, 0.50]]
 )
 _FLOOR_PAINTS = np.array(
-    [[0.74, 0.75, 0.755], [0.70, 0.69, 0.67], [0.775, 0.74, 0.685], [0.64, 0.61, 0.56]]
+    [[0.74, 0.75, 0.755], [0.70, 0.69, 0.67], [0.64, 0.61, 0.56], [0.775, 0.74, 0.685]]
 )
-"""Colours of the ground, of kerbs, pavements and marks; and of what lies round a house, the edge of
-its floor, the floor and the joints of its tiles."""
+"""Colours of marks, asphalt, kerbs and pavements; and of what lies round a house, the edge of its
+floor, the joints of its tiles, and tiles."""
 
-_BEYOND, _BEYOND_INDOOR = (0.50, 0.52, 0.455), _FLOOR_PAINTS[0]
+_BEYOND, _BEYOND_INDOOR = np.array([0.50, 0.52, 0.455]), _FLOOR_PAINTS[0]
 """Colours of what lies past the world."""
-
-_CLOSEST = 4.0
-"""Joints lie at least this many pixels apart."""
 
 _TILES, _JOINT, _JOINT_STRENGTH = 0.6, 0.015, 150
 """Side of a floor's tiles, width of the joints between them [m] and their opacity 0…255."""
@@ -97,12 +94,11 @@ class Ground:
     """A picture of the ground.
 
     Args:
-        picture: (h, w, 4) uint8: how far from ground over kerb to pavement, how much of it is
-            marked, its light and the sun's share in that; row 0 lies at the smallest y.
+        picture: (h, w, 4) uint8: the light on it, red, green and blue, and what covers it, from
+            marks over bare ground and kerbs to pavements; row 0 lies at the smallest y.
         corner: (2,) x and y of its lower left corner in the film's frame [m].
         size: (2,) its width and height [m].
-        paints: (4, 3) colours of ground, kerb, pavement and marks, 0…1.
-        tints: (2, 3) colours of the light where the sun is hidden, and where it is not.
+        paints: (4, 3) colours of marks, bare ground, kerbs and pavements, 0…1.
         beyond: Colour of the ground far past the picture in its light, 0…1.
     """
 
@@ -110,19 +106,16 @@ class Ground:
     corner: Float
     size: Float
     paints: Float
-    tints: Float
     beyond: tuple[float, float, float]
 
     def coloured(self) -> NDArray[np.uint8]:
         """The picture (h, w, 3) uint8 as it is seen from afar."""
-        cover, mark, light, sun = np.moveaxis(self.picture.astype(np.float32) / 255.0, -1, 0)
-        kerb, pave = np.clip(2.0 * cover, 0.0, 1.0), np.clip(2.0 * cover - 1.0, 0.0, 1.0)
-        base, edge, stone, line = self.paints.astype(np.float32)
-        paint = base + kerb[..., None] * (edge - base)
-        paint += pave[..., None] * (stone - paint)
-        paint += mark[..., None] * (line - paint)
-        tint = self.tints[0] + sun[..., None] * (self.tints[1] - self.tints[0])
-        lit = np.clip(paint * tint * (BRIGHTEST * light[..., None]), 0.0, 1.0)
+        seen = self.picture.astype(np.float32) / 255.0
+        paint = np.broadcast_to(self.paints[0].astype(np.float32), (*seen.shape[:2], 3))
+        for number in range(3):
+            share = np.clip(3.0 * seen[..., 3:] - number, 0.0, 1.0)
+            paint = paint + share * np.float32(self.paints[number + 1] - self.paints[number])
+        lit = np.clip(BRIGHTEST * seen[..., :3] * paint, 0.0, 1.0)
         return np.asarray(np.round(255.0 * lit), np.uint8)
 
 
@@ -138,7 +131,7 @@ def paint_ground(structures: Structures, light: Light) -> Ground:
         high = np.maximum(high, structures.path.max(axis=0) + margin)
     pixel = max(float((high - low).max()) / _PIXELS, 0.02 if structures.indoor else _FINEST)
     width, height = (np.ceil((high - low) / pixel).astype(int) + 1).tolist()
-    return _paint(structures, light, _Brush(width, height, low, pixel))
+    return _paint(structures, light, Brush(width, height, low, pixel))
 
 
 def paint_tile(structures: Structures, light: Light, corner: Float, side: float) -> Ground:
@@ -148,54 +141,30 @@ def paint_tile(structures: Structures, light: Light, corner: Float, side: float)
     low = corner - _OVERLAP * pixel
     reach = 2.0 * _HOLE if structures.indoor else _STREETS + _reach(structures)
     near = structures.within(low - reach, low + side + reach)
-    return _paint(near, light, _Brush(_TILE_PIXELS, _TILE_PIXELS, low, pixel))
+    return _paint(near, light, Brush(_TILE_PIXELS, _TILE_PIXELS, low, pixel))
 
 
-def _paint(structures: Structures, light: Light, brush: "_Brush") -> Ground:
+def _paint(structures: Structures, light: Light, brush: Brush) -> Ground:
     indoor = structures.indoor
     paint = _paint_floor if indoor else _paint_streets
-    cover, marks = paint(structures, brush)
-    shadow = brush.blank()
+    cover = paint(structures, brush)
+    lit = _baked(light, brush, indoor=indoor)
+    open_sky = open_light(indoor=indoor)
     if not indoor:
+        shadow = brush.blank()
         brush.quads(shadow, _shadows(structures))
-        shadow = brush.soft(shadow, _SHADOW_RIM)
-    shining = 1.0 - np.asarray(shadow, np.float32) / 255.0
-    baked, sun = brush.light(light, indoor=indoor)
-    total = screen(baked + shining * sun) if not indoor else screen(baked)
-    share = shining * sun / np.maximum(baked + shining * sun, 1e-6)
-    channels = [cover, marks, _as_mask(total / BRIGHTEST), _as_mask(share / _full_share(sun))]
-    tints, open_light = _tints(indoor=indoor)
-    beyond = np.array(_BEYOND_INDOOR if indoor else _BEYOND) * open_light
+        shining = 1.0 - np.asarray(brush.soft(shadow, _SHADOW_RIM), np.float32) / 255.0
+        lit += shining[..., None] * np.float32(SUN[2] * SUNSHINE)
+        open_sky = open_sky + SUN[2] * SUNSHINE
+    seen = as_mask(screen(lit) / BRIGHTEST)
+    beyond = (_BEYOND_INDOOR if indoor else _BEYOND) * screen(open_sky)
     return Ground(
-        np.stack([np.asarray(channel) for channel in channels], axis=-1),
+        np.concatenate([seen, np.asarray(cover)[..., None]], axis=-1),
         brush.corner,
         np.array(brush.size) * brush.pixel,
         _FLOOR_PAINTS if indoor else _STREET_PAINTS,
-        tints,
         tuple(np.clip(beyond, 0.0, 1.0).tolist()),
     )
-
-
-def _as_mask(values: Any) -> NDArray[np.uint8]:
-    return np.asarray(np.round(255.0 * np.clip(values, 0.0, 1.0)), np.uint8)
-
-
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""How bright red, green and blue are to an eye."""
-
-
-def _full_share(sun: float) -> float:
-    """The share of the sun's light in that on open ground."""
-    return max(sun / (sun + float(open_light(indoor=False) @ _LUMINANCE)), 1e-6)
-
-
-def _tints(*, indoor: bool) -> tuple[Float, Float]:
-    """Colours (2, 3) of the light without and with the sun; and the light (3,) on open ground."""
-    sky = open_light(indoor=indoor)
-    sun = np.zeros(3) if indoor else SUN[2] * SUNSHINE
-    both = np.stack([sky, sky + sun])
-    tints = screen(both) / screen(both @ _LUMINANCE)[:, None]
-    return tints, screen(sky + sun)
 
 
 def _reach(structures: Structures) -> float:
@@ -203,119 +172,48 @@ def _reach(structures: Structures) -> float:
     return float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
 
 
-class _Brush:
-    """Paints shapes, given in metres, into pictures of one size."""
-
-    def __init__(self, width: int, height: int, corner: Float, pixel: float) -> None:
-        self.size = (width, height)
-        self.corner = corner
-        self.pixel = pixel
-
-    def finer(self) -> "_Brush":
-        """A brush for the same place with finer pixels."""
-        width, height = self.size
-        return _Brush(_FINER * width, _FINER * height, self.corner, self.pixel / _FINER)
-
-    def reduced(self, picture: Image.Image) -> Image.Image:
-        """A picture of this brush in the pixels of the one that it is finer than."""
-        return picture.reduce(_FINER).filter(ImageFilter.BoxBlur(0.6))
-
-    def blank(self) -> Image.Image:
-        return Image.new("L", self.size, 0)
-
-    def polygons(self, picture: Image.Image, polygons: Any, fill: int = 255) -> None:
-        """Fill polygons, holes left out by being painted over."""
-        draw = ImageDraw.Draw(picture)
-        parts = shapely.get_parts(polygons)
-        # Where nothing is near, a union is one polygon of no points.
-        for polygon in parts[~shapely.is_empty(parts)]:
-            for ring, value in [(polygon.exterior, fill), *((r, 0) for r in polygon.interiors)]:
-                draw.polygon(self._points(np.asarray(ring.coords)), fill=value)
-
-    def quads(self, picture: Image.Image, quads: Float) -> None:
-        """Fill convex shapes (n, corners, 2)."""
-        draw = ImageDraw.Draw(picture)
-        for quad in quads:
-            draw.polygon(self._points(quad), fill=255)
-
-    def lines(self, picture: Image.Image, segments: Float, width: float) -> None:
-        """Draw segments (n, 4) of a width [m]."""
-        draw = ImageDraw.Draw(picture)
-        if width > 2.0 * self.pixel:
-            # Lines are as wide as whole pixels; as shapes they are as wide as they should be.
-            side = 0.5 * width * directions(segments)[:, ::-1] * [-1.0, 1.0]
-            start, end = segments[:, :2], segments[:, 2:]
-            self.quads(picture, np.stack([start - side, end - side, end + side, start + side], 1))
-            return
-        for segment in segments.reshape(-1, 2, 2):
-            draw.line(self._points(segment), fill=255, width=1)
-
-    def grid(self, picture: Image.Image, metres: float, width: float, fill: int) -> None:
-        """Draw lines at a spacing [m], at its multiples in the film's frame.
-
-        Nothing where they would lie so close together that they are one grey.
-        """
-        if metres < _CLOSEST * self.pixel:
-            return
-        draw = ImageDraw.Draw(picture)
-        pixels = max(1, round(width / self.pixel))
-        for axis, (across, along) in enumerate([self.size, self.size[::-1]]):
-            first = np.ceil(self.corner[axis] / metres) * metres
-            places = np.arange(first, self.corner[axis] + across * self.pixel, metres)
-            for at in ((places - self.corner[axis]) / self.pixel).tolist():
-                ends = [at, 0.0, at, float(along)] if axis == 0 else [0.0, at, float(along), at]
-                draw.line(ends, fill=fill, width=pixels)
-
-    def light(self, light: Light, *, indoor: bool) -> tuple[Any, float]:
-        """How bright (h, w) the ground is without the sun, and what the sun adds, linear."""
-        size = np.array(self.size) * self.pixel
-        least = _LIGHT_CELL_INDOOR if indoor else _LIGHT_CELL
-        cell = max(least, float(size.max()) / _LIGHT_CELLS)
-        columns, rows = np.ceil(size / cell).astype(int) + 1
-        x, y = np.meshgrid(np.arange(columns) * cell, np.arange(rows) * cell)
-        places = self.corner + np.column_stack([x.ravel(), y.ravel()])
-        found, open_air = light.ground(places)
-        bright = (found @ _LUMINANCE).reshape(rows, columns).astype(np.float32)
-        if open_air.any():
-            # Under houses it is dark; what is next to them must not be for that.
-            inside = ~open_air.reshape(rows, columns)
-            near = distance_transform_edt(inside, return_distances=False, return_indices=True)
-            bright = gaussian_filter(bright[tuple(near)], _LIGHT_BLUR)
-        whole = Image.fromarray(bright).resize(
-            (round(columns * cell / self.pixel), round(rows * cell / self.pixel)),
-            Image.Resampling.BICUBIC,
-        )
-        shift = round(0.5 * cell / self.pixel)
-        area = (shift, shift, shift + self.size[0], shift + self.size[1])
-        sun = 0.0 if indoor else float(SUN[2] * SUNSHINE @ _LUMINANCE)
-        return np.asarray(whole.crop(area), np.float32), sun
-
-    def soft(self, picture: Image.Image, reach: float) -> Image.Image:
-        """The picture blurred over a reach [m]; wide blurs go by a smaller picture."""
-        radius = reach / self.pixel
-        shrink = max(1, int(radius / 2))
-        if shrink == 1:
-            return picture.filter(ImageFilter.BoxBlur(radius))
-        small = picture.reduce(shrink).filter(ImageFilter.GaussianBlur(radius / shrink))
-        return small.resize(self.size, Image.Resampling.BILINEAR)
-
-    def _points(self, points: Float) -> list[float]:
-        flat: list[float] = ((points - self.corner) / self.pixel).ravel().tolist()
-        return flat
+def _baked(light: Light, brush: Brush, *, indoor: bool) -> Single:
+    """The light (h, w, 3) on the ground without the sun, linear."""
+    size = np.array(brush.size) * brush.pixel
+    least = _LIGHT_CELL_INDOOR if indoor else _LIGHT_CELL
+    cell = max(least, float(size.max()) / _LIGHT_CELLS)
+    columns, rows = np.ceil(size / cell).astype(int) + 1
+    x, y = np.meshgrid(np.arange(columns) * cell, np.arange(rows) * cell)
+    found, open_air = light.ground(brush.corner + np.column_stack([x.ravel(), y.ravel()]))
+    found = found.reshape(rows, columns, 3)
+    if open_air.any():
+        # Under houses it is dark; what is next to them must not be for that.
+        inside = ~open_air.reshape(rows, columns)
+        near = distance_transform_edt(inside, return_distances=False, return_indices=True)
+        found = gaussian_filter(found[tuple(near)], (_LIGHT_BLUR, _LIGHT_BLUR, 0.0))
+    large = (round(columns * cell / brush.pixel), round(rows * cell / brush.pixel))
+    # Cells are known at their corners, a resized picture at the middles of its pixels.
+    shift = round(0.5 * cell / brush.pixel)
+    area = (shift, shift, shift + brush.size[0], shift + brush.size[1])
+    bands = [
+        Image.fromarray(band.astype(np.float32)).resize(large, Image.Resampling.BILINEAR)
+        for band in np.moveaxis(found, -1, 0)
+    ]
+    return np.stack([np.asarray(band.crop(area)) for band in bands], axis=-1)
 
 
-def _paint_streets(structures: Structures, brush: _Brush) -> tuple[Image.Image, Image.Image]:
-    """What is paved, with its kerb, and the marks on streets."""
+def _paint_streets(structures: Structures, brush: Brush) -> Image.Image:
+    """What covers the ground of a town: 0 for marks, then asphalt, kerbs, and 255 for pavements."""
     fine = brush.finer()
-    pavement, inner, marks = fine.blank(), fine.blank(), fine.blank()
+    pavement, inner, marks = fine.blank(), fine.blank(), brush.blank()
     kerb = shapely.buffer(structures.solids, _PAVEMENT, quad_segs=4)
     if brush.pixel <= _COARSE:
         kerb = blocks(structures.solids)
-        fine.lines(marks, dashes(centre_lines(structures, kerb)), 0.16)
+        marks = brush.strips(dashes(centre_lines(structures, kerb)), 0.16)
         fine.polygons(inner, shapely.buffer(kerb, -_KERB))
     fine.polygons(pavement, kerb)
-    cover = Image.blend(fine.reduced(pavement), fine.reduced(inner), 0.5)
-    return cover, fine.reduced(marks)
+    return _stacked(ImageChops.invert(marks), fine.reduced(pavement), fine.reduced(inner))
+
+
+def _stacked(*masks: Image.Image) -> Image.Image:
+    """The sum of three masks, each of a third of the brightness."""
+    total = sum(np.asarray(mask, np.float32) for mask in masks)
+    return Image.fromarray(as_mask(total / (3.0 * 255.0)))
 
 
 def blocks(solids: Any) -> Any:
@@ -337,20 +235,21 @@ def blocks(solids: Any) -> Any:
     hulls = hulls[shapely.area(hulls) < 1.7 * filled]
     whole = shapely.union_all(np.concatenate([solids, hulls]))
     wide = shapely.buffer(whole, _PAVEMENT, join_style="mitre", mitre_limit=1.5)
+    wide = shapely.simplify(wide, _STRAIGHT)
     closed = shapely.buffer(shapely.buffer(wide, _TURN, quad_segs=8), -_TURN, quad_segs=8)
     return shapely.buffer(shapely.buffer(closed, -_TURN, quad_segs=8), _TURN, quad_segs=8)
 
 
-def _paint_floor(structures: Structures, brush: _Brush) -> tuple[Image.Image, Image.Image]:
-    """The floor, with its edge, and the joints of its tiles."""
+def _paint_floor(structures: Structures, brush: Brush) -> Image.Image:
+    """What covers the ground of a house: 0 around it, then the floor's edge, joints and tiles."""
     fine = brush.finer()
     floor, inner, lines = fine.blank(), fine.blank(), brush.blank()
     rooms = floor_of(structures)
     fine.polygons(floor, rooms)
     fine.polygons(inner, shapely.buffer(rooms, -0.06))
     brush.grid(lines, _TILES, _JOINT, _JOINT_STRENGTH)
-    cover = Image.blend(fine.reduced(floor), fine.reduced(inner), 0.5)
-    return cover, ImageChops.multiply(lines, fine.reduced(inner))
+    tiles = fine.reduced(inner)
+    return _stacked(fine.reduced(floor), tiles, ImageChops.subtract(tiles, lines))
 
 
 def floor_of(structures: Structures) -> Any:

@@ -81,7 +81,7 @@ opacity at the robot."""
 FAN_SHARE_AHEAD = 0.12
 """How much of that opacity is left where the robot's eyes look through the fan."""
 
-FAN_ENDS, FAN_END_SHARE = 0.25, 0.22
+FAN_ENDS, FAN_END_SHARE = 0.25, 0.14
 """The share of the fan at both its ends that beams fade in, and what is left of their opacity at
 the very ends: a fan of half a turn would end in a hard line across the picture."""
 
@@ -124,7 +124,7 @@ MAP_BAND, MAP_WIDTH = (0.62, 0.74), 0.07
 """Heights between which the map is a band along the walls, above the beams, and its width [m]: it
 stands out of its line to both sides, so that no wall hides it."""
 
-BAND_PIXELS = 3.0
+BAND_PIXELS = 3.6
 """Least height of that band in a picture of 720 lines [pixels]: it shows from far away, too."""
 
 GLOW_REACH, GLOW_STRENGTH = 0.14, 0.40

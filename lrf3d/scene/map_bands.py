@@ -78,32 +78,52 @@ def map_bands(segments: Float, colours: Float, tops: Float, before: Float) -> Ba
     left = np.column_stack([-along[:, 1], along[:, 0]])
     middles = np.minimum(0.5 * sum(MAP_BAND), tops - 0.5 * (MAP_BAND[1] - MAP_BAND[0]))
     heights = np.column_stack([middles, np.minimum(tops, 1e3)])
-    solid: list[list[tuple[int, float, float]]] = [
-        # End of the segment, side and height of each corner of a face.
+    return Bands(
+        _corners(_SOLID, ends, left, heights, colours, 1.0),
+        _corners(_GLOW, ends, left, heights, colours, GLOW_STRENGTH),
+    )
+
+
+def _triangles(faces: list[list[tuple[int, float, float]]]) -> Float:
+    """End of the segment, side and height (6 · faces, 3) of each corner of faces' triangles."""
+    return np.array([[face[k] for k in (0, 1, 2, 0, 2, 3)] for face in faces]).reshape(-1, 3)
+
+
+_REACH = 1.0 + 2.0 * GLOW_REACH / (MAP_BAND[1] - MAP_BAND[0])
+"""How far the glow reaches from the middle of a band, in half heights."""
+
+_SOLID = _triangles(
+    [
         [(0, 1, -1), (1, 1, -1), (1, 1, 1), (0, 1, 1)],
         [(1, -1, -1), (0, -1, -1), (0, -1, 1), (1, -1, 1)],
         [(0, 1, 1), (1, 1, 1), (1, -1, 1), (0, -1, 1)],
         [(0, -1, -1), (0, 1, -1), (0, 1, 1), (0, -1, 1)],
         [(1, 1, -1), (1, -1, -1), (1, -1, 1), (1, 1, 1)],
     ]
-    reach = 1.0 + 2.0 * GLOW_REACH / (MAP_BAND[1] - MAP_BAND[0])
-    glow = [
-        [(end, side, up) for end, up in ((0, low), (1, low), (1, high), (0, high))]
+)
+_GLOW = _triangles(
+    [
+        [(0, side, low), (1, side, low), (1, side, high), (0, side, high)]
         for side in (0.5, -0.5)
-        for low, high in ((-reach, -1.0), (1.0, reach))
+        for low, high in ((-_REACH, -1.0), (1.0, _REACH))
     ]
+)
+"""Corners of the triangles of a band, and of its glow."""
 
-    def corners(faces: list[list[tuple[int, float, float]]], strength: float) -> Single:
-        rows = np.zeros((len(segments), len(faces), 4, sum(BAND_SIZES)), np.float32)
-        for face, row in zip(faces, np.moveaxis(rows, 1, 0), strict=True):
-            for corner, (end, side, up) in enumerate(face):
-                row[:, corner, 0:2], row[:, corner, 2:4] = ends[:, 0, end], ends[:, 1, end]
-                row[:, corner, 4:6], row[:, corner, 6] = side * left, up
-                row[:, corner, 7:9], row[:, corner, 9:12] = heights, colours
-                row[:, corner, 12] = strength if abs(up) <= 1.0 else 0.0
-        return rows[:, :, [0, 1, 2, 0, 2, 3]].reshape(-1, sum(BAND_SIZES))
 
-    return Bands(corners(solid, 1.0), corners(glow, GLOW_STRENGTH))
+def _corners(
+    shape: Float, ends: Float, left: Float, heights: Float, colours: Float, strength: float
+) -> Single:
+    """Corners (m · corners, 13) of a shape, put to segments whose ends are (m, 2, 2, 2)."""
+    end, side, up = shape[:, 0].astype(int), shape[:, 1], shape[:, 2]
+    rows = np.empty((len(ends), len(shape), sum(BAND_SIZES)), np.float32)
+    rows[..., 0:2], rows[..., 2:4] = ends[:, 0, end], ends[:, 1, end]
+    rows[..., 4:6] = left[:, None] * side[:, None]
+    rows[..., 6] = up
+    rows[..., 7:9] = heights[:, None]
+    rows[..., 9:12] = colours[:, None]
+    rows[..., 12] = np.where(np.abs(up) <= 1.0, strength, 0.0)
+    return rows.reshape(-1, sum(BAND_SIZES))
 
 
 def _grown_from(segments: Float, before: Float) -> Float:

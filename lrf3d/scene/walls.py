@@ -6,13 +6,13 @@ What walls make up enters; leave corners that have all that a renderer must know
 from typing import Any, NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single, directions, lengths
-from lrf3d.scene.facades import CAP, FACADE, PLAIN, ROOF, lay_roofs, lay_walls
+from lrf3d.scene.facades import CAP, FACADE, PLAIN, lay_roofs, lay_walls
 from lrf3d.scene.light import Light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
+from lrf3d.scene.roofs import add_parapets, flat_faces, roof_faces
 from lrf3d.scene.shadows import LIT, shade_quads, shade_roofs
 from lrf3d.scene.structures import Structures
 
@@ -67,7 +67,8 @@ def wall_faces(structures: Structures) -> Faces:
     )
     objects = structures.objects[np.concatenate([solid, free, free, free])]
     solid = np.arange(len(structures.solids))
-    return Faces(quads, objects, *_roofs(structures, structures.solids, solid)[:2])
+    roofs = roof_faces(structures, structures.solids, solid, structures.solid_heights)
+    return Faces(quads, objects, *roofs[:2])
 
 
 class PaintedWalls(NamedTuple):
@@ -95,24 +96,30 @@ def paint_walls(structures: Structures, *, shadows: bool = True) -> PaintedWalls
     if shadows:
         quads, number = shade_quads(structures, faces.quads)
         polygons, solid, under = shade_roofs(structures)
-        roofs, roof_objects, piece = _roofs(structures, polygons, solid)
-        dark = under[piece].astype(np.float32)
     else:
         quads, number = _with_shadow(faces.quads, LIT), np.arange(len(faces.quads))
-        roofs, roof_objects = faces.roofs, faces.roof_objects
-        dark = np.full(len(roofs), LIT, np.float32)
+        solid = np.arange(len(structures.solids))
+        polygons, under = structures.solids, np.full(len(solid), LIT)
+    top = add_parapets(structures, polygons, solid)
+    roofs, roof_objects, piece = top.roofs
+    dark = under[top.pieces[piece]].astype(np.float32)
+    # Parapets are walls of their own, after all others.
+    number = np.concatenate([number, len(faces.quads) + np.arange(len(top.inner))])
+    quads = np.concatenate([quads, _with_shadow(top.inner, LIT)])
+    objects = np.concatenate([faces.objects, top.inner_objects])
     pieces, owner = lay_walls(quads, number, indoor=structures.indoor)
     roofs = lay_roofs(_with_shadow(roofs, dark[:, None, None]), indoor=structures.indoor)
     step = _STEP_INDOOR if structures.indoor else _STEP
     pieces, part = cut_small(pieces, step, _MOST_PIECES)
     # The two faces of a free wall are apart: a ray meets the one that looks at it.
     owner = number[owner][part]
-    free = (owner >= int(structures.closed.sum())) & (pieces[:, 0, 5] < 0.5)
+    free = (owner >= int(structures.closed.sum())) & (owner < len(faces.quads))
+    free &= pieces[:, 0, 5] < 0.5
     pieces[free, :, :3] += _APART * pieces[free, :, 3:6]
     light = Light(structures, pieces, roofs)
     painted = Faces(
         _with_light(pieces, light.quads, indoor=structures.indoor),
-        faces.objects[owner],
+        objects[owner],
         _with_light(roofs, light.roofs, indoor=structures.indoor),
         roof_objects,
     )
@@ -208,38 +215,4 @@ def _caps(structures: Structures, walls: NDArray[Any]) -> Single:
     side = 0.5 * CAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
     start, end = segments[:, :2] - reach, segments[:, 2:] + reach
     corners = np.stack([start - side, end - side, end + side, start + side], axis=1)
-    return _flat(corners, structures.heights[walls], structures.colours[walls], CAP)
-
-
-def _flat(corners: Float, heights: Float, colours: Float, kind: float) -> Single:
-    """Level faces (n, corners, 14) that look up."""
-    faces = np.zeros((*corners.shape[:2], sum(_SIZES)), np.float32)
-    faces[:, :, 0:2] = corners
-    faces[:, :, 2] = heights[:, None]
-    faces[:, :, 5] = 1.0
-    faces[:, :, 6:8] = corners
-    faces[:, :, 8:10] = 1.0
-    faces[:, :, 10:13] = colours[:, None, :]
-    faces[:, :, 13] = kind + 0.5
-    return faces
-
-
-def _roofs(structures: Structures, polygons: Any, solids: Int) -> tuple[Single, Int, Int]:
-    """Triangles (t, 3, 14) of roofs, from polygons of solids by number.
-
-    Returns:
-        The triangles, and the object (t,) and the polygon (t,) of each.
-    """
-    if not len(polygons):
-        none = np.zeros(0, np.int64)
-        return np.zeros((0, 3, sum(_SIZES)), np.float32), none, none
-    triangles, piece = shapely.get_parts(
-        shapely.constrained_delaunay_triangles(polygons), return_index=True
-    )
-    solid = solids[piece]
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0.0
-    corners[clockwise] = corners[clockwise][:, ::-1]
-    faces = _flat(corners, structures.solid_heights[solid], structures.solid_colours[solid], ROOF)
-    return faces, structures.solid_objects[solid], piece
+    return flat_faces(corners, structures.heights[walls], structures.colours[walls], CAP)

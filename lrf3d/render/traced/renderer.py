@@ -195,11 +195,9 @@ def _camera(uniforms: Uniforms, box: Box) -> Float:
 
 
 def _paints(uniforms: Uniforms) -> Float:
-    """The ground's colours as rows of :mod:`shading`: four paints and two tints of the light."""
-    if "paints" not in uniforms:
-        return np.zeros((6, 3))
-    paints = np.asarray(uniforms["paints"])[:3].T
-    return np.concatenate([paints, [uniforms["shade_tint"], uniforms["lit_tint"]]])
+    """The paints of the ground as rows of :mod:`shading`."""
+    paints = np.asarray(uniforms.get("paints", np.zeros((4, 4))))
+    return np.ascontiguousarray(paints[:3].T)
 
 
 def _light(uniforms: Uniforms) -> Float:

@@ -74,7 +74,7 @@ class RayScene(NamedTuple):
         texels: (u,) all copies of the pictures of the ground, one after the other.
         levels: (l, 3) where each copy starts, its width and height.
         grounds: (g, 10) the pictures of the ground.
-        paints: (6, 3) colours of the ground, and of its light without and with the sun.
+        paints: (4, 3) the colour of the ground, and what marks, kerbs and pavements change.
         light: (12,) sun, haze and land.
     """
 
@@ -231,25 +231,15 @@ def painted_ground(
     seen: tuple[float, float, float, float], sharp: float, paints: Float
 ) -> tuple[float, float, float]:
     """The colour of the ground by its picture, whose edges are magnified so many times."""
-    cover, mark, bright, sun = seen
-    kerb = clamp((min(2.0 * cover, 1.0) - 0.5) * sharp + 0.5, 0.0, 1.0)
-    pave = clamp((max(2.0 * cover - 1.0, 0.0) - 0.5) * sharp + 0.5, 0.0, 1.0)
-    mark = clamp((mark - 0.5) * sharp + 0.5, 0.0, 1.0)
+    cover = 3.0 * seen[3] - 1.0
+    mark = clamp((-cover - 0.5) * sharp + 0.5, 0.0, 1.0)
+    kerb = clamp((cover - 0.5) * sharp + 0.5, 0.0, 1.0)
+    pave = clamp((cover - 1.5) * sharp + 0.5, 0.0, 1.0)
     return (
-        paint_of(0, kerb, pave, mark, bright, sun, paints),
-        paint_of(1, kerb, pave, mark, bright, sun, paints),
-        paint_of(2, kerb, pave, mark, bright, sun, paints),
+        seen[0] * (paints[0, 0] - mark * paints[1, 0] + kerb * paints[2, 0] + pave * paints[3, 0]),
+        seen[1] * (paints[0, 1] - mark * paints[1, 1] + kerb * paints[2, 1] + pave * paints[3, 1]),
+        seen[2] * (paints[0, 2] - mark * paints[1, 2] + kerb * paints[2, 2] + pave * paints[3, 2]),
     )
-
-
-@inner
-def paint_of(
-    channel: int, kerb: float, pave: float, mark: float, bright: float, sun: float, paints: Float
-) -> float:
-    """One channel of the colour of the ground by what covers it and its light."""
-    paint = mix(mix(paints[0, channel], paints[1, channel], kerb), paints[2, channel], pave)
-    paint = mix(paint, paints[3, channel], mark)
-    return paint * bright * mix(paints[4, channel], paints[5, channel], sun)
 
 
 @inner
