@@ -65,10 +65,8 @@ class GroundLayer:
         self._light = light
         self._scene = scene
         whole = paint_ground(structures, light)
-        # Each paint but the first is what it adds to the one before.
-        self._paints = np.zeros((4, 4))
-        self._paints[:3] = BRIGHTEST * np.diff(whole.paints, axis=0, prepend=0.0).T
-        self._paints[:3, 0] += self._paints[:3, 1]
+        mark, bare, kerb, pavement = (BRIGHTEST * whole.paints).tolist()
+        self._paints = (bare, mark - bare, kerb - bare, pavement - kerb)
         self._low, self._high = whole.corner, whole.corner + whole.size
         indoor = structures.indoor
         self._side = _TILE_INDOOR if indoor else _TILE
@@ -143,7 +141,7 @@ class GroundLayer:
 
 def _texel(ground: Ground) -> float:
     """The size of a texel of a picture [m]."""
-    return float(ground.size[0]) / ground.picture.shape[1]
+    return float(ground.size[0]) / int(ground.picture.shape[1])
 
 
 def _area(ground: Ground) -> tuple[float, ...]:

@@ -65,10 +65,12 @@ class Line:
 
     def placed(self, size: int) -> list[tuple[float, str]]:
         """Where each word starts [pixels], in letters of a size [pixels], and the word."""
-        letters = font(size, bold=self.bold)
         left = [(start * size, words) for start, words in self.words]
-        right = [(end * size - letters.getlength(words), words) for end, words in self.ends]
+        right = [(end * size - self._length(words, size), words) for end, words in self.ends]
         return left + right
+
+    def _length(self, words: str, size: int) -> float:
+        return sum(glyph(letter, size, bold=self.bold)[1] for letter in words)
 
 
 def _sizes(lines: tuple[Line, ...], scale: float) -> list[int]:

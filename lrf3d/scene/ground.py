@@ -54,6 +54,9 @@ _BLOCK = 7.0
 _LOCAL = 8.0
 """Only what of two houses is this near to the other [m] makes their common kerb."""
 
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""How bright red, green and blue are to an eye."""
+
 _SHADOW_RIM = 0.14
 """Width of the rim of the sun's light on the ground [m]."""
 
@@ -94,11 +97,12 @@ class Ground:
     """A picture of the ground.
 
     Args:
-        picture: (h, w, 4) uint8: the light on it, red, green and blue, and what covers it, from
-            marks over bare ground and kerbs to pavements; row 0 lies at the smallest y.
+        picture: (h, w, 4) uint8: the light on it in the hues of its paints, red, green and blue,
+            and what covers it, from marks over bare ground and kerbs to pavements; row 0 lies at
+            the smallest y.
         corner: (2,) x and y of its lower left corner in the film's frame [m].
         size: (2,) its width and height [m].
-        paints: (4, 3) colours of marks, bare ground, kerbs and pavements, 0…1.
+        paints: (4,) how bright marks, bare ground, kerbs and pavements are, 0…1.
         beyond: Colour of the ground far past the picture in its light, 0…1.
     """
 
@@ -111,11 +115,8 @@ class Ground:
     def coloured(self) -> NDArray[np.uint8]:
         """The picture (h, w, 3) uint8 as it is seen from afar."""
         seen = self.picture.astype(np.float32) / 255.0
-        paint = np.broadcast_to(self.paints[0].astype(np.float32), (*seen.shape[:2], 3))
-        for number in range(3):
-            share = np.clip(3.0 * seen[..., 3:] - number, 0.0, 1.0)
-            paint = paint + share * np.float32(self.paints[number + 1] - self.paints[number])
-        lit = np.clip(BRIGHTEST * seen[..., :3] * paint, 0.0, 1.0)
+        paint = np.interp(3.0 * seen[..., 3], np.arange(4), self.paints)
+        lit = np.clip(BRIGHTEST * seen[..., :3] * paint[..., None], 0.0, 1.0)
         return np.asarray(np.round(255.0 * lit), np.uint8)
 
 
@@ -156,13 +157,17 @@ def _paint(structures: Structures, light: Light, brush: Brush) -> Ground:
         shining = 1.0 - np.asarray(brush.soft(shadow, _SHADOW_RIM), np.float32) / 255.0
         lit += shining[..., None] * np.float32(SUN[2] * SUNSHINE)
         open_sky = open_sky + SUN[2] * SUNSHINE
-    seen = as_mask(screen(lit) / BRIGHTEST)
+    paints = _FLOOR_PAINTS if indoor else _STREET_PAINTS
+    bright = paints @ _LUMINANCE
+    kind = 3.0 / 255.0 * np.asarray(cover, np.float32)
+    hues = [np.interp(kind, np.arange(4), paints[:, k] / bright) for k in range(3)]
+    seen = as_mask(screen(lit.astype(np.float64)) * np.stack(hues, axis=-1) / BRIGHTEST)
     beyond = (_BEYOND_INDOOR if indoor else _BEYOND) * screen(open_sky)
     return Ground(
         np.concatenate([seen, np.asarray(cover)[..., None]], axis=-1),
         brush.corner,
         np.array(brush.size) * brush.pixel,
-        _FLOOR_PAINTS if indoor else _STREET_PAINTS,
+        bright,
         tuple(np.clip(beyond, 0.0, 1.0).tolist()),
     )
 

@@ -24,8 +24,11 @@ _ALONG = 0.35
 _TURNED = 0.97
 """Cosine of the largest angle between two segments of one wall."""
 
-_NEAR = 0.6
+_NEAR = 0.2
 """A wall farther than this from a segment of the map [m] is another one."""
+
+_TALL = 2.0
+"""Walls from this height on [m] are higher than any band."""
 
 
 class Bands(NamedTuple):
@@ -41,7 +44,7 @@ class Bands(NamedTuple):
 
 
 class WallTops:
-    """Finds the height of the wall that a segment of a map lies on.
+    """Finds the height of the wall that a segment of a map lies on, if that is low.
 
     Args:
         walls: (n, 4) the walls in the film's frame [m].
@@ -49,11 +52,12 @@ class WallTops:
     """
 
     def __init__(self, walls: Float, heights: Float) -> None:
-        self._heights = heights
-        self._tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
+        low = heights < _TALL
+        self._heights = heights[low]
+        self._tree = shapely.STRtree(shapely.linestrings(walls[low].reshape(-1, 2, 2)))
 
     def of(self, segments: Float) -> Float:
-        """Heights (m,) of the walls [m]; infinite where there is no wall at a segment (m, 4)."""
+        """Heights (m,) of the walls [m]; infinite where no low wall is at a segment (m, 4)."""
         tops = np.full(len(segments), np.inf)
         if len(segments) and len(self._heights):
             middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
@@ -128,6 +132,16 @@ def _corners(
 
 def _grown_from(segments: Float, before: Float) -> Float:
     """Where segments (m, 4) begin to grow from: what of them the map before (n, 4) showed."""
+    known = {row.tobytes() for row in before}
+    changed = [number for number, row in enumerate(segments) if row.tobytes() not in known]
+    starts = segments.copy()
+    if changed:
+        starts[changed] = _shown_of(segments[changed], before)
+    return starts
+
+
+def _shown_of(segments: Float, before: Float) -> Float:
+    """What of segments (m, 4) a map (n, 4) shows; the middle of one of which it shows nothing."""
     start, way = segments[:, :2], segments[:, 2:] - segments[:, :2]
     length = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9)
     along = way / length[:, None]

@@ -22,7 +22,7 @@ CAP_WIDTH = 0.12
 _SIZES = (3, 3, 2, 2, 4)
 """Position, normal, place along and up the face [m], its length and height [m], colour and kind."""
 
-_STEP, _STEP_INDOOR = 2.5, 0.7
+_STEP, _STEP_INDOOR = 3.2, 0.8
 """Sides of the pieces that walls are cut into for their light [m]."""
 
 _MOST_PIECES = 60_000

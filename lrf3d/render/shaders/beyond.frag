@@ -1,7 +1,7 @@
 in vec2 uv;
 in vec3 way;
 uniform sampler2D picture;
-uniform mat4 paints;    // asphalt or the floor's edge, and what marks, kerbs and pavements change
+uniform vec4 paints;    // how bright bare ground is, and what marks, kerbs and pavements add
 uniform vec4 area;
 uniform vec4 beyond;    // colour of the ground past the picture, and width of the change [m]
 out vec4 colour;
@@ -12,9 +12,7 @@ void main() {
     vec4 seen = texture(picture, uv, 4.0 * min(16.0 * share, 1.0));
     float cover = 3.0 * seen.a - 1.0;
     vec3 parts = clamp(vec3(-cover, cover, cover - 1.0), 0.0, 1.0);
-    vec3 paint = paints[0].rgb
-        + mat3(paints[1].rgb, paints[2].rgb, paints[3].rgb) * vec3(-parts.x, parts.yz);
-    vec3 ground = mix(paint * seen.rgb, beyond.rgb, share);
+    float paint = paints.x + dot(parts, paints.yzw);
     float far = dot(way, way) * haze.a * haze.a;
-    colour = vec4(mix(ground, haze.rgb, far / (1.0 + far)), 1.0);
+    colour = vec4(mix(mix(paint * seen.rgb, beyond.rgb, share), haze.rgb, far / (1.0 + far)), 1.0);
 }

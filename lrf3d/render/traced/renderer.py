@@ -73,7 +73,6 @@ class TracedRenderer:
         """Draw a primitive with uniforms for its program; what is solid waits for the rays."""
         name = primitive.program
         if name in ("walls", "sky", "ground", "beyond"):
-            # Of the ground, the land around has the last word.
             self._shared = {**self._shared, **uniforms}
         if name == "walls" and self._surfaces is None:
             assert isinstance(primitive, PartedPrimitive) and primitive.texture is not None
@@ -195,9 +194,8 @@ def _camera(uniforms: Uniforms, box: Box) -> Float:
 
 
 def _paints(uniforms: Uniforms) -> Float:
-    """The paints of the ground as rows of :mod:`shading`."""
-    paints = np.asarray(uniforms.get("paints", np.zeros((4, 4))))
-    return np.ascontiguousarray(paints[:3].T)
+    """The paints of the ground for :mod:`shading`."""
+    return np.array(uniforms.get("paints", (0.0, 0.0, 0.0, 0.0)))
 
 
 def _light(uniforms: Uniforms) -> Float:

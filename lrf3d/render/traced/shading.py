@@ -28,7 +28,6 @@ from lrf3d.scene.look import (
     FAN_COLOUR,
     FAN_CURVE,
     GLOW,
-    GROUND_SHARPNESS,
     SHADOW_COLOUR,
     SHADOW_RIM,
     TRAIL_COLOUR,
@@ -57,9 +56,6 @@ SUN, HAZE, INDOOR, BEYOND = 0, 3, 7, 8
 LEAST_LIT = 100.0
 """How far a face without shadow is lit [m]."""
 
-SHARPER = -GROUND_SHARPNESS
-"""By how much coarser copies of the ground are taken."""
-
 SUN_RIM = SHADOW_RIM
 """Width of the edge of the sun's light [m]."""
 
@@ -74,7 +70,7 @@ class RayScene(NamedTuple):
         texels: (u,) all copies of the pictures of the ground, one after the other.
         levels: (l, 3) where each copy starts, its width and height.
         grounds: (g, 10) the pictures of the ground.
-        paints: (4, 3) the colour of the ground, and what marks, kerbs and pavements change.
+        paints: (4,) how bright bare ground is, and what marks, kerbs and pavements add.
         light: (12,) sun, haze and land.
     """
 
@@ -209,7 +205,7 @@ def ground_colour(x: float, y: float, step: float, scenery: RayScene) -> tuple[f
     for number in range(len(grounds)):
         ground = grounds[number]
         if ground[0] <= x <= ground[2] and ground[1] <= y <= ground[3]:
-            seen = picture_colour(x, y, step, SHARPER, texels, levels, ground)
+            seen = picture_colour(x, y, step, 0.0, texels, levels, ground)
             texel = 1.0 / (ground[6] * levels[int(ground[8]), 1])
             sharp = clamp(2.0 * texel / math.sqrt(max(step, 1e-12)), 1.0, 32.0)
             return painted_ground(seen, sharp, scenery.paints)
@@ -235,11 +231,8 @@ def painted_ground(
     mark = clamp((-cover - 0.5) * sharp + 0.5, 0.0, 1.0)
     kerb = clamp((cover - 0.5) * sharp + 0.5, 0.0, 1.0)
     pave = clamp((cover - 1.5) * sharp + 0.5, 0.0, 1.0)
-    return (
-        seen[0] * (paints[0, 0] - mark * paints[1, 0] + kerb * paints[2, 0] + pave * paints[3, 0]),
-        seen[1] * (paints[0, 1] - mark * paints[1, 1] + kerb * paints[2, 1] + pave * paints[3, 1]),
-        seen[2] * (paints[0, 2] - mark * paints[1, 2] + kerb * paints[2, 2] + pave * paints[3, 2]),
-    )
+    paint = paints[0] + mark * paints[1] + kerb * paints[2] + pave * paints[3]
+    return seen[0] * paint, seen[1] * paint, seen[2] * paint
 
 
 @inner
