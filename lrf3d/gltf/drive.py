@@ -26,6 +26,7 @@ from lrf3d.gltf.stage import (
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.beams import DrawnBeams, drawn_beams
+from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, scan_times
 from lrf3d.scene.trail_and_map import DrawnMap, straight_pieces
@@ -128,11 +129,12 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
     group = document.node("map", document.root)
     begins = run.trajectory.times[list(run.snapshot_scans)].tolist()
     times = pairwise([*begins, timeline.end])
+    tops = WallTops(run.world.segments - np.tile(timeline.origin, 2), run.world.heights)
     for stage, objects, (begin, end) in zip(run.maps, run.lasting_objects, times, strict=True):
         if not len(stage):
             continue
         drawn = DrawnMap.from_map(stage, objects, timeline.origin)
-        positions = drawn.bands().reshape(-1, 3)
+        positions = drawn.bands(tops.bands(drawn.segments)).reshape(-1, 3)
         colours = np.full((len(stage), 4), 255, np.uint8)
         colours[:, :3] = np.round(255.0 * linear(drawn.colours))
         colours = np.repeat(colours, len(positions) // len(stage), axis=0)

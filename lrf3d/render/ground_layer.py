@@ -65,7 +65,7 @@ class GroundLayer:
         self._light = light
         self._scene = scene
         whole = paint_ground(structures, light)
-        mark, bare, kerb, pavement = (BRIGHTEST * whole.paints).tolist()
+        mark, bare, kerb, pavement = (BRIGHTEST * whole.brightness).tolist()
         self._paints = (bare, mark - bare, kerb - bare, pavement - kerb)
         self._low, self._high = whole.corner, whole.corner + whole.size
         indoor = structures.indoor

@@ -102,20 +102,37 @@ class Ground:
             the smallest y.
         corner: (2,) x and y of its lower left corner in the film's frame [m].
         size: (2,) its width and height [m].
-        paints: (4,) how bright marks, bare ground, kerbs and pavements are, 0…1.
-        beyond: Colour of the ground far past the picture in its light, 0…1.
+        paints: (4, 3) colours of marks, bare ground, kerbs and pavements, 0…1.
+        land: (3,) colour of the ground far past the picture, 0…1.
+        light: (3,) light on open ground, as a factor of a screen's colours.
     """
 
     picture: NDArray[np.uint8]
     corner: Float
     size: Float
     paints: Float
-    beyond: tuple[float, float, float]
+    land: Float
+    light: Float
+
+    @property
+    def brightness(self) -> Float:
+        """How bright (4,) the paints are, 0…1."""
+        return np.asarray(self.paints @ _LUMINANCE)
+
+    @property
+    def beyond(self) -> tuple[float, ...]:
+        """The colour of the land around, in its light."""
+        return tuple(np.clip(self.land * self.light, 0.0, 1.0).tolist())
+
+    def albedo(self) -> Float:
+        """What covers the ground (h, w, 3), 0…1, in no light of its own."""
+        kind = 3.0 / 255.0 * self.picture[..., 3]
+        return np.stack([np.interp(kind, np.arange(4), band) for band in self.paints.T], axis=-1)
 
     def coloured(self) -> NDArray[np.uint8]:
         """The picture (h, w, 3) uint8 as it is seen from afar."""
         seen = self.picture.astype(np.float32) / 255.0
-        paint = np.interp(3.0 * seen[..., 3], np.arange(4), self.paints)
+        paint = np.interp(3.0 * seen[..., 3], np.arange(4), self.brightness)
         lit = np.clip(BRIGHTEST * seen[..., :3] * paint[..., None], 0.0, 1.0)
         return np.asarray(np.round(255.0 * lit), np.uint8)
 
@@ -158,17 +175,16 @@ def _paint(structures: Structures, light: Light, brush: Brush) -> Ground:
         lit += shining[..., None] * np.float32(SUN[2] * SUNSHINE)
         open_sky = open_sky + SUN[2] * SUNSHINE
     paints = _FLOOR_PAINTS if indoor else _STREET_PAINTS
-    bright = paints @ _LUMINANCE
     kind = 3.0 / 255.0 * np.asarray(cover, np.float32)
-    hues = [np.interp(kind, np.arange(4), paints[:, k] / bright) for k in range(3)]
+    hues = [np.interp(kind, np.arange(4), band) for band in (paints.T / (paints @ _LUMINANCE))]
     seen = as_mask(screen(lit.astype(np.float64)) * np.stack(hues, axis=-1) / BRIGHTEST)
-    beyond = (_BEYOND_INDOOR if indoor else _BEYOND) * screen(open_sky)
     return Ground(
         np.concatenate([seen, np.asarray(cover)[..., None]], axis=-1),
         brush.corner,
         np.array(brush.size) * brush.pixel,
-        bright,
-        tuple(np.clip(beyond, 0.0, 1.0).tolist()),
+        paints,
+        _BEYOND_INDOOR if indoor else _BEYOND,
+        screen(open_sky),
     )
 
 

@@ -65,6 +65,10 @@ class WallTops:
             tops[found] = self._heights[wall]
         return tops
 
+    def bands(self, segments: Float) -> Float:
+        """How high (m,) the bands on segments (m, 4) reach [m]."""
+        return np.asarray(np.minimum(self.of(segments), MAP_BAND[1]))
+
 
 def map_bands(segments: Float, colours: Float, tops: Float, before: Float) -> Bands:
     """The bands of a map whose segments grow from those of the map before.

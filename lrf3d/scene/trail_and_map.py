@@ -152,14 +152,18 @@ class DrawnMap:
         start, end = self.segments[:, :2], self.segments[:, 2:]
         return line_quads(start, end, self.colours, opaque, height)
 
-    def bands(self) -> Single:
-        """Corners (3 · m, 4, 3) of bands along the walls: both sides and the top of each."""
+    def bands(self, tops: Float | None = None) -> Single:
+        """Corners (3 · m, 4, 3) of bands along the walls: both sides and the top of each.
+
+        Tops (m,) are how high they reach [m], where walls are low.
+        """
         ends = self.segments.reshape(-1, 2, 2)
         along = ends[:, 1] - ends[:, 0]
         along = along / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
         side = 0.5 * MAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
         left, right = ends + side[:, None], ends - side[:, None]
-        low, high = MAP_BAND
+        high = np.full(len(ends), MAP_BAND[1]) if tops is None else tops
+        low = high - (MAP_BAND[1] - MAP_BAND[0])
         corners = np.zeros((len(ends), 3, 4, 3), np.float32)
         for face, (first, second, heights) in enumerate(
             (
@@ -169,7 +173,7 @@ class DrawnMap:
             )
         ):
             corners[:, face, :2, :2], corners[:, face, 2:, :2] = first, second[:, ::-1]
-            corners[:, face, :, 2] = heights
+            corners[:, face, :, 2] = np.stack(heights, axis=1)
         return corners.reshape(-1, 4, 3)
 
 

@@ -14,7 +14,9 @@ from lrf3d.gltf import still_glb
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.run import Run
 from lrf3d.scene import look
+from lrf3d.scene.beams import fading_ends
 from lrf3d.scene.bodies import mover_colours
+from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, drive_keys, mover_keys, scan_times
 from lrf3d.scene.trail_and_map import DrawnMap
@@ -53,6 +55,7 @@ def make_scene(
     structures = Structures.from_world(world, path)
     places = np.concatenate([structures.segments.reshape(-1, 2), path - structures.origin])
     low, high = places.min(axis=0), places.max(axis=0)
+    step = float(lrf.angles[1] - lrf.angles[0]) if lrf.beams > 1 else 0.0
     walls = np.column_stack([structures.segments, structures.heights])
     setup = {
         "title": title,
@@ -78,13 +81,16 @@ def make_scene(
             "height": lrf.height,
             "reach": min(lrf.range_max, look.BEAM_REACH),
         },
-        "look": page_look(structures.indoor),
+        "look": page_look(structures.indoor, fading_ends(lrf.beams, step)),
     }
     return PageScene(setup, still_glb(world.name, structures, lrf.height, movers))
 
 
-def page_look(indoor: bool) -> dict[str, Any]:
-    """The constants of the look that the page draws with; colours are lists of 0…1."""
+def page_look(indoor: bool, shares: Float) -> dict[str, Any]:
+    """The constants of the look that the page draws with; colours are lists of 0…1.
+
+    Shares (beams,) are what of the opacity of each beam is left towards the ends of the fan.
+    """
     strength = look.FAN_STRENGTH_INDOOR if indoor else look.FAN_STRENGTH
     beams = {"drawn": look.BEAMS_DRAWN, "colour": look.BEAM_COLOUR, "strength": look.BEAM_STRENGTH}
     return {
@@ -97,6 +103,7 @@ def page_look(indoor: bool) -> dict[str, Any]:
             "strength": strength,
             "ahead": look.FAN_SHARE_AHEAD,
             "curve": look.FAN_CURVE,
+            "shares": np.round(shares, 3).tolist(),
         },
         "points": {
             "colours": look.RANGE_COLOURS.tolist(),
@@ -156,6 +163,8 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
     maps = [
         DrawnMap.from_snapshot(run, number, timeline.origin) for number in range(-1, len(run.maps))
     ]
+    walls = run.world.segments - np.tile(timeline.origin, 2)
+    tops = WallTops(walls, run.world.heights)
     stage_times = run.trajectory.times[list(run.snapshot_scans)]
     ways = [mover_keys(mover, timeline) for mover in run.obstacles]
     arrays = {
@@ -170,6 +179,7 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         "stageObjects": ([stage.object_count for stage in run.maps], np.int32),
         "segments": (np.concatenate([drawn.segments for drawn in maps]), np.float32),
         "colours": (np.concatenate([drawn.colour_bytes for drawn in maps]), np.uint8),
+        "tops": (np.concatenate([tops.bands(drawn.segments) for drawn in maps]), np.float32),
         "moverSizes": ([len(times) for times, _ in ways], np.int32),
         "moverTimes": (np.concatenate([*(times for times, _ in ways), []]), np.float32),
         "moverPoses": (

@@ -186,8 +186,7 @@ export default {
       const stage = run.stage(time);
       if (stage !== this.shownStage) {
         this.shownStage = stage;
-        const { segments, colours, objects } = run.map(stage);
-        this.showMap(segments, colours, objects);
+        this.showMap(run.map(stage));
       }
       this.movers.show(run.movers(time));
       const legs = run.legs(time);
@@ -230,13 +229,13 @@ export default {
       }
       if (news.fresh) {
         this.trail.set([news.pose.x, news.pose.y]);
-        this.showMap([], [], 0);
+        this.showMap({ segments: [], colours: [], tops: [], objects: 0 });
         this.pose = news.pose;
         this.choose(this.view);
       }
       this.news = { ...news, ranges: news.ranges.map((range) => range ?? Infinity) };
       this.bumped = news.bumped;
-      if (news.map) this.showMap(news.map.segments, news.map.colours, news.map.objects);
+      if (news.map) this.showMap(news.map);
     },
 
     showScan(pose, ranges, joined, on) {
@@ -249,8 +248,8 @@ export default {
       if (on) this.beams.show(pose, ranges, joined, this.pose);
     },
 
-    showMap(segments, colours, objects) {
-      this.bands.show(segments, colours);
+    showMap({ segments, colours, tops, objects }) {
+      this.bands.show(segments, colours, tops);
       this.inset.setMap(segments, colours);
       const count = segments.length / 4;
       this.mapText = `${count} segment${count === 1 ? "" : "s"} in ${objects} object${objects === 1 ? "" : "s"}`;

@@ -70,6 +70,7 @@ export class Replay {
     return {
       segments: this.segments.subarray(4 * from, 4 * to),
       colours: this.colours.subarray(3 * from, 3 * to),
+      tops: this.tops.subarray(from, to),
       objects: stage < 0 ? 0 : this.stageObjects[stage],
     };
   }
