@@ -97,6 +97,7 @@ class Inset:
             Draw(self._walls, walls),
             *scenery.draw_fan(frame),
             *scenery.draw_trail(frame),
+            *scenery.draw_estimate(frame),
             *scenery.movers.plans(frame.moment.time, pixel),
             *scenery.draw_points(frame),
             *(Draw(each, lines) for each, _ in scenery.draw_map(frame)),

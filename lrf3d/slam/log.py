@@ -13,12 +13,13 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
 from lrf3d.slam.closures import Closure
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.lag import estimate_lag, wheel_poses_at
+from lrf3d.slam.simulated import MOST_COVARIANCES, scans_of
 from lrf3d.slam.slam import Slam, bent
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.world import World
@@ -167,6 +168,20 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
         np.full(ranges.shape, -1),
         (len(scans) - 1,),
         (line_map,),
+        estimate=estimate_of(solution, poses),
+    )
+
+
+def estimate_of(solution: LogSolution, poses: Float) -> EstimatedTrajectory:
+    """The poses (k, 3) of a drive's scans with the covariances of some, and the closures."""
+    slam, keys = solution.slam, solution.slam.key_scans
+    chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
+    return EstimatedTrajectory(
+        poses,
+        keys[chosen],
+        slam.covariances(chosen),
+        scans_of(slam.closures, keys),
+        scans_of(slam.unconfirmed_closures, keys),
     )
 
 
