@@ -46,12 +46,6 @@ class SlamLog:
         times = self.log.times if self.log.wheels is None else self.log.wheels.times
         return times, self.solution.line_poses
 
-    def closures(self) -> Float:
-        """Lines (c, 4) x1 y1 x2 y2 [m] between the places where loops were closed."""
-        keys = self.solution.scan_poses[self.solution.slam.key_scans, :2]
-        pairs = [np.concatenate([keys[c.old], keys[c.new]]) for c in self.solution.closures]
-        return np.array(pairs).reshape(-1, 4)
-
     def free_cells(self) -> FreeCells:
         """What the key scans, which the map was built from, saw to be free."""
         keys = self.solution.slam.key_scans
@@ -84,6 +78,7 @@ class SlamLog:
                 "length_m": self.run.trajectory.length,
                 "key_scans": len(solution.slam.key_scans),
                 "loop_closures": len(solution.closures),
+                "loop_closures_dropped": len(solution.slam.unconfirmed_closures),
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked[1:]),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked[1:]),
             },
@@ -117,6 +112,8 @@ class SlamLog:
             )
         )
         closed = counted(slam["loop_closures"], "loop closure")
+        if slam["loop_closures_dropped"]:
+            closed += f", {slam['loop_closures_dropped']} more dropped"
         rows.append(
             (
                 "drive",
@@ -178,7 +175,7 @@ def draw_slam_log(done: SlamLog, path: Path) -> None:
         done.run.map,
         path,
         points=np.vstack([done.run.scan(number).points() for number in keys.tolist()]),
-        poses=done.solution.scan_poses,
-        closures=done.closures(),
+        poses=done.run.trajectory.poses,
+        estimate=done.run.estimate,
         title=done.log.name,
     )

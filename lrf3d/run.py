@@ -90,6 +90,12 @@ class Run(Value):
         return estimate is None or not np.array_equal(estimate.poses, self.trajectory.poses)
 
     @property
+    def odometry(self) -> Float:
+        """Poses (k, 3) at the scans by the wheels alone; the trajectory's where they are exact."""
+        known = self.estimate is not None and len(self.estimate.odometry) > 0
+        return self.estimate.odometry if known and self.estimate else self.trajectory.poses
+
+    @property
     def map(self) -> LineMap:
         """The map after the last scan; an empty one where the mapper makes no LineMap."""
         return self.maps[-1] if self.maps else LineMap.empty()

@@ -30,11 +30,12 @@ map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
                       map_points likewise
 estimate_poses (k, 3) poses that the robot believed in after each scan; missing, like the next
-                      four, where it was told its poses, and in older files
+                      five, where it was told its poses, and in older files
 estimate_scans (e,)   scans after which the covariance is known; estimate_covariances (e, 3, 3)
                       the covariances there
 estimate_closures     (c, 2) pairs of scans that closed a loop; estimate_dropped (d, 2) those that
-                      were not believed
+                      were not believed; estimate_odometry (k, 3), or (0, 3), the poses by the
+                      wheels alone
 origin                what the run was made of, as JSON: for the world, the laser, the drive and
                       so on a digest or a name each, by which ``--resume`` knows its own; missing
                       where a run was saved from memory
@@ -176,6 +177,7 @@ def estimate_columns(estimate: EstimatedTrajectory | None) -> list[Column]:
         "estimate_covariances": estimate.covariances,
         "estimate_closures": estimate.closures,
         "estimate_dropped": estimate.dropped_closures,
+        "estimate_odometry": estimate.odometry,
     }
     return [Column.of(name, array) for name, array in arrays.items()]
 
@@ -281,7 +283,7 @@ def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
 def _estimate(arrays: dict[str, Any], scans: int) -> EstimatedTrajectory | None:
     if "estimate_poses" not in arrays:
         return None
-    parts = ("poses", "scans", "covariances", "closures", "dropped")
+    parts = ("poses", "scans", "covariances", "closures", "dropped", "odometry")
     estimate = EstimatedTrajectory(*(arrays[f"estimate_{part}"] for part in parts))
     if len(estimate) != scans:
         raise ValueError(f"estimate_poses of {len(estimate)} scans, expected {scans}")

@@ -14,7 +14,7 @@ from lrf3d.scene import look
 from lrf3d.scene.beams import LINE_SIZES, line_quads
 from lrf3d.scene.estimate import CORNERS, DrawnEstimate, outlines
 
-TRAIL_WIDTH, ELLIPSE_WIDTH = 2.4, 1.8
+TRAIL_WIDTH, ELLIPSE_WIDTH = 1.9, 1.6
 """Widths of lines [pixels at 720 lines]."""
 
 _CORNERS_OF_LINE = 6

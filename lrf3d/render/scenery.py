@@ -30,8 +30,9 @@ _BLOB_RADIUS, _BLOB_DARKNESS, _BLOB_SHIFT = 0.52, 0.55, 0.16
 """Radius of the robot's shadow [m], its darkness in the middle, and how far it lies from the robot
 where the sun shines, as a part of the level way to the sun."""
 
-_THINNEST_TRAIL = 1.2
-"""Half the width of the trail [pixels at 720 lines] that it has at the least."""
+_THINNEST_TRAIL, _THINNEST_UNDER = 1.2, 2.4
+"""Half the width of the trail [pixels at 720 lines] that it has at the least, by itself and under
+that of an estimate."""
 
 _BEAM_WIDTH, _TRACE_WIDTH, _MAP_WIDTH = 1.1, 2.2, 4.0
 """Widths of lines [pixels at 720 lines]."""
@@ -165,7 +166,8 @@ class Scenery:
         now = frame.moment.time - self._start
         self._trail.count = 6 * legs_begun(self._keys, now)
         metre = frame.focus / float(np.linalg.norm(frame.look.eye - frame.look.target))
-        half_width = max(0.5 * look.TRAIL_WIDTH, _THINNEST_TRAIL * frame.scale / metre)
+        thinnest = _THINNEST_UNDER if self.run.estimate is not None else _THINNEST_TRAIL
+        half_width = max(0.5 * look.TRAIL_WIDTH, thinnest * frame.scale / metre)
         yield Draw(self._trail, {"now": now, "half_width": half_width})
 
     def draw_estimate(self, frame: Frame) -> Iterator[Draw]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int, Value
+from lrf3d.geometry import Float, Int, Value
 from lrf3d.pose import as_poses
 
 CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
@@ -17,6 +17,10 @@ def _no_pairs() -> Int:
     return np.empty((0, 2), np.int64)
 
 
+def _no_poses() -> Float:
+    return np.empty((0, 3))
+
+
 @dataclass(frozen=True, eq=False)
 class EstimatedTrajectory(Value):
     """Where a robot believed itself to be after each scan of a run, and how well it knew.
@@ -26,7 +30,8 @@ class EstimatedTrajectory(Value):
         known_scans: (m,) the scans, in ascending order, after which the covariance is known.
         covariances: (m, 3, 3) covariances of the poses at these scans along the world's axes.
         closures: (c, 2) pairs of scans, an older one and a newer one, that closed a loop.
-        dropped_closures: (d, 2) pairs of scans that were taken for one place and were not believed.
+        dropped_closures: (d, 2) pairs of scans that seemed to close a loop and were not believed.
+        odometry: (k, 3) where the wheels alone would have the robot; (0, 3) if that is not known.
 
     Raises:
         InputError: The arrays do not fit together, or a scan does not exist.
@@ -47,12 +52,18 @@ class EstimatedTrajectory(Value):
     covariances: Float
     closures: Int = field(default_factory=_no_pairs)
     dropped_closures: Int = field(default_factory=_no_pairs)
+    odometry: Float = field(default_factory=_no_poses)
 
     def __post_init__(self) -> None:
-        self._hold("poses", "covariances")
+        self._hold("poses", "covariances", "odometry")
         self._hold("known_scans", "closures", "dropped_closures", dtype=np.int64)
         count, known = len(self.poses), len(self.known_scans)
         as_poses(self.poses)
+        if len(as_poses(self.odometry)) not in (0, count):
+            raise InputError(
+                f"estimate: odometry of {len(self.odometry)} scans, poses of {count}; expected as"
+                " many or none"
+            )
         if self.known_scans.ndim != 1 or self.covariances.shape != (known, 3, 3):
             raise InputError(
                 f"estimate: covariances {self.covariances.shape} at scans {self.known_scans.shape};"
@@ -96,8 +107,8 @@ class EstimatedTrajectory(Value):
         place[scans] = np.arange(len(scans))
 
         def inside(pairs: Int) -> Int:
-            kept: Bool = (place[pairs] >= 0).all(axis=1)
-            return np.asarray(place[pairs[kept]])
+            found = place[pairs]
+            return np.asarray(found[found.min(axis=1, initial=0) >= 0])
 
         known = place[self.known_scans] >= 0
         return EstimatedTrajectory(
@@ -106,6 +117,7 @@ class EstimatedTrajectory(Value):
             self.covariances[known],
             inside(self.closures),
             inside(self.dropped_closures),
+            self.odometry[scans] if len(self.odometry) else self.odometry,
         )
 
 

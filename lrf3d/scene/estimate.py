@@ -83,7 +83,7 @@ def outlines(middles: Float, shapes: Float) -> Float:
     """Outlines (n, CORNERS, 2) of ellipses with middles (n, 2) and matrices (n, 2, 2) [m]."""
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    return middles[:, None] + np.einsum("nij,cj->nci", shapes, circle)
+    return np.asarray(middles[:, None] + np.einsum("nij,cj->nci", shapes, circle))
 
 
 def ring_quads(rings: Float, width: float) -> Float:

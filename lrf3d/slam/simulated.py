@@ -128,6 +128,7 @@ class SlamMapper:
             np.array(list(self._covariances.values())).reshape(-1, 3, 3),
             scans_of(slam.closures, slam.key_scans),
             scans_of(slam.unconfirmed_closures, slam.key_scans),
+            np.array(self._by_wheels).reshape(-1, 3),
         )
 
     def errors(self) -> Float:

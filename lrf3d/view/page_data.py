@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.gltf import still_glb
@@ -189,7 +190,7 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
     }
     block, layout = bytearray(), {}
     for name, (values, kind) in arrays.items():
-        array = np.asarray(values, kind).ravel()
+        array: NDArray[Any] = np.asarray(values, kind).ravel()
         layout[name] = (array.dtype.name, len(block), len(array))
         block += array.tobytes()
         block += bytes(-len(block) % _ALIGNMENT)
