@@ -66,6 +66,10 @@ class Recording(Protocol):
     def wheels(self) -> OdometryLines | None:
         """The raw odometry."""
 
+    @property
+    def mount(self) -> Pose:
+        """Pose of the laser on the robot's base, where the poses of the scans are the laser's."""
+
 
 @dataclass(frozen=True, eq=False)
 class LogSolution:
@@ -132,9 +136,15 @@ def solve_recording(
     poses, places, offset = recording.poses, np.arange(len(scans)), 0.0
     if lines is not None:
         poses, places, offset = lines.poses, np.maximum(lines.places, 0), lines.laser_offset
-    return solve_log(
+    solution = solve_log(
         scans, poses, places, laser_offset=offset, key_distance=key_distance, progress=progress
     )
+    if lines is not None:
+        return solution
+    # The poses of the scans are those of the laser; what is asked for are those of the base.
+    base = compose(solution.line_poses, np.array(recording.mount.inverse()))
+    base[:, 2] = np.unwrap(base[:, 2])
+    return replace(solution, line_poses=base)
 
 
 def run_of(recording: Recording, solution: LogSolution) -> Run:
