@@ -29,7 +29,7 @@ def draw_estimate(axes: Axes, frame: Frame, estimate: EstimatedTrajectory) -> li
     axes.add_collection(ellipses)
     return [
         Line2D([], [], color=ESTIMATE_COLOUR, linewidth=1.1, label=BELIEVED),
-        *_draw_loops(axes, frame, estimate, estimate.dropped_closures, DROPPED, "dropped"),
+        *_draw_loops(axes, frame, estimate, estimate.dropped_closures, DROPPED, "dropped closures"),
         *_draw_loops(axes, frame, estimate, estimate.closures, CLOSED, "loop closures"),
     ]
 

@@ -14,7 +14,7 @@ from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress
 from lrf3d.robot import EstimatedTrajectory, Trajectory
-from lrf3d.run import Run
+from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.slam.closures import Closure
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
@@ -171,10 +171,14 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
     scans, mounted = solution.scans, np.array([solution.laser_offset, 0.0, 0.0])
     poses = compose(solution.scan_poses, mounted)
     poses[:, 2] = np.unwrap(poses[:, 2])
-    mapper = LineMapper()
-    for number in solution.slam.key_scans.tolist():
+    mapper, keys = LineMapper(), solution.slam.key_scans.tolist()
+    schedule, maps = SnapshotSchedule(len(keys)), {}
+    for index, number in enumerate(keys):
         mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
-    line_map = mapper.map
+        if schedule.holds(index):
+            maps[number] = mapper.map
+    # The last map is that of all scans: those after the last key scan show nothing new.
+    maps[len(scans) - 1] = line_map = maps.pop(keys[-1])
     solid = lengths(line_map.segments) > 0.0
     first = scans[0]
     angles = first.angles
@@ -192,8 +196,8 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
         ranges,
         ranges,
         np.full(ranges.shape, -1),
-        (len(scans) - 1,),
-        (line_map,),
+        tuple(maps),
+        tuple(maps.values()),
         estimate=estimate_of(solution, poses),
     )
 

@@ -170,6 +170,10 @@ def test_slam_is_a_function_and_a_package_whatever_is_imported_before(before):
 def test_a_log_becomes_a_run(log):
     run = lrf3d.slam(lrf3d.load_log(log))
     assert isinstance(run, lrf3d.Run) and run.trajectory.length > 10.0
+    # The map grows in it, up to the last scan.
+    sizes = [len(line_map) for line_map in run.maps]
+    assert len(sizes) > 10 and sizes[0] < sizes[-1]
+    assert run.snapshot_scans[-1] == len(run) - 1 and len(run.snapshot_scans) == len(sizes)
 
 
 def test_a_run_with_slam_reports_its_errors(program, tmp_path):

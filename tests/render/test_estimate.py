@@ -79,7 +79,7 @@ def test_the_map_shows_both_paths_the_ellipses_and_the_loops():
     run = estimated(city_run())
     figure = draw_map(run)
     names = {text.get_text() for text in figure.findobj(Text)}
-    assert {"truth", "estimate, 95 %", "loop closures", "dropped"} <= names
+    assert {"truth", "estimate, 95 %", "loop closures", "dropped closures"} <= names
     assert "path" not in names
     places = run.estimate.poses[:, :2]
     (closed,), (dropped,) = lines(figure, CLOSED), lines(figure, DROPPED)
