@@ -92,8 +92,10 @@ class Run(Value):
     @property
     def odometry(self) -> Float:
         """Poses (k, 3) at the scans by the wheels alone; the trajectory's where they are exact."""
-        known = self.estimate is not None and len(self.estimate.odometry) > 0
-        return self.estimate.odometry if known and self.estimate else self.trajectory.poses
+        estimate = self.estimate
+        if estimate is None or not len(estimate.odometry):
+            return self.trajectory.poses
+        return estimate.odometry
 
     @property
     def map(self) -> LineMap:
