@@ -23,7 +23,7 @@ MOST_CURVES = 8
 MOST_LINES = 60
 """Lines of a table for the eye at most; the summary has all."""
 
-TOLD = {
+TABLE_COLUMNS = {
     "length_f1": (1.0, 3),
     "segment_f1": (1.0, 3),
     "segment_ratio": (1.0, 2),
@@ -125,7 +125,7 @@ def table_text(plan: Plan, rows: Sequence[Row]) -> str:
         (
             mean.world,
             *(_word(mean.columns[name]) for name in told),
-            *(_figure(mean.measures[name], *how) for name, how in TOLD.items()),
+            *(_figure(mean.measures[name], *how) for name, how in TABLE_COLUMNS.items()),
         )
         for mean in means
     ]
