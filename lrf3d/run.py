@@ -146,7 +146,7 @@ class Run(Value):
         return replace(self.scan(index), ranges=self.truth[index])
 
     def free_cells(self) -> FreeCells:
-        """The cells that the measured scans show to be free; `save_map` writes them with the map."""
+        """The cells that the measured scans show to be free, for `save_map`."""
         # Reading a world needs no compiled code.
         from lrf3d.laser.free_space import distinct_poses, free_cells
 

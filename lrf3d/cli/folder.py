@@ -4,7 +4,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
@@ -68,7 +68,7 @@ class ResultsFolder:
             drawings: What is to be drawn, by name.
             rows: The results as a table.
             kept: The end of a message about a failed drawing: where the data are.
-            note: What is kept if drawing is stopped; ``kept`` if not given.
+            note: What is printed if drawing is stopped, such as how to go on.
             json: Whether one JSON value is printed instead of tables.
 
         Raises:
@@ -87,7 +87,7 @@ class ResultsFolder:
         width = max(map(len, (*dict(rows), *made, *drawings)))
         if not json:
             print_table(rows, width)
-        with noting(lambda: note or kept):
+        with noting(lambda: note) if note else nullcontext():
             drawn, failed = draw_all(drawings, kept)
         made |= drawn
         figures = write()
