@@ -35,8 +35,8 @@ def slam(
 ) -> None:
     """Find the poses and the map of a recorded drive from its scans and its odometry.
 
-    Loops are closed, and what the wheels measure systematically wrong and how far the laser lags
-    behind them is estimated.
+    Loops are closed; the systematic errors of the wheels, and the lag of the laser behind them, are
+    estimated.
 
     Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json.
     """

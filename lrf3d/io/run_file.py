@@ -29,9 +29,9 @@ snapshot_scans (s,)   index of the last scan in each map snapshot; empty without
 map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
                       map_points likewise
-origin                what the run was made of, as JSON: for the world, the laser, the drive and
-                      so on a digest or a name each, by which ``--resume`` knows its own; missing
-                      where a run was saved from memory
+origin                the run fingerprint, as JSON: a digest or a name of the world, the laser, the
+                      drive and so on, by which ``--resume`` recognises the run; missing in a run
+                      that was saved from memory
 ====================  =================================================================
 
 The file is a plain .npz, which ``numpy.load`` reads as well. Its arrays are not packed and begin
