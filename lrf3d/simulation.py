@@ -19,7 +19,7 @@ from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.sensor import Sensor
@@ -32,7 +32,8 @@ class Mapper(Protocol):
     """Anything that builds a map from scans.
 
     The map after a scan is the mapper's attribute ``map``, a LineMap or anything else. A mapper
-    without it returns the map from `update`.
+    without it returns the map from `update`. A mapper that finds out where the robot is may have an
+    attribute ``estimate``, an EstimatedTrajectory: pictures and films show it beside the truth.
     """
 
     def update(self, scan: LaserScan) -> Any:
@@ -183,6 +184,12 @@ class Simulation:
     def map(self) -> Any:
         """The map after all scans so far, of whatever kind; None if the mapper makes none."""
         return getattr(self.mapper, "map", None) if self._returned is None else self._returned
+
+    @property
+    def estimate(self) -> EstimatedTrajectory | None:
+        """Where the mapper believes the robot to have been, if it finds that out by itself."""
+        estimate = getattr(self.mapper, "estimate", None)
+        return estimate if isinstance(estimate, EstimatedTrajectory) else None
 
     def __iter__(self) -> Iterator[Step]:
         """The remaining steps.
@@ -365,6 +372,7 @@ def collect(
         tuple(maps.values()),
         simulation.obstacles,
         simulation.film,
+        simulation.estimate,
     )
 
 

@@ -19,7 +19,7 @@ from lrf3d.scene.camera import Look, make_camera
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline
 
-LAYERS = ("shadow", "trail", "fan", "beams", "trace", "points", "inset", "hud")
+LAYERS = ("shadow", "trail", "estimate", "fan", "beams", "trace", "points", "inset", "hud")
 """What can be left out of a film; what is left out costs nothing."""
 
 Layer = Callable[[Frame], Iterable[Draw]]
@@ -82,7 +82,8 @@ class Film:
         moment = self.timeline.moment(time)
         look = self.camera.look(time, self._size[0] / self._size[1])
         words = self._hud.lines(moment) if self._hud is not None else ()
-        moving = time if self.scenery.run.obstacles else 0.0
+        run = self.scenery.run
+        moving = time if run.obstacles or run.estimate is not None else 0.0
         shown = (moment.scan, moment.scanning, moment.pose.tobytes(), look.key, words, moving)
         if shown == self._shown:
             # Nothing has moved, no word has changed: the last picture is this one.
@@ -170,6 +171,7 @@ class Film:
         soft: list[tuple[str, Layer]] = [
             ("shadow", scenery.draw_shadows),
             ("trail", scenery.draw_trail),
+            ("estimate", scenery.draw_estimate),
             ("fan", scenery.draw_fan),
             ("beams", scenery.draw_beams),
             ("map", draw_map),

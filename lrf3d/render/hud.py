@@ -3,6 +3,7 @@
 Where panel and inset go is found here, too: in pictures of any size they never lie over each other.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -16,6 +17,8 @@ from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import FrameRenderer, Mesh, Primitive, Texture
 from lrf3d.render.scenery import Scenery
 from lrf3d.run import Run
+from lrf3d.scene import look
+from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.timeline import Moment
 from lrf3d.text import rounded
 
@@ -233,7 +236,17 @@ def hud_lines(run: Run, moment: Moment, scan: LaserScan) -> tuple[Line, ...]:
             _PALE,
         ),
         Line(beams, _WARM),
+        *_legend(run, moment.scan),
     )
+
+
+def _legend(run: Run, scan: int) -> Iterator[Line]:
+    """The names of the two trails in their colours, and how far they are apart."""
+    for name, apart in estimate_words(run, scan):
+        colour = look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR
+        # On a dark panel colours are read more easily when they are paler.
+        red, green, blue = (round(255 * (0.65 * part + 0.35)) for part in colour)
+        yield Line(((0.0, f"━ {name}"), (10.8, apart)), (red, green, blue, 255))
 
 
 def widest_lines(run: Run) -> tuple[Line, ...]:

@@ -101,6 +101,11 @@ TRACE_HEIGHT, TRACE_GAP = 0.06, 0.02
 TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.14, 0.48, 0.90), 0.11, 0.015
 """Colour of the robot's trail, and its width and height over the ground [m]."""
 
+ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
+ESTIMATE_WIDTH, ESTIMATE_LIFT = 0.05, 0.005
+"""Colour of where a robot believes itself to be, opacity of the ellipses that it leaves behind, and
+where they are ribbons, their width and how far they lie above the trail of the truth [m]."""
+
 MAP_BAND, MAP_WIDTH = (0.62, 0.86), 0.10
 """Heights between which the map is a band along the walls, above the beams, and its width [m]: it
 stands out of its line to both sides, so that no wall hides it."""
