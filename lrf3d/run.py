@@ -164,7 +164,7 @@ class Run(Value):
         return replace(self.scan(index), ranges=self.truth[index])
 
     def free_cells(self) -> FreeCells:
-        """What the measured scans saw to be free, as :func:`save_map` keeps it beside the map."""
+        """The cells that the measured scans show to be free, for `save_map`."""
         # Reading a world needs no compiled code.
         from lrf3d.laser.free_space import distinct_poses, free_cells
 

@@ -165,7 +165,8 @@ class Simulation:
             self.drive = RecordedDrive(path)
             end = float(path.times[-1])
             scans = len(path) if scans is None else min(scans, len(path))
-        # What is kept of a run holds the paths as poses; a drive without an end keeps nothing.
+        # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
+        # stored.
         self.obstacles = tuple(
             obstacles if end is None else (obstacle.until(end) for obstacle in obstacles)
         )
@@ -219,6 +220,13 @@ class Simulation:
             self.updates += 1
         self.drive.after(scan)
         self.done += 1
+
+    def skip(self, scans: int) -> None:
+        """Continue after a number of scans without taking them.
+
+        Only a drive along a trajectory can skip scans: a controller needs each of them.
+        """
+        self.done = scans
 
     @property
     def total(self) -> int:
@@ -373,7 +381,7 @@ def line_mapper(noise: object, **settings: Any) -> LineMapper:
 
     Args:
         noise: What its σ and its floor follow from; see `spread_of`.
-        **settings: Arguments of the LineMapper, which hold instead.
+        **settings: Arguments of the LineMapper that override them.
     """
     constant, sigma = spread_of(noise) or (0.0, SIGMA)
     usual = {"sigma": sigma}

@@ -14,8 +14,8 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 
 LARGEST_RANGE = 50.0
-"""Readings from here on mean that nothing returned [m]: range finders of CARMEN's time write
-some 81.9 m or some 50 m then, and none of them sees as far."""
+"""Least reading [m] that means no return: range finders of CARMEN's time then report about 81.9 m
+or 50 m, and none of them measures as far."""
 
 
 NAMED = 5

@@ -150,7 +150,7 @@ class _Messages:
     def transform(
         self, stamp: Stamp, parent: str, child: str, pose: Pose, height: float = 0.0
     ) -> Any:
-        """A frame in another, so high above it [m]."""
+        """The transform of a frame in its parent, at a height [m] above it."""
         place = self._make("geometry_msgs/msg/Vector3", pose.x, pose.y, height)
         moved = self._make("geometry_msgs/msg/Transform", place, self._turn(pose.theta))
         header = self._header(stamp, parent)
@@ -196,7 +196,7 @@ class _Messages:
 
 
 def _latched() -> Any:
-    """The quality of service of a topic whose last message reaches those who come late."""
+    """The quality of service of a latched topic: late subscribers receive its last message."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,

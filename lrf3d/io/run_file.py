@@ -29,16 +29,16 @@ snapshot_scans (s,)   index of the last scan in each map snapshot; empty without
 map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
                       map_points likewise
-estimate_poses (k, 3) poses that the robot believed in after each scan; missing, like the next
-                      five, where it was told its poses, and in older files
+estimate_poses (k, 3) estimated pose after each scan; missing, like the next five, if the poses
+                      were given to the robot, and in older files
 estimate_scans (e,)   scans after which the covariance is known; estimate_covariances (e, 3, 3)
                       the covariances there
 estimate_closures     (c, 2) pairs of scans that closed a loop; estimate_dropped (d, 2) those that
-                      were not believed; estimate_odometry (k, 3), or (0, 3), the poses by the
+                      were rejected; estimate_odometry (k, 3), or (0, 3), the poses by the
                       wheels alone
-origin                what the run was made of, as JSON: for the world, the laser, the drive and
-                      so on a digest or a name each, by which ``--resume`` knows its own; missing
-                      where a run was saved from memory
+origin                the run fingerprint, as JSON: a digest or a name of the world, the laser, the
+                      drive and so on, by which ``--resume`` recognises the run; missing in a run
+                      that was saved from memory
 ====================  =================================================================
 
 The file is a plain .npz, which ``numpy.load`` reads as well. Its arrays are not packed and begin
