@@ -108,6 +108,7 @@ class SlamLog:
         scans = f"{counted(log['scans'], 'scan')} of {counted(log['beams'], 'beam')}"
         bad = counted(log["bad_lines"], "bad line")
         rows = [("log", f"{scans}, {counted(log['odometry_lines'], 'pose')} by odometry, {bad}")]
+        rows += [("", f"first bad {line}") for line in self.log.bad_lines[:1]]
         rows += [("", sentence) for sentence in self.solution.repairs.sentences()]
         rows.append(
             (

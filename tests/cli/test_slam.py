@@ -147,6 +147,28 @@ def test_a_table_is_printed_for_people(program, log, tmp_path):
     assert "0 bad lines" in done.out and "loop closure" in done.out and "rad/m" in done.out
 
 
+def test_what_was_wrong_with_a_log_is_said(program, log_text, tmp_path):
+    text, true = log_text
+    lines = text.splitlines()
+    # Cut in the middle of a scan, and all of it before the cut twice.
+    scans = len(lines) // 4
+    part = "\n".join(lines[: 2 * scans + 1]) + "\n"
+    log = tmp_path / "twice.log"
+    log.write_text(part + part + lines[2 * scans + 1][:200])
+    folder = tmp_path / "out"
+    done = program("slam", log, "--out", folder)
+    assert done.code == 0
+    twice = f"{scans} scans and {scans + 1} odometry lines in the log more than once: read once"
+    assert twice in done.out
+    assert "1 bad line" in done.out and f"first bad line {4 * scans + 3}: " in done.out
+    found = json.loads((folder / "summary.json").read_text())["log"]
+    assert (found["scans"], found["doubled_scans"], found["bad_lines"]) == (2 * scans, scans, 1)
+    table, half = np.loadtxt(folder / "trajectory.tum"), scans + 1
+    # A line for each ODOM line of the log, in its order.
+    assert len(table) == 2 * half and table[half:].tolist() == table[:half].tolist()
+    assert np.hypot(*(table[:scans, 1:3] - true[:scans, :2]).T).max() < 0.05
+
+
 def test_known_errors_are_one_line(program, log, tmp_path):
     bad = tmp_path / "bad.relations"
     bad.write_text("0 100000 1 0 0\n")
