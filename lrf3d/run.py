@@ -43,7 +43,7 @@ class Run(Value):
         maps: The map snapshots: the map after each of these scans.
         obstacles: The dynamic obstacles.
         film: How the run is filmed if nothing else is given.
-        estimate: Where the robot believed itself to be, if it was not told; None if it was. In a
+        estimate: Where the robot believed itself to be; None if it was given its poses. In a
             recorded drive, of which the truth is not known, the trajectory is this estimate's.
 
     Examples:

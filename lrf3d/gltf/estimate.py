@@ -18,7 +18,7 @@ _LEAST = 1e-3
 
 
 def add_estimate(document: Document, timeline: Timeline) -> None:
-    """Add what a run's robot believed; nothing where it was told its poses."""
+    """Add what a run's robot believed; nothing where it was given its poses."""
     estimate = DrawnEstimate.from_timeline(timeline)
     if estimate is None:
         return

@@ -168,7 +168,7 @@ def map_columns(snapshot_scans: Iterable[int], maps: Sequence[LineMap]) -> list[
 
 
 def estimate_columns(estimate: EstimatedTrajectory | None) -> list[Column]:
-    """The columns of what the robot believed; empty where it was told its poses."""
+    """The columns of what the robot believed; empty where it was given its poses."""
     if estimate is None:
         return []
     arrays = {

@@ -118,7 +118,9 @@ def draw_map(
     points = np.empty((0, 2)) if points is None else points
     poses = np.empty((0, 3)) if poses is None else poses
     walls = np.empty((0, 4)) if world is None else world.segments
-    frames = Frame.strips([_ends(line_map.segments), _ends(walls), poses[:, :2], _bulk(points)])
+    believed = poses if estimate is None else estimate.poses
+    places = [_ends(walls), poses[:, :2], believed[:, :2], _bulk(points)]
+    frames = Frame.strips([_ends(line_map.segments), *places])
     counts = [line_map.counts]
     counts += [counted(len(poses), "scan")] if len(poses) else []
     counts += [counted(len(points), "point")] if len(points) else []

@@ -119,7 +119,7 @@ def kept_ellipses(estimate: EstimatedTrajectory) -> Int:
 def estimate_words(run: Run, scan: int) -> tuple[tuple[str, str], ...]:
     """What the panel says of a run's estimate after a scan: for each trail its name and its error.
 
-    Nothing where the robot was told its poses.
+    Nothing where the robot was given its poses.
     """
     estimate = run.estimate
     if estimate is None:

@@ -205,7 +205,7 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
 
 
 def _estimate_arrays(timeline: Timeline) -> dict[str, tuple[Any, type]]:
-    """What the robot believed, and which of its ellipses stay; nothing where it was told."""
+    """What a robot believed that was not given its poses, and which of its ellipses stay."""
     estimate = DrawnEstimate.from_timeline(timeline)
     if estimate is None:
         return {}

@@ -1,4 +1,4 @@
-"""Runs whose robots were not told their poses."""
+"""Runs whose robots were not given their poses."""
 
 from dataclasses import replace
 

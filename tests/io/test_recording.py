@@ -20,8 +20,6 @@ from lrf3d import (
 )
 from lrf3d.io import recording
 from lrf3d.io.journal import Journal
-from lrf3d.slam import SlamMapper
-from lrf3d.slam.simulated import COVARIANCE_INTERVAL
 
 ROOM = World(
     np.array(
@@ -350,34 +348,6 @@ def test_what_is_wrong_in_a_run_is_told_with_its_file(name, array, tmp_path):
     with pytest.raises(InputError) as refused:
         lrf3d.load_run(path)
     assert str(refused.value).startswith(f"{path}: ")
-
-
-def test_what_a_robot_believed_is_kept_and_resumed_to_the_last_bit(tmp_path):
-    whole = lrf3d.record(simulation(scans=90, mapper=SlamMapper(rng=1)), tmp_path / "whole.npz")
-    assert len(whole.estimate) == len(whole.estimate.odometry) == 90
-    assert whole.estimate.known_scans.tolist() == list(range(0, 90, COVARIANCE_INTERVAL))
-    path = tmp_path / "stopped.npz"
-    with pytest.raises(Stop):
-        lrf3d.record(simulation(scans=90, mapper=SlamMapper(rng=1)), path, progress=stopping(60))
-    lrf3d.record(simulation(scans=90, mapper=SlamMapper(rng=1)), path, resume=True)
-    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
-    again = tmp_path / "again.npz"
-    lrf3d.save_run(whole, again)
-    kept = lrf3d.load_run(again).estimate
-    for name in ("poses", "known_scans", "covariances", "closures", "dropped_closures", "odometry"):
-        assert getattr(kept, name).tolist() == getattr(whole.estimate, name).tolist()
-
-
-def test_a_file_without_an_estimate_and_one_with_a_wrong_one(tmp_path):
-    path = tmp_path / "run.npz"
-    lrf3d.record(simulation(scans=5), path)
-    assert lrf3d.load_run(path).estimate is None
-    lrf3d.record(simulation(scans=5, mapper=SlamMapper(rng=1)), path)
-    with np.load(path) as arrays:
-        changed = {**arrays, "estimate_poses": np.zeros((4, 3))}
-    np.savez(path, **changed)
-    with pytest.raises(InputError, match=r"run\.npz: .*4"):
-        lrf3d.load_run(path)
 
 
 @pytest.mark.parametrize("moment", ["before", "within", "after"])

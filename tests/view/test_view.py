@@ -9,7 +9,6 @@ from itertools import combinations
 import numpy as np
 import pytest
 from browser import needs_browser, number, opened, picture, served, started, until
-from estimates import estimated
 from test_cli import lrf3d, refused
 from test_glb import FAR, simulated
 from test_render import city_run
@@ -134,25 +133,6 @@ def test_the_page_of_a_run_draws_plays_and_is_scrubbed(recorded, played, chromiu
         until(lambda: number(page, "t") == 0.0)
         page.keyboard.press("Space")
         until(lambda: number(page, "t") > 0.0)
-
-
-@needs_browser
-def test_the_page_shows_truth_and_estimate(tmp_path, chromium):
-    save_run(estimated(city_run()), tmp_path / "run.npz")
-    with served(tmp_path) as address, opened(chromium, address) as page:
-        until(lambda: number(page, "t") > 0.2)
-        page.click("[aria-label=pause]")
-        page.keyboard.press("End")
-        until(lambda: "0.50 m off" in page.inner_text(".lrf3d-believed"))
-        assert "truth" in page.inner_text(".lrf3d-truth")
-        page.click(".lrf3d-view-top")
-        until(lambda: pink(picture(page)).sum() > 60)
-
-
-def pink(pixels):
-    """Which pixels have the colour of the estimate."""
-    red, green, blue = np.moveaxis(pixels.astype(int), -1, 0)
-    return (red > green + 100) & (blue > green + 60)
 
 
 @needs_browser
@@ -312,19 +292,6 @@ def test_the_page_gets_what_moved_beside_the_robot():
         assert poses[first:end, :2] + shift[:2] == pytest.approx(due[:, :2], abs=1e-4)
         # From key to key it turns the shorter way.
         assert np.abs(np.diff(poses[first:end, 2])).max() < np.pi
-
-
-def test_the_page_gets_what_the_robot_believed():
-    run = estimated(city_run())
-    arrays = unpacked(run)
-    places = arrays["estimatePlaces"].reshape(-1, 2) + run.world.origin
-    assert places == pytest.approx(run.estimate.poses[:, :2], abs=1e-4)
-    shapes = arrays["ellipseShapes"].reshape(-1, 2, 2)
-    assert shapes == pytest.approx(run.estimate.ellipses, rel=1e-5)
-    assert len(arrays["ellipseTimes"]) == len(shapes)
-    told = pack_run(run)[1]
-    assert told["knowsTruth"] and told["legend"] == ["truth", "estimate, 95 %"]
-    assert not pack_run(city_run())[1]["legend"]
 
 
 def test_a_run_without_a_map_is_shown():
