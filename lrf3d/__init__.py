@@ -34,7 +34,14 @@ if TYPE_CHECKING:
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
     from lrf3d.pose import Pose
     from lrf3d.render.video import render_video
-    from lrf3d.robot import Trajectory, Unicycle, check_drive, drive, follow_route
+    from lrf3d.robot import (
+        EstimatedTrajectory,
+        Trajectory,
+        Unicycle,
+        check_drive,
+        drive,
+        follow_route,
+    )
     from lrf3d.robot.planner import plan_route
     from lrf3d.run import Run
     from lrf3d.scenario import Scenario
@@ -51,6 +58,7 @@ else:
             "__version__": "version",
             "CollisionError": "errors",
             "EmbreeCaster": "casting",
+            "EstimatedTrajectory": "robot",
             "InputError": "errors",
             "KnownLines": "localization",
             "LaserRangeFinder": "laser",
@@ -107,6 +115,7 @@ __all__ = [
     "CollisionError",
     "DynamicObstacle",
     "EmbreeCaster",
+    "EstimatedTrajectory",
     "InputError",
     "KnownLines",
     "LaserRangeFinder",

@@ -40,7 +40,7 @@ class MappedLog:
     mapped: list[LaserScan]
 
     def free_cells(self) -> FreeCells:
-        """What the scans that the map was built from saw to be free."""
+        """The cells that the mapped scans show to be free."""
         chosen = distinct_poses(np.array([scan.pose for scan in self.mapped]).reshape(-1, 3))
         return free_cells([self.mapped[index] for index in chosen])
 

@@ -18,6 +18,7 @@ from lrf3d.run import Run
 from lrf3d.scoring import Relations, TrajectoryScore, score_trajectory
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.log import LogSolution, run_of, solve_recording
+from lrf3d.slam.repair import NAMED
 from lrf3d.text import counted
 from lrf3d.world.free_cells import FreeCells
 
@@ -46,12 +47,6 @@ class SlamLog:
         times = self.log.times if self.log.wheels is None else self.log.wheels.times
         return times, self.solution.line_poses
 
-    def closures(self) -> Float:
-        """Lines (c, 4) x1 y1 x2 y2 [m] between the places where loops were closed."""
-        keys = self.solution.scan_poses[self.solution.slam.key_scans, :2]
-        pairs = [np.concatenate([keys[c.old], keys[c.new]]) for c in self.solution.closures]
-        return np.array(pairs).reshape(-1, 4)
-
     def free_cells(self) -> FreeCells:
         """What the key scans, which the map was built from, saw to be free."""
         keys = self.solution.slam.key_scans
@@ -61,7 +56,9 @@ class SlamLog:
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         solution, tracked = self.solution, self.solution.slam.tracked
-        turn, way, ahead = solution.slam.wheel_biases.tolist()
+        repairs, scale = solution.repairs, solution.wheel_scale
+        # What was corrected as a whole, and what was still found to be wrong after that.
+        biases = (1.0 + solution.slam.wheel_biases[[0, 2]]) * scale - 1.0
         return {
             "name": self.log.name,
             "log": {
@@ -69,21 +66,29 @@ class SlamLog:
                 "beams": len(self.log.scans[0].ranges),
                 "odometry_lines": len(solution.line_poses),
                 "odometry": self._odometry,
-                "odometry_jumps": len(solution.jumps),
-                "first_odometry_jumps": list(solution.jumps[:5]),
-                "stamps_not_rising": solution.stamps_not_rising,
+                "put_in_order": repairs.put_in_order,
+                "doubled_scans": repairs.doubled_scans,
+                "doubled_odometry_lines": repairs.doubled_lines,
+                "odometry_jumps": len(repairs.jumps),
+                "first_odometry_jumps": list(repairs.jumps[:NAMED]),
+                "gaps": len(repairs.gaps),
+                "first_gaps": list(repairs.gaps[:NAMED]),
+                "scans_without_odometry": repairs.scans_without_odometry,
+                "stamps_not_rising": repairs.stamps_not_rising,
                 "bad_lines": self.log.bad_count,
             },
             "wheels": {
                 "lag_lines": solution.lag,
-                "turn_share": turn,
-                "turn_rad_per_m": way,
-                "way_share": ahead,
+                "turn_share": float(biases[0]),
+                "turn_rad_per_m": float(solution.slam.wheel_biases[1]),
+                "way_share": float(biases[1]),
+                "corrected_as_a_whole": scale != (1.0, 1.0),
             },
             "slam": {
                 "length_m": self.run.trajectory.length,
                 "key_scans": len(solution.slam.key_scans),
                 "loop_closures": len(solution.closures),
+                "loop_closures_dropped": len(solution.slam.unconfirmed_closures),
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked[1:]),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked[1:]),
             },
@@ -103,20 +108,21 @@ class SlamLog:
         scans = f"{counted(log['scans'], 'scan')} of {counted(log['beams'], 'beam')}"
         bad = counted(log["bad_lines"], "bad line")
         rows = [("log", f"{scans}, {counted(log['odometry_lines'], 'pose')} by odometry, {bad}")]
-        if log["odometry_jumps"]:
-            lines = ", ".join(map(str, log["first_odometry_jumps"]))
-            jumps = counted(log["odometry_jumps"], "jump")
-            rows.append(("", f"{jumps} of the odometry left out, at lines {lines};"))
-            rows.append(("", "if the robot drove on there unrecorded, what follows is misplaced"))
-        if log["stamps_not_rising"]:
-            rows.append(("", f"{counted(log['stamps_not_rising'], 'stamp')} run backwards"))
+        rows += [("", f"first bad {line}") for line in self.log.bad_lines[:1]]
+        rows += [("", sentence) for sentence in self.solution.repairs.sentences()]
         rows.append(
             (
                 "wheels",
                 f"lag {wheels['lag_lines']:.2f} lines, turn {wheels['turn_rad_per_m']:+.4f} rad/m",
             )
         )
+        if wheels["corrected_as_a_whole"]:
+            turn, way = 1.0 + wheels["turn_share"], 1.0 + wheels["way_share"]
+            text = f"scans show {turn:.2f} times their turns and {way:.2f} times their way"
+            rows.append(("", f"{text}: corrected, and solved once more"))
         closed = counted(slam["loop_closures"], "loop closure")
+        if slam["loop_closures_dropped"]:
+            closed += f", {slam['loop_closures_dropped']} more dropped"
         rows.append(
             (
                 "drive",
@@ -178,7 +184,7 @@ def draw_slam_log(done: SlamLog, path: Path) -> None:
         done.run.map,
         path,
         points=np.vstack([done.run.scan(number).points() for number in keys.tolist()]),
-        poses=done.solution.scan_poses,
-        closures=done.closures(),
+        poses=done.run.trajectory.poses,
+        estimate=done.run.estimate,
         title=done.log.name,
     )

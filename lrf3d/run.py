@@ -13,7 +13,7 @@ from lrf3d.mapped_files import some_rows
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 from lrf3d.world.free_cells import FreeCells
@@ -43,6 +43,8 @@ class Run(Value):
         maps: The map snapshots: the map after each of these scans.
         obstacles: The dynamic obstacles.
         film: How the run is filmed if nothing else is given.
+        estimate: Where the robot believed itself to be; None if it was given its poses. In a
+            recorded drive, of which the truth is not known, the trajectory is this estimate's.
 
     Examples:
         >>> import lrf3d
@@ -64,6 +66,7 @@ class Run(Value):
     maps: tuple[LineMap, ...]
     obstacles: "tuple[DynamicObstacle, ...]" = ()
     film: FilmPlan = USUAL_FILM
+    estimate: EstimatedTrajectory | None = None
 
     def __post_init__(self) -> None:
         self._hold("ranges", "truth")
@@ -79,6 +82,20 @@ class Run(Value):
 
     def __len__(self) -> int:
         return len(self.trajectory)
+
+    @property
+    def knows_truth(self) -> bool:
+        """Whether the trajectory is the true one, and not the estimate of a recorded drive."""
+        estimate = self.estimate
+        return estimate is None or not np.array_equal(estimate.poses, self.trajectory.poses)
+
+    @property
+    def odometry(self) -> Float:
+        """Poses (k, 3) at the scans by the wheels alone; the trajectory's where they are exact."""
+        estimate = self.estimate
+        if estimate is None or not len(estimate.odometry):
+            return self.trajectory.poses
+        return estimate.odometry
 
     @property
     def map(self) -> LineMap:
@@ -123,6 +140,7 @@ class Run(Value):
             walls=some_rows(self.walls, scans),
             snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
+            estimate=None if self.estimate is None else self.estimate.part(scans),
         )
         # Its map is that of the whole run, and so are the numbers of the objects in it.
         part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
@@ -146,7 +164,7 @@ class Run(Value):
         return replace(self.scan(index), ranges=self.truth[index])
 
     def free_cells(self) -> FreeCells:
-        """What the measured scans saw to be free, as :func:`save_map` keeps it beside the map."""
+        """The cells that the measured scans show to be free, for `save_map`."""
         # Reading a world needs no compiled code.
         from lrf3d.laser.free_space import distinct_poses, free_cells
 

@@ -19,7 +19,7 @@ from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.sensor import Sensor
@@ -32,7 +32,8 @@ class Mapper(Protocol):
     """Anything that builds a map from scans.
 
     The map after a scan is the mapper's attribute ``map``, a LineMap or anything else. A mapper
-    without it returns the map from `update`.
+    without it returns the map from `update`. A mapper that finds out where the robot is may have an
+    attribute ``estimate``, an EstimatedTrajectory: pictures and films show it beside the truth.
     """
 
     def update(self, scan: LaserScan) -> Any:
@@ -164,7 +165,8 @@ class Simulation:
             self.drive = RecordedDrive(path)
             end = float(path.times[-1])
             scans = len(path) if scans is None else min(scans, len(path))
-        # What is kept of a run holds the paths as poses; a drive without an end keeps nothing.
+        # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
+        # stored.
         self.obstacles = tuple(
             obstacles if end is None else (obstacle.until(end) for obstacle in obstacles)
         )
@@ -182,6 +184,12 @@ class Simulation:
     def map(self) -> Any:
         """The map after all scans so far, of whatever kind; None if the mapper makes none."""
         return getattr(self.mapper, "map", None) if self._returned is None else self._returned
+
+    @property
+    def estimate(self) -> EstimatedTrajectory | None:
+        """Where the mapper believes the robot to have been, if it finds that out by itself."""
+        estimate = getattr(self.mapper, "estimate", None)
+        return estimate if isinstance(estimate, EstimatedTrajectory) else None
 
     def __iter__(self) -> Iterator[Step]:
         """The remaining steps.
@@ -212,6 +220,13 @@ class Simulation:
             self.updates += 1
         self.drive.after(scan)
         self.done += 1
+
+    def skip(self, scans: int) -> None:
+        """Continue after a number of scans without taking them.
+
+        Only a drive along a trajectory can skip scans: a controller needs each of them.
+        """
+        self.done = scans
 
     @property
     def total(self) -> int:
@@ -357,6 +372,7 @@ def collect(
         tuple(maps.values()),
         simulation.obstacles,
         simulation.film,
+        simulation.estimate,
     )
 
 
@@ -365,7 +381,7 @@ def line_mapper(noise: object, **settings: Any) -> LineMapper:
 
     Args:
         noise: What its σ and its floor follow from; see `spread_of`.
-        **settings: Arguments of the LineMapper, which hold instead.
+        **settings: Arguments of the LineMapper that override them.
     """
     constant, sigma = spread_of(noise) or (0.0, SIGMA)
     usual = {"sigma": sigma}

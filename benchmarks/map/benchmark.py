@@ -73,7 +73,7 @@ SETTINGS = Table(
         "seeds": "seeds",
     },
     f"city; {USUAL_BEAMS} beams, σ = {SIGMA:g} m and the mapper's own thresholds where nothing else"
-    " is said;\nthe mapper knows σ. ratio: segments by visible walls. purity: unions against true"
+    " is said;\nthe mapper knows σ. ratio: segments by visible walls. purity: objects against true"
     " objects. RMS:\nperpendicular distance from the true walls. update: the median, with the seed"
     " that was disturbed\nleast. map: making the value of the final map.",
     names=("varied", "value", "mode"),

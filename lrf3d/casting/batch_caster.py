@@ -1,19 +1,20 @@
-"""BatchCaster: many scans at a time, on all cores, within the limits of the range finder."""
+"""BatchCaster: scans one by one and many at a time on all cores, exact whatever their numbers."""
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.casting.exact import RationalCaster
 from lrf3d.cores import core_count
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.range_finder import within_limits
-from lrf3d.pose import as_poses
+from lrf3d.pose import as_pose, as_poses
 
 PIECES_A_CORE = 8
 """Pieces of work for each core: with fewer the slowest core decides, with more Python's lock
@@ -23,10 +24,35 @@ LEAST_PIECE = 8
 """Least number of items in a piece."""
 
 
+class Kernels(NamedTuple):
+    """Compiled code that casts the scans of one range finder.
+
+    Attributes:
+        scan: Returns the ranges and walls (beams,) of the scan from x, y, theta.
+        scans: Fills ranges (k, beams) of the scans from poses (k, 3), and walls unless empty.
+    """
+
+    scan: Callable[[float, float, float], tuple[Float, Int]]
+    scans: Callable[[Float, Float, Int], None]
+
+
 class BatchCaster(ABC):
-    """Casts many scans at a time by compiled code, and by rationals where that is not exact."""
+    """Casts scans by compiled code, and by rationals where that would not be exact."""
 
     _rationals: RationalCaster
+    _latest: tuple[LaserRangeFinder | None, Kernels | None] = None, None
+
+    def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
+        """The true scan from a pose."""
+        pose = as_pose(pose)
+        latest, kernels = self._latest
+        if latest is not lrf:
+            kernels = None if self._rationals.for_all(lrf) else self._kernels(lrf)
+            # One assignment, because other threads may cast with other range finders.
+            self._latest = lrf, kernels
+        if kernels is None or self._rationals.needed(*pose):
+            return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
+        return LaserScan.unchecked(lrf, pose, *kernels.scan(*pose))
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: Float) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""
@@ -38,14 +64,14 @@ class BatchCaster(ABC):
         return self._cast_batch(lrf, poses, walls), walls
 
     @abstractmethod
-    def _kernel(self, lrf: LaserRangeFinder) -> Callable[[Float, Float, Int], None]:
-        """The function that fills ranges (k, beams) of poses (k, 3), and walls unless empty."""
+    def _kernels(self, lrf: LaserRangeFinder) -> Kernels:
+        """The compiled code for a range finder."""
 
     def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
         poses = np.ascontiguousarray(as_poses(poses))
         ranges = np.empty((len(poses), lrf.beams))
         if not self._rationals.for_all(lrf):
-            cast = self._kernel(lrf)
+            cast = self._kernels(lrf).scans
 
             def work(start: int, stop: int) -> None:
                 cast(poses[start:stop], ranges[start:stop], walls[start:stop])

@@ -107,11 +107,10 @@ class RationalCaster:
         # Where the walls themselves are beyond it, no scan can be cast by compiled code.
         self.everywhere = not bool(_inside(world.segments).all())
 
-    def needed(self, lrf: LaserRangeFinder, x: float, y: float, theta: float) -> bool:
-        """Whether a scan from this pose needs rationals; plain floats keep this check fast."""
+    def needed(self, x: float, y: float, theta: float) -> bool:
+        """Whether a pose needs rationals; plain floats keep this check fast."""
         return (
-            self.for_all(lrf)
-            or not (x == 0.0 or SMALLEST_NUMBER <= abs(x) <= LARGEST_NUMBER)
+            not (x == 0.0 or SMALLEST_NUMBER <= abs(x) <= LARGEST_NUMBER)
             or not (y == 0.0 or SMALLEST_NUMBER <= abs(y) <= LARGEST_NUMBER)
             or not (theta == 0.0 or abs(theta) >= SMALLEST_NUMBER)
         )

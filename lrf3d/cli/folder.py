@@ -1,10 +1,10 @@
-"""The folder for the results of a command: its path, its origin, and its lock."""
+"""The folder for the results of a command: its origin, its lock, its summary and pictures."""
 
 import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
@@ -12,9 +12,11 @@ from typing import Any
 
 import typer
 
-from lrf3d.cli.console import warn
+from lrf3d.cli.console import json_text, print_json, print_table, warn
+from lrf3d.errors import DrawingError
 from lrf3d.input import read_text
-from lrf3d.output import clear_unfinished, locked, make_folder
+from lrf3d.interrupts import noting
+from lrf3d.output import Drawing, clear_unfinished, draw_all, locked, make_folder, write_text
 from lrf3d.world import world_names
 
 LONGEST_NAME = 100
@@ -43,6 +45,58 @@ class ResultsFolder:
 
     path: Path
     made_by: dict[str, Any]
+
+    def finish(
+        self,
+        summary: Mapping[str, Any],
+        files: Mapping[str, Path],
+        drawings: Mapping[str, Drawing],
+        *,
+        rows: list[tuple[str, str]],
+        kept: str,
+        note: str = "",
+        json: bool,
+    ) -> None:
+        """Write summary.json and print the results of a command, then draw them.
+
+        The data are written before, and all results printed, before anything is drawn: what is
+        drawn may fail, and may be stopped.
+
+        Args:
+            summary: The figures, in JSON's types.
+            files: The files that are written, by their contents.
+            drawings: What is to be drawn, by name.
+            rows: The results as a table.
+            kept: The end of a message about a failed drawing: where the data are.
+            note: What is printed if drawing is stopped, such as how to go on.
+            json: Whether one JSON value is printed instead of tables.
+
+        Raises:
+            DrawingError: Something could not be drawn.
+            OutputError: The summary cannot be written.
+        """
+        made = {**files, "summary": self.path / SUMMARY}
+
+        def write() -> dict[str, Any]:
+            names = {name: path.name for name, path in made.items()}
+            figures = {**summary, "made_by": self.made_by, "files": names}
+            write_text(made["summary"], json_text(figures))
+            return figures
+
+        write()
+        width = max(map(len, (*dict(rows), *made, *drawings)))
+        if not json:
+            print_table(rows, width)
+        with noting(lambda: note) if note else nullcontext():
+            drawn, failed = draw_all(drawings, kept)
+        made |= drawn
+        figures = write()
+        if json:
+            print_json(figures)
+        else:
+            print_table([(name, str(path)) for name, path in made.items()], width)
+        if failed:
+            raise DrawingError(failed)
 
 
 def results_folder(

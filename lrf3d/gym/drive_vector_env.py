@@ -32,7 +32,7 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
         render_mode: None; pictures are DriveEnv's.
 
     Raises:
-        InputError: An argument makes no sense.
+        InputError: An argument is invalid.
         WorldError: There is no such world.
     """
 

@@ -1,8 +1,8 @@
 """The messages of a ROS 2 bag: a .mcap or .db3 file, or the folder of a bag with its metadata.
 
-Reading is rosbags' work (extra ``ros``). Only the types named here are ever read, by the
-definitions that rosbags brings along: those in a file are not followed. What a bag may unpack to is
-bounded, for a few kilobytes can hold gigabytes of zeros.
+The files are read by rosbags (extra ``ros``). Only messages of the types named here are read, by
+rosbags' own definitions: definitions in a file are ignored. The unpacked size of a bag is limited,
+because a few kilobytes can unpack to gigabytes of zeros.
 """
 
 from collections.abc import Iterator
@@ -104,7 +104,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
     else:
         check_ordinary(path, what="a ROS 2 bag")
     typestore = get_typestore(Stores.ROS2_HUMBLE)
-    # What a damaged file does to a reader is anyone's guess: any exception says that it is one.
+    # A damaged file may raise any exception in the reader.
     with bounded_unpacking():
         try:
             check_metadata(path)
@@ -142,10 +142,10 @@ def _short(error: Exception) -> str:
 
 @contextmanager
 def bounded_unpacking() -> Iterator[None]:
-    """Let rosbags unpack a chunk to the size that it is said to have, and no farther.
+    """Limit what rosbags unpacks of a chunk to the size that the file declares.
 
-    rosbags looks at the size only when all is unpacked. Its table of decompressors hands them
-    the size; while this holds, those in it heed it.
+    rosbags checks the size only after it has unpacked everything. Within the block its
+    decompressors are replaced by ones that stop at the declared size.
     """
     from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 
@@ -159,10 +159,10 @@ def bounded_unpacking() -> Iterator[None]:
 
 
 def check_metadata(folder: Path) -> None:
-    """Check that the metadata of a bag are short enough to be read in a second.
+    """Check that the metadata of a bag are short enough to be read in two seconds.
 
     Raises:
-        InputError: It is.
+        InputError: They are not.
     """
     path = folder / "metadata.yaml"
     if path.is_file() and path.stat().st_size > LONGEST_METADATA:

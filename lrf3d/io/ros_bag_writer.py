@@ -3,9 +3,10 @@
 A run enters; an MCAP file leaves, or the folder with its metadata that rosbag2 keeps a bag in::
 
     /scan          sensor_msgs/LaserScan  in laser, stamped with its first beam, float32
-    /odom          nav_msgs/Odometry      base_link in odom, without drift, with its speeds
+    /odom          nav_msgs/Odometry      base_link in odom, with its speeds: as the wheels
+                                          measured it where the run knows that, else without drift
     /ground_truth  nav_msgs/Odometry      base_link in odom, float64
-    /tf            odom → base_link       at each scan
+    /tf            odom → base_link       at each scan, as in /odom
     /tf_static     base_link → laser      latched, the height of the laser
 
 ``map`` is left to whoever maps. Stamps are the run's own times, which begin at 0 where nothing
@@ -118,13 +119,13 @@ def _fill(run: Run, folder: Path) -> None:
         mount = Pose(0.0, 0.0, 0.0)
         start = Stamp.of(float(times[0]))
         write(STATIC_FRAMES, start, messages.transform(start, BASE, LASER, mount, run.lrf.height))
-        for scan, speed, step in zip(run.scans, run.trajectory.speeds, steps.tolist(), strict=True):
-            stamp = Stamp.of(scan.time)
+        rows = zip(run.scans, run.odometry, run.trajectory.speeds, steps.tolist(), strict=True)
+        for scan, wheels, speed, step in rows:
+            stamp, measured = Stamp.of(scan.time), Pose(*wheels.tolist())
             # The pose of the laser comes before what it measured from there.
-            write("/tf", stamp, messages.transform(stamp, WORLD, BASE, scan.pose))
-            odometry = messages.odometry(stamp, scan.pose, speed)
-            write("/odom", stamp, odometry)
-            write("/ground_truth", stamp, odometry)
+            write("/tf", stamp, messages.transform(stamp, WORLD, BASE, measured))
+            write("/odom", stamp, messages.odometry(stamp, measured, speed))
+            write("/ground_truth", stamp, messages.odometry(stamp, scan.pose, speed))
             write("/scan", stamp, messages.scan(scan, step))
 
 
@@ -149,7 +150,7 @@ class _Messages:
     def transform(
         self, stamp: Stamp, parent: str, child: str, pose: Pose, height: float = 0.0
     ) -> Any:
-        """A frame in another, so high above it [m]."""
+        """The transform of a frame in its parent, at a height [m] above it."""
         place = self._make("geometry_msgs/msg/Vector3", pose.x, pose.y, height)
         moved = self._make("geometry_msgs/msg/Transform", place, self._turn(pose.theta))
         header = self._header(stamp, parent)
@@ -195,7 +196,7 @@ class _Messages:
 
 
 def _latched() -> Any:
-    """The quality of service of a topic whose last message reaches those who come late."""
+    """The quality of service of a latched topic: late subscribers receive its last message."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,

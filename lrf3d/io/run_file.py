@@ -30,9 +30,16 @@ snapshot_scans (s,)   index of the last scan in each map snapshot; empty without
 map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
                       map_points likewise
-origin                what the run was made of, as JSON: for the world, the laser, the drive and
-                      so on a digest or a name each, by which ``--resume`` knows its own; missing
-                      where a run was saved from memory
+estimate_poses (k, 3) estimated pose after each scan; missing, like the next five, if the poses
+                      were given to the robot, and in older files
+estimate_scans (e,)   scans after which the covariance is known; estimate_covariances (e, 3, 3)
+                      the covariances there
+estimate_closures     (c, 2) pairs of scans that closed a loop; estimate_dropped (d, 2) those that
+                      were rejected; estimate_odometry (k, 3), or (0, 3), the poses by the
+                      wheels alone
+origin                the run fingerprint, as JSON: a digest or a name of the world, the laser, the
+                      drive and so on, by which ``--resume`` recognises the run; missing in a run
+                      that was saved from memory
 ====================  =================================================================
 
 The file is a plain .npz, which ``numpy.load`` reads as well. Its arrays are not packed and begin
@@ -53,7 +60,7 @@ from lrf3d.input import check_ordinary
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
@@ -66,6 +73,7 @@ VERSION = 1
 DTYPE_KINDS = {
     **dict.fromkeys(("version", "objects", "walls", "snapshot_scans", "map_sizes"), "iu"),
     **dict.fromkeys(("map_objects", "map_points", "obstacle_corners", "obstacle_stops"), "iu"),
+    **dict.fromkeys(("estimate_scans", "estimate_closures", "estimate_dropped"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
 }
 """What kinds of values an array may have, as NumPy names them; all others have floats."""
@@ -103,6 +111,7 @@ def save_run(run: Run, path: str | Path) -> None:
             Column.of("truth", run.truth),
             Column.of("walls", run.walls),
             *map_columns(run.snapshot_scans, run.maps),
+            *estimate_columns(run.estimate),
         ],
     )
 
@@ -156,6 +165,21 @@ def map_columns(snapshot_scans: Iterable[int], maps: Sequence[LineMap]) -> list[
         "map_segments": np.concatenate([none.segments, *(part.segments for part in maps)]),
         "map_objects": np.concatenate([none.objects, *(part.objects for part in maps)]),
         "map_points": np.concatenate([none.points, *(part.points for part in maps)]),
+    }
+    return [Column.of(name, array) for name, array in arrays.items()]
+
+
+def estimate_columns(estimate: EstimatedTrajectory | None) -> list[Column]:
+    """The columns of what the robot believed; empty where it was given its poses."""
+    if estimate is None:
+        return []
+    arrays = {
+        "estimate_poses": estimate.poses,
+        "estimate_scans": estimate.known_scans,
+        "estimate_covariances": estimate.covariances,
+        "estimate_closures": estimate.closures,
+        "estimate_dropped": estimate.dropped_closures,
+        "estimate_odometry": estimate.odometry,
     }
     return [Column.of(name, array) for name, array in arrays.items()]
 
@@ -258,6 +282,16 @@ def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
     )
 
 
+def _estimate(arrays: dict[str, Any], scans: int) -> EstimatedTrajectory | None:
+    if "estimate_poses" not in arrays:
+        return None
+    parts = ("poses", "scans", "covariances", "closures", "dropped", "odometry")
+    estimate = EstimatedTrajectory(*(arrays[f"estimate_{part}"] for part in parts))
+    if len(estimate) != scans:
+        raise ValueError(f"estimate_poses of {len(estimate)} scans, expected {scans}")
+    return estimate
+
+
 def _run(arrays: dict[str, Any]) -> Run:
     for name, array in arrays.items():
         # An empty array may have any kind: NumPy takes an empty list of names for floats.
@@ -308,4 +342,5 @@ def _run(arrays: dict[str, Any]) -> Run:
         maps,
         _obstacles(arrays),
         _film(arrays),
+        _estimate(arrays, scans[0]),
     )

@@ -196,7 +196,7 @@ class MixedPixels:
         return replace(scan, ranges=ranges, walls=walls)
 
     def _beyond(self, away: Float) -> Float:
-        """Part of the light of beams that falls beyond an edge so far from their middles [rad]."""
+        """Share of a beam that falls beyond an edge at an angle (n,) from its middle [rad]."""
         return np.clip(0.5 - away / self.divergence, 0.0, 0.5)
 
 
@@ -239,7 +239,7 @@ def ranges_between(scan: LaserScan, angles: Float) -> Float:
     ahead = np.clip(angles - scan.angles[before], 0.0, turn)
     nearest = np.where(2.0 * ahead > turn, after, before)
     ranges = scan.ranges[nearest]
-    # At the beams themselves nothing is to be worked out, and nothing is to be rounded.
+    # At the beams themselves the measured ranges are kept, to the last bit.
     inside = on_one_wall(scan)[before] & (ahead > 0.0) & (ahead < turn)
     near, far = scan.ranges[before[inside]], scan.ranges[after[inside]]
     turn, ahead = turn[inside], ahead[inside]

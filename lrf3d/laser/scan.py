@@ -30,8 +30,9 @@ class LaserScan(Value):
         range_max: Farthest distance that the range finder measures [m].
         time: Time of the first beam [s].
         time_increment: Time from one beam to the next [s].
-        pose_covariance: (3, 3) covariance of the pose's x, y [m] and theta [rad]; None where the
-            pose is exact or its error unknown. A mapper accepts the more as one wall.
+        pose_covariance: (3, 3) covariance of the pose's x, y [m] and theta [rad]; None if the pose
+            is exact or its error is unknown. The larger it is, the farther apart two views of one
+            wall may lie for the mapper.
 
     Examples:
         >>> import lrf3d

@@ -92,8 +92,8 @@ def line_covariances(
         lines: (m, 2) alpha [rad], p [m] of the segments.
         points: (m,) number of points that each was fitted to.
         noise: The noise of their ranges.
-        spacing: Angle [rad] between two beams; if not given, the ends are taken for points. With
-            it, the extension of a segment to a corner does not count.
+        spacing: Angle [rad] between two beams. With it, a segment that was extended to a corner
+            counts only as far as its points reach; without it, its ends are taken for points.
     """
     alpha, p = lines[:, :1], lines[:, 1:]
     along = np.stack([-np.sin(alpha[:, 0]), np.cos(alpha[:, 0])], axis=-1)

@@ -20,7 +20,10 @@ from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline
 
-LAYERS = ("shadow", "trail", "fan", "beams", "map", "trace", "points", "marker", "inset", "hud")
+LAYERS = (
+    "shadow", "trail", "estimate", "fan", "beams", "map", "trace", "points", "marker", "inset",
+    "hud",
+)  # fmt: skip
 """What can be left out of a film; what is left out costs nothing."""
 
 Layer = Callable[[Frame], Iterable[Draw]]
@@ -88,7 +91,8 @@ class Film:
         moment = self.timeline.moment(time)
         look = self.camera.look(time, self._size[0] / self._size[1])
         words = self._hud.lines(moment) if self._hud is not None else ()
-        moving = moment.time if self.scenery.run.obstacles else 0.0
+        run = self.scenery.run
+        moving = moment.time if run.obstacles or run.estimate is not None else 0.0
         shown = (
             moment.scan,
             moment.scanning,
@@ -187,6 +191,7 @@ class Film:
             ("shadow", scenery.draw_shadows),
             ("trail", scenery.draw_trail),
             ("map", scenery.draw_glow),
+            ("estimate", scenery.draw_estimate),
             ("fan", scenery.draw_fan),
             ("beams", scenery.draw_beams),
             ("map", draw_map),

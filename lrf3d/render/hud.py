@@ -3,6 +3,7 @@
 Where panel and inset go is found here, too: in pictures of any size they never lie over each other.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -16,6 +17,8 @@ from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import FrameRenderer, Mesh, Primitive, Texture
 from lrf3d.render.scenery import Scenery
 from lrf3d.run import Run
+from lrf3d.scene import look
+from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.timeline import Moment
 from lrf3d.text import rounded
 
@@ -296,8 +299,19 @@ def hud_lines(
             ends=((ends[0], x), (ends[1], y), (ends[2], f"{turn}°")),
         ),
         beams,
+        *_legend(run, moment.scan, ends[2]),
     )
     return (*lines, Line(((0.0, counts),), _PALE)) if run.maps else lines
+
+
+def _legend(run: Run, scan: int, end: float) -> Iterator[Line]:
+    """The names of the two trails in their colours, and how far they are apart."""
+    for name, apart in estimate_words(run, scan):
+        colour = look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR
+        # On a dark panel colours are read more easily when they are paler.
+        red, green, blue = (round(255 * (0.65 * part + 0.35)) for part in colour)
+        ends = ((end, apart),)
+        yield Line(((0.0, f"━ {name}"),), (red, green, blue, 255), ends=ends)
 
 
 def widest_lines(run: Run, playback: float = 1.0) -> tuple[Line, ...]:

@@ -23,9 +23,11 @@ _MARGIN = 8.0
 _HEIGHT = 1e4
 """Height of its eye, and how much nearer to it marks on walls are [m]: nothing hides them."""
 
-_WALL_WIDTH, _MAP_WIDTH, _TRAIL_HALF_WIDTH, _POINT_SIZE = 1.6, 2.3, 1.1, 3.0
-"""Widths of free walls and of the map, half that of the trail, and diameter of hit points [pixels
-at 720 lines]."""
+_WALL_WIDTH, _MAP_WIDTH, _POINT_SIZE = 1.6, 2.3, 3.0
+"""Widths of free walls and of the map, and diameter of hit points [pixels at 720 lines]."""
+
+_TRAIL_HALF_WIDTH, _HALF_WIDTH_UNDER = 1.1, 2.0
+"""Half the width of the trail, by itself and under that of an estimate [pixels at 720 lines]."""
 
 _FAN_STRENGTH = 0.62
 """Opacity of the fan at the robot: stronger than in the film, as the inset is small."""
@@ -77,6 +79,8 @@ class Inset:
         """Draw it over the picture."""
         scenery, side = self._scenery, float(self._box[2])
         pixel = self.window / side
+        under = scenery.run.estimate is not None
+        half_width = _HALF_WIDTH_UNDER if under else _TRAIL_HALF_WIDTH
         # What it shows otherwise than the film does, whatever layer it is.
         own: dict[str, Any] = {
             "view_projection": self.matrix(frame.pose),
@@ -85,7 +89,7 @@ class Inset:
             "viewport": (side, side),
             "slack": 0.0,
             "nearer": _HEIGHT,
-            "half_width": _TRAIL_HALF_WIDTH * self._scale * pixel,
+            "half_width": half_width * self._scale * pixel,
             "strength": _FAN_STRENGTH,
             # So far from the eye, points have their least size.
             "focus": 1.0,
@@ -97,6 +101,7 @@ class Inset:
             Draw(self._walls, walls),
             *scenery.draw_fan(frame),
             *scenery.draw_trail(frame),
+            *scenery.draw_estimate(frame),
             *scenery.movers.plans(frame.moment.time, pixel),
             *scenery.draw_points(frame),
             *(Draw(each, lines) for each, _ in scenery.draw_map(frame)),

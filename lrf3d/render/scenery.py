@@ -12,6 +12,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, Single
 from lrf3d.render.bindings import GL, pyrender
+from lrf3d.render.estimate_layer import EstimateLayer
 from lrf3d.render.ground_layer import GroundLayer
 from lrf3d.render.movers import MovingBodies
 from lrf3d.render.parts import build_walls
@@ -20,6 +21,7 @@ from lrf3d.scene import look
 from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams
 from lrf3d.scene.bodies import robot_arrow, robot_mesh, world_from_robot
 from lrf3d.scene.camera import Look
+from lrf3d.scene.estimate import DrawnEstimate
 from lrf3d.scene.map_bands import BAND_SIZES, WallTops
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
@@ -29,8 +31,9 @@ _BLOB_RADIUS, _BLOB_DARKNESS, _BLOB_SHIFT = 0.52, 0.55, 0.16
 """Radius of the robot's shadow [m], its darkness in the middle, and how far it lies from the robot
 where the sun shines, as a part of the level way to the sun."""
 
-_THINNEST_TRAIL = 0.9
-"""Half the width of the trail [pixels at 720 lines] that it has at the least."""
+_THINNEST_TRAIL, _THINNEST_UNDER = 0.9, 2.0
+"""Half the width of the trail [pixels at 720 lines] that it has at the least, by itself and under
+that of an estimate."""
 
 _BEAM_WIDTH, _TRACE_WIDTH, _MAP_WIDTH = 0.9, 1.6, 4.0
 """Widths of lines [pixels at 720 lines]."""
@@ -103,6 +106,9 @@ class Scenery:
         self._sky = Primitive("sky", (2,), _mesh(10, 10))
         self._blob = Primitive("blob", (2,), corners, blend=True)
         self._trail = Primitive("trail", RIBBON_SIZES, trail_ribbon(self._keys), blend=True)
+        # Of a recorded drive only the estimate is known, which is drawn as such.
+        self._trail_is_true = run.knows_truth
+        self._estimate = EstimateLayer(DrawnEstimate.from_timeline(timeline))
         self._fan = _dynamic("fan", (3, 2))
         self._lines = _dynamic("lines", LINE_SIZES)
         self._trace = _dynamic("lines", LINE_SIZES)
@@ -119,7 +125,7 @@ class Scenery:
         for primitive in (
             self._robot, self.walls.faces, self._sky, self._blob, self._trail, self._fan,
             self._lines, self._trace, self._dots, self._map, self._bands, self._glow, self._marker,
-            *self.movers.all,
+            *self.movers.all, *self._estimate.all,
         ):  # fmt: skip
             self.scene.add(Mesh([primitive]))
 
@@ -188,12 +194,19 @@ class Scenery:
 
     def draw_trail(self, frame: Frame) -> Iterator[Draw]:
         """The trail, as far as it is driven, and at no distance thinner than some pixels."""
+        if not self._trail_is_true:
+            return
         now = frame.moment.time - self._start
         self._trail.count = 6 * legs_begun(self._keys, now)
         metre = frame.focus / float(np.linalg.norm(frame.look.eye - frame.look.target))
-        half_width = max(0.5 * look.TRAIL_WIDTH, _THINNEST_TRAIL * frame.scale / metre)
+        thinnest = _THINNEST_UNDER if self.run.estimate is not None else _THINNEST_TRAIL
+        half_width = max(0.5 * look.TRAIL_WIDTH, thinnest * frame.scale / metre)
         uniforms = {"now": now, "half_width": half_width, "fade": 1.0 / self._fade}
         yield Draw(self._trail, uniforms)
+
+    def draw_estimate(self, frame: Frame) -> Iterator[Draw]:
+        """Where the robot believes itself to be, and has believed itself to be."""
+        return self._estimate.draws(frame.moment.time - self._start, frame.scale, _over(frame))
 
     def draw_fan(self, frame: Frame) -> Iterator[Draw]:
         """The fan of all beams."""

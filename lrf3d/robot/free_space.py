@@ -41,9 +41,8 @@ LARGEST_PARTS = 8
 """Number of the largest parts of the free space that are compared."""
 
 SUBSTANTIAL = 0.7
-"""Length of the walls that stand along the inside, as a share of those along the outside, from
-which on a world is driven through inside. Of a house it is more than 1, and less only where its
-walls are thicker than any wall."""
+"""Least length of the walls along the inside, as a share of those along the outside, for the robot
+to drive inside. For a house it is more than 1, unless its walls are thicker than any real ones."""
 
 BUILDING, OPEN = 0.3, 0.95
 """Weights of walls seen from within a building and from open land: a room is preferred to the land

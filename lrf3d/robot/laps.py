@@ -20,8 +20,8 @@ def drive_laps(
 ) -> tuple[Trajectory, ...]:
     """A first lap along a route, and a second one that ends where it begins, to be repeated.
 
-    A route that does not end where it begins is driven back the way it came. What is not asked
-    for is not driven: the first lap ends after that number of poses, and there is no second.
+    A route that does not end where it begins is driven back the way it came. If the first lap
+    alone has as many poses as are needed, it ends there, and there is no second lap.
 
     Args:
         route: (m, 2) way-points [m].

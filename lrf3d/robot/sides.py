@@ -96,7 +96,7 @@ def find_sides(
     near = gaps < BLOCKING * size
     near[near] = _beside_walls(middles[near], segments, objects, BLOCKING * size)
     around = _walls_around(near).reshape(-1)[index]
-    # From open land on the ground is outside as far as it is not surrounded by walls.
+    # Outside is what is connected with open land without passing through surrounded places.
     open_ = np.flatnonzero((around < SURROUNDED) | seeds)
     _, label = connected_components(graph[open_][:, open_], directed=False)
     outside = np.zeros(len(cells), dtype=np.bool_)

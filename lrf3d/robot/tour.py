@@ -108,8 +108,8 @@ def best_tour(network: Network, *, longest: float, from_first: bool = False) -> 
 def _grown(network: Network, start: int, longest: float, kept: int = 0) -> list[int]:
     """A tour from a first place, to which one place after the other is added.
 
-    It is always the one that shows the most more walls for each metre more. As many places as are
-    kept stay at the beginning.
+    It is always the one that shows the most additional wall for each additional metre. The first
+    ``kept`` places stay at the beginning.
     """
     order = [start]
     while len(order) < len(network.places):

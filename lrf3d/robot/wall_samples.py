@@ -1,7 +1,8 @@
 """Samples of walls: points along them, and the part of a world that a route is planned in.
 
-Segments enter, of any length and any distance from each other; points with the length of wall
-that each stands for leave. What the samples cost follows what is near, not how far walls reach.
+The input is segments of any length, at any distance from each other; the output is points, each
+with the length of wall that it represents. The cost depends on the walls nearby, not on how far
+walls extend.
 """
 
 import numpy as np
@@ -25,8 +26,8 @@ SPACING = 0.2
 """Distance [m] between the points of the walls that distances are measured to."""
 
 SAMPLES, MANY_SAMPLES = 4_000_000, 1_000_000
-"""Most samples of all walls together, and from how many on those that lie together count as one:
-800 km and 200 km of walls, of which a window of 500 m shows a part."""
+"""Largest number of samples of all walls, and the number above which samples in one small cell are
+merged: those of 800 km and of 200 km of walls."""
 
 
 def planning_window(segments: Float, around: Float | None = None) -> tuple[Float, Float]:
@@ -49,7 +50,7 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
     if (high - low).max() <= WIDEST_WINDOW:
         return low, high
     if around is None:
-        # However long a wall is, it is but one, and no town.
+        # A wall counts for at most the width of the window: one long wall is not a town.
         long = np.maximum(lengths(near) / WIDEST_WINDOW, 1.0)
         weights /= np.repeat(long, np.ceil(lengths(near) / spacing).astype(int))
         tile = WIDEST_WINDOW / 10.0
@@ -76,7 +77,7 @@ def _detailed(segments: Float) -> Float:
             low, high = low - 1.0, high + 1.0
             continue
         count, _, _ = np.histogram2d(inside[:, 0], inside[:, 1], bins=edges)
-        # Two bins by two overlap, so that no town is lost for standing on the border of bins.
+        # Blocks of two by two bins overlap, so that a town on the border between bins is found.
         fours = count[:-1, :-1] + count[1:, :-1] + count[:-1, 1:] + count[1:, 1:]
         column, row = np.unravel_index(int(np.argmax(fours)), fours.shape)
         low = np.array([edges[0][column], edges[1][row]])
@@ -93,7 +94,7 @@ def walls_within(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:
     start, span = segments[:, :2], segments[:, 2:] - segments[:, :2]
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (low - start) / span, (high - start) / span
-    # Along an axis that it does not go along a wall is inside everywhere or nowhere.
+    # A wall perpendicular to an axis is within the limits of this axis everywhere or nowhere.
     within = np.where((start >= low) & (start <= high), np.inf, -np.inf)
     enter = np.where(span == 0.0, -within, np.minimum(one, other)).max(axis=1)
     leave = np.where(span == 0.0, within, np.maximum(one, other)).min(axis=1)
@@ -120,7 +121,7 @@ def sample_walls(segments: Float, spacing: float) -> tuple[Float, Float]:
 
 
 def spacing_for(segments: Float) -> float:
-    """Distance [m] between samples: no less than lets memory hold those of walls laid on walls."""
+    """Distance [m] between samples, larger where the walls would have more than `SAMPLES`."""
     return max(SPACING, float(lengths(segments).sum()) / SAMPLES)
 
 

@@ -117,6 +117,11 @@ TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.045, 0.015
 TRAIL_FADE, TRAIL_OLD = 15.0, 0.35
 """Time of the film [s] in which the trail fades to what is left of its opacity."""
 
+ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
+ESTIMATE_WIDTH, ESTIMATE_LIFT = 0.05, 0.005
+"""Colour of where a robot believes itself to be, opacity of the ellipses that it leaves behind, and
+where they are ribbons, their width and how far they lie above the trail of the truth [m]."""
+
 MAP_BAND, MAP_WIDTH = (0.62, 0.74), 0.07
 """Heights between which the map is a band along the walls, above the beams, and its width [m]: it
 stands out of its line to both sides, so that no wall hides it."""

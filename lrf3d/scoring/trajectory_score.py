@@ -58,7 +58,7 @@ def score_trajectory(poses: Float, relations: Relations) -> TrajectoryScore:
     """Score poses (n, 3) by relations between them.
 
     Raises:
-        InputError: A relation is of a pose that there is not.
+        InputError: A relation refers to a pose that does not exist.
 
     Examples:
         >>> import numpy as np

@@ -179,6 +179,11 @@ class LoopCloser:
         # How far the robot had driven at each key scan [m].
         self._ways = np.empty(0)
 
+    @property
+    def unconfirmed(self) -> list[Closure]:
+        """Closures that were found and are not believed: too few others agree with them."""
+        return list(self._pending)
+
     def add_key(self, key: Key) -> None:
         """Take in the next key scan."""
         if self.keys:

@@ -149,6 +149,24 @@ class Slam:
         poses = self._key_poses
         return self._turned(joint_covariance(poses, self._honest_edges(), [len(poses) - 1]))
 
+    def covariances(self, numbers: Sequence[int] | Int) -> Float:
+        """Covariances (m, 3, 3) of the poses of some key scans, x, y [m], theta [rad].
+
+        Args:
+            numbers: (m,) numbers of the key scans.
+        """
+        chosen = np.asarray(numbers, dtype=np.int64)
+        found = np.zeros((len(chosen), 3, 3))
+        moved = np.flatnonzero(chosen > 0)
+        if not len(moved):
+            return found
+        edges = self._honest_edges()
+        joint = joint_covariance(self._key_poses, edges, chosen[moved].tolist())
+        for place, number in enumerate(moved.tolist()):
+            block = slice(3 * place, 3 * place + 3)
+            found[number] = self._turned(joint[block, block])
+        return found
+
     def relative_covariance(self, first: int, second: int) -> Float:
         """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
 
@@ -219,6 +237,11 @@ class Slam:
     def closures(self) -> list[Closure]:
         """The loops that were closed, by the numbers of key scans."""
         return list(self._closer.accepted)
+
+    @property
+    def unconfirmed_closures(self) -> list[Closure]:
+        """Loops that seemed to close and are not believed, by the numbers of key scans."""
+        return self._closer.unconfirmed
 
     @property
     def wheel_biases(self) -> Float:

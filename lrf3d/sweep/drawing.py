@@ -18,12 +18,12 @@ WORDS = {"sigma_m": "noise σ at range_max [m]", "beams": "beams"}
 """What is varied, as the axes of figures name it."""
 
 MOST_CURVES = 8
-"""Curves of a figure at most: of more, what else is varied is averaged over."""
+"""Largest number of curves in a figure; with more, further axes are averaged over."""
 
 MOST_LINES = 60
 """Lines of a table for the eye at most; the summary has all."""
 
-TOLD = {
+TABLE_COLUMNS = {
     "length_f1": (1.0, 3),
     "segment_f1": (1.0, 3),
     "segment_ratio": (1.0, 2),
@@ -35,7 +35,7 @@ TOLD = {
 
 
 def figures_of(plan: Plan, rows: Sequence[Row], folder: Path) -> dict[str, Drawing]:
-    """The figures of every world over everything that is varied in numbers, by what they show."""
+    """The figures by their titles: one for each world and each axis of numbers."""
     figures: dict[str, Drawing] = {}
     means = cell_means(plan, rows)
     for world in dict.fromkeys(cell.world for cell in plan.cells):
@@ -125,7 +125,7 @@ def table_text(plan: Plan, rows: Sequence[Row]) -> str:
         (
             mean.world,
             *(_word(mean.columns[name]) for name in told),
-            *(_figure(mean.measures[name], *how) for name, how in TOLD.items()),
+            *(_figure(mean.measures[name], *how) for name, how in TABLE_COLUMNS.items()),
         )
         for mean in means
     ]
@@ -134,8 +134,8 @@ def table_text(plan: Plan, rows: Sequence[Row]) -> str:
         text += f"\n… and {len(lines) - MOST_LINES} more in summary.json"
     return (
         f"{text}\nMean of {plan.grid.seeds} seeds ± half of its"
-        f" {100.0 * INTERVAL_CONFIDENCE:g} % interval. segments: by visible walls;"
-        " objects: of the map by those\nvisible; 1 is right."
+        f" {100.0 * INTERVAL_CONFIDENCE:g} % interval. segments: per visible wall;"
+        " objects: per visible\nobject; 1 is ideal."
     )
 
 

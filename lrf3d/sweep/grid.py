@@ -22,8 +22,8 @@ SEEDS = 20
 """Seeds of each setting if not given."""
 
 MOST_RUNS = 1_000_000
-"""Seeds at most; scans of a drive of which one is used; and runs, for the plan of all of them is
-held in memory, and the fastest take a core hours."""
+"""Largest number of seeds, of ``every``, and of runs: the plan of all runs is held in memory, and
+even the fastest take hours on one core."""
 
 SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
 """The settings that have a flag of their own."""
@@ -42,7 +42,7 @@ class SweepGrid:
         every: Every n-th scan of a drive is used.
 
     Raises:
-        InputError: There is no world, no value, no seed, or a setting that is none.
+        InputError: There is no world, no value or no seed, or a setting is invalid.
     """
 
     worlds: tuple[str, ...]

@@ -33,8 +33,8 @@ _LONGEST_STEP = 0.1
 """A step of the drive lasts at most this [s], so that no hitch sends the robot off."""
 
 _MAP_STEP, _MAP_TURN = 0.12, np.radians(5.0)
-"""The mapper takes a scan where the robot has gone or turned so far [m, rad] since the last: a
-robot that stands sees nothing new, and each scan is one more witness to hear."""
+"""Distance [m] and turn [rad] after which another scan is mapped: a robot at rest sees nothing new,
+and each update takes time."""
 
 _MAP_SHARE = 0.2
 """Share of the time that may go into working out the map."""
@@ -102,7 +102,7 @@ class HandDrive:
         self._map_due = 0.0
 
     def step(self, seconds: float) -> dict[str, Any]:
-        """Drive on for a time [s], scan and map; gives the news for the page as plain values."""
+        """Drive on for a time [s], scan and map; return what the page shows, as plain values."""
         seconds = min(seconds, _LONGEST_STEP)
         self._drive(seconds)
         scan = self._scan()
@@ -155,7 +155,7 @@ class HandDrive:
         }
 
     def _moved(self) -> list[float]:
-        """Where movers are: x, y [m] in the local frame, theta [rad] of each in turn."""
+        """Poses of the dynamic obstacles in turn: x, y [m] in the local frame, theta [rad]."""
         shift = np.array([*self._origin, 0.0])
         return [
             value

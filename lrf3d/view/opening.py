@@ -59,7 +59,7 @@ def world_view(
     start = start_pose(scenario)
     title = scenario.world.name or scenario.name
     drive = HandDrive(scenario, start, rng=seed)
-    # Compilers and trees take their time; nobody shall wait for them with a key held down.
+    # The first step compiles kernels and builds search trees, so it is made before the user drives.
     drive.step(0.0)
     path = np.array([start[:2]])
     scene = make_scene(scenario.world, scenario.lrf, path, title=title, movers=drive.movers)

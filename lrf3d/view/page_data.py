@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.gltf import still_glb
@@ -16,6 +17,7 @@ from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.beams import fading_ends
 from lrf3d.scene.bodies import mover_colours
+from lrf3d.scene.estimate import BELIEVED, CORNERS, TRUTH, DrawnEstimate
 from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, drive_keys, mover_keys, scan_times
@@ -120,6 +122,13 @@ def page_look(indoor: bool, shares: Float) -> dict[str, Any]:
             "width": look.TRAIL_WIDTH,
             "height": look.TRAIL_HEIGHT,
         },
+        "estimate": {
+            "colour": look.ESTIMATE_COLOUR,
+            "faded": look.ESTIMATE_FADED,
+            "width": look.ESTIMATE_WIDTH,
+            "height": look.TRAIL_HEIGHT + look.ESTIMATE_LIFT,
+            "corners": CORNERS,
+        },
         "map": {"band": look.MAP_BAND, "width": look.MAP_WIDTH},
         "robot": {"colour": look.ROBOT, "rim": look.ROBOT_RIM, "dart": look.DART.tolist()},
         "inset": {
@@ -186,11 +195,12 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
             np.concatenate([*(poses for _, poses in ways), np.empty((0, 3))]),
             np.float32,
         ),
+        **_estimate_arrays(timeline),
         "joined": (joined_beams(run.ranges, run.walls), np.uint8),
     }
     block, layout = bytearray(), {}
     for name, (values, kind) in arrays.items():
-        array = np.asarray(values, kind).ravel()
+        array: NDArray[Any] = np.asarray(values, kind).ravel()
         layout[name] = (array.dtype.name, len(block), len(array))
         block += array.tobytes()
         block += bytes(-len(block) % _ALIGNMENT)
@@ -198,5 +208,21 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         "layout": layout,
         "jumps": np.flatnonzero(keys.set_down).tolist(),
         "start": timeline.start,
+        "knowsTruth": run.knows_truth,
+        "legend": [] if run.estimate is None else [TRUTH, BELIEVED],
     }
     return bytes(block), told
+
+
+def _estimate_arrays(timeline: Timeline) -> dict[str, tuple[Any, type]]:
+    """What a robot believed that was not given its poses, and which of its ellipses stay."""
+    estimate = DrawnEstimate.from_timeline(timeline)
+    if estimate is None:
+        return {}
+    return {
+        "estimateTimes": (estimate.times, np.float32),
+        "estimatePlaces": (estimate.places, np.float32),
+        "ellipseTimes": (estimate.ellipse_times, np.float32),
+        "ellipseShapes": (estimate.shapes, np.float32),
+        "keptEllipses": (estimate.kept, np.int32),
+    }

@@ -1,6 +1,6 @@
 // The page: the scene with its words and buttons, played back or driven.
 
-import { BeamsMesh, Inset, MapBands, Movers, Replay, Rig, Stage, Trail, VIEWS } from "lrf3d-view";
+import { BeamsMesh, Estimate, Inset, MapBands, Movers, Replay, Rig, Stage, Trail, VIEWS, css } from "lrf3d-view";
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 const STEP = 2; // Seconds that an arrow key skips.
@@ -41,6 +41,9 @@ export default {
           <span>y <b class="lrf3d-y">{{ words.y }}</b></span> &ensp; <span>θ <b class="lrf3d-theta">{{ words.theta }}</b>°</span></div>
         <div class="lrf3d-warm">{{ words.beams }}</div>
         <div class="lrf3d-map">{{ words.map }}</div>
+        <div v-if="legend.truth" class="lrf3d-truth" :style="{ color: legend.truthColour }">━ {{ legend.truth }}</div>
+        <div v-if="legend.believed" class="lrf3d-believed" :style="{ color: legend.believedColour }">━ {{ legend.believed }}
+          &ensp; {{ words.apart }}</div>
         <div v-if="bumped" class="lrf3d-stop">a wall is in the way</div>
       </div>
       <canvas ref="inset" v-show="view !== 'top'" class="lrf3d-inset"></canvas>
@@ -100,7 +103,8 @@ export default {
       bumped: false,
       failure: "",
       held: { ahead: false, back: false, left: false, right: false },
-      words: { t: "0.0", v: "0.00", w: "0", x: "", y: "", theta: "", beams: "", map: "" },
+      words: { t: "0.0", v: "0.00", w: "0", x: "", y: "", theta: "", beams: "", map: "", apart: "" },
+      legend: {},
     };
   },
 
@@ -148,6 +152,7 @@ export default {
         this.end = this.run.end;
         this.trail.set(this.run.places(), new Set(setup.replay.jumps));
         this.pose = this.run.pose(0);
+        if (setup.replay.legend.length) this.showEstimate(scene);
       } else {
         this.pose = { ...setup.start, speed: 0, turning: 0 };
         this.trail.set([this.pose.x, this.pose.y]);
@@ -155,6 +160,21 @@ export default {
       }
       this.shownStage = null;
       this.choose(this.view);
+    },
+
+    // Beside the truth, where that is known: a recorded drive has only the estimate.
+    showEstimate(scene) {
+      const { look, replay } = this.setup;
+      const [truth, believed] = replay.legend;
+      this.estimate = new Estimate(scene, this.run, look.estimate);
+      this.trail.mesh.visible = replay.knowsTruth;
+      const pale = (colour) => css(colour.map((part) => 0.65 * part + 0.35));
+      this.legend = {
+        truth: replay.knowsTruth ? truth : "",
+        believed,
+        truthColour: pale(look.trail.colour),
+        believedColour: pale(look.estimate.colour),
+      };
     },
 
     frame(now) {
@@ -191,7 +211,8 @@ export default {
       this.movers.show(run.movers(time));
       const legs = run.legs(time);
       this.trail.show(legs, this.pose);
-      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), scan.on, this.movers);
+      if (this.estimate) this.sayApart(this.estimate.show(time));
+      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), scan.on, this.movers, this.estimate);
       this.say(this.setup.replay.start + time);
     },
 
@@ -259,6 +280,11 @@ export default {
       return { ends: this.beams.ends, reach: this.setup.laser.reach };
     },
 
+    sayApart([x, y]) {
+      const apart = Math.hypot(x - this.pose.x, y - this.pose.y);
+      this.apart = this.setup.replay.knowsTruth ? `${apart.toFixed(2)} m off` : "";
+    },
+
     say(time) {
       const { pose } = this;
       const [x, y] = this.setup.origin;
@@ -272,6 +298,7 @@ export default {
         theta: rounded(turn - 360 * Math.round(turn / 360), 1),
         beams: this.beamText,
         map: this.mapText ?? "no map yet",
+        apart: this.apart,
       };
     },
 
@@ -282,6 +309,7 @@ export default {
       // Seen from straight above, the roofs would hide what was driven and mapped.
       const width = name === "top" ? this.setup.size / 250 : undefined;
       this.trail.lift(width);
+      this.estimate?.lift(width && 0.5 * width);
       this.bands.lift(width && 1.4 * width);
       this.shownTime = null;
     },

@@ -94,8 +94,8 @@ def read_dxf(path: Path) -> World:
 def _no_list_of_fonts() -> Iterator[None]:
     """Keep ezdxf from looking for fonts, and from writing to the user's folders, when imported.
 
-    At its import it would read all fonts of the machine and keep a list of them in
-    ``~/.cache/ezdxf``; texts are no walls, so that an empty list in a folder of ours serves.
+    When it is imported, it reads all fonts of the machine and keeps a list of them in
+    ``~/.cache/ezdxf``. Texts are not walls, so an empty list in a temporary folder is enough.
     """
     before = os.environ.get(CACHE_HOME)
     with TemporaryDirectory(prefix="lrf3d-") as folder:

@@ -1,4 +1,4 @@
-"""FreeCells: the part of a plan that a map reports as free, through which routes are planned."""
+"""FreeCells: a grid of the free space of a map, through which routes are planned."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class FreeCells:
         object.__setattr__(self, "cells", cells)
 
     def contain(self, points: Float) -> Bool:
-        """Which of the points (k, 2) [m] lie in a free cell; none beyond the grid does."""
+        """Which of the points (k, 2) [m] lie in a free cell; points outside the grid do not."""
         x, y, yaw = self.origin
         cos, sin = np.cos(yaw), np.sin(yaw)
         local = (points - [x, y]) @ np.array([[cos, -sin], [sin, cos]]) / self.resolution
@@ -53,7 +53,7 @@ class FreeCells:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """The grid in JSON's types: of each row the lengths of its runs, the first not free."""
+        """The grid in JSON's types: each row as run lengths, alternating, occupied first."""
         runs = []
         for row in self.cells.tolist():
             lengths = [] if not row or not row[0] else [0]

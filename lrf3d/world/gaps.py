@@ -1,8 +1,8 @@
-"""Gaps: mapped walls are made to meet at their corners, as the walls did that they show.
+"""Gaps: closes the gaps that a scanner leaves where the walls of a map should meet.
 
-The segments of a map and what is known to be free enter; walls leave that meet where a scanner
-left a gap, or a world of them. A mapped wall ends short of each corner that no beam met, and beams
-and robots would slip through. Doors stay open: they are wider, and beams went through them.
+The segments of a map and its free cells enter; walls that meet at their corners leave, or a world
+of them. A mapped wall ends at its outermost hit, short of the corner, so that beams and robots
+would slip through. Doors stay open: they are wider, and beams went through them.
 """
 
 from dataclasses import dataclass
@@ -24,21 +24,21 @@ LEAST_ANGLE = np.deg2rad(15.0)
 """Angle [rad] between walls below which they are one wall, with a gap, and no corner."""
 
 ASIDE = 0.1
-"""Farthest [m] that two ends of one wall with a gap may lie aside of each other."""
+"""Largest distance [m] of the two ends of a straight gap, across the wall."""
 
 STEP = 0.05
-"""Distance [m] of the places where the closing piece of a wall is looked at."""
+"""Distance [m] between the points of a closing piece that are compared with the free cells."""
 
 MOST_FREE = 0.25
 """Share of the closing piece that may lie in free cells: the edges of cells are ragged."""
 
 
 def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
-    """The world that a map shows: its walls meet, and those that touch are one object.
+    """A map as a world: its walls meet at corners, and walls that touch are one object.
 
     Args:
         mapped: The segments of the map as walls.
-        free: What is known to be free: no wall grows into it, and routes are planned through it.
+        free: The free cells: no wall grows into them, and routes are planned through them.
     """
     segments, walls = close_gaps(mapped.segments, free)
     return World(
@@ -73,7 +73,7 @@ def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, I
 
     Args:
         segments: (n, 4) walls of a map [m].
-        free: What is known to be free: no wall grows into it.
+        free: The free cells: no wall grows into them.
 
     Returns:
         (m, 4) walls: the n with new ends, and after them those that close straight gaps; and (m,)
@@ -174,7 +174,7 @@ def _joints(ends: Float, outward: Float) -> list[_Closing]:
 
 
 def _may_grow(growth: Float) -> Bool:
-    """Whether walls may grow by so much [m], or be cut back."""
+    """Whether walls may grow by these lengths [m], or, where negative, be cut back."""
     return (growth >= -OVERSHOOT) & (growth <= WIDEST)
 
 

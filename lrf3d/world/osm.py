@@ -3,8 +3,8 @@
 A path enters; a :class:`World` leaves, whose point (0, 0) is the middle of the buildings and whose
 ``place`` says where on Earth that is. Buildings are closed ways and multipolygon relations with a
 tag ``building``; their height is ``height``, or three metres for each of ``building:levels``.
-Tags are free text, so what is odd says nothing: the wiki's pages Key:building, Key:height,
-Key:min_height and Key:building:levels say what they mean.
+Tags are free text; a value that cannot be read counts as not given. OpenStreetMap's wiki defines
+them on the pages Key:building, Key:height, Key:min_height and Key:building:levels.
 """
 
 from array import array

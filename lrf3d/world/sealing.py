@@ -50,7 +50,7 @@ class FittedWall:
             return cls(place, place[[0, 0]])
         middle, unit = fit_line(place)
         if np.abs((place - middle) @ [-unit[1], unit[0]]).max() > 0.5 * STRIP_WIDTH:
-            # The middle of the narrowest strip fits less well, but is too far from no point.
+            # The middle of the narrowest strip fits worse, but no point is too far from it.
             corners = hull_of(points)
             edge, across = narrowest(corners)
             hull = corners.astype(np.float64)

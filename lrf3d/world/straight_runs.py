@@ -62,7 +62,7 @@ def narrowest(hull: Int) -> tuple[int, int]:
 
 @compiled
 def is_straight(points: Int, width: int) -> bool:
-    """Whether points (n, 2) lie in a strip of so whole a width."""
+    """Whether points (n, 2) lie in a strip of the given width, a whole number."""
     hull = hull_of(points)
     if len(hull) < 3:
         return True

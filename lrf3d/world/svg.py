@@ -1,7 +1,7 @@
 """Worlds from SVG drawings: every visible outline becomes walls, in its size on paper.
 
-Lengths are those of the drawing, in metres: mm, cm, in, pt
-and px (1/96 in) of ``width`` and ``height``, through the ``viewBox``. y points up, and the lower
+Lengths are metres on paper: ``width`` and ``height`` in mm, cm, in, pt or px (1/96 in) give the
+size of the ``viewBox``. y points up, and the lower
 left corner of the sheet is (0, 0). Curves become chords no farther from them than
 :data:`CURVE_ERROR`, or a five-thousandth of the sheet where that is less. Walls that touch are one
 object. Texts, pictures, hidden elements and definitions are ignored.

@@ -7,7 +7,8 @@ from lrf3d.errors import InputError
 from lrf3d.slam.closures import seen_through
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.lag import wheel_poses_at
-from lrf3d.slam.log import line_poses, rising, solve_log, without_jumps
+from lrf3d.slam.log import line_poses, solve_log
+from lrf3d.slam.repair import rising, without_jumps
 
 SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)
 
@@ -167,7 +168,7 @@ def test_an_odometry_that_jumps_is_mended_and_reported():
     jumped = wheels.copy()
     jumped[60:, 0] += 10.0
     solution = solve_log(scans, jumped, np.arange(len(scans)))
-    assert solution.jumps == (60,)
+    assert solution.repairs.jumps == (60,)
     assert errors(true, solution.scan_poses).max() < 0.1
     same, none = without_jumps(wheels)
     assert none == () and same is wheels

@@ -5,7 +5,7 @@ import { THREE } from "nicegui-scene";
 import { paintOf } from "./stage.js";
 
 // Draw a mark over all that stands, or among it again.
-function raise(mesh, over, order) {
+export function raise(mesh, over, order) {
   mesh.material.depthTest = !over;
   // What is translucent is drawn last, so that nothing is drawn over it.
   mesh.material.transparent = over;
