@@ -124,4 +124,4 @@ def test_indoors_there_is_no_sun():
 def test_shaded_walls_are_parts_of_their_objects():
     structures = Structures.from_run(city_run())
     walls = build_walls(structures)
-    assert walls.faces.vertices.shape[1] == 13
+    assert walls.faces.vertices.shape[1] == 16
