@@ -63,7 +63,11 @@ class FilmOptions:
         }
 
 
-def make_film(run: Run, path: Path, options: FilmOptions) -> str:
+Part = tuple[float | None, float | None]
+"""From when to when a film shows its run [s]; None for its start and its end."""
+
+
+def make_film(run: Run, path: Path, options: FilmOptions, part: Part = (None, None)) -> str:
     """Write the film of a run, in the format of the path's ending, and print how long it took."""
     from lrf3d.render.video import render_video
 
@@ -78,7 +82,7 @@ def make_film(run: Run, path: Path, options: FilmOptions) -> str:
                 frames = total
                 progress(done, total)
 
-            render_video(run, path, **arguments, progress=count)
+            render_video(run, path, **arguments, part=part, progress=count)
         seconds = perf_counter() - began
         width, height = arguments["size"]
         by = "OpenGL" if renderer == "gl" else "Embree"
@@ -88,14 +92,14 @@ def make_film(run: Run, path: Path, options: FilmOptions) -> str:
     return drawn_by(options.renderer, draw)
 
 
-def make_frames(run: Run, folder: Path, options: FilmOptions) -> int:
+def make_frames(run: Run, folder: Path, options: FilmOptions, part: Part = (None, None)) -> int:
     """Write the frames of the film of a run as pictures; returns their number."""
     from lrf3d.render.video import render_frames
 
     def draw(renderer: str) -> int:
         arguments = options.moving(".png", renderer)
         with progress_bar("frames") as progress:
-            return render_frames(run, folder, **arguments, progress=progress)
+            return render_frames(run, folder, **arguments, part=part, progress=progress)
 
     return drawn_by(options.renderer, draw)
 

@@ -80,7 +80,9 @@ Out = Annotated[
 ]
 ViewOption = Annotated[
     str | None,
-    typer.Option(help="Camera of the film: chase, first, orbit, top, or one of the world file."),
+    typer.Option(
+        help="Camera of the film: story, chase, first, orbit, overview, top, or one of the world."
+    ),
 ]
 Size = Annotated[
     str | None,

@@ -23,6 +23,12 @@ def render(
     frames: Annotated[
         bool, typer.Option("--frames", help="Write each frame of the film as a .png.")
     ] = False,
+    first: Annotated[
+        float | None, typer.Option("--from", help="Begin the film at this time of the run [s].")
+    ] = None,
+    last: Annotated[
+        float | None, typer.Option("--to", help="End the film at this time of the run [s].")
+    ] = None,
     view: options.ViewOption = None,
     size: options.Size = None,
     fps: options.Fps = None,
@@ -50,13 +56,13 @@ def render(
     kept = load_run(run)
     make_folder(path.parent)
     if frames:
-        count = make_frames(kept, path, asked)
+        count = make_frames(kept, path, asked, (first, last))
         print_table([("frames", f"{count} in {path}")])
     elif at is not None:
         make_picture(kept, path, at, asked)
         print_table([("picture", str(path))])
     else:
-        drawn = make_film(kept, path, asked)
+        drawn = make_film(kept, path, asked, (first, last))
         print_table([("video", str(path)), ("frames", drawn)])
 
 
