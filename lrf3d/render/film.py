@@ -9,8 +9,9 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.render.bindings import pyrender
 from lrf3d.render.gl import import_libraries
-from lrf3d.render.hud import Hud, lay_out, scale_of, widest_lines
+from lrf3d.render.hud import Hud, widest_lines
 from lrf3d.render.inset import Inset
+from lrf3d.render.layout import lay_out, scale_of
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Draw, FrameRenderer
 from lrf3d.render.scenery import Frame, Scenery

@@ -6,7 +6,8 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry import Float, Single
-from lrf3d.render.hud import Line, Panel, Stamp, panel_size, rounded_box, scale_of
+from lrf3d.render.hud import Line, Panel, Stamp, panel_size, rounded_box
+from lrf3d.render.layout import scale_of
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Draw, FrameRenderer, Mesh, Primitive
 from lrf3d.render.scenery import Frame, Scenery

@@ -20,7 +20,7 @@ from lrf3d.render.primitives import Primitive, Texture
 from lrf3d.scene.facades import layers
 from lrf3d.scene.light import Light
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import paint_walls
+from lrf3d.scene.walls import PaintedWalls
 
 COLUMNS = 512
 """Columns of the view, over half a turn: a third of a degree each."""
@@ -275,9 +275,9 @@ class PartedWalls:
         self.faces.select(self.parts.seen(matrix, eye))
 
 
-def build_walls(structures: Structures) -> PartedWalls:
+def build_walls(structures: Structures, painted: PaintedWalls) -> PartedWalls:
     """Build the primitive of all walls and roofs, and the parts that it is drawn in."""
-    (quads, objects, roofs, roof_objects), light = paint_walls(structures)
+    (quads, objects, roofs, roof_objects), light = painted
     quad_parts, roof_parts, parts = _parts(structures, quads, objects, roofs, roof_objects)
     corners = 4 * len(quads) + np.arange(3 * len(roofs), dtype=np.uint32)
     faces = PartedPrimitive(

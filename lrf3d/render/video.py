@@ -155,8 +155,8 @@ def render_frames(
             parts, _ = draw_parts(job, place, workers, progress)
             whole = place / "frames"
             whole.mkdir()
-            for part in parts:
-                for picture in part.iterdir():
+            for drawn in parts:
+                for picture in drawn.iterdir():
                     os.replace(picture, whole / picture.name)
             # An empty folder is replaced, one that was filled meanwhile is not.
             os.replace(whole, folder)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from test_render import city_run, room_run
 
-from lrf3d.render.hud import LEAST_SCALE, hud_lines, lay_out, panel_size, rounded, widest_lines
+from lrf3d.render.hud import hud_lines, panel_size, rounded, widest_lines
+from lrf3d.render.layout import LEAST_SCALE, lay_out
 from lrf3d.scene.camera import Top
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
