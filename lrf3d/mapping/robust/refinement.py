@@ -131,22 +131,26 @@ class MapRefinement:
             self._marks,
             self._rule,
         )
-        affected.update(self._joint[neighbours].tolist())
-        rows = np.sort(np.concatenate([parts, neighbours]))
-        self._rejoin(rows, sorted(affected), cells, noise)
+        self._rejoin(np.sort(parts), neighbours, affected, cells, noise)
         return contradicted
 
-    def _rejoin(self, rows: Int, old: list[int], cells: Cells, noise: RangeNoise) -> None:
-        """Join stretches anew, and find the segments of the walls that they make."""
+    def _rejoin(
+        self, loose: Int, others: Int, affected: set[int], cells: Cells, noise: RangeNoise
+    ) -> None:
+        """Join loose stretches with each other or with others, and find the segments they make."""
+        rows = np.concatenate([loose, others])
+        walls = self._stretches.walls.take(rows)
+        roots, changed = join_stretches(walls, len(loose), self._joint[rows], self._rule, cells)
+        affected.update(self._joint[others[changed[len(loose) :]]].tolist())
+        old = sorted(affected)
         self._joint_stamps[old] += 1
         found, moments = np.empty((0, 4)), np.empty((0, 6))
         hits = parents = np.zeros(0, np.int64)
         if len(rows):
-            walls = self._stretches.walls.take(rows)
-            roots = join_stretches(walls, self._rule, cells)
-            self._joint[rows] = rows[roots]
-            tie_rings(rows, self._joint, self._rings)
-            kept = np.flatnonzero(walls.points)
+            # Walls that stayed as they were keep their names.
+            self._joint[rows[changed]] = rows[roots[changed]]
+            tie_rings(rows[changed], self._joint, self._rings)
+            kept = np.flatnonzero(changed & (walls.points > 0))
             found, moments, labels, _ = self._refit(
                 1, rows[kept], walls.ends[kept], self._joint_stamps, self._joint_news, cells, 0.0
             )
