@@ -65,12 +65,14 @@ class Sight(NamedTuple):
 
 @compiled
 def associate_objects(
-    rows: Int, links: Links, places: Int, sight: Sight
+    rows: Int, loose: int, objects: Int, links: Links, places: Int, sight: Sight
 ) -> Int:  # pragma: no cover
     """The object (m,) that each of some walls belongs to, named by the place of one of them.
 
     Args:
-        rows: (m,) the walls, rising.
+        rows: (m,) the walls.
+        loose: How many of them, the first, are of no object yet.
+        objects: (m,) the object that each of the others is of, object by object; these stay whole.
         links: Their links; what the beams show of them is written, and those are dropped that
             they have crossed.
         places: (all rows,) −1; is written, and restored.
@@ -80,14 +82,17 @@ def associate_objects(
     sizes = np.ones(len(rows), np.int64)
     for k in range(len(rows)):
         places[rows[k]] = k
+        if k > loose and objects[k] == objects[k - 1]:
+            _unite(parents, sizes, k - 1, k)
     chosen = np.empty(64, np.int64)
     number = 0
-    for k in range(len(rows)):
+    for k in range(loose):
         entry = links.heads[rows[k]]
         while entry >= 0:
             link, side = entry >> 1, entry & 1
             across = places[links.pairs[link, 1 - side]]
-            if across >= 0 and across < k:
+            # A link of two loose walls is met twice.
+            if across >= loose or 0 <= across < k:
                 # Short links that join walls do so in any order.
                 if links.kinds[link] == JOINS and links.lines[link, 4] <= SHORT_LINK:
                     _unite(parents, sizes, k, across)
