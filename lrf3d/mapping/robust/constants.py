@@ -133,7 +133,7 @@ LINK_SINE = 0.35
 
 # --- News: which walls are worked over again ---
 
-FRESH_NEWS = 0.1
+FRESH_NEWS = 0.2
 """[share] A wall is worked over again when this part of what it was refit by has come anew. Less
 takes time, more leaves walls behind what is known of them."""
 
@@ -267,6 +267,9 @@ HIDDEN_SINE = 0.1
 
 LONGEST_LINK = 15.0
 """[m] Longest link behind two walls: as deep as most buildings are."""
+
+MOST_LINKS = 24
+"""[links] How many others a new wall is linked with, the nearest ones."""
 
 BEHIND_SINE = 0.3
 """[sine] Angle by which a link may run before a wall and still count as behind it."""

@@ -167,14 +167,14 @@ def gather_evidence(
                 while cluster >= 0:
                     ox, oy = moments[cluster, 2] - x1, moments[cluster, 3] - y1
                     place = ox * ux + oy * uy
-                    if 0.0 <= place <= length:
+                    away = abs(oy * ux - ox * uy)
+                    if away <= band and 0.0 <= place <= length:
                         incidence = moments[cluster, 7] * uy - moments[cluster, 8] * ux
                         slope = abs(incidence)
                         hits = moments[cluster, 0]
                         deviation = np.sqrt(hits / moments[cluster, 1])
                         piece = first[wall] + min(int(place / length * pieces), pieces - 1)
                         off = near + HIT_DEVIATIONS * deviation * slope
-                        away = abs(oy * ux - ox * uy)
                         # What continues a wall lies on its line, and takes what no wall has.
                         continues = place < margin or place > length - margin
                         allowed = CONTINUATION_STRICTNESS * off if continues else off
