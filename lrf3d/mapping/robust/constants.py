@@ -121,6 +121,9 @@ GONE_AFTER = 20
 """[beams] When so many have gone on where others ended, the same way and without a hit between
 them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
 
+LEAST_HITS = 0.5
+"""[beams] What fewer hits than this are left of is forgotten altogether."""
+
 SAME_WAY = 0.7
 """[cosine] Angle between beams that go the same way."""
 

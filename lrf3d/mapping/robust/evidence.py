@@ -126,11 +126,15 @@ def gather_evidence(
         they not hit another wall more nearly; (pieces, 6) sums over the hits, of their weight,
         times place along the wall, offset from it, and the products of the two.
     """
-    number, ends, first = turn.number, turn.ends, turn.first
+    # Arrays of named tuples are taken out once: compiled code counts references at each access.
+    number, ends, first, stamps = turn.number, turn.ends, turn.first, turn.stamps
+    walls, lost = turn.walls, turn.counts
+    following, owners, claims, apart = cells.following, cells.owners, cells.claims, cells.apart
+    solid = cells.solid
     counts = np.zeros((first[-1], 3))
     # What belongs to the walls before is free, so that all of it is claimed anew.
     for k in range(len(ends)):
-        turn.stamps[turn.walls[k]] += 1
+        stamps[walls[k]] += 1
     claimed, hit_wall = np.empty(256, np.int64), np.empty(256, np.int64)
     hit_piece = np.empty(256, np.int64)
     found = 0
@@ -160,7 +164,7 @@ def gather_evidence(
                 cx, cy = (row, column) if steep else (column, row)
                 if cx >> SIDE_BITS != at_x or cy >> SIDE_BITS != at_y:
                     at_x, at_y = cx >> SIDE_BITS, cy >> SIDE_BITS
-                    block = block_at(cells.solid, at_x, at_y)
+                    block = block_at(solid, at_x, at_y)
                 if block < 0:
                     continue
                 cluster = heads[block, ((cy & (SIDE - 1)) << SIDE_BITS) + (cx & (SIDE - 1))]
@@ -185,38 +189,40 @@ def gather_evidence(
                             # A wall seen from its back does not end a beam.
                             if incidence < 0.0:
                                 away += off
-                            owner = cells.owners[cluster, number]
+                            owner = owners[cluster, number]
                             owned = (
-                                owner >= 0 and turn.stamps[owner] == cells.claims[cluster, number]
+                                owner >= 0 and stamps[owner] == claims[cluster, number]
                             )
-                            if not owned or away < cells.apart[cluster, number]:
+                            if not owned or away < apart[cluster, number]:
                                 if owned:
-                                    turn.counts[owner] += hits
-                                owner = turn.walls[wall]
-                                cells.owners[cluster, number] = owner
-                                cells.claims[cluster, number] = turn.stamps[owner]
-                                cells.apart[cluster, number] = away
+                                    lost[owner] += hits
+                                owner = walls[wall]
+                                owners[cluster, number] = owner
+                                claims[cluster, number] = stamps[owner]
+                                apart[cluster, number] = away
                                 if found == len(claimed):
                                     claimed, hit_wall = longer(claimed), longer(hit_wall)
                                     hit_piece = longer(hit_piece)
                                 claimed[found], hit_wall[found] = cluster, wall
                                 hit_piece[found] = piece
                                 found += 1
-                    cluster = cells.following[cluster]
+                    cluster = following[cluster]
     # What one of these walls has lost to another of them is counted already.
     for k in range(len(ends)):
-        turn.counts[turn.walls[k]] = 0.0
+        lost[walls[k]] = 0.0
     sums = np.zeros((first[-1], 6))
+    before, length, ux, uy = -1, 0.0, 0.0, 0.0
     for k in range(found):
         cluster, wall, piece = claimed[k], hit_wall[k], hit_piece[k]
-        if cells.owners[cluster, number] != turn.walls[wall]:
+        if owners[cluster, number] != walls[wall]:
             continue
+        x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
+        if wall != before:
+            before, length = wall, np.hypot(x2 - x1, y2 - y1)
+            ux, uy = (x2 - x1) / length, (y2 - y1) / length
         total = moments[cluster]
         counts[piece, 0] += total[0]
         counts[piece, 2] -= total[0]
-        x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
-        length = np.hypot(x2 - x1, y2 - y1)
-        ux, uy = (x2 - x1) / length, (y2 - y1) / length
         ox, oy = total[2] - x1, total[3] - y1
         along, aside = ox * ux + oy * uy, oy * ux - ox * uy
         slope = max(abs(total[7] * uy - total[8] * ux), LEAST_INCIDENCE)

@@ -30,6 +30,7 @@ from lrf3d.mapping.robust.constants import (
     GONE_AFTER,
     HIT_DEVIATIONS,
     HIT_DIRECTIONS,
+    LEAST_HITS,
     MOST_HITS,
     MOST_PASSES,
     OPEN_WEIGHT,
@@ -54,7 +55,7 @@ class Cells(NamedTuple):
         passes: (blocks, directions × cells) numbers of beams that went through each.
         solid: The blocks of cells that beams ended in.
         heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
-        following: (clusters,) the next of the same cell, −1 at the end.
+        following: (clusters,) the next of the same cell, or of those given back; −1 at the end.
         ways: (clusters,) which way its beams came.
         moments: (clusters, 9) number of returns, weight 1/variance [1/m²] of their ranges, mean
             x, y [m], scatter xx, xy, yy about it, and mean direction x, y of the beams.
@@ -64,7 +65,7 @@ class Cells(NamedTuple):
             owner has another stamp by now.
         apart: (clusters, 2) how far each lies off its owner [m].
         misses: (clusters,) beams that went on the way that its beams came, since the last hit.
-        used: (1,) number of clusters.
+        used: (2,) clusters that were taken, and the first that was given back.
         widest: (1,) greatest deviation [m] of a return.
     """
 
@@ -207,7 +208,7 @@ def _contradict(
     if solid < 0:
         return
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    cluster = cells.heads[solid, cell]
+    before, cluster = -1, cells.heads[solid, cell]
     while cluster >= 0:
         total = cells.moments[cluster]
         weight = OPEN_WEIGHT
@@ -222,7 +223,34 @@ def _contradict(
         owner = cells.owners[cluster, 0]
         if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
             note(news, owner, weight)
-        cluster = cells.following[cluster]
+        after = cells.following[cluster]
+        if total[0] < LEAST_HITS:
+            _give_back(cells, solid, cell, before, cluster)
+        else:
+            before = cluster
+        cluster = after
+    if before < 0:
+        for way in range(PASS_DIRECTIONS):
+            cells.passes[block, way * SIDE * SIDE + cell] &= MOST_PASSES
+
+
+@inner
+def _give_back(
+    cells: Cells, solid: int, cell: int, before: int, cluster: int
+) -> None:  # pragma: no cover
+    """Take a cluster out of the list of its cell, where another may be before it."""
+    after = cells.following[cluster]
+    if before < 0:
+        cells.heads[solid, cell] = after
+    else:
+        cells.following[before] = after
+    cells.following[cluster] = cells.used[1]
+    cells.used[1] = cluster
+    cells.misses[cluster] = 0
+    for k in range(2):
+        cells.owners[cluster, k] = -1
+    for k in range(9):
+        cells.moments[cluster, k] = 0.0
 
 
 @inner
@@ -271,8 +299,12 @@ def _add_hit(
     while cluster >= 0 and cells.ways[cluster] != way:
         cluster = cells.following[cluster]
     if cluster < 0:
-        cluster = cells.used[0]
-        cells.used[0] += 1
+        cluster = cells.used[1]
+        if cluster >= 0:
+            cells.used[1] = cells.following[cluster]
+        else:
+            cluster = cells.used[0]
+            cells.used[0] += 1
         cells.ways[cluster] = way
         cells.following[cluster] = cells.heads[block, cell]
         cells.heads[block, cell] = cluster
@@ -317,7 +349,7 @@ class EvidenceGrid:
             np.zeros((LEAST_CLUSTERS, 2), np.int32),
             np.zeros((LEAST_CLUSTERS, 2)),
             np.zeros(LEAST_CLUSTERS, np.int32),
-            np.zeros(1, np.int64),
+            np.array([0, -1]),
             np.zeros(1),
         )
 
@@ -377,7 +409,7 @@ def _columns(cells: Cells) -> list[tuple[str, NDArray[Any], int]]:
                 (f"{name}_{part}", array, len(array)) for part, array in column._asdict().items()
             ]
         elif name in ("used", "widest"):
-            columns.append((name, column, 1))
+            columns.append((name, column, len(column)))
         else:
             used = {"passes": cells.open.used, "heads": cells.solid.used}.get(name, cells.used)
             columns.append((name, column, int(used[0])))
