@@ -9,7 +9,7 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import CORNER_REACH, CORNER_SINE, CORNER_TRIM, MERGE_CELL
-from lrf3d.mapping.robust.grid import Grid, Search, longer, near
+from lrf3d.mapping.robust.grid import Grid, Search, near
 
 
 @compiled
@@ -27,7 +27,7 @@ def close_corners(
         search: Is written by searches of the grid.
         closed: (rows, 4) the walls with closed corners [m]; is written.
     """
-    around, place = np.empty(64, np.int64), np.empty(4)
+    around, place = np.empty(len(points), np.int64), np.empty(4)
     count = 0
     for k in range(len(rows)):
         row = rows[k]
@@ -44,8 +44,6 @@ def close_corners(
                     for before in range(count):
                         known = known or around[before] == other
                     if not known:
-                        if count == len(around):
-                            around = longer(around)
                         around[count] = other
                         count += 1
     corner, back = np.empty(2), np.empty(2)

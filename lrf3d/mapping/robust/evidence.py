@@ -19,6 +19,7 @@ from lrf3d.mapping.robust.constants import (
     DEEPEST_HIT,
     FREE_DEPTH,
     HIT_DEVIATIONS,
+    HIT_DIRECTIONS,
     LEAST_INCIDENCE,
     LINK_END,
     MOST_PASSES,
@@ -27,7 +28,6 @@ from lrf3d.mapping.robust.constants import (
     WALL_SINE,
 )
 from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.grid import longer
 
 COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
@@ -135,10 +135,15 @@ def gather_evidence(
     # What belongs to the walls before is free, so that all of it is claimed anew.
     for k in range(len(ends)):
         stamps[walls[k]] += 1
-    claimed, hit_wall = np.empty(256, np.int64), np.empty(256, np.int64)
-    hit_piece = np.empty(256, np.int64)
-    found = 0
     band = near + HIT_DEVIATIONS * cells.widest[0]
+    # Room for the clusters of all cells by the walls: an array that is put in another's place in a
+    # loop makes all of the loop slow.
+    cells_by = 0.0
+    for wall in range(len(ends)):
+        length = np.hypot(ends[wall, 2] - ends[wall, 0], ends[wall, 3] - ends[wall, 1])
+        cells_by += (length + 1.5 * band + 3.0 * CELL) * (3.0 * band + 4.0 * CELL) / (CELL * CELL)
+    hits_by = np.empty((int(cells_by) * HIT_DIRECTIONS, 3), np.int64)
+    found = 0
     heads, moments = cells.heads, cells.moments
     at_x, at_y, block = 1 << 40, 0, -1
     for wall in range(len(ends)):
@@ -200,11 +205,8 @@ def gather_evidence(
                                 owners[cluster, number] = owner
                                 claims[cluster, number] = stamps[owner]
                                 apart[cluster, number] = away
-                                if found == len(claimed):
-                                    claimed, hit_wall = longer(claimed), longer(hit_wall)
-                                    hit_piece = longer(hit_piece)
-                                claimed[found], hit_wall[found] = cluster, wall
-                                hit_piece[found] = piece
+                                hits_by[found, 0] = cluster
+                                hits_by[found, 1], hits_by[found, 2] = wall, piece
                                 found += 1
                     cluster = following[cluster]
     # What one of these walls has lost to another of them is counted already.
@@ -213,7 +215,7 @@ def gather_evidence(
     sums = np.zeros((first[-1], 6))
     before, length, ux, uy = -1, 0.0, 0.0, 0.0
     for k in range(found):
-        cluster, wall, piece = claimed[k], hit_wall[k], hit_piece[k]
+        cluster, wall, piece = hits_by[k]
         if owners[cluster, number] != walls[wall]:
             continue
         x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]

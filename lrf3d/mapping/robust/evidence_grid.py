@@ -129,6 +129,7 @@ def add_beams(
         news: Is written.
     """
     mask = SIDE - 1
+    blocks, passes = cells.open, cells.passes
     for beam in range(len(ranges)):
         reading = ranges[beam]
         if reading == 0.0:
@@ -157,14 +158,14 @@ def add_beams(
                 break
             if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
                 at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-                block = block_at(cells.open, at_x, at_y)
+                block = block_at(blocks, at_x, at_y)
             if block >= 0:
                 place = plane + ((row & mask) << SIDE_BITS) + (column & mask)
-                passed = cells.passes[block, place]
+                passed = passes[block, place]
                 if passed & SOLID:
                     _contradict(cells, block, place, column, row, dx, dy, news)
                 elif passed < MOST_PASSES:
-                    cells.passes[block, place] = passed + 1
+                    passes[block, place] = passed + 1
             entered = left
             if across < up:
                 column += right
@@ -208,23 +209,23 @@ def _contradict(
     if solid < 0:
         return
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    moments, misses = cells.moments, cells.misses
     before, cluster = -1, cells.heads[solid, cell]
     while cluster >= 0:
-        total = cells.moments[cluster]
         weight = OPEN_WEIGHT
-        if dx * total[7] + dy * total[8] > SAME_WAY:
-            cells.misses[cluster] += 1
-            if cells.misses[cluster] >= GONE_AFTER:
+        if dx * moments[cluster, 7] + dy * moments[cluster, 8] > SAME_WAY:
+            misses[cluster] += 1
+            if misses[cluster] >= GONE_AFTER:
                 # What beams hit there is gone: each further few halve what is left of it.
-                cells.misses[cluster] -= GONE_AFTER // 4
-                weight += 0.5 * total[0]
+                misses[cluster] -= GONE_AFTER // 4
+                weight += 0.5 * moments[cluster, 0]
                 for k in (0, 1, 4, 5, 6):
-                    total[k] *= 0.5
+                    moments[cluster, k] *= 0.5
         owner = cells.owners[cluster, 0]
         if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
             note(news, owner, weight)
         after = cells.following[cluster]
-        if total[0] < LEAST_HITS:
+        if moments[cluster, 0] < LEAST_HITS:
             _give_back(cells, solid, cell, before, cluster)
         else:
             before = cluster

@@ -12,7 +12,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, MERGE_CELL, WALL_SINE
 from lrf3d.mapping.robust.evidence import is_crossed
 from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.grid import Grid, Search, longer, near, order_of
+from lrf3d.mapping.robust.grid import Grid, Search, near, order_of
 from lrf3d.mapping.robust.walls import Rule, Walls, may_fit, merge, misfit, partner
 
 
@@ -35,14 +35,12 @@ def parts_of(rows: Int, rings: Int, marks: NDArray[np.bool_]) -> Int:  # pragma:
         rings: (all rows,) the next stretch of the same wall, in a ring.
         marks: (all rows,) False; is written, and restored.
     """
-    parts = np.empty(64, np.int64)
+    parts = np.empty(len(rings), np.int64)
     count = 0
     for k in range(len(rows)):
         row = rows[k]
         while not marks[row]:
             marks[row] = True
-            if count == len(parts):
-                parts = longer(parts)
             parts[count] = row
             count += 1
             row = rings[row]
@@ -73,7 +71,8 @@ def neighbours_of(
         rule: What one wall is.
     """
     straight = _straight(rule)
-    parts = np.empty(len(rows) + 64, np.int64)
+    parts, points = np.empty(len(rings), np.int64), walls.points
+    ends, moments, found = walls.ends, walls.moments, search.found
     count = len(rows)
     for k in range(count):
         parts[k] = rows[k]
@@ -82,17 +81,19 @@ def neighbours_of(
         row = rows[turn]
         search.number[0] += 1
         number = search.number[0]
-        segment = walls.ends[row]
-        size = near(grid, segment, LONGEST_GAP, MERGE_CELL, search.stamps, number, search.found)
+        size = near(grid, ends[row], LONGEST_GAP, MERGE_CELL, search.stamps, number, found)
         for k in range(size):
-            other = search.found[k]
-            if marks[other] or walls.points[other] == 0:
+            other = found[k]
+            # What fits at all lies within the reach of the longest gap.
+            if marks[other] or points[other] == 0 or not may_fit(ends, row, other, straight):
                 continue
-            if _fits(walls, row, other, rule) or _fits(walls, row, other, straight):
+            one, two, other_moments = ends[row], ends[other], moments[other]
+            if (
+                misfit(one, moments[row], two, other_moments, straight) < 1.0
+                or misfit(one, moments[row], two, other_moments, rule) < 1.0
+            ):
                 while not marks[other]:
                     marks[other] = True
-                    if count == len(parts):
-                        parts = longer(parts)
                     parts[count] = other
                     count += 1
                     other = rings[other]

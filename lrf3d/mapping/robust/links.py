@@ -18,7 +18,7 @@ from lrf3d.mapping.robust.constants import (
     MOST_LINKS,
     SHORT_LINK,
 )
-from lrf3d.mapping.robust.grid import Grid, Search, longer, near
+from lrf3d.mapping.robust.grid import Grid, Search, near
 from lrf3d.mapping.robust.walls import Walls
 
 UNASKED = 0
@@ -244,15 +244,13 @@ def renew_links(links: Links, walls: Int, ends: Float) -> None:  # pragma: no co
 @compiled
 def linked_labels(links: Links, walls: Int, labels: Int) -> Int:  # pragma: no cover
     """The labels of what some walls (n,) are linked with; few of them more than once."""
-    found = np.empty(64, np.int64)
+    found = np.empty(2 * links.used[0] + 1, np.int64)
     count = 0
     for k in range(len(walls)):
         entry = links.heads[walls[k]]
         while entry >= 0:
             label = labels[links.pairs[entry >> 1, 1 - (entry & 1)]]
             if count == 0 or label != found[count - 1]:
-                if count == len(found):
-                    found = longer(found)
                 found[count] = label
                 count += 1
             entry = links.following[entry >> 1, entry & 1]

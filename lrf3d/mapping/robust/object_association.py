@@ -34,7 +34,7 @@ from lrf3d.mapping.robust.constants import (
 )
 from lrf3d.mapping.robust.evidence import is_crossed
 from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.grid import Grid, Search, longer, near, order_of
+from lrf3d.mapping.robust.grid import Grid, Search, near, order_of
 from lrf3d.mapping.robust.links import UNASKED, Links, drop_link, reach_before
 
 CROSSED, JOINS, BLOCKED, OPEN, BEFORE = 1, 2, 3, 4, 5
@@ -84,7 +84,7 @@ def associate_objects(
         places[rows[k]] = k
         if k > loose and objects[k] == objects[k - 1]:
             _unite(parents, sizes, k - 1, k)
-    chosen = np.empty(64, np.int64)
+    chosen = np.empty(links.used[0], np.int64)
     number = 0
     for k in range(loose):
         entry = links.heads[rows[k]]
@@ -97,8 +97,6 @@ def associate_objects(
                 if links.kinds[link] == JOINS and links.lines[link, 4] <= SHORT_LINK:
                     _unite(parents, sizes, k, across)
                 elif links.kinds[link] != BEFORE:
-                    if number == len(chosen):
-                        chosen = longer(chosen)
                     chosen[number] = link
                     number += 1
             entry = links.following[link, side]
