@@ -136,7 +136,7 @@ LINK_SINE = 0.35
 
 # --- News: which walls are worked over again ---
 
-FRESH_NEWS = 0.2
+FRESH_NEWS = 0.1
 """[share] A wall is worked over again when this part of what it was refit by has come anew. Less
 takes time, more leaves walls behind what is known of them."""
 
