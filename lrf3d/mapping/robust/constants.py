@@ -194,6 +194,9 @@ VIOLATION_WEIGHT = 0.07
 """[hits] What a free-space violation weighs against a hit: poses and edges are a little wrong, so a
 wall that one beam in fifteen hit is still more than nothing."""
 
+FEW_SCANS = 1.0
+"""[scans] …"""
+
 FORSAKEN = 4.0
 """[share] A wall without a real part is given up, and found anew if it comes back, where its
 violations outweigh its hits by this. Less takes time to find weak walls again and again."""

@@ -57,15 +57,17 @@ class Cells(NamedTuple):
         heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
         following: (clusters,) the next of the same cell, or of those given back; −1 at the end.
         ways: (clusters,) which way its beams came.
-        moments: (clusters, 9) number of returns, weight 1/variance [1/m²] of their ranges, mean
-            x, y [m], scatter xx, xy, yy about it, and mean direction x, y of the beams.
+        moments: (clusters, 10) number of returns, weight 1/variance [1/m²] of their ranges, mean
+            x, y [m], scatter xx, xy, yy about it, mean direction x, y of the beams, and number of
+            scans that they are from.
+        seen: (clusters,) the last of these scans.
         owners: (clusters, 2) the wall that each hit, in the first round of the refinement and in
             the second; −1 where none.
         claims: (clusters, 2) the owner's stamp when it took the cluster, which is free where the
             owner has another stamp by now.
         apart: (clusters, 2) how far each lies off its owner [m].
         misses: (clusters,) beams that went on the way that its beams came, since the last hit.
-        used: (2,) clusters that were taken, and the first that was given back.
+        used: (3,) clusters that were taken, the first that was given back, and scans.
         widest: (1,) greatest deviation [m] of a return.
     """
 
@@ -76,6 +78,7 @@ class Cells(NamedTuple):
     following: NDArray[np.int32]
     ways: NDArray[np.int8]
     moments: Float
+    seen: NDArray[np.int32]
     owners: NDArray[np.int32]
     claims: NDArray[np.int32]
     apart: Float
@@ -130,6 +133,7 @@ def add_beams(
     """
     mask = SIDE - 1
     blocks, passes = cells.open, cells.passes
+    cells.used[2] += 1
     for beam in range(len(ranges)):
         reading = ranges[beam]
         if reading == 0.0:
@@ -219,7 +223,7 @@ def _contradict(
                 # What beams hit there is gone: each further few halve what is left of it.
                 misses[cluster] -= GONE_AFTER // 4
                 weight += 0.5 * moments[cluster, 0]
-                for k in (0, 1, 4, 5, 6):
+                for k in (0, 1, 4, 5, 6, 9):
                     moments[cluster, k] *= 0.5
         owner = cells.owners[cluster, 0]
         if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
@@ -250,7 +254,8 @@ def _give_back(
     cells.misses[cluster] = 0
     for k in range(2):
         cells.owners[cluster, k] = -1
-    for k in range(9):
+    cells.seen[cluster] = 0
+    for k in range(10):
         cells.moments[cluster, k] = 0.0
 
 
@@ -270,7 +275,7 @@ def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
     if block >= 0:
         cluster = cells.heads[block, cell]
         while cluster >= 0:
-            for k in (0, 1, 4, 5, 6):
+            for k in (0, 1, 4, 5, 6, 9):
                 cells.moments[cluster, k] *= 0.5
             cluster = cells.following[cluster]
 
@@ -313,6 +318,9 @@ def _add_hit(
     if total[0] >= MOST_HITS:
         _forget(cells, column, row)
     cells.misses[cluster] = 0
+    if cells.seen[cluster] != cells.used[2]:
+        cells.seen[cluster] = cells.used[2]
+        total[9] += 1.0
     weight = 1.0 / (deviation * deviation)
     total[0] += 1.0
     total[1] += weight
@@ -345,12 +353,13 @@ class EvidenceGrid:
             np.full((LEAST_BLOCKS, SIDE * SIDE), -1, np.int32),
             np.full(LEAST_CLUSTERS, -1, np.int32),
             np.zeros(LEAST_CLUSTERS, np.int8),
-            np.zeros((LEAST_CLUSTERS, 9)),
+            np.zeros((LEAST_CLUSTERS, 10)),
+            np.zeros(LEAST_CLUSTERS, np.int32),
             np.full((LEAST_CLUSTERS, 2), -1, np.int32),
             np.zeros((LEAST_CLUSTERS, 2), np.int32),
             np.zeros((LEAST_CLUSTERS, 2)),
             np.zeros(LEAST_CLUSTERS, np.int32),
-            np.array([0, -1]),
+            np.array([0, -1, 0]),
             np.zeros(1),
         )
 
@@ -370,6 +379,7 @@ class EvidenceGrid:
                 following=_doubled(cells.following, -1),
                 ways=_doubled(cells.ways, 0),
                 moments=_doubled(cells.moments, 0),
+                seen=_doubled(cells.seen, 0),
                 owners=_doubled(cells.owners, -1),
                 claims=_doubled(cells.claims, 0),
                 apart=_doubled(cells.apart, 0),

@@ -177,7 +177,7 @@ class MapRefinement:
         found, moments, labels = refit_segments(ends, first, counts, sums)
         hits, violations = labels[:, 1], labels[:, 2]
         needed = np.where(lengths(found) < SHORT_WALL, 2 * self._least, self._least)
-        real = (hits >= needed) & (VIOLATION_WEIGHT * violations <= hits)
+        real = (hits >= needed) & (violations <= hits)
         spare = int(margin / PIECE)
         sums = np.concatenate([np.zeros((1, 2)), np.cumsum(counts[:, :2], axis=0)])
         totals: Float = sums[first[1:] - spare] - sums[first[:-1] + spare]

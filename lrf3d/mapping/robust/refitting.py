@@ -12,6 +12,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import (
     CHANGE_COST,
     DUPLICATE_WEIGHT,
+    FEW_SCANS,
     LEAST_SPREAD,
     MAP_DEVIATION,
     OPEN_WEIGHT,
@@ -19,6 +20,13 @@ from lrf3d.mapping.robust.constants import (
     VIOLATION_WEIGHT,
     WALL_COST,
 )
+
+
+@inner
+def violation_weight(hits: float, scans: float) -> float:  # pragma: no cover
+    """What a free-space violation weighs against a hit of a piece that some scans have hit."""
+    weight: float = VIOLATION_WEIGHT * FEW_SCANS * max(hits / max(scans, 0.1), 1.0 / FEW_SCANS)
+    return weight
 
 
 @compiled
@@ -45,7 +53,7 @@ def real_pieces(counts: Float) -> Int:  # pragma: no cover
         if costs[1] < following[3]:
             following[3], came[i, 3] = costs[1], 1
         hits, violations, nearer = counts[i, 0], counts[i, 1], counts[i, 2]
-        weight = VIOLATION_WEIGHT if hits else OPEN_WEIGHT
+        weight = violation_weight(hits, counts[i, 3]) if hits else OPEN_WEIGHT
         for state in range(4):
             following[state] += hits
         following[1] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
@@ -116,7 +124,7 @@ def refit_segments(
     """
     parts = np.empty((len(counts), 4))
     moments = np.empty((len(counts), 6))
-    labels = np.empty((len(counts), 3))
+    labels = np.empty((len(counts), 4))
     breaks = np.empty(len(counts) + 1, np.int64)
     found = 0
     for wall in range(len(ends)):
@@ -138,11 +146,12 @@ def refit_segments(
             start = begin
             for part in range(number):
                 stop = begin + breaks[part]
-                hits = violations = 0.0
+                hits = violations = scans = 0.0
                 total = np.zeros(6)
                 for k in range(low + start, low + stop):
                     hits += counts[k, 0]
-                    violations += counts[k, 1]
+                    violations += violation_weight(counts[k, 0], counts[k, 3]) * counts[k, 1]
+                    scans += counts[k, 3]
                     for column in range(6):
                         total[column] += sums[k, column]
                 a, b = start / pieces * length, stop / pieces * length
@@ -167,5 +176,6 @@ def refit_segments(
                 moments[found, 4] = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
                 moments[found, 5] = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux
                 labels[found, 0], labels[found, 1], labels[found, 2] = wall, hits, violations
+                labels[found, 3] = scans
                 found += 1
     return parts[:found], moments[:found], labels[:found]
