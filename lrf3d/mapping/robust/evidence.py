@@ -131,7 +131,7 @@ def gather_evidence(
     walls, lost = turn.walls, turn.counts
     following, owners, claims, apart = cells.following, cells.owners, cells.claims, cells.apart
     solid = cells.solid
-    counts = np.zeros((first[-1], 4))
+    counts = np.zeros((first[-1], 5))
     # What belongs to the walls before is free, so that all of it is claimed anew.
     for k in range(len(ends)):
         stamps[walls[k]] += 1
@@ -226,6 +226,7 @@ def gather_evidence(
         counts[piece, 0] += total[0]
         counts[piece, 2] -= total[0]
         counts[piece, 3] += total[9]
+        counts[piece, 4] += total[10]
         ox, oy = total[2] - x1, total[3] - y1
         along, aside = ox * ux + oy * uy, oy * ux - ox * uy
         slope = max(abs(total[7] * uy - total[8] * ux), LEAST_INCIDENCE)

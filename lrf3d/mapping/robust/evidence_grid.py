@@ -217,13 +217,15 @@ def _contradict(
     before, cluster = -1, cells.heads[solid, cell]
     while cluster >= 0:
         weight = OPEN_WEIGHT
-        if dx * moments[cluster, 7] + dy * moments[cluster, 8] > SAME_WAY:
+        if cells.seen[cluster] != cells.used[2] and (
+            dx * moments[cluster, 7] + dy * moments[cluster, 8] > SAME_WAY
+        ):
             misses[cluster] += 1
             if misses[cluster] >= GONE_AFTER:
                 # What beams hit there is gone: each further few halve what is left of it.
                 misses[cluster] -= GONE_AFTER // 4
                 weight += 0.5 * moments[cluster, 0]
-                for k in (0, 1, 4, 5, 6, 9):
+                for k in (0, 1, 4, 5, 6, 9, 10):
                     moments[cluster, k] *= 0.5
         owner = cells.owners[cluster, 0]
         if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
@@ -255,7 +257,7 @@ def _give_back(
     for k in range(2):
         cells.owners[cluster, k] = -1
     cells.seen[cluster] = 0
-    for k in range(10):
+    for k in range(11):
         cells.moments[cluster, k] = 0.0
 
 
@@ -275,7 +277,7 @@ def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
     if block >= 0:
         cluster = cells.heads[block, cell]
         while cluster >= 0:
-            for k in (0, 1, 4, 5, 6, 9):
+            for k in (0, 1, 4, 5, 6, 9, 10):
                 cells.moments[cluster, k] *= 0.5
             cluster = cells.following[cluster]
 
@@ -317,10 +319,12 @@ def _add_hit(
     total = cells.moments[cluster]
     if total[0] >= MOST_HITS:
         _forget(cells, column, row)
-    cells.misses[cluster] = 0
     if cells.seen[cluster] != cells.used[2]:
+        if total[9] > 0.0:
+            total[10] += cells.misses[cluster]
         cells.seen[cluster] = cells.used[2]
         total[9] += 1.0
+    cells.misses[cluster] = 0
     weight = 1.0 / (deviation * deviation)
     total[0] += 1.0
     total[1] += weight
@@ -353,7 +357,7 @@ class EvidenceGrid:
             np.full((LEAST_BLOCKS, SIDE * SIDE), -1, np.int32),
             np.full(LEAST_CLUSTERS, -1, np.int32),
             np.zeros(LEAST_CLUSTERS, np.int8),
-            np.zeros((LEAST_CLUSTERS, 10)),
+            np.zeros((LEAST_CLUSTERS, 11)),
             np.zeros(LEAST_CLUSTERS, np.int32),
             np.full((LEAST_CLUSTERS, 2), -1, np.int32),
             np.zeros((LEAST_CLUSTERS, 2), np.int32),

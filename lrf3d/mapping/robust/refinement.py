@@ -178,6 +178,8 @@ class MapRefinement:
         hits, violations = labels[:, 1], labels[:, 2]
         needed = np.where(lengths(found) < SHORT_WALL, 2 * self._least, self._least)
         real = (hits >= needed) & (violations <= hits)
+        if number:
+            real &= (lengths(found) > 0.45) | (3.0 * violations <= hits)
         spare = int(margin / PIECE)
         sums = np.concatenate([np.zeros((1, 2)), np.cumsum(counts[:, :2], axis=0)])
         totals: Float = sums[first[1:] - spare] - sums[first[:-1] + spare]

@@ -13,6 +13,7 @@ from lrf3d.mapping.robust.constants import (
     CHANGE_COST,
     DUPLICATE_WEIGHT,
     FEW_SCANS,
+    PERMEABLE,
     LEAST_SPREAD,
     MAP_DEVIATION,
     OPEN_WEIGHT,
@@ -23,8 +24,10 @@ from lrf3d.mapping.robust.constants import (
 
 
 @inner
-def violation_weight(hits: float, scans: float) -> float:  # pragma: no cover
+def violation_weight(hits: float, scans: float, between: float) -> float:  # pragma: no cover
     """What a free-space violation weighs against a hit of a piece that some scans have hit."""
+    if between >= PERMEABLE * scans:
+        return VIOLATION_WEIGHT
     weight: float = VIOLATION_WEIGHT * FEW_SCANS * max(hits / max(scans, 0.1), 1.0 / FEW_SCANS)
     return weight
 
@@ -53,7 +56,7 @@ def real_pieces(counts: Float) -> Int:  # pragma: no cover
         if costs[1] < following[3]:
             following[3], came[i, 3] = costs[1], 1
         hits, violations, nearer = counts[i, 0], counts[i, 1], counts[i, 2]
-        weight = violation_weight(hits, counts[i, 3]) if hits else OPEN_WEIGHT
+        weight = violation_weight(hits, counts[i, 3], counts[i, 4]) if hits else OPEN_WEIGHT
         for state in range(4):
             following[state] += hits
         following[1] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
@@ -150,7 +153,7 @@ def refit_segments(
                 total = np.zeros(6)
                 for k in range(low + start, low + stop):
                     hits += counts[k, 0]
-                    violations += violation_weight(counts[k, 0], counts[k, 3]) * counts[k, 1]
+                    violations += violation_weight(counts[k, 0], counts[k, 3], counts[k, 4]) * counts[k, 1]
                     scans += counts[k, 3]
                     for column in range(6):
                         total[column] += sums[k, column]
