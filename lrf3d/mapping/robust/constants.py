@@ -190,14 +190,14 @@ off: beams that all but run along a wall hit it anywhere."""
 
 # --- Refinement: refitting the segments of a wall ---
 
-VIOLATION_WEIGHT = 0.05
+VIOLATION_WEIGHT = 0.04
 """[hits] What a free-space violation weighs against a hit: poses and edges are a little wrong, so a
 wall that one beam in fifteen hit is still more than nothing."""
 
-FEW_SCANS = 3.0
+FEW_SCANS = 4.0
 """[scans] …"""
 
-PERMEABLE = 0.5
+PERMEABLE = 0.3
 """[scans] …"""
 
 FORSAKEN = 4.0

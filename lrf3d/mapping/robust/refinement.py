@@ -101,11 +101,8 @@ class MapRefinement:
         parts = parts[self._stretches.walls.points[parts] > 0]
         contradicted: list[int] = []
         if len(walls):
-            units = ends[:, 2:] - ends[:, :2]
-            units = FOLLOWED * units / lengths(ends)[:, None]
-            ends = ends + np.hstack([-units, units])
             found, moments, labels, totals = self._refit(
-                0, walls, ends, self.stamps, self.news, cells, FOLLOWED
+                0, walls, followed(ends, FOLLOWED), self.stamps, self.news, cells, FOLLOWED
             )
             self.evidence[walls] = totals @ (1.0, OPEN_WEIGHT)
             hits = labels[:, 1].astype(np.int64)
@@ -152,8 +149,10 @@ class MapRefinement:
             tie_rings(rows[changed], self._joint, self._rings)
             kept = np.flatnonzero(changed & (walls.points > 0))
             found, moments, labels, _ = self._refit(
-                1, rows[kept], walls.ends[kept], self._joint_stamps, self._joint_news, cells, 0.0
-            )
+                # They end at hits, which a little less would miss.
+                1, rows[kept], followed(walls.ends[kept], 0.1 * PIECE), self._joint_stamps,
+                self._joint_news, cells, 0.0,
+            )  # fmt: skip
             hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
         gone, fresh, renewed = self.segments.exchange(old, found, moments, hits, parents)
         moved = np.array(self.segments.rows_of(set(parents.tolist())), np.int64)
@@ -179,7 +178,7 @@ class MapRefinement:
         needed = np.where(lengths(found) < SHORT_WALL, 2 * self._least, self._least)
         real = (hits >= needed) & (violations <= hits)
         if number:
-            real &= (lengths(found) > 0.45) | (3.0 * violations <= hits)
+            real &= (lengths(found) > 0.45) | (2.0 * violations <= hits)
         spare = int(margin / PIECE)
         sums = np.concatenate([np.zeros((1, 2)), np.cumsum(counts[:, :2], axis=0)])
         totals: Float = sums[first[1:] - spare] - sums[first[:-1] + spare]
@@ -221,3 +220,11 @@ class MapRefinement:
         self._marks = np.zeros(len(self._joint), np.bool_)
         self._rings = np.arange(len(self._joint))
         tie_rings(self._stretches.rows(), self._joint, self._rings)
+
+
+def followed(ends: Float, farther: float) -> Float:
+    """Walls (m, 4), longer by so much [m] at both ends."""
+    units = ends[:, 2:] - ends[:, :2]
+    units = farther * units / lengths(ends)[:, None]
+    longer_ends: Float = ends + np.hstack([-units, units])
+    return longer_ends

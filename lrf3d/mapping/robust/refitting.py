@@ -114,6 +114,9 @@ def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
     return found
 
 
+ENDA, ENDB = 0.0, 0.04
+
+
 @inner
 def _end_of_hits(counts: Float, sums: Float, way: float) -> float:  # pragma: no cover
     """Where along a wall [m] the hits of its last piece end, one way (1) or the other (−1).
@@ -124,7 +127,7 @@ def _end_of_hits(counts: Float, sums: Float, way: float) -> float:  # pragma: no
     middle = sums[1] / sums[0]
     variance = max(sums[3] / sums[0] - middle * middle, 0.0)
     hits = max(counts[0], 1.5)
-    place: float = middle + way * (hits * np.sqrt(3.0 * variance / (hits * hits - 1.0)) + 0.02)
+    place: float = middle + way * (hits * np.sqrt(3.0 * variance / (hits * hits - 1.0)))
     return place
 
 
@@ -175,9 +178,13 @@ def refit_segments(
                 a, b = start / pieces * length, stop / pieces * length
                 # Where a wall ends and does not bend, it ends with its hits.
                 if start == begin:
-                    a = max(a - PIECE, _end_of_hits(counts[low + start], sums[low + start], -1.0))
+                    seen = begin > 0 and counts[low + begin - 1, 1] > 0.0
+                    place = _end_of_hits(counts[low + begin], sums[low + begin], -1.0)
+                    a = max(a - PIECE, place - (ENDA if seen else ENDB))
                 if stop == i:
-                    b = min(b + PIECE, _end_of_hits(counts[low + stop - 1], sums[low + stop - 1], 1.0))
+                    seen = i < pieces and counts[low + i, 1] > 0.0
+                    place = _end_of_hits(counts[low + i - 1], sums[low + i - 1], 1.0)
+                    b = min(b + PIECE, place + (ENDA if seen else ENDB))
                 start = stop
                 w = total[0]
                 if w <= 0.0:
