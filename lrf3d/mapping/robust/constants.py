@@ -192,13 +192,16 @@ off: beams that all but run along a wall hit it anywhere."""
 
 VIOLATION_WEIGHT = 0.04
 """[hits] What a free-space violation weighs against a hit: poses and edges are a little wrong, so a
-wall that one beam in fifteen hit is still more than nothing."""
+wall that one beam in twenty-five hit is still more than nothing."""
 
-FEW_SCANS = 4.0
-"""[scans] …"""
+TRANSIENT_WEIGHT = 0.16
+"""[scans] What it weighs against a scan that hit, where hits and violations do not take turns, as
+what moves leaves them: it is hit in few scans, from near by many beams of each. More takes what
+robots saw only in passing out of maps of offices, less leaves more of the trails of people …"""
 
-PERMEABLE = 0.3
-"""[scans] …"""
+TAKEN_TURNS = 0.3
+"""[share] … and they take turns where for each scan that hit so many beams went through before the
+next one did. More takes legs of furniture out, less keeps more of slow obstacles."""
 
 FORSAKEN = 4.0
 """[share] A wall without a real part is given up, and found anew if it comes back, where its
@@ -210,6 +213,11 @@ OPEN_WEIGHT = 0.5
 DUPLICATE_WEIGHT = 0.2
 """[hits] What a beam weighs that hit another wall more nearly: a second copy of a wall is not
 kept."""
+
+END_SPARE = 0.04
+"""[m] How far a wall goes on beyond its last hit where no beam went through beyond: about half of
+the distance between two beams. More explains more returns at corners, and hides more of what is
+seen beside the ends."""
 
 UNSEEN_COST = 0.1
 """[hits] Cost of each piece of wall, so that walls end where their hits do."""
@@ -226,8 +234,8 @@ LEAST_SPREAD = 0.01
 direction: shorter ones know none."""
 
 SHORT_WALL = 0.5
-"""[m] Walls shorter than this need twice min_points hits: clutter makes short ones of any few
-returns."""
+"""[m] Walls shorter than this need twice min_points hits, and twice the violations' weight of them:
+clutter, and what moves, makes short ones of any few returns."""
 
 # --- Refinement: gaps that are bridged and corners that are closed ---
 

@@ -62,9 +62,7 @@ def _search(place: Float, grid: Grid, search: Search) -> int:  # pragma: no cove
     """Collect the walls near a place (4,); returns how many there are."""
     search.number[0] += 1
     stamp = search.number[0]
-    return near(
-        grid, place, 2.0 * CORNER_REACH, MERGE_CELL, search.stamps, stamp, search.found
-    )
+    return near(grid, place, 2.0 * CORNER_REACH, MERGE_CELL, search.stamps, stamp, search.found)
 
 
 @inner

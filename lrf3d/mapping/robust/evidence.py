@@ -195,9 +195,7 @@ def gather_evidence(
                             if incidence < 0.0:
                                 away += off
                             owner = owners[cluster, number]
-                            owned = (
-                                owner >= 0 and stamps[owner] == claims[cluster, number]
-                            )
+                            owned = owner >= 0 and stamps[owner] == claims[cluster, number]
                             if not owned or away < apart[cluster, number]:
                                 if owned:
                                     lost[owner] += hits

@@ -175,10 +175,8 @@ class MapRefinement:
         counts, sums = gather_evidence(turn, cells, self._rule.distance, margin)
         found, moments, labels = refit_segments(ends, first, counts, sums)
         hits, violations = labels[:, 1], labels[:, 2]
-        needed = np.where(lengths(found) < SHORT_WALL, 2 * self._least, self._least)
-        real = (hits >= needed) & (violations <= hits)
-        if number:
-            real &= (lengths(found) > 0.45) | (2.0 * violations <= hits)
+        factor = np.where(lengths(found) < SHORT_WALL, 2, 1)
+        real = (hits >= factor * self._least) & (factor * violations <= hits)
         spare = int(margin / PIECE)
         sums = np.concatenate([np.zeros((1, 2)), np.cumsum(counts[:, :2], axis=0)])
         totals: Float = sums[first[1:] - spare] - sums[first[:-1] + spare]

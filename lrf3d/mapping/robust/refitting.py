@@ -12,12 +12,13 @@ from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import (
     CHANGE_COST,
     DUPLICATE_WEIGHT,
-    FEW_SCANS,
-    PERMEABLE,
+    END_SPARE,
     LEAST_SPREAD,
     MAP_DEVIATION,
     OPEN_WEIGHT,
     PIECE,
+    TAKEN_TURNS,
+    TRANSIENT_WEIGHT,
     UNSEEN_COST,
     VIOLATION_WEIGHT,
     WALL_COST,
@@ -26,10 +27,18 @@ from lrf3d.mapping.robust.constants import (
 
 @inner
 def violation_weight(hits: float, scans: float, between: float) -> float:  # pragma: no cover
-    """What a free-space violation weighs against a hit of a piece that some scans have hit."""
-    if between >= PERMEABLE * scans:
+    """What a free-space violation of a piece weighs against a hit.
+
+    Args:
+        hits: Its hits.
+        scans: How many scans they are from.
+        between: Beams that went through between two of these scans.
+    """
+    # What moves, or stood for a while, is hit in a few scans one after the other, be they ever so
+    # many beams; what beams hit and miss in turns is there.
+    if scans == 0.0 or between >= TAKEN_TURNS * scans:
         return VIOLATION_WEIGHT
-    weight: float = VIOLATION_WEIGHT * FEW_SCANS * max(hits / max(scans, 0.1), 1.0 / FEW_SCANS)
+    weight: float = max(TRANSIENT_WEIGHT * hits / scans, VIOLATION_WEIGHT)
     return weight
 
 
@@ -114,20 +123,18 @@ def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
     return found
 
 
-ENDA, ENDB = 0.0, 0.04
-
-
 @inner
 def _end_of_hits(counts: Float, sums: Float, way: float) -> float:  # pragma: no cover
     """Where along a wall [m] the hits of its last piece end, one way (1) or the other (−1).
 
-    Hits that are evenly spread over a length have a variance of a twelfth of its square; n of them
-    end half a step short of it.
+    The length over which n hits are evenly spread, each in the middle of its part, has a variance
+    of (n² − 1)/n² of a twelfth of its square.
     """
     middle = sums[1] / sums[0]
     variance = max(sums[3] / sums[0] - middle * middle, 0.0)
+    # One hit shows no length; halved evidence may be less than one.
     hits = max(counts[0], 1.5)
-    place: float = middle + way * (hits * np.sqrt(3.0 * variance / (hits * hits - 1.0)))
+    place: float = middle + way * hits * np.sqrt(3.0 * variance / (hits * hits - 1.0))
     return place
 
 
@@ -141,11 +148,12 @@ def refit_segments(
     """The real parts of walls (m, 4), refit to their hits.
 
     Returns:
-        (k, 4) their ends [m], (k, 6) their moments, (k, 3) wall, hits and free-space violations.
+        (k, 4) their ends [m], (k, 6) their moments, (k, 3) wall, hits, and the
+        free-space violations by what they weigh [hits].
     """
     parts = np.empty((len(counts), 4))
     moments = np.empty((len(counts), 6))
-    labels = np.empty((len(counts), 4))
+    labels = np.empty((len(counts), 3))
     breaks = np.empty(len(counts) + 1, np.int64)
     found = 0
     for wall in range(len(ends)):
@@ -167,12 +175,12 @@ def refit_segments(
             start = begin
             for part in range(number):
                 stop = begin + breaks[part]
-                hits = violations = scans = 0.0
+                hits = violations = 0.0
                 total = np.zeros(6)
                 for k in range(low + start, low + stop):
                     hits += counts[k, 0]
-                    violations += violation_weight(counts[k, 0], counts[k, 3], counts[k, 4]) * counts[k, 1]
-                    scans += counts[k, 3]
+                    weight = violation_weight(counts[k, 0], counts[k, 3], counts[k, 4])
+                    violations += weight * counts[k, 1]
                     for column in range(6):
                         total[column] += sums[k, column]
                 a, b = start / pieces * length, stop / pieces * length
@@ -180,11 +188,11 @@ def refit_segments(
                 if start == begin:
                     seen = begin > 0 and counts[low + begin - 1, 1] > 0.0
                     place = _end_of_hits(counts[low + begin], sums[low + begin], -1.0)
-                    a = max(a - PIECE, place - (ENDA if seen else ENDB))
+                    a = max(a - PIECE, place if seen else place - END_SPARE)
                 if stop == i:
                     seen = i < pieces and counts[low + i, 1] > 0.0
                     place = _end_of_hits(counts[low + i - 1], sums[low + i - 1], 1.0)
-                    b = min(b + PIECE, place + (ENDA if seen else ENDB))
+                    b = min(b + PIECE, place if seen else place + END_SPARE)
                 start = stop
                 w = total[0]
                 if w <= 0.0:
@@ -206,6 +214,5 @@ def refit_segments(
                 moments[found, 4] = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
                 moments[found, 5] = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux
                 labels[found, 0], labels[found, 1], labels[found, 2] = wall, hits, violations
-                labels[found, 3] = scans
                 found += 1
     return parts[:found], moments[:found], labels[:found]
