@@ -87,30 +87,16 @@ def best_vertices(
     place = np.empty(vertices + 1, np.int64)
     starts = np.zeros(vertices + 1, np.bool_)
     found = 0
-    v = 0
-    if start < 0:
-        v = int(np.argmin(free[count]))
-        least = free[count, v]
-        i, k = count, -1
-        while i > 0:
-            k = left[i, v]
-            if k < 0:
-                i -= 1
-                continue
-            i -= 1
-            while True:
-                beams[found], place[found] = i, k
-                found += 1
-                before = origin[i, k, v]
-                v -= 1
-                if before < 0:
-                    starts[found - 1] = True
-                    break
-                i, k = before // offsets, before % offsets
-    else:
-        v = int(np.argmin(cost[count - 1, start]))
-        least = cost[count - 1, start, v]
-        i, k = count - 1, start
+    # The way back: how many beams and vertices are left of it.
+    rest, v = count, int(np.argmin(free[count] if start < 0 else cost[count - 1, start]))
+    least = free[count, v] if start < 0 else cost[count - 1, start, v]
+    while rest > 0:
+        k = left[rest, v] if start < 0 else start
+        rest -= 1
+        if k < 0:
+            continue
+        # Along a polyline, to its first vertex.
+        i = rest
         while True:
             beams[found], place[found] = i, k
             found += 1
@@ -120,6 +106,7 @@ def best_vertices(
                 starts[found - 1] = True
                 break
             i, k = before // offsets, before % offsets
+        rest = i if start < 0 else 0
     order = np.arange(found - 1, -1, -1)
     return least, beams[order], place[order], starts[order]
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from lrf3d.mapping.grid import Grid, Search, insert_rows, remove_rows
 from lrf3d.mapping.robust.constants import MERGE_CELL
 from lrf3d.mapping.robust.corners import close_corners
-from lrf3d.mapping.robust.grid import Grid, Search, insert_rows, remove_rows
 
 
 def closed_of(ends, objects):

@@ -38,11 +38,14 @@ def walked_by(speed, start):
     return run.map.segments
 
 
-@pytest.mark.parametrize(("speed", "start"), [(-1.0, 14.0), (-0.5, 14.0), (1.2, 1.0)])
-def test_who_walks_through_a_corridor_leaves_no_wall(speed, start):
+@pytest.mark.parametrize(
+    ("speed", "start", "most"), [(-1.0, 14.0, 0), (0.4, 2.0, 1), (-0.3, 9.0, 1)]
+)
+def test_who_walks_through_a_corridor_leaves_hardly_a_wall(speed, start, most):
     segments = walked_by(speed, start)
     inside = (np.abs(segments[:, [1, 3]]) < 1.3).all(axis=1) & (segments[:, [0, 2]] < 19.5).any(1)
-    assert len(segments) - inside.sum() >= 3 and inside.sum() <= 1
+    # Who is slow is seen longest where the robot passes by, and never again.
+    assert len(segments) - inside.sum() == 3 and inside.sum() <= most
 
 
 def test_beams_through_what_one_scan_hit_weigh_more_than_through_what_many_did():

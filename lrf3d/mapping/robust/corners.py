@@ -8,8 +8,8 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, Search, near
 from lrf3d.mapping.robust.constants import CORNER_REACH, CORNER_SINE, CORNER_TRIM, MERGE_CELL
-from lrf3d.mapping.robust.grid import Grid, Search, near
 
 
 @compiled

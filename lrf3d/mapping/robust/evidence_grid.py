@@ -20,6 +20,7 @@ from lrf3d.mapping.robust.blocks import (
     SIDE_BITS,
     Blocks,
     block_at,
+    enter_cells,
     rehashed,
     take_open,
     take_solid,
@@ -144,15 +145,7 @@ def add_beams(
         way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
         # A beam stays in the plane of its direction, so that what it counts lies together.
         plane = way * SIDE * SIDE
-        px, py = x / CELL, y / CELL
-        column, row = int(np.floor(px)), int(np.floor(py))
-        right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-        wide = np.inf if dx == 0.0 else 1.0 / abs(dx)
-        high = np.inf if dy == 0.0 else 1.0 / abs(dy)
-        across = (
-            np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
-        )
-        up = np.inf if dy == 0.0 else ((row + 1.0 - py) if dy > 0.0 else (py - row)) * high
+        column, row, right, ahead, wide, high, across, up = enter_cells(x, y, dx, dy, CELL)
         entered = 0.0
         block, at_x, at_y = -1, 1 << 40, 0
         while True:

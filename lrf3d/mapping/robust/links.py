@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, Search, near
 from lrf3d.mapping.robust.constants import (
     BEHIND_SINE,
     FACING,
@@ -18,7 +19,6 @@ from lrf3d.mapping.robust.constants import (
     MOST_LINKS,
     SHORT_LINK,
 )
-from lrf3d.mapping.robust.grid import Grid, Search, near
 from lrf3d.mapping.robust.walls import Walls
 
 UNASKED = 0

@@ -4,6 +4,7 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, near
 from lrf3d.mapping.robust.constants import (
     FEW_WALLS,
     FOLLOWED,
@@ -15,7 +16,6 @@ from lrf3d.mapping.robust.constants import (
     STALE_NEWS,
 )
 from lrf3d.mapping.robust.evidence_grid import Cells, News, note
-from lrf3d.mapping.robust.grid import Grid, near
 from lrf3d.mapping.robust.walls import Touched, Walls
 
 
