@@ -134,20 +134,20 @@ the wall as well, in the same cells."""
 LINK_SINE = 0.35
 """[sine] The same for a link between two walls, which no beam need run along."""
 
-# --- News: which walls are worked over again ---
+# --- Choice of walls: which are refined again ---
 
-FRESH_NEWS = 0.1
-"""[share] A wall is worked over again when this part of what it was refit by has come anew. Less
+FRESH_SHARE = 0.1
+"""[share] A wall is refined again when this part of what it was refit by has come anew. Less
 takes time, more leaves walls behind what is known of them."""
 
-STALE_NEWS = 0.05
-"""[share] The same for the one wall that has waited longest, after scans with little news."""
+STALE_SHARE = 0.05
+"""[share] The same for the one wall that has waited longest, after scans that changed few."""
 
 FEW_WALLS = 2
-"""[walls] How many walls are little news."""
+"""[walls] How many walls are few."""
 
 MOVED = 0.01
-"""[m] A wall is worked over again when its line has moved by this …"""
+"""[m] A wall is refined again when its line has moved by this …"""
 
 GROWN = 0.1
 """[m] … or it has become longer by this."""
@@ -208,7 +208,8 @@ FORSAKEN = 4.0
 violations outweigh its hits by this. Less takes time to find weak walls again and again."""
 
 OPEN_WEIGHT = 0.5
-"""[hits] What a free-space violation weighs at a piece without hits, and as news of a wall."""
+"""[hits] What a free-space violation weighs at a piece without hits, and as new
+evidence of a wall."""
 
 DUPLICATE_WEIGHT = 0.2
 """[hits] What a beam weighs that hit another wall more nearly: a second copy of a wall is not

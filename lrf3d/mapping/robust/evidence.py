@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.blocks import SIDE, SIDE_BITS, block_at
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
     CELL,
     CONTINUATION_PENALTY,
@@ -27,7 +28,6 @@ from lrf3d.mapping.robust.constants import (
     PIECE,
     WALL_SINE,
 )
-from lrf3d.mapping.robust.evidence_grid import Cells
 
 COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
@@ -95,8 +95,8 @@ class Round(NamedTuple):
         ends: (m, 4) where they are [m].
         first: (m + 1,) the first piece of each.
         stamps: (≥ all walls,) the stamp of each wall by its number.
-        counts: (≥ all walls,) news of each wall: none of these, and what others lose to them is
-            added.
+        counts: (≥ all walls,) new evidence of each wall: 0 is set for these, and what others
+            lose to them is added.
     """
 
     number: int
@@ -129,7 +129,12 @@ def gather_evidence(
     # Arrays of named tuples are taken out once: compiled code counts references at each access.
     number, ends, first, stamps = turn.number, turn.ends, turn.first, turn.stamps
     walls, lost = turn.walls, turn.counts
-    following, owners, claims, apart = cells.following, cells.owners, cells.claims, cells.apart
+    following, owners, owner_stamps, apart = (
+        cells.following,
+        cells.owners,
+        cells.owner_stamps,
+        cells.apart,
+    )
     solid = cells.solid
     counts = np.zeros((first[-1], 5))
     # What belongs to the walls before is free, so that all of it is claimed anew.
@@ -195,13 +200,13 @@ def gather_evidence(
                             if incidence < 0.0:
                                 away += off
                             owner = owners[cluster, number]
-                            owned = owner >= 0 and stamps[owner] == claims[cluster, number]
+                            owned = owner >= 0 and stamps[owner] == owner_stamps[cluster, number]
                             if not owned or away < apart[cluster, number]:
                                 if owned:
                                     lost[owner] += hits
                                 owner = walls[wall]
                                 owners[cluster, number] = owner
-                                claims[cluster, number] = stamps[owner]
+                                owner_stamps[cluster, number] = stamps[owner]
                                 apart[cluster, number] = away
                                 hits_by[found, 0] = cluster
                                 hits_by[found, 1], hits_by[found, 2] = wall, piece

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, Search, near, order_of
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, MERGE_CELL, WALL_SINE
 from lrf3d.mapping.robust.evidence import is_crossed
-from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.walls import Rule, Walls, may_fit, merge, misfit, partner
 
 

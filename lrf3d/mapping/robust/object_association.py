@@ -16,6 +16,7 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, Search, near, order_of
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
     ABUTS,
     ABUTS_SIDE,
@@ -34,7 +35,6 @@ from lrf3d.mapping.robust.constants import (
     TOUCH,
 )
 from lrf3d.mapping.robust.evidence import is_crossed
-from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.links import UNASKED, Links, drop_link, reach_before
 
 CROSSED, JOINS, BLOCKED, OPEN, BEFORE = 1, 2, 3, 4, 5

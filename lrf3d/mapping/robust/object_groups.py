@@ -11,9 +11,9 @@ import numpy as np
 
 from lrf3d.geometry import Int
 from lrf3d.laser import RangeNoise
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import LINK_DEVIATIONS, LONGEST_LINK
 from lrf3d.mapping.robust.corners import close_corners
-from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.links import (
     Links,
     add_links,

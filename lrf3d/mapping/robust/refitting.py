@@ -83,6 +83,23 @@ def real_pieces(counts: Float) -> Int:  # pragma: no cover
 
 
 @inner
+def _misfit(total: Float, first: int, last: int) -> float:  # pragma: no cover
+    """The misfit [χ²] of the best line through the pieces between two of running sums (n, 6)."""
+    w = total[last, 0] - total[first, 0]
+    if w <= 0.0:
+        return 0.0
+    s = (total[last, 1] - total[first, 1]) / w
+    d = (total[last, 2] - total[first, 2]) / w
+    ss = (total[last, 3] - total[first, 3]) - w * s * s
+    sd = (total[last, 4] - total[first, 4]) - w * s * d
+    dd = (total[last, 5] - total[first, 5]) - w * d * d
+    if ss > 0.0:
+        dd -= sd * sd / ss
+    misfit: float = max(dd, 0.0)
+    return misfit
+
+
+@inner
 def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
     """Split pieces (n, 6) of a wall into straight segments: fills in where each ends."""
     count = len(sums)
@@ -93,22 +110,16 @@ def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
         factor = 1.0 / (1.0 + w * MAP_DEVIATION * MAP_DEVIATION)
         for k in range(6):
             total[i + 1, k] = total[i, k] + factor * sums[i, k]
+    if _misfit(total, 0, count) <= WALL_COST:
+        # No division gains what a further segment costs.
+        breaks[0] = count
+        return 1
     best = np.full(count + 1, np.inf)
     best[0] = 0.0
     origin = np.zeros(count + 1, np.int64)
     for last in range(1, count + 1):
         for first in range(last):
-            w = total[last, 0] - total[first, 0]
-            cost = best[first] + WALL_COST
-            if w > 0.0:
-                s = (total[last, 1] - total[first, 1]) / w
-                d = (total[last, 2] - total[first, 2]) / w
-                ss = (total[last, 3] - total[first, 3]) - w * s * s
-                sd = (total[last, 4] - total[first, 4]) - w * s * d
-                dd = (total[last, 5] - total[first, 5]) - w * d * d
-                if ss > 0.0:
-                    dd -= sd * sd / ss
-                cost += max(dd, 0.0)
+            cost = best[first] + WALL_COST + _misfit(total, first, last)
             if cost < best[last]:
                 best[last] = cost
                 origin[last] = first
