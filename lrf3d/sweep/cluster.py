@@ -16,7 +16,7 @@ from typing import Any
 
 from lrf3d.cores import core_count
 from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
-from lrf3d.interrupts import whole
+from lrf3d.interrupts import uninterrupted
 from lrf3d.output import scratch_folder
 
 
@@ -80,7 +80,7 @@ def connected(scheduler: str | None, workers: int | None = None) -> Iterator[Cli
         ExitStack() as started,
     ):
         # A terminal sends Ctrl-C to all processes; only this one is to handle it.
-        with whole():
+        with uninterrupted():
             client = started.enter_context(_started(core_count() if workers is None else workers))
         yield client
 
