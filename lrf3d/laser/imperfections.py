@@ -123,7 +123,7 @@ class DropOuts:
         """The probability (beams,) that each beam is lost.
 
         Raises:
-            InputError: Losses by range are asked for, and the scan has no finite range_max.
+            InputError: Losses grow with the range, and the scan has no finite range_max.
         """
         if self.far and not np.isfinite(scan.range_max):
             raise InputError(

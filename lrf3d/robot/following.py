@@ -85,8 +85,7 @@ def follow_route(
     step = dt / per_sample
     reach, poses, times = 0.0, [pose], [0.0]
     stops = path.stops()
-    # After ten times the duration at full speed and a minute for turns, the follower will not
-    # arrive any more.
+    # After ten times the duration at full speed and a minute for turns, it will never arrive.
     limit = int((10.0 * path.length / speed + 60.0) / step)
     straight = path.length / speed / step
     needed = straight if most is None else min(straight, float(most - 1) * per_sample)

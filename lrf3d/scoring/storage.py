@@ -54,7 +54,7 @@ class StorageCount(Report):
 def storage(run: Run, polylines: Sequence[Sequence[Float]]) -> StorageCount:
     """Count the numbers of the map of a run as unions, as polylines and as an occupancy grid.
 
-    A polyline is a row of consecutive segments as seen from one place; views from different
+    A polyline is a chain of consecutive segments of one scan; views from different
     sides are not joined (reference [5] of Teslić et al.). A polyline is kept unless nine tenths
     of its length lie along those kept already; those that it makes redundant likewise are removed.
 

@@ -17,7 +17,7 @@ class Relations(Value):
     Args:
         first: (r,) indices of the poses that they are relative to.
         second: (r,) indices of the other poses.
-        relative: (r, 3) x, y [m], theta [rad] of the second as seen from the first.
+        relative: (r, 3) x, y [m], theta [rad] of the second in the frame of the first.
         certain: (r,) whether both indices are certain.
     """
 

@@ -43,10 +43,10 @@ def visible_parts(
     along = directions(segments)
     low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
     for pose, ranges, hit in zip(poses, truth, walls, strict=True):
-        seen = (hit >= 0) & np.isfinite(ranges)
-        wall = hit[seen]
+        returned = (hit >= 0) & np.isfinite(ranges)
+        wall = hit[returned]
         # Relative to the end of the wall, so that no digits are lost far from the origin.
-        reach = ranges[seen, None] * beam_directions(pose[2], angles[seen])
+        reach = ranges[returned, None] * beam_directions(pose[2], angles[returned])
         station = np.einsum("ij,ij->i", pose[:2] - segments[wall, :2] + reach, along[wall])
         np.minimum.at(low, wall, station)
         np.maximum.at(high, wall, station)
