@@ -80,14 +80,8 @@ class MappedLog:
             error = f"median range error {_metres(score.median_range_error)}"
             violated = f"{_share(score.violation)} violated"
             rows.append(("odd scans", f"{explained}, {violated}, {error}"))
-        rows.append(
-            (
-                "time",
-                f"{np.mean(self.milliseconds):.2f} ms a scan,"
-                f" median {np.median(self.milliseconds):.2f} ms",
-            )
-        )
-        return rows
+        mean, median = np.mean(self.milliseconds), np.median(self.milliseconds)
+        return [*rows, ("time", f"{mean:.2f} ms a scan, median {median:.2f} ms")]
 
 
 def map_log(

@@ -107,12 +107,8 @@ class SlamLog:
         rows = [("log", f"{scans}, {counted(log['odometry_lines'], 'pose')} by odometry, {bad}")]
         rows += [("", f"first bad {line}") for line in self.log.bad_lines[:1]]
         rows += [("", sentence) for sentence in self.solution.repairs.sentences()]
-        rows.append(
-            (
-                "wheels",
-                f"lag {wheels['lag_lines']:.2f} lines, turn {wheels['turn_rad_per_m']:+.4f} rad/m",
-            )
-        )
+        text = f"lag {wheels['lag_lines']:.2f} lines, turn {wheels['turn_rad_per_m']:+.4f} rad/m"
+        rows.append(("wheels", text))
         if wheels["corrected_as_a_whole"]:
             turn, distance = 1.0 + wheels["turn_share"], 1.0 + wheels["way_share"]
             text = f"scans show {turn:.2f} times their turns and {distance:.2f} times their way"
@@ -120,26 +116,17 @@ class SlamLog:
         closed = counted(slam["loop_closures"], "loop closure")
         if slam["loop_closures_dropped"]:
             closed += f", {slam['loop_closures_dropped']} more dropped"
-        rows.append(
-            (
-                "drive",
-                f"{slam['length_m']:.0f} m, {counted(slam['key_scans'], 'key scan')}, {closed}",
-            )
-        )
+        text = f"{slam['length_m']:.0f} m, {counted(slam['key_scans'], 'key scan')}, {closed}"
+        rows.append(("drive", text))
         if slam["scans_by_odometry_alone"]:
             lost = counted(slam["scans_by_odometry_alone"], "scan")
             rows.append(("", f"{lost} matched nothing and stand where odometry has them"))
         rows.append(("map", self.run.map.counts))
         if self.score is not None:
             score = self.score
-            rows.append(
-                (
-                    "relations",
-                    f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"
-                    f" {score.rotation_mean:.2f} ± {score.rotation_std:.2f}°"
-                    f" over {score.relations}",
-                )
-            )
+            text = f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"
+            text += f" {score.rotation_mean:.2f} ± {score.rotation_std:.2f}° over {score.relations}"
+            rows.append(("relations", text))
         rows.append(("time", f"{summary['milliseconds_a_scan']:.2f} ms a scan"))
         return rows
 

@@ -93,14 +93,9 @@ def sweep(
     name = plan.worlds[0] if grid is None else own_name(grid)
     sources = chosen.worlds if grid is None else [grid]
     output = results_folder(context, sources, f"{name}_sweep", out)
-    with progress_bar("runs") as progress:
+    with progress_bar("runs") as bar:
         result = run(
-            plan,
-            output.path,
-            scheduler=scheduler,
-            workers=workers,
-            resume=resume,
-            progress=progress,
+            plan, output.path, scheduler=scheduler, workers=workers, resume=resume, progress=bar
         )
     made = len(result.rows) - result.resumed
     if not json:

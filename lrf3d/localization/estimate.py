@@ -85,10 +85,8 @@ class PoseEstimate(Value):
             change, covariance = _correct(
                 self.covariance, measured[used], gradient[used], noise[used]
             )
-            residuals = measured[used] - gradient[used] @ change
-            squares = _disagreement(
-                residuals, gradient[used], noise[used], self.covariance, covariance
-            )
+            residual = measured[used] - gradient[used] @ change
+            squares = _misfits(residual, gradient[used], noise[used], self.covariance, covariance)
             if squares.max(initial=0.0) <= gate:
                 break
             used[np.flatnonzero(used)[squares.argmax()]] = False
@@ -106,9 +104,7 @@ class Correction(NamedTuple):
     used: Bool
 
 
-def _disagreement(
-    residuals: Float, gradient: Float, noise: Float, before: Float, after: Float
-) -> Float:
+def _misfits(residual: Float, gradient: Float, noise: Float, before: Float, after: Float) -> Float:
     """Squared distance (k,) of each pair from the estimate of the prediction and all other pairs.
 
     The covariance of a residual (k, 2) is the noise minus the share that the correction used; in
@@ -116,7 +112,7 @@ def _disagreement(
     determines the pose, its residual does not vary and cannot contradict anything.
 
     Args:
-        residuals: (k, 2) residuals of the measurements after the correction.
+        residual: (k, 2) residuals of the measurements after the correction.
         gradient: (k, 2, 3) their gradients.
         noise: (k, 2, 2) their covariances.
         before: (3, 3) covariance of the pose before the correction.
@@ -124,13 +120,13 @@ def _disagreement(
     """
     # In units of the noise the used share lies between 0 and 1.
     root = np.linalg.cholesky(noise)
-    residuals = np.linalg.solve(root, residuals[:, :, None])[:, :, 0]
+    residual = np.linalg.solve(root, residual[:, :, None])[:, :, 0]
     gradient = np.linalg.solve(root, gradient)
     transposed = gradient.transpose(0, 2, 1)
     free, axes = np.linalg.eigh(np.eye(2) - gradient @ after @ transposed)
     rounded = np.finfo(np.float64).eps * np.einsum("kij,jl,kil->k", gradient, before, gradient)
     testable = free > LEAST_FREE + ROUNDED * rounded[:, None]
-    parts = (residuals[:, None, :] @ axes)[:, 0, :]
+    parts = (residual[:, None, :] @ axes)[:, 0, :]
     squares = np.where(testable, parts**2 / np.where(testable, free, 1.0), 0.0)
     return np.asarray(squares.sum(axis=1), dtype=np.float64)
 

@@ -86,6 +86,11 @@ class FreeSpace:
         """Distance (k,) [m] of points (k, 2) of the local frame to the nearest wall."""
         return np.asarray(self.walls.query(points)[0], dtype=np.float64)
 
+    def length(self, path: Int) -> float:
+        """Length [m] of a path of neighbouring cells."""
+        steps = np.diff(self.cells[path], axis=0)
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
     def bars(self, points: Float) -> Bool:
         """Which of the points (k, 2) of the local frame lie in a barred cell."""
         column, row = np.floor((points - self.low) / self.size).astype(np.int64).T
@@ -132,14 +137,9 @@ def find_free_space(
     if not len(segments):
         raise InputError(f"{name}: no walls near the start, so no route can be found")
     points, weights = thinned(*sample_walls(segments, spacing_for(segments)))
-    size = float(np.clip(np.sqrt(np.prod(high - low) / CELLS), *CELL_SIZES))
     # The samples do not include the ends of the walls, which protrude the most.
     tree = cKDTree(np.vstack([points, segments.reshape(-1, 2)]))
-    shape = np.ceil((high - low) / size).astype(int)
-    axes = [low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1)]
-    middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=2)
-    gaps = np.asarray(tree.query(middles.reshape(-1, 2))[0]).reshape(shape)
-    lattice = Lattice(middles, gaps, size)
+    middles, gaps, size = lattice = _lattice(low, high, tree)
     graph, free = _graph(lattice, tree, least, comfortable, clearance)
     cells, clearances = middles.reshape(-1, 2)[free], gaps.reshape(-1)[free]
     if not len(cells):
@@ -187,9 +187,18 @@ def find_free_space(
         tree,
         "outside" if sides.outside[chosen].any() else "inside",
         low,
-        barred.reshape(shape),
+        barred.reshape(gaps.shape),
         None if begin is None else int(np.searchsorted(chosen, begin)),
     )
+
+
+def _lattice(low: Float, high: Float, tree: Any) -> Lattice:
+    """About `CELLS` cells over the box from low to high, with their distances to the walls."""
+    size = float(np.clip(np.sqrt(np.prod(high - low) / CELLS), *CELL_SIZES))
+    shape = np.ceil((high - low) / size).astype(int)
+    axes = [low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1)]
+    middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=2)
+    return Lattice(middles, np.asarray(tree.query(middles.reshape(-1, 2))[0]).reshape(shape), size)
 
 
 def _graph(

@@ -304,18 +304,12 @@ def _lengthened(space: FreeSpace, legs: list[Int]) -> list[Int]:
     else:
         # Any cell would do; the lower left one makes the route repeatable.
         end = int(np.argmin(space.cells.sum(axis=1)))
-    length = sum(_length(space, leg) for leg in legs)
+    length = sum(space.length(leg) for leg in legs)
     while not legs or length < SHORTEST_ROUTE:
         legs.append(_path_to_farthest(space, end))
         end = int(legs[-1][-1])
-        length += _length(space, legs[-1])
+        length += space.length(legs[-1])
     return legs
-
-
-def _length(space: FreeSpace, leg: Int) -> float:
-    """Length [m] of a path over cells."""
-    steps = np.diff(space.cells[leg], axis=0)
-    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
 def _path_to_farthest(space: FreeSpace, start: int) -> Int:

@@ -65,8 +65,7 @@ class Network:
 
     def length(self, start: int, end: int) -> float:
         """Length [m] of the path from one place to another."""
-        steps = np.diff(self.space.cells[self.path(start, end)], axis=0)
-        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+        return self.space.length(self.path(start, end))
 
     def seen(self, start: int, end: int) -> Bool:
         """Which pieces of wall are seen along the path from one place to another."""
@@ -153,6 +152,7 @@ def _insertions(
 
 
 def _detour(costs: Float, order: list[int], position: int, place: int) -> float:
+    """Cost of inserting a place into a tour at a position."""
     detour = 0.0
     if position > 0:
         detour += costs[order[position - 1], place]
@@ -164,6 +164,7 @@ def _detour(costs: Float, order: list[int], position: int, place: int) -> float:
 
 
 def _worth(network: Network, order: list[int]) -> float:
+    """Weight of the walls that are visible along a tour."""
     legs = [network.seen(*leg) for leg in pairwise(order)]
     return network.views.worth(np.any(legs, axis=0)) if legs else 0.0
 

@@ -37,17 +37,7 @@ CURVE_SHARE = 1.0 / 2000.0
 CACHE_HOME = "XDG_CACHE_HOME"
 """The environment variable with the folder for caches."""
 
-OUTLINES = {
-    "LINE",
-    "LWPOLYLINE",
-    "POLYLINE",
-    "ARC",
-    "CIRCLE",
-    "ELLIPSE",
-    "SPLINE",
-    "SOLID",
-    "TRACE",
-}
+OUTLINES = frozenset("LINE LWPOLYLINE POLYLINE ARC CIRCLE ELLIPSE SPLINE SOLID TRACE".split())
 """Entities that are walls."""
 
 
