@@ -13,7 +13,8 @@ from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import correlate
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.surface import evenly_spaced, grid_of, moved
+from lrf3d.slam.scan_matching import POINT_SIGMA
+from lrf3d.slam.surface import ALONG, moved, wall_map
 from lrf3d.slam.ways import WayGraph
 
 LEAST_WAY = 6.0
@@ -89,7 +90,8 @@ class Key:
     Args:
         scan: Its number among all scans.
         pose: (3,) where the front end had it, in its own drifting frame.
-        surface: (m, 4) what it saw, in the frame of the robot.
+        surface: (m, 4) what it is recognised by, in the frame of the robot.
+        walls: (w, 4) what it adds to a map.
         angles: (beams,) directions of its beams [rad], rising.
         ranges: (beams,) their ranges [m].
         laser: (2,) where the laser stands on the robot [m].
@@ -98,6 +100,7 @@ class Key:
     scan: int
     pose: Float
     surface: Float
+    walls: Float
     angles: Float
     ranges: Float
     laser: Float
@@ -173,6 +176,7 @@ class LoopCloser:
 
     def __init__(self) -> None:
         self.keys: list[Key] = []
+        self.along, self.sigma = ALONG, POINT_SIGMA
         self.accepted: list[Closure] = []
         self._pending: list[Closure] = []
         self._graph = WayGraph()
@@ -246,16 +250,15 @@ class LoopCloser:
         origin = self.keys[old].pose
         # A stretch so short was drawn by the front end better than the graph knows it.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
-        parts = [
-            moved(evenly_spaced(self.keys[k].surface), pose)
-            for k, pose in zip(near, locals_, strict=True)
-        ]
-        cloud = np.concatenate(parts)
-        if len(cloud) < LEAST_POINTS:
+        grid = wall_map(
+            ((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True)), self.along
+        )
+        if grid is None or len(grid.surface) < LEAST_POINTS:
             return None
-        grid = grid_of(cloud)
         guess = between(poses[old], poses[new])
-        matches = correlate(key.surface, grid, guess, window=window, turn=turn, reach=REACH)
+        matches = correlate(
+            key.surface, grid, guess, window=window, turn=turn, reach=REACH, sigma=self.sigma
+        )
         if not matches or matches[0].explained < LEAST_EXPLAINED:
             return None
         best = matches[0]

@@ -5,13 +5,14 @@ every half metre a key scan: loops are closed with these, and the pose graph is 
 """
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, grid_of, moved
+from lrf3d.slam.scan_matching import POINT_SIGMA, Match, match_scan
+from lrf3d.slam.surface import ALONG, SurfaceGrid, evenly_spaced, is_loose, moved, wall_map
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
@@ -32,6 +33,9 @@ LEAST_EXPLAINED = 0.15
 DOUBTFUL, BETTER = 0.65, 0.15
 """Where a match explains a smaller share than the first, others are tried that odometry does not
 lead to, and believed if they explain more by the second."""
+
+LEAST_POINTS = 40
+"""With fewer points than this no others are tried: a few points fit in many places."""
 
 UNGUIDED = np.diag([100.0, 100.0, 400.0])
 """Information of the guess in these: 0.1 m and 0.05 rad."""
@@ -90,13 +94,18 @@ class FrontEnd:
 
     def __init__(self, *, key_distance: float = KEY_DISTANCE, key_turn: float = KEY_TURN) -> None:
         self.key_distance, self.key_turn = key_distance, key_turn
+        self.along, self.sigma = ALONG, POINT_SIGMA
         self.pose = np.zeros(3)
         self.wheels = Wheels()
-        self._local: list[tuple[Float, Float]] = []
+        # The surfaces that make the local map, with their poses, for each of the last key scans.
+        self._local: list[list[tuple[Float, Float]]] = []
+        # Those of a sparse laser's scans since the last key scan.
+        self._stretch: list[tuple[Float, Float]] = []
+        self._key_pose: Float | None = None
         self._grid: SurfaceGrid | None = None
         self._raw = np.zeros(3)
         self._found = np.zeros(3)
-        self._ahead_known = True
+        self._turn_known = self._ahead_known = True
         self._last = np.zeros(3)
 
     def track(self, surface: Float, increment: Float) -> Tracked:
@@ -110,12 +119,11 @@ class FrontEnd:
         guess = compose(self.pose, expected)
         covariance = self.wheels.covariance(increment)
         prior = turned(np.diag(1.0 / covariance.diagonal()), float(self.pose[2]))
-        if self._grid is None or not len(surface):
-            self.pose = guess
-            return Tracked(guess, np.zeros((3, 3)), 0.0, False, np.inf)
-        match = match_scan(surface, self._grid, guess, prior, ITERATIONS, REACH)
-        if match.explained < DOUBTFUL:
-            match = self._better(surface, self._grid, match, expected)
+        match = Match(guess, np.zeros((3, 3)), 0.0, np.inf)
+        if self._grid is not None and len(surface):
+            match = match_scan(surface, self._grid, guess, prior, ITERATIONS, REACH, self.sigma)
+            if match.explained < DOUBTFUL and len(surface) >= LEAST_POINTS:
+                match = self._better(surface, self._grid, match, expected)
         believed = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
         pose = match.pose if believed else guess
         pose[2] = wrap_angle(pose[2])
@@ -126,8 +134,12 @@ class FrontEnd:
             self.wheels.compare(expected, found, covariance)
         self._raw += increment
         self._found += found
+        self._turn_known &= believed
         self._ahead_known &= believed and information[0, 0] > WEAK
         self.pose = pose
+        if is_loose(surface):
+            self._stretch.append((surface, pose.copy()))
+            self._grid = wall_map([*chain.from_iterable(self._local), *self._stretch], self.along)
         return Tracked(pose, information, match.explained, believed, match.deviation)
 
     def _better(self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float) -> Match:
@@ -139,23 +151,38 @@ class FrontEnd:
         best = match
         for motion in (self._last, np.zeros(3), expected * BACKWARDS):
             guess = compose(self.pose, motion)
-            other = match_scan(surface, grid, guess, UNGUIDED, ITERATIONS, REACH)
+            other = match_scan(surface, grid, guess, UNGUIDED, ITERATIONS, REACH, self.sigma)
             if other.explained > best.explained + (BETTER if best is match else 0.0):
                 best = other
         return best
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""
-        if not self._local:
+        if self._key_pose is None:
             return True
-        x, y, turn = between(self._local[-1][1], self.pose)
+        x, y, turn = between(self._key_pose, self.pose)
         return bool(np.hypot(x, y) >= self.key_distance or abs(turn) >= self.key_turn)
 
-    def add_key(self, surface: Float) -> None:
-        """Take the scan that was just placed into the local map."""
-        if self._local:
+    def add_key(self, surface: Float) -> tuple[Float, Float]:
+        """Take the scan that was just placed into the local map.
+
+        Returns:
+            What a key scan there can be recognised by (m, 4), and the walls (w, 4) that it adds to
+            a map, both in the frame of the robot: of a sparse laser what the scans around it saw.
+        """
+        if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
-        self._raw, self._found, self._ahead_known = np.zeros(3), np.zeros(3), True
-        self._local = [*self._local[1 - LOCAL_KEYS :], (evenly_spaced(surface), self.pose.copy())]
-        parts = np.concatenate([moved(part, pose) for part, pose in self._local])
-        self._grid = grid_of(parts) if len(parts) else None
+        self._raw, self._found = np.zeros(3), np.zeros(3)
+        self._turn_known = self._ahead_known = True
+        back = between(self.pose, np.zeros(3))
+        if is_loose(surface):
+            walls = moved(np.concatenate([moved(*part) for part in self._stretch]), back)
+        else:
+            walls = evenly_spaced(surface)
+        self._local = [*self._local[1 - LOCAL_KEYS :], self._stretch or [(walls, self.pose.copy())]]
+        self._stretch = []
+        self._key_pose = self.pose.copy()
+        self._grid = wall_map(chain.from_iterable(self._local), self.along)
+        if is_loose(surface) and self._grid is not None:
+            surface = moved(self._grid.surface, back)
+        return surface, walls

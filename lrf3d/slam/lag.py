@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int
-from lrf3d.slam.scan_matching import match_scan
-from lrf3d.slam.surface import evenly_spaced, grid_of
+from lrf3d.slam.scan_matching import POINT_SIGMA, match_scan
+from lrf3d.slam.surface import ALONG, evenly_spaced, grid_of
 
 PAIRS = 300
 """Pairs of scans that are matched: those whose turns depend most on the lag."""
@@ -72,7 +72,9 @@ def estimate_lag(surface: Callable[[int], Float], poses: Float, places: Int) -> 
         if min(len(before), len(after)) < LEAST_POINTS or ways[number] > 0.5:
             continue
         guess = np.array([ways[number], 0.0, at_scans[number + 1, 2] - at_scans[number, 2]])
-        match = match_scan(after, grid_of(evenly_spaced(before)), guess, GUIDED, 20, 0.3)
+        match = match_scan(
+            after, grid_of(evenly_spaced(before), ALONG), guess, GUIDED, 20, 0.3, POINT_SIGMA
+        )
         if match.explained > 0.5:
             matched[row] = match.pose[2]
     good = np.isfinite(matched)

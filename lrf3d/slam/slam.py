@@ -20,9 +20,9 @@ from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised
-from lrf3d.slam.scan_matching import POINT_SIGMA
+from lrf3d.slam.scan_matching import POINT_SIGMA, point_sigma
 from lrf3d.slam.settling import settled
-from lrf3d.slam.surface import surface_of_scan
+from lrf3d.slam.surface import reach_along, surface_of_scan
 from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, scaled, variance_factor
 
 EDGE_SHARE = 0.3
@@ -124,11 +124,13 @@ class Slam:
             )
         increment = np.array(as_pose(odometry))
         surface = surface_of_scan(scan, self._laser)
+        if not self._tracked:
+            self._front.along = self._closer.along = reach_along(scan.angles)
+            self._front.sigma = self._closer.sigma = point_sigma(scan.angles)
         self._wheel_covariance += self._front.wheels.covariance(increment)
         self._tracked.append(self._front.track(surface, increment))
         if self._front.key_due():
-            self._front.add_key(surface)
-            self._add_key(scan, surface)
+            self._add_key(scan, *self._front.add_key(surface))
 
     @property
     def pose(self) -> Pose:
@@ -261,13 +263,13 @@ class Slam:
         self._new_edges = []
         return self._edges
 
-    def _add_key(self, scan: LaserScan, surface: Float) -> None:
+    def _add_key(self, scan: LaserScan, surface: Float, walls: Float) -> None:
         """Add a vertex for the newest scan to the pose graph, and the loops that it closes."""
         tracked, keys = self._tracked[-1], self._closer.keys
         # A laser that hangs upside down turns clockwise.
         way = slice(None, None, -1) if scan.angles[0] > scan.angles[-1] else slice(None)
         angles, ranges = scan.angles[way], scan.ranges[way]
-        key = Key(len(self._tracked) - 1, tracked.pose, surface, angles, ranges, self._laser)
+        key = Key(len(self._tracked) - 1, tracked.pose, surface, walls, angles, ranges, self._laser)
         self._scans.append(scan)
         new = np.zeros(3)
         if keys:
