@@ -18,6 +18,9 @@ from lrf3d.slam.wheels import Wheels
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 """A key scan is taken after this way [m] or turn [rad]. Errors hardly change from 0.4 to 0.6 m."""
 
+PART_DISTANCE, PART_TURN = 0.12, 0.12
+"""A scan of a sparse laser becomes part of the local map after this way [m] or turn [rad]."""
+
 LOCAL_KEYS = 8
 """Key scans that a scan is matched with: more cost time, fewer let the robot drift."""
 
@@ -34,7 +37,7 @@ DOUBTFUL, BETTER = 0.65, 0.15
 """Where a match explains a smaller share than the first, others are tried that odometry does not
 lead to, and believed if they explain more by the second."""
 
-LEAST_POINTS = 40
+LEAST_POINTS = 20
 """With fewer points than this no others are tried: a few points fit in many places."""
 
 UNGUIDED = np.diag([100.0, 100.0, 400.0])
@@ -42,6 +45,10 @@ UNGUIDED = np.diag([100.0, 100.0, 400.0])
 
 BACKWARDS = np.array([-1.0, -1.0, 1.0])
 """What turns an increment into that of a robot that drives backwards."""
+
+REVERSED = 0.03
+"""A scan that lies farther behind the last one than this [m], where odometry has it farther ahead
+than this, was reached backwards, with encoders that know no sign."""
 
 WEAK = 2500.0
 """A direction is left to the odometry where scans fix it with less information than this [1/m²]: no
@@ -107,6 +114,7 @@ class FrontEnd:
         self._found = np.zeros(3)
         self._turn_known = self._ahead_known = True
         self._last = np.zeros(3)
+        self._signs = np.ones(3)
 
     def track(self, surface: Float, increment: Float) -> Tracked:
         """Place the next scan.
@@ -115,46 +123,61 @@ class FrontEnd:
             surface: (m, 4) what it saw, in the frame of the robot's base.
             increment: (3,) how the robot moved since the last scan by its wheels.
         """
+        increment = self._signs * increment
         expected = self.wheels.corrected(increment)
         guess = compose(self.pose, expected)
         covariance = self.wheels.covariance(increment)
         prior = turned(np.diag(1.0 / covariance.diagonal()), float(self.pose[2]))
-        match = Match(guess, np.zeros((3, 3)), 0.0, np.inf)
+        match, backwards = Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
         if self._grid is not None and len(surface):
             match = match_scan(surface, self._grid, guess, prior, ITERATIONS, REACH, self.sigma)
             if match.explained < DOUBTFUL and len(surface) >= LEAST_POINTS:
-                match = self._better(surface, self._grid, match, expected)
+                match, backwards = self._better(surface, self._grid, match, expected)
+            if backwards:
+                # From here on the encoders are taken to count the other way.
+                self._signs, increment = self._signs * BACKWARDS, increment * BACKWARDS
         believed = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
         pose = match.pose if believed else guess
         pose[2] = wrap_angle(pose[2])
         information = turned(match.information, -float(pose[2]))
         found = between(self.pose, pose)
         self._last = found
-        if believed:
+        if believed and not backwards:
             self.wheels.compare(expected, found, covariance)
         self._raw += increment
         self._found += found
         self._turn_known &= believed
         self._ahead_known &= believed and information[0, 0] > WEAK
         self.pose = pose
-        if is_loose(surface):
+        if is_loose(surface) and self._apart():
             self._stretch.append((surface, pose.copy()))
             self._grid = wall_map([*chain.from_iterable(self._local), *self._stretch], self.along)
         return Tracked(pose, information, match.explained, believed, match.deviation)
 
-    def _better(self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float) -> Match:
+    def _better(
+        self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float
+    ) -> tuple[Match, bool]:
         """A match that explains much more than the one that odometry led to, if there is one.
 
-        Wheels that spin, or a robot that is pushed, move otherwise than odometry says: the robot
+        Also returns whether it was reached backwards. Wheels that spin, or a robot that is pushed, move otherwise than odometry says: the robot
         stands still, goes on as it did, or drives backwards with encoders that know no sign.
         """
-        best = match
+        best, backwards = match, False
         for motion in (self._last, np.zeros(3), expected * BACKWARDS):
             guess = compose(self.pose, motion)
             other = match_scan(surface, grid, guess, UNGUIDED, ITERATIONS, REACH, self.sigma)
             if other.explained > best.explained + (BETTER if best is match else 0.0):
                 best = other
-        return best
+                ahead = between(self.pose, best.pose)[0]
+                backwards = bool(min(-ahead * np.sign(expected[0]), abs(expected[0])) > REVERSED)
+        return best, backwards
+
+    def _apart(self) -> bool:
+        """Whether the robot has moved far enough for a scan to show other points of the walls."""
+        if not self._stretch:
+            return True
+        x, y, turn = between(self._stretch[-1][1], self.pose)
+        return bool(np.hypot(x, y) >= PART_DISTANCE or abs(turn) >= PART_TURN)
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""
@@ -176,6 +199,8 @@ class FrontEnd:
         self._turn_known = self._ahead_known = True
         back = between(self.pose, np.zeros(3))
         if is_loose(surface):
+            if not self._stretch or self._stretch[-1][0] is not surface:
+                self._stretch.append((surface, self.pose.copy()))
             walls = moved(np.concatenate([moved(*part) for part in self._stretch]), back)
         else:
             walls = evenly_spaced(surface)

@@ -22,6 +22,9 @@ POINT_SIGMA = 0.06
 """Standard deviation [m] that one point's distance to its line counts with. The noise of a range is
 about 0.01 m, but points of one wall share the errors of its normal and of the map."""
 
+SPARSE_SIGMA = 0.02
+"""The same for a sparse laser, whose points lie on different parts of the walls."""
+
 ALIGNED = 0.85
 """Least cosine between the normals of a point and of what it is matched to."""
 
@@ -142,9 +145,7 @@ def match_scan(
 
 def point_sigma(angles: Float) -> float:
     """What a point's distance to its line counts with [m], for beams at these angles (beams,)."""
-    import os
-
-    return float(os.environ.get("SPS", "0.03")) if is_sparse(angles) else POINT_SIGMA
+    return SPARSE_SIGMA if is_sparse(angles) else POINT_SIGMA
 
 
 @inner

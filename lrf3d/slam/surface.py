@@ -58,8 +58,8 @@ again and again."""
 LEAST_ON_LINE = 4
 """Points that a line of the map of a sparse laser has at least."""
 
-MOST_AROUND = 48
-"""Points around one that its normal is found from, at most."""
+MOST_AROUND, MOST_LINES = 40, 12
+"""Points around one that its normal is found from, and lines to them that are tried, at most."""
 
 ALONG = 0.25
 """How far along a wall a point speaks for it [m], where beams are dense."""
@@ -330,7 +330,7 @@ def find_normals(grid: SurfaceGrid) -> None:  # pragma: no cover
                     count += 1
         most = 0
         best_x = best_y = 0.0
-        for k in range(count):
+        for k in range(0, count, 1 + count // MOST_LINES):
             away = np.sqrt(near[k, 0] ** 2 + near[k, 1] ** 2)
             if away < LEAST_APART:
                 continue

@@ -98,7 +98,9 @@ class Wheels:
         bias = np.linalg.solve(self._turn_information, self._turn_sum)
         self._turn_bias = np.asarray(bias, dtype=np.float64)
         if ahead_known and abs(way) > 0.0:
-            weight = (STILL_POSITION + SLIP * abs(way)) ** -2.0
+            spread = STILL_POSITION + SLIP * abs(way)
+            error = float(matched[0]) - way
+            weight = 1.0 / (spread * max(spread, abs(error - self._way_bias * way) / 3.0))
             self._way_information += weight * way**2
-            self._way_sum += weight * way * (float(matched[0]) - way)
+            self._way_sum += weight * way * error
             self._way_bias = self._way_sum / self._way_information
