@@ -13,8 +13,8 @@ from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import correlate
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.scan_matching import POINT_SIGMA
-from lrf3d.slam.surface import ALONG, moved, wall_map
+from lrf3d.slam.resolution import DENSE, Resolution
+from lrf3d.slam.surface import moved, wall_map
 from lrf3d.slam.ways import WayGraph
 
 LEAST_WAY = 6.0
@@ -35,9 +35,6 @@ FARTHEST_WAY = 0.5 * MOST_WINDOW / DRIFT
 LEAST_WINDOW_TURN, MOST_WINDOW_TURN = 0.06, 0.45
 """Bounds of half its angle [rad]."""
 
-SUBMAP = 5
-"""Key scans before and after an old one that make the map a scan is matched with."""
-
 MOST_TRIES = 2
 """Old key scans that are tried for each new one."""
 
@@ -52,9 +49,6 @@ CLOSURE_WAY = 0.5
 
 REACH = 0.3
 """How far off walls are looked for [m] when a closure is matched."""
-
-LEAST_EXPLAINED = 0.6
-"""Share of a scan that has to lie on the old map."""
 
 AMBIGUOUS = 0.92
 """A closure is dropped if another place explains this share of what the best one does."""
@@ -174,9 +168,11 @@ def contradicted(keys: list[Key], olds: range, new: Key, poses: Float) -> bool:
 class LoopCloser:
     """Finds closures for new key scans, and keeps them until enough agree."""
 
-    def __init__(self) -> None:
+    def __init__(self, resolution: Resolution = DENSE) -> None:
         self.keys: list[Key] = []
-        self.along, self.sigma = ALONG, POINT_SIGMA
+        self._resolution = resolution
+        self._drift = DRIFT * resolution.drift
+        self._drift_turn = DRIFT_TURN * resolution.drift
         self.accepted: list[Closure] = []
         self._pending: list[Closure] = []
         self._graph = WayGraph()
@@ -224,7 +220,7 @@ class LoopCloser:
         if not fits.any():
             return []
         ways = self._graph.ways(new, FARTHEST_WAY)
-        window = np.clip(2.0 * DRIFT * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
+        window = np.clip(2.0 * self._drift * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
         fits &= (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
         closures: list[Closure] = []
         for _ in range(MOST_TRIES):
@@ -232,7 +228,9 @@ class LoopCloser:
             if not len(candidates):
                 break
             old = int(candidates[apart[candidates].argmin()])
-            turn = float(np.clip(2.0 * DRIFT_TURN * ways[old], LEAST_WINDOW_TURN, MOST_WINDOW_TURN))
+            turn = float(
+                np.clip(2.0 * self._drift_turn * ways[old], LEAST_WINDOW_TURN, MOST_WINDOW_TURN)
+            )
             closure = self._matched(old, new, poses, float(window[old]), turn)
             if closure is not None:
                 closures.append(closure)
@@ -246,20 +244,28 @@ class LoopCloser:
     ) -> Closure | None:
         """The closure between two key scans, if they show the same place."""
         key = self.keys[new]
-        near = range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
+        submap = self._resolution.submap
+        near = range(max(old - submap, 0), min(old + submap + 1, new))
         origin = self.keys[old].pose
         # A stretch so short was drawn by the front end better than the graph knows it.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
         grid = wall_map(
-            ((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True)), self.along
+            ((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True)),
+            self._resolution.along,
         )
         if grid is None or len(grid.surface) < LEAST_POINTS:
             return None
         guess = between(poses[old], poses[new])
         matches = correlate(
-            key.surface, grid, guess, window=window, turn=turn, reach=REACH, sigma=self.sigma
+            key.surface,
+            grid,
+            guess,
+            window=window,
+            turn=turn,
+            reach=REACH,
+            sigma=self._resolution.sigma,
         )
-        if not matches or matches[0].explained < LEAST_EXPLAINED:
+        if not matches or matches[0].explained < self._resolution.overlap:
             return None
         best = matches[0]
         if any(match.explained > AMBIGUOUS * best.explained for match in matches[1:]):
@@ -303,7 +309,9 @@ class LoopCloser:
         error = between(compose(first.relative, new), compose(old, second.relative))
         way = abs(self._ways[first.old] - self._ways[second.old])
         way += abs(self._ways[first.new] - self._ways[second.new])
-        spread = np.array([0.05 + DRIFT * way, 0.05 + DRIFT * way, 0.015 + DRIFT_TURN * way])
+        spread = np.array(
+            [0.05 + self._drift * way, 0.05 + self._drift * way, 0.015 + self._drift_turn * way]
+        )
         lever = np.hypot(old[0], old[1]) * 0.015
         covariance = np.diag(spread**2 + np.array([lever, lever, 0.0]) ** 2)
         for closure in (first, second):

@@ -11,8 +11,9 @@ import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.scan_matching import POINT_SIGMA, Match, match_scan
-from lrf3d.slam.surface import ALONG, SurfaceGrid, evenly_spaced, is_loose, moved, wall_map
+from lrf3d.slam.resolution import DENSE, Resolution
+from lrf3d.slam.scan_matching import Match, match_scan
+from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, is_loose, moved, wall_map
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
@@ -97,11 +98,18 @@ class FrontEnd:
     Args:
         key_distance: Way between key scans [m].
         key_turn: Turn between key scans [rad].
+        resolution: That of the laser.
     """
 
-    def __init__(self, *, key_distance: float = KEY_DISTANCE, key_turn: float = KEY_TURN) -> None:
+    def __init__(
+        self,
+        *,
+        key_distance: float = KEY_DISTANCE,
+        key_turn: float = KEY_TURN,
+        resolution: Resolution = DENSE,
+    ) -> None:
         self.key_distance, self.key_turn = key_distance, key_turn
-        self.along, self.sigma = ALONG, POINT_SIGMA
+        self.resolution = resolution
         self.pose = np.zeros(3)
         self.wheels = Wheels()
         # The surfaces that make the local map, with their poses, for each of the last key scans.
@@ -130,7 +138,9 @@ class FrontEnd:
         prior = turned(np.diag(1.0 / covariance.diagonal()), float(self.pose[2]))
         match, backwards = Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
         if self._grid is not None and len(surface):
-            match = match_scan(surface, self._grid, guess, prior, ITERATIONS, REACH, self.sigma)
+            match = match_scan(
+                surface, self._grid, guess, prior, ITERATIONS, REACH, self.resolution.sigma
+            )
             if match.explained < DOUBTFUL and len(surface) >= LEAST_POINTS:
                 match, backwards = self._better(surface, self._grid, match, expected)
             if backwards:
@@ -151,7 +161,9 @@ class FrontEnd:
         self.pose = pose
         if is_loose(surface) and self._apart():
             self._stretch.append((surface, pose.copy()))
-            self._grid = wall_map([*chain.from_iterable(self._local), *self._stretch], self.along)
+            self._grid = wall_map(
+                [*chain.from_iterable(self._local), *self._stretch], self.resolution.along
+            )
         return Tracked(pose, information, match.explained, believed, match.deviation)
 
     def _better(
@@ -159,13 +171,18 @@ class FrontEnd:
     ) -> tuple[Match, bool]:
         """A match that explains much more than the one that odometry led to, if there is one.
 
-        Also returns whether it was reached backwards. Wheels that spin, or a robot that is pushed, move otherwise than odometry says: the robot
+        Wheels that spin, or a robot that is pushed, move otherwise than odometry says: the robot
         stands still, goes on as it did, or drives backwards with encoders that know no sign.
+
+        Returns:
+            The best match, and whether it was reached backwards.
         """
         best, backwards = match, False
         for motion in (self._last, np.zeros(3), expected * BACKWARDS):
             guess = compose(self.pose, motion)
-            other = match_scan(surface, grid, guess, UNGUIDED, ITERATIONS, REACH, self.sigma)
+            other = match_scan(
+                surface, grid, guess, UNGUIDED, ITERATIONS, REACH, self.resolution.sigma
+            )
             if other.explained > best.explained + (BETTER if best is match else 0.0):
                 best = other
                 ahead = between(self.pose, best.pose)[0]
@@ -207,7 +224,7 @@ class FrontEnd:
         self._local = [*self._local[1 - LOCAL_KEYS :], self._stretch or [(walls, self.pose.copy())]]
         self._stretch = []
         self._key_pose = self.pose.copy()
-        self._grid = wall_map(chain.from_iterable(self._local), self.along)
+        self._grid = wall_map(chain.from_iterable(self._local), self.resolution.along)
         if is_loose(surface) and self._grid is not None:
             surface = moved(self._grid.surface, back)
         return surface, walls

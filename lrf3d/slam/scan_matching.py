@@ -16,14 +16,7 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
-from lrf3d.slam.surface import SurfaceGrid, is_sparse, unknown
-
-POINT_SIGMA = 0.06
-"""Standard deviation [m] that one point's distance to its line counts with. The noise of a range is
-about 0.01 m, but points of one wall share the errors of its normal and of the map."""
-
-SPARSE_SIGMA = 0.02
-"""The same for a sparse laser, whose points lie on different parts of the walls."""
+from lrf3d.slam.surface import SurfaceGrid, unknown
 
 ALIGNED = 0.85
 """Least cosine between the normals of a point and of what it is matched to."""
@@ -141,11 +134,6 @@ def match_scan(
         if settled and iteration >= 4:
             break
     return Match(pose, scan_part, explained, deviation)
-
-
-def point_sigma(angles: Float) -> float:
-    """What a point's distance to its line counts with [m], for beams at these angles (beams,)."""
-    return SPARSE_SIGMA if is_sparse(angles) else POINT_SIGMA
 
 
 @inner

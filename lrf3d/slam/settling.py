@@ -12,8 +12,9 @@ from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.slam.closures import Key
 from lrf3d.slam.frames import turned
-from lrf3d.slam.scan_matching import match_scan, point_sigma
-from lrf3d.slam.surface import reach_along, surface_of_scan, wall_map
+from lrf3d.slam.resolution import Resolution
+from lrf3d.slam.scan_matching import match_scan
+from lrf3d.slam.surface import surface_of_scan, wall_map
 
 NEAREST = 8
 """Key scans that a scan is matched with. Twice as many take twice the time, and move the mean error
@@ -42,20 +43,20 @@ def settled(
         key_scans: (k,) their numbers among all scans.
     """
     settled_poses = poses.copy()
-    sigma = point_sigma(scans[0].angles)
+    resolution = Resolution.of(scans[0].angles)
     ends = np.append(key_scans[1:], len(scans))
     for number, (first, end) in enumerate(zip(key_scans.tolist(), ends.tolist(), strict=True)):
         apart = np.hypot(*(key_poses[:, :2] - key_poses[number, :2]).T)
         nearest = np.argsort(apart, kind="stable")[:NEAREST]
-        grid = wall_map(
-            ((keys[k].walls, key_poses[k]) for k in nearest.tolist()), reach_along(scans[0].angles)
-        )
+        grid = wall_map(((keys[k].walls, key_poses[k]) for k in nearest.tolist()), resolution.along)
         if grid is None:
             continue
         for scan in range(first, end):
-            surface = surface_of_scan(scans[scan], keys[number].laser)
+            surface = surface_of_scan(scans[scan], keys[number].laser, sparse=resolution.sparse)
             prior = turned(PRIOR, float(poses[scan, 2]))
-            match = match_scan(surface, grid, poses[scan], prior, ITERATIONS, REACH, sigma)
+            match = match_scan(
+                surface, grid, poses[scan], prior, ITERATIONS, REACH, resolution.sigma
+            )
             if match.explained > LEAST_EXPLAINED:
                 settled_poses[scan] = match.pose
     return settled_poses

@@ -20,9 +20,9 @@ from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised
-from lrf3d.slam.scan_matching import POINT_SIGMA, point_sigma
+from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.settling import settled
-from lrf3d.slam.surface import reach_along, surface_of_scan
+from lrf3d.slam.surface import surface_of_scan
 from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, scaled, variance_factor
 
 EDGE_SHARE = 0.3
@@ -86,6 +86,7 @@ class Slam:
         self._start = np.array(as_pose(start))
         self._laser = sealed(np.array([laser_offset, 0.0]))
         self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn)
+        self._resolution = DENSE
         self._closer = LoopCloser()
         self._tracked: list[Tracked] = []
         self._room = np.empty((LEAST_ROOM, 3))
@@ -123,10 +124,11 @@ class Slam:
                 f" {self._lrf.beams}"
             )
         increment = np.array(as_pose(odometry))
-        surface = surface_of_scan(scan, self._laser)
         if not self._tracked:
-            self._front.along = self._closer.along = reach_along(scan.angles)
-            self._front.sigma = self._closer.sigma = point_sigma(scan.angles)
+            self._resolution = Resolution.of(scan.angles)
+            self._front.resolution = self._resolution
+            self._closer = LoopCloser(self._resolution)
+        surface = surface_of_scan(scan, self._laser, sparse=self._resolution.sparse)
         self._wheel_covariance += self._front.wheels.covariance(increment)
         self._tracked.append(self._front.track(surface, increment))
         if self._front.key_due():
@@ -170,7 +172,7 @@ class Slam:
     def _honest_edges(self) -> Edges:
         """The edges of the pose graph with covariances as closures and deviations show them."""
         matched = [scan.deviation for scan in self._tracked if scan.matched]
-        deviation = float(np.median(matched)) if matched else POINT_SIGMA
+        deviation = float(np.median(matched)) if matched else self._resolution.sigma
         edges = self._gathered_edges()
         return scaled(edges, variance_factor(self._key_poses, edges, deviation))
 

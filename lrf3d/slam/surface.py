@@ -4,8 +4,8 @@ The points of a scan enter, in the order in which the beams turn; a surface leav
 a point on a straight piece of wall and the unit normal of that wall, which faces the laser. Points
 with no straight neighbourhood are left out, for no line can be matched to them.
 
-The beams of a sparse laser meet a wall too far apart for that. There a point without a normal stays,
-and has a tenth of the direction to the laser instead; a map of many scans finds its normal.
+The beams of a sparse laser meet a wall too far apart for that. Its points have unknown normals, for
+which a tenth of the direction to the laser stands; a map of many scans finds them.
 """
 
 from collections.abc import Iterable
@@ -41,18 +41,11 @@ FILLED, FILLED_WITHIN = 0.15, 2.0
 THINNED = 0.05
 """And they lie at least this far apart [m]: 0.03 takes a tenth more time for the same errors."""
 
-SPARSE = 0.04
-"""A laser whose beams are farther apart than this [rad] is sparse: two beams meet a wall at the 4 m
-of a usual range farther apart than a normal reaches."""
-
 UNKNOWN = 0.1
 """Length of the direction to the laser that stands for a normal which is not known."""
 
-USUAL_RANGE = 4.0
-"""At this range [m] a sparse laser meets a wall at distances that a normal of its map reaches."""
-
 LEAST_APART = 0.1
-"""Points that give a line lie at least this far apart [m]: the laser meets a wall ahead at one place
+"""Points that give a line lie at least this far apart [m]: a laser meets a wall ahead at one place
 again and again."""
 
 LEAST_ON_LINE = 4
@@ -60,9 +53,6 @@ LEAST_ON_LINE = 4
 
 MOST_AROUND, MOST_LINES = 40, 12
 """Points around one that its normal is found from, and lines to them that are tried, at most."""
-
-ALONG = 0.25
-"""How far along a wall a point speaks for it [m], where beams are dense."""
 
 CELL = 0.3
 """Side of a cell of the grid [m]; lookups see a cell and those around it."""
@@ -200,12 +190,18 @@ def _between(surface: Float, i: int) -> int:  # pragma: no cover
     return int(apart / FILLED)
 
 
-def surface_of_scan(scan: LaserScan, laser: Float) -> Float:
-    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m]."""
+def surface_of_scan(scan: LaserScan, laser: Float, *, sparse: bool) -> Float:
+    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m].
+
+    Args:
+        scan: The scan.
+        laser: The place of the laser.
+        sparse: Whether its beams are too far apart for normals, which stay unknown then.
+    """
     hits = scan.hits
     directions = beam_directions(0.0, scan.angles[hits])
     points = scan.ranges[hits, None] * directions + laser
-    if is_sparse(scan.angles):
+    if sparse:
         return np.column_stack([points, -UNKNOWN * directions])
     return surface_of(points, laser)
 
@@ -213,17 +209,6 @@ def surface_of_scan(scan: LaserScan, laser: Float) -> Float:
 def is_loose(surface: Float) -> bool:
     """Whether the normals of a surface (m, 4) are unknown, as those of a sparse laser are."""
     return bool(len(surface)) and bool(np.hypot(*surface[0, 2:]) < 0.5)
-
-
-def is_sparse(angles: Float) -> bool:
-    """Whether beams at these angles (beams,) [rad] are too far apart for normals of single scans."""
-    return bool(abs(angles[-1] - angles[0]) > SPARSE * (len(angles) - 1))
-
-
-def reach_along(angles: Float) -> float:
-    """How far along a wall a point speaks for it [m], for beams at these angles (beams,) [rad]."""
-    step = abs(float(angles[-1] - angles[0])) / (len(angles) - 1)
-    return max(ALONG, USUAL_RANGE * step) if is_sparse(angles) else ALONG
 
 
 class SurfaceGrid(NamedTuple):
@@ -281,12 +266,12 @@ def grid_of(surface: Float, along: float) -> SurfaceGrid:  # pragma: no cover
     return SurfaceGrid(ordered, first, corner, size)
 
 
-def wall_map(parts: Iterable[tuple[Float, Float]], along: float = ALONG) -> SurfaceGrid | None:
+def wall_map(parts: Iterable[tuple[Float, Float]], along: float) -> SurfaceGrid | None:
     """The map of surfaces (m, 4) at poses (3,); None if there is no point in it.
 
     Args:
         parts: The surfaces and their poses.
-        along: How far along a wall a point of it speaks for the wall [m]: see `reach_along`.
+        along: How far along a wall a point of it speaks for the wall [m]: see `Resolution`.
     """
     clouds = [moved(surface, pose) for surface, pose in parts]
     cloud = np.concatenate(clouds) if clouds else np.empty((0, 4))

@@ -11,7 +11,7 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.slam.pose_graph import Edges, edge_equations, factor
-from lrf3d.slam.scan_matching import POINT_SIGMA
+from lrf3d.slam.resolution import DENSE
 
 KNOWN_BEFORE = 30.0
 """How many residuals the deviation of matched points counts as, beside those of closures."""
@@ -38,7 +38,7 @@ def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
     """
     residuals = 3.0 * float(edges.robust.sum())
     squares = float((edges.weights(poses) * edges.squares(poses)).sum())
-    before = KNOWN_BEFORE * (DEVIATIONS * deviation / POINT_SIGMA) ** 2
+    before = KNOWN_BEFORE * (DEVIATIONS * deviation / DENSE.sigma) ** 2
     return CORRELATED * (squares + before) / (residuals + KNOWN_BEFORE)
 
 
