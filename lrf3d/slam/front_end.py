@@ -66,6 +66,8 @@ class Tracked:
         explained: Share of its surface that lies on the local map.
         matched: Whether it was matched; if not, it stands where odometry has it.
         deviation: RMS distance [m] of its points to the walls they were matched with.
+        motion: (3,) how the robot moved since the scan before by its wheels, without the errors
+            that are known of these.
     """
 
     pose: Float
@@ -73,6 +75,7 @@ class Tracked:
     explained: float
     matched: bool
     deviation: float
+    motion: Float
 
     @property
     def weakest(self) -> tuple[Float, float]:
@@ -164,7 +167,7 @@ class FrontEnd:
             self._grid = wall_map(
                 [*chain.from_iterable(self._local), *self._stretch], self.resolution.along
             )
-        return Tracked(pose, information, match.explained, believed, match.deviation)
+        return Tracked(pose, information, match.explained, believed, match.deviation, expected)
 
     def _better(
         self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float

@@ -127,9 +127,8 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
         path: The way of the wheels.
         places: (k,) for each scan the index of the last odometry line before it.
     """
-    telling = telling_pairs(path, places)
-    chosen = telling[np.isfinite(turns[telling])]
-    if len(chosen) < LEAST_PAIRS:
+    chosen = np.flatnonzero(np.isfinite(turns))
+    if len(np.intersect1d(chosen, telling_pairs(path, places))) < LEAST_PAIRS:
         return 0.0
     ways = np.hypot(*np.diff(path.at(places.astype(np.float64))[:, :2], axis=0).T)[chosen]
     costs = [

@@ -272,7 +272,7 @@ def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> F
     The pose of a line that a scan follows is that of the scan: the poses are by the clock of the
     laser, for it is the laser's measurements that they are compared with.
     """
-    way = path.at(np.arange(len(path)) - lag)
+    way = path.at(np.arange(float(len(path))) - lag)
     known, last = np.unique(np.maximum(places, 0)[::-1], return_index=True)
     # What is left between odometry and scans is spread by how far the robot moved and turned.
     steps = np.abs(between(way[:-1], way[1:])).sum(axis=1) + STILL

@@ -1,8 +1,8 @@
 """Resolution: how far apart the beams of a laser are, and what matching its scans allows for.
 
 The angles of the beams enter. A laser with a degree between its beams sees walls as they are in a
-single scan. A sparse one, of eleven beams over 180°, meets a wall at points a metre apart: only many
-scans together show its walls.
+single scan. A sparse one, of eleven beams over 180°, meets a wall at points a metre apart: only
+many scans together show its walls.
 """
 
 from dataclasses import dataclass

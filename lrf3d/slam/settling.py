@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.slam.closures import Key
-from lrf3d.slam.frames import turned
+from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.resolution import Resolution
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import surface_of_scan, wall_map
@@ -26,18 +26,27 @@ PRIOR = np.diag([2500.0, 2500.0, 10000.0])
 ITERATIONS, REACH = 8, 0.3
 """Most Gauss-Newton steps, and how far off walls are looked for [m]."""
 
+DOUBTFUL = 0.03
+"""Where a scan is farther than this [m], [rad] from where its wheels have it, both are tried."""
+
 LEAST_EXPLAINED = 0.3
 """A scan that explains less than this share of its points stays where it is."""
 
 
 def settled(
-    scans: Sequence[LaserScan], poses: Float, keys: Sequence[Key], key_poses: Float, key_scans: Int
+    scans: Sequence[LaserScan],
+    poses: Float,
+    motions: Float,
+    keys: Sequence[Key],
+    key_poses: Float,
+    key_scans: Int,
 ) -> Float:
     """Poses (n, 3) of all scans, matched with the key scans around them.
 
     Args:
         scans: The scans (n,).
         poses: (n, 3) where they are believed to be.
+        motions: (n, 3) how the robot moved to each of them from the one before by its wheels.
         keys: The key scans (k,).
         key_poses: (k, 3) their poses.
         key_scans: (k,) their numbers among all scans.
@@ -52,11 +61,19 @@ def settled(
         if grid is None:
             continue
         for scan in range(first, end):
+            guesses = [poses[scan]]
+            if scan:
+                # The front end may have followed a person; the wheels do not.
+                driven = compose(settled_poses[scan - 1], motions[scan])
+                off = np.abs(between(driven, poses[scan])).max()
+                guesses += [driven] if off > DOUBTFUL else []
             surface = surface_of_scan(scans[scan], keys[number].laser, sparse=resolution.sparse)
             prior = turned(PRIOR, float(poses[scan, 2]))
-            match = match_scan(
-                surface, grid, poses[scan], prior, ITERATIONS, REACH, resolution.sigma
-            )
+            matches = [
+                match_scan(surface, grid, guess, prior, ITERATIONS, REACH, resolution.sigma)
+                for guess in guesses
+            ]
+            match = max(matches, key=lambda match: match.explained)
             if match.explained > LEAST_EXPLAINED:
                 settled_poses[scan] = match.pose
     return settled_poses

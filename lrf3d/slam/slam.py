@@ -250,7 +250,9 @@ class Slam:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
         keys, key_poses = self._closer.keys, self._key_poses
         poses = self.scan_poses(key_poses)
-        poses = compose(self._start, settled(scans, poses, keys, key_poses, self.key_scans))
+        motions = np.array([scan.motion for scan in self._tracked])
+        poses = settled(scans, poses, motions, keys, key_poses, self.key_scans)
+        poses = compose(self._start, poses)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
 
