@@ -13,11 +13,14 @@ from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, is_loose, moved, wall_map
+from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, is_unknown, moved, wall_map
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 """A key scan is taken after this way [m] or turn [rad]. Errors hardly change from 0.4 to 0.6 m."""
+
+MOST_POINTS = 200
+"""Points of the local map that a sparse laser recognises a place by, at most."""
 
 PART_DISTANCE, PART_TURN = 0.12, 0.12
 """A scan of a sparse laser becomes part of the local map after this way [m] or turn [rad]."""
@@ -162,7 +165,7 @@ class FrontEnd:
         self._turn_known &= believed
         self._ahead_known &= believed and information[0, 0] > WEAK
         self.pose = pose
-        if is_loose(surface) and self._apart():
+        if self.resolution.sparse and self._apart():
             self._stretch.append((surface, pose.copy()))
             self._grid = wall_map(
                 [*chain.from_iterable(self._local), *self._stretch], self.resolution.along
@@ -218,7 +221,7 @@ class FrontEnd:
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
         back = between(self.pose, np.zeros(3))
-        if is_loose(surface):
+        if self.resolution.sparse:
             if not self._stretch or self._stretch[-1][0] is not surface:
                 self._stretch.append((surface, self.pose.copy()))
             walls = moved(np.concatenate([moved(*part) for part in self._stretch]), back)
@@ -228,6 +231,8 @@ class FrontEnd:
         self._stretch = []
         self._key_pose = self.pose.copy()
         self._grid = wall_map(chain.from_iterable(self._local), self.resolution.along)
-        if is_loose(surface) and self._grid is not None:
-            surface = moved(self._grid.surface, back)
+        if self.resolution.sparse and self._grid is not None:
+            cloud = self._grid.surface
+            cloud = cloud[~is_unknown(cloud)]
+            surface = moved(cloud[:: 1 + len(cloud) // MOST_POINTS], back)
         return surface, walls

@@ -230,7 +230,7 @@ def solve_log(
 
     find_lag = tracked_lag if resolution.sparse else matched_lag
     increments = path.increments(places - find_lag(surface, path, places, resolution))
-    start = path.at(places[:1])[0]
+    start = path.at(places[:1].astype(np.float64))[0]
     slam = Slam(start=start, laser_offset=laser_offset, key_distance=key_distance)
     begin = perf_counter()
     for number, (scan, increment) in enumerate(zip(scans, increments, strict=True), 1):

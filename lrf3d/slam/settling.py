@@ -16,10 +16,6 @@ from lrf3d.slam.resolution import Resolution
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import surface_of_scan, wall_map
 
-NEAREST = 8
-"""Key scans that a scan is matched with. Twice as many take twice the time, and move the mean error
-by a hundredth."""
-
 PRIOR = np.diag([2500.0, 2500.0, 10000.0])
 """Information of where a scan stood before: 0.02 m and 0.01 rad."""
 
@@ -56,7 +52,7 @@ def settled(
     ends = np.append(key_scans[1:], len(scans))
     for number, (first, end) in enumerate(zip(key_scans.tolist(), ends.tolist(), strict=True)):
         apart = np.hypot(*(key_poses[:, :2] - key_poses[number, :2]).T)
-        nearest = np.argsort(apart, kind="stable")[:NEAREST]
+        nearest = np.argsort(apart, kind="stable")[: resolution.around]
         grid = wall_map(((keys[k].walls, key_poses[k]) for k in nearest.tolist()), resolution.along)
         if grid is None:
             continue

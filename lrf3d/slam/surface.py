@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 
@@ -206,9 +206,9 @@ def surface_of_scan(scan: LaserScan, laser: Float, *, sparse: bool) -> Float:
     return surface_of(points, laser)
 
 
-def is_loose(surface: Float) -> bool:
-    """Whether the normals of a surface (m, 4) are unknown, as those of a sparse laser are."""
-    return bool(len(surface)) and bool(np.hypot(*surface[0, 2:]) < 0.5)
+def is_unknown(surface: Float) -> Bool:
+    """Whether the normal of each point (m,) of a surface (m, 4) is unknown."""
+    return np.asarray(np.hypot(surface[:, 2], surface[:, 3]) < 0.5)
 
 
 class SurfaceGrid(NamedTuple):
