@@ -11,7 +11,6 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.slam.pose_graph import Edges, edge_equations, factor
-from lrf3d.slam.resolution import DENSE
 
 KNOWN_BEFORE = 30.0
 """How many residuals the deviation of matched points counts as, beside those of closures."""
@@ -34,11 +33,11 @@ def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
     Args:
         poses: (k, 3) that fit the edges best.
         edges: The edges.
-        deviation: RMS distance [m] of matched points to their walls.
+        deviation: RMS distance of matched points to their walls, over what one counts with.
     """
     residuals = 3.0 * float(edges.robust.sum())
     squares = float((edges.weights(poses) * edges.squares(poses)).sum())
-    before = KNOWN_BEFORE * (DEVIATIONS * deviation / DENSE.sigma) ** 2
+    before = KNOWN_BEFORE * (DEVIATIONS * deviation) ** 2
     return CORRELATED * (squares + before) / (residuals + KNOWN_BEFORE)
 
 
