@@ -29,7 +29,7 @@ EDGE_SHARE = 0.3
 """Share of the matching's information that counts for the edge between key scans: neighbours are
 matched with the same local map, and share its errors."""
 
-NEWS = 3.0
+NEWS = 4.0
 """A closure that is off by less than this many deviations waits for the next optimisation. These are
 honest ones: those that matching gives are ten times too large where scans are good, and with them
 the errors of a drive through offices were twice as large."""

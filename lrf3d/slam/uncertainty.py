@@ -19,10 +19,10 @@ DEVIATIONS = 2.0
 """Matched points count as if they lay this many times farther off than they do: along a corridor
 without closures, where nothing else tells, one such deviation was too little by half."""
 
-CORRELATED = 3.0
+CORRELATED = 1.5
 """By how much errors exceed those of independent edges: edges between following key scans share
-the errors of one local map. Measured in simulated drives with known truth, in which the factor
-without this one was 2 to 4 times too small."""
+the errors of one local map. Measured by `benchmarks/slam_consistency.py` in drives with known truth:
+twice as much makes covariances three times too large where loops are many."""
 
 
 def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
