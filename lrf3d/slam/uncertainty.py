@@ -15,14 +15,14 @@ from lrf3d.slam.pose_graph import Edges, edge_equations, factor
 KNOWN_BEFORE = 30.0
 """How many residuals the deviation of matched points counts as, beside those of closures."""
 
-DEVIATIONS = 2.0
+DEVIATIONS = 2.2
 """Matched points count as if they lay this many times farther off than they do: along a corridor
 without closures, where nothing else tells, one such deviation was too little by half."""
 
-CORRELATED = 1.5
+CORRELATED = 1.2
 """By how much errors exceed those of independent edges: edges between following key scans share
 the errors of one local map. Measured by `benchmarks/slam_consistency.py` in drives with known truth:
-twice as much makes covariances three times too large where loops are many."""
+with 3 covariances are three times too large where loops are many."""
 
 
 def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
