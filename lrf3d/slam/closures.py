@@ -13,9 +13,9 @@ from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import correlate
 from lrf3d.slam.frames import between, compose, turned
+from lrf3d.slam.graph_distance import DistanceGraph
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.surface import moved, wall_map
-from lrf3d.slam.ways import WayGraph
 
 LEAST_WAY = 6.0
 """Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
@@ -175,7 +175,7 @@ class LoopCloser:
         self._drift_turn = DRIFT_TURN * resolution.drift
         self.accepted: list[Closure] = []
         self._pending: list[Closure] = []
-        self._graph = WayGraph()
+        self._graph = DistanceGraph()
         # How far the robot had driven at each key scan [m].
         self._ways = np.empty(0)
 
@@ -219,7 +219,7 @@ class LoopCloser:
         fits = (self._ways < self._ways[new] - LEAST_WAY) & (apart < NEAR + 0.5 * MOST_WINDOW)
         if not fits.any():
             return []
-        ways = self._graph.ways(new, FARTHEST_WAY)
+        ways = self._graph.distances(new, FARTHEST_WAY)
         window = np.clip(2.0 * self._drift * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
         fits &= (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
         closures: list[Closure] = []

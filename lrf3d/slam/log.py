@@ -238,7 +238,7 @@ def solve_log(
         progress(number, len(scans))
     milliseconds = 1e3 * (perf_counter() - begin) / len(scans)
     slam.finish()
-    poses = slam.settled(scans)
+    poses = slam.refined(scans)
     # Now that the poses of all scans are known, all of them show the lag.
     lag = fitted_lag(np.diff(poses[:, 2]), path, places)
     return LogSolution(

@@ -20,8 +20,8 @@ from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised
+from lrf3d.slam.refinement import refined
 from lrf3d.slam.resolution import DENSE, Resolution
-from lrf3d.slam.settling import settled
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, scaled, variance_factor
 
@@ -31,8 +31,8 @@ matched with the same local map, and share its errors."""
 
 NEWS = 4.0
 """A closure that is off by less than this many deviations waits for the next optimisation. These are
-honest ones: those that matching gives are ten times too large where scans are good, and with them
-the errors of a drive through offices were twice as large."""
+scaled by the variance factor: those of matching are ten times too large where scans are good, and
+with them the errors of a drive through offices were twice as large."""
 
 ONLINE_ITERATIONS, FINAL_ITERATIONS = 1, 20
 """Most Gauss-Newton steps over the pose graph, while the robot drives and in the end."""
@@ -255,12 +255,12 @@ class Slam:
             surfaces = [key.surface for key in self._closer.keys]
             self._room[: len(poses)] = adjusted(poses, edges.part(~edges.robust), surfaces)
 
-    def settled(self, scans: Sequence[LaserScan]) -> Float:
+    def refined(self, scans: Sequence[LaserScan]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
         keys, key_poses = self._closer.keys, self._key_poses
         poses = self.scan_poses(key_poses)
         motions = np.array([scan.motion for scan in self._tracked])
-        poses = settled(scans, poses, motions, keys, key_poses, self.key_scans)
+        poses = refined(scans, poses, motions, keys, key_poses, self.key_scans)
         poses = compose(self._start, poses)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses

@@ -21,8 +21,8 @@ without closures, where nothing else tells, one such deviation was too little by
 
 CORRELATED = 1.2
 """By how much errors exceed those of independent edges: edges between following key scans share
-the errors of one local map. Measured by `benchmarks/slam_consistency.py` in drives with known truth:
-with 3 covariances are three times too large where loops are many."""
+the errors of one local map. Measured by `benchmarks/slam_consistency.py` with known truth: with 3
+covariances are three times too large where loops are many."""
 
 
 def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:

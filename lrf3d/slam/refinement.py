@@ -1,4 +1,4 @@
-"""Settling: every scan is matched once more, with all key scans around it in their final places.
+"""Refinement: every scan is matched once more, with all key scans around it in their final places.
 
 While the robot drove, a scan was matched with what lay just behind it. Now its surroundings are
 known from all drives past it, which are better than any one of them.
@@ -29,7 +29,7 @@ LEAST_EXPLAINED = 0.3
 """A scan that explains less than this share of its points stays where it is."""
 
 
-def settled(
+def refined(
     scans: Sequence[LaserScan],
     poses: Float,
     motions: Float,
@@ -47,7 +47,7 @@ def settled(
         key_poses: (k, 3) their poses.
         key_scans: (k,) their numbers among all scans.
     """
-    settled_poses = poses.copy()
+    refined_poses = poses.copy()
     resolution = Resolution.of(scans[0].angles)
     ends = np.append(key_scans[1:], len(scans))
     for number, (first, end) in enumerate(zip(key_scans.tolist(), ends.tolist(), strict=True)):
@@ -60,7 +60,7 @@ def settled(
             guesses = [poses[scan]]
             if scan:
                 # The front end may have followed a person; the wheels do not.
-                driven = compose(settled_poses[scan - 1], motions[scan])
+                driven = compose(refined_poses[scan - 1], motions[scan])
                 off = np.abs(between(driven, poses[scan])).max()
                 guesses += [driven] if off > DOUBTFUL else []
             surface = surface_of_scan(scans[scan], keys[number].laser, sparse=resolution.sparse)
@@ -71,5 +71,5 @@ def settled(
             ]
             match = max(matches, key=lambda match: match.explained)
             if match.explained > LEAST_EXPLAINED:
-                settled_poses[scan] = match.pose
-    return settled_poses
+                refined_poses[scan] = match.pose
+    return refined_poses
