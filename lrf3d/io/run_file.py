@@ -19,6 +19,8 @@ obstacle_corners (m,) number of corners of each outline; obstacle_outlines (…,
                       [m] of all, in their own frames
 obstacle_stops (m,)   number of poses of each path; obstacle_times (…,) [s] and obstacle_poses
                       (…, 3) those of all
+materials (o,)        the material of each object as JSON: the name of a built-in one, a table of
+                      its values, or null; missing where the world has none
 scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
 times (k,)            time of each scan [s]
 poses (k, 3)          x, y [m], theta [rad] of each scan
@@ -39,6 +41,7 @@ at multiples of 64 bytes, so that `load_run` maps the large ones and a run of an
 looked at. Where a program was stopped, a journal lies in its place: see `recording`.
 """
 
+import json
 import os
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -56,6 +59,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
+from lrf3d.world.materials import material_of, material_value
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -66,6 +70,7 @@ DTYPE_KINDS = {
     **dict.fromkeys(("version", "objects", "walls", "snapshot_scans", "map_sizes"), "iu"),
     **dict.fromkeys(("map_objects", "map_points", "obstacle_corners", "obstacle_stops"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
+    "materials": "U",
 }
 """What kinds of values an array may have, as NumPy names them; all others have floats."""
 
@@ -127,6 +132,9 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
         "film_view": np.array(film.view),
         "film_playback": np.array(film.playback),
     }
+    if world.materials:
+        values = [one and material_value(one) for one in world.materials]
+        arrays["materials"] = np.array([json.dumps(value) for value in values], dtype=np.str_)
     return [Column.of(name, array) for name, array in arrays.items()]
 
 
@@ -275,6 +283,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         object_names=tuple(str(name) for name in arrays["object_names"]),
         colours=arrays["colours"],
         cameras=_cameras(arrays),
+        materials=[material_of(json.loads(str(one))) for one in arrays.get("materials", ())],
     )
     angle_min, angle_max, beams, range_min, range_max, height = arrays["lrf"].tolist()
     lrf = LaserRangeFinder(
