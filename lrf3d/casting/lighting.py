@@ -77,13 +77,13 @@ class Lighting:
 
     def empty(self, lrf: LaserRangeFinder, count: int, *, chains: bool = False) -> Lit:
         """Arrays for the light of ``count`` scans, and for the walls on the way if wanted."""
-        beams = lrf.beams
+        beams, slots = lrf.beams, lrf.echoes if lrf.echoes > 1 else 0
         return Lit(
-            np.full((count, beams), np.inf),
-            np.full((count, beams), -1),
+            np.empty((count, beams)),
+            np.empty((count, beams), np.int64),
             np.zeros((count, beams)),
-            np.full((count, beams, lrf.echoes), np.inf),
-            np.zeros((count, beams, lrf.echoes)),
+            np.full((count, beams, slots), np.inf),
+            np.zeros((count, beams, slots)),
             np.full((count, beams, MOST_WALLS) if chains else (count, 0, 0), -1),
             np.zeros((count, beams), np.bool_),
         )
@@ -110,7 +110,7 @@ class Lighting:
         lit = _rows(lit, slice(*rows))
         level, receiver = self._level(lrf.height), receiver_of(lrf)
         if cast is None:
-            lit.undecided[:] = True
+            lit.ranges[:], lit.walls[:], lit.undecided[:] = np.inf, -1, True
         else:
             cast(poses, lit.ranges, lit.walls)
             optics = self._world.segments, self._kinds, self._table, level.places

@@ -98,7 +98,8 @@ class Lit(NamedTuple):
         ranges: (beams,) ranges [m] of the chosen echoes; they come in as those among the walls.
         walls: (beams,) their walls; they come in likewise.
         intensities: (beams,) their intensities.
-        echo_ranges: (beams, k) ranges [m] of the strongest echoes, the nearest first.
+        echo_ranges: (beams, k) ranges [m] of the strongest echoes, the nearest first; k is 0 where
+            one echo is reported.
         echo_intensities: (beams, k) their intensities.
         chains: (beams, MOST_WALLS) the walls on the way to the chosen echo, then −1; or (0, 0).
         undecided: (beams,) which beams are left to rationals.
@@ -120,6 +121,7 @@ class Room(NamedTuple):
     """Room to work in: rays that wait with their walls, and the echoes of a beam with theirs."""
 
     stack: Int
+    nears: Float
     rays: Float
     ways: Int
     echoes: Float
@@ -151,58 +153,60 @@ def light_scans(
     dx, dy = np.zeros(beams + PADDING), np.zeros(beams + PADDING)
     room = Room(
         np.empty(STACK, np.int64),
+        np.empty(STACK),
         np.empty((MOST_RAYS, RAY + 4)),
         np.empty((MOST_RAYS, MOST_WALLS), np.int64),
         np.empty((MOST_ECHOES, 3)),
         np.empty((MOST_ECHOES, MOST_WALLS), np.int64),
     )
+    segments, kinds, table = optics.segments, optics.kinds, optics.table
+    near, far = receiver.range_min, laser.range_max
+    slots, chained = echo_ranges.shape[2], chains.shape[1] > 0
     for k in range(len(poses)):
         aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
         one = Lit(
-            ranges[k], walls[k], intensities[k], echo_ranges[k], echo_intensities[k], chains[k],
-            undecided[k],
+            ranges[k], walls[k], intensities[k], echo_ranges[k], echo_intensities[k],
+            chains[k], undecided[k],
         )  # fmt: skip
         for i in range(beams):
-            ray = ray_of(poses[k, 0], poses[k, 1], dx[i], dy[i])
-            _light_beam(tree, optics, receiver, laser.range_max, ray, i, one, room)
+            wall = walls[k, i]
+            if wall < 0:
+                continue
+            kind = kinds[wall]
+            if table[kind, 6] == 0.0 and table[kind, 7] == 0.0:
+                # The range among the walls stands, to the last bit.
+                distance = ranges[k, i]
+                bright = _surface(segments, table, wall, kind, dx[i], dy[i])[0]
+                back = intensity(bright, distance, receiver.near_field)
+                if back > 0.0 and back >= receiver.threshold and distance > near * NEAR_LIMIT:
+                    intensities[k, i] = back
+                    if slots > 0:
+                        echo_ranges[k, i, 0], echo_intensities[k, i, 0] = distance, back
+                    if chained:
+                        chains[k, i, 0] = wall
+                    continue
+                room.echoes[0, WAY], room.echoes[0, LIGHT], room.echoes[0, LENGTH] = (
+                    distance, back, 1
+                )  # fmt: skip
+                room.echo_ways[0, 0] = wall
+                count = 1 if back > 0.0 and back >= receiver.threshold else 0
+            else:
+                ray = ray_of(poses[k, 0], poses[k, 1], dx[i], dy[i])
+                count = _follow(tree, optics, receiver, far, ray, wall, room)
+            if count == OPEN or _at_limit(room.echoes, count, near):
+                undecided[k, i] = True
+                continue
+            report(room.echoes, room.echo_ways, count, receiver, i, one)
 
 
 @inner
-def _light_beam(
-    tree: Tree,
-    optics: Optics,
-    receiver: Receiver,
-    range_max: float,
-    ray: Ray,
-    i: int,
-    lit: Lit,
-    room: Room,
-) -> None:
-    """Light one beam."""
-    wall = lit.walls[i]
-    echoes = 0
-    if wall >= 0:
-        kind = optics.kinds[wall]
-        if optics.table[kind, 6] == 0.0 and optics.table[kind, 7] == 0.0:
-            # The range among the walls stands, to the last bit.
-            bright = _surface(optics, wall, ray)[0]
-            light_back = intensity(bright, lit.ranges[i], receiver.near_field)
-            if light_back > 0.0 and light_back >= receiver.threshold:
-                room.echoes[0, WAY], room.echoes[0, LIGHT] = lit.ranges[i], light_back
-                room.echoes[0, LENGTH], room.echo_ways[0, 0] = 1, wall
-                echoes = 1
-        else:
-            echoes = _follow(tree, optics, receiver, range_max, ray, wall, room)
-    if echoes != OPEN:
-        for k in range(echoes):
-            near = receiver.range_min
-            if near > 0.0 and near / NEAR_LIMIT <= room.echoes[k, WAY] <= near * NEAR_LIMIT:
-                echoes = OPEN
-                break
-    if echoes == OPEN:
-        lit.undecided[i] = True
-        return
-    report(room.echoes, room.echo_ways, echoes, receiver, i, lit)
+def _at_limit(echoes: Float, count: int, near: float) -> bool:
+    """Whether an echo is so close to range_min [m] that rounding might decide."""
+    if near > 0.0:
+        for k in range(count):
+            if near / NEAR_LIMIT <= echoes[k, WAY] <= near * NEAR_LIMIT:
+                return True
+    return False
 
 
 @inner
@@ -270,6 +274,7 @@ def _follow(
     room: Room,
 ) -> int:
     """Follow a beam from the first wall that it meets; the number of its echoes, or OPEN."""
+    segments, kinds, table = optics.segments, optics.kinds, optics.table
     echoes, waiting = 0, 0
     gain, turns, count, row = 1.0, 0, 0, optics.places[wall]
     way = room.ways[0]
@@ -284,7 +289,8 @@ def _follow(
             name = tree.rows[row]
             way[count] = name
             count += 1
-            bright, mirrored, passed = _surface(optics, name, ray)
+            kind = kinds[name]
+            bright, mirrored, passed = _surface(segments, table, name, kind, ray.dx, ray.dy)
             light_back = intensity(gain * bright, there.way, receiver.near_field)
             if light_back > 0.0 and light_back >= receiver.threshold:
                 echoes = _keep(room, echoes, there.way, light_back, way, count)
@@ -309,7 +315,9 @@ def _follow(
             gain, turns, count = held[GAIN], int(held[TURNS]), int(held[COUNT])
             way = room.ways[waiting]
             last = optics.places[way[count - 1]]
-            row = next_wall(tree, ray, last, held[MIRRORED] > 0.0, range_max - ray.way, room.stack)
+            row = next_wall(
+                tree, ray, last, held[MIRRORED] > 0.0, range_max - ray.way, room.stack, room.nears
+            )
             if row == OPEN:
                 return OPEN
             if row != NONE:
@@ -317,23 +325,19 @@ def _follow(
 
 
 @inner
-def _surface(optics: Optics, name: int, ray: Ray) -> tuple[float, float, float]:
+def _surface(
+    segments: Float, table: Float, name: int, kind: int, dx: float, dy: float
+) -> tuple[float, float, float]:
     """Brightness of a wall for a ray, and the shares of its light that go on mirrored and pass."""
-    px, py = optics.segments[name, 0], optics.segments[name, 1]
-    ex, ey = optics.segments[name, 2] - px, optics.segments[name, 3] - py
-    across, along = abs(ray.dx * ey - ray.dy * ex), abs(ray.dx * ex + ray.dy * ey)
+    ex = segments[name, 2] - segments[name, 0]
+    ey = segments[name, 3] - segments[name, 1]
+    across, along = abs(dx * ey - dy * ex), abs(dx * ex + dy * ey)
     size = math.sqrt(across * across + along * along)
-    kind = optics.kinds[name]
-    diffuse, specular, lobe = (
-        optics.table[kind, 0], optics.table[kind, 1], optics.table[kind, 2]
-    )  # fmt: skip
-    transmission, index, retro = (
-        optics.table[kind, 3], optics.table[kind, 4], optics.table[kind, 5]
-    )  # fmt: skip
     cos, sin = across / size, along / size
-    mirrored, passed = shares(cos, diffuse, specular, transmission, index)
-    bright = brightness(cos, sin, diffuse, retro, mirrored, lobe)
-    return bright, mirrored * optics.table[kind, 6], passed
+    diffuse = table[kind, 0]
+    mirrored, passed = shares(cos, diffuse, table[kind, 1], table[kind, 3], table[kind, 4])
+    bright = brightness(cos, sin, diffuse, table[kind, 5], mirrored, table[kind, 2])
+    return bright, mirrored * table[kind, 6], passed
 
 
 @inner

@@ -15,7 +15,7 @@ from lrf3d.casting.kernels.floats import cross, quotient, two_product, two_sum
 from lrf3d.casting.kernels.predicates import Wall, same_line, wall_at
 from lrf3d.casting.kernels.tree import Tree
 from lrf3d.compiling import inner
-from lrf3d.geometry import Int
+from lrf3d.geometry import Float, Int
 
 COARSE = 8.0 * 2.0**-53
 """Bound on the rounding of a cross product of float64 offsets, in parts of the sizes of all terms:
@@ -28,7 +28,7 @@ BOX_SLACK = 1e-9
 """Room for rounding at boxes, in parts of their coordinates."""
 
 CERTAIN = 2.0**-56
-"""Largest error of a way, in parts of it: its float64 is then within 0.57 units of its last place."""
+"""Largest error of a way, in parts of it; its float64 is then 0.57 ulp off."""
 
 NONE = -1
 """The ray meets no wall within its reach."""
@@ -82,7 +82,9 @@ def ray_of(x: float, y: float, dx: float, dy: float) -> Ray:
 
 
 @inner
-def next_wall(tree: Tree, ray: Ray, last: int, mirrored: bool, reach: float, stack: Int) -> int:
+def next_wall(
+    tree: Tree, ray: Ray, last: int, mirrored: bool, reach: float, stack: Int, nears: Float
+) -> int:
     """The row of the wall that a ray meets next within a reach [m], or NONE or OPEN.
 
     Args:
@@ -92,6 +94,7 @@ def next_wall(tree: Tree, ray: Ray, last: int, mirrored: bool, reach: float, sta
         mirrored: Whether that wall has mirrored it; otherwise it has passed through.
         reach: How far the ray may go [m].
         stack: (STACK,) room.
+        nears: (STACK,) room.
     """
     ox, oy, dx, dy = ray.x, ray.y, ray.dx, ray.dy
     wide, tall = abs(dx), abs(dy)
@@ -99,24 +102,33 @@ def next_wall(tree: Tree, ray: Ray, last: int, mirrored: bool, reach: float, sta
     best, best_low, best_high = NONE, reach * ROOM, reach * ROOM
     doubt = np.inf
     start = wall_at(tree.walls, last)
-    place = ray.place_error * (wide + tall)
-    stack[0] = 0
+    shift = ray.place_error * (wide + tall)
+    stack[0], nears[0] = 0, 0.0
     top = 1 if len(tree.walls) > 0 else 0
     while top > 0:
         top -= 1
+        if nears[top] > best_high:
+            continue
         node = stack[top]
-        x0, y0, x1, y1 = boxes[node, 0], boxes[node, 1], boxes[node, 2], boxes[node, 3]
-        half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-        cx, cy = 0.5 * (x0 + x1) - ox, 0.5 * (y0 + y1) - oy
-        slack = BOX_SLACK * (abs(ox) + abs(oy) + abs(cx) + abs(cy) + half_x + half_y)
-        if abs(dx * cy - dy * cx) > wide * half_y + tall * half_x + slack:
-            continue
-        along, extent = dx * cx + dy * cy, wide * half_x + tall * half_y + slack
-        if along + extent < 0.0 or along - extent > best_high:
-            continue
         first, count = links[node, 0], links[node, 1]
+        bottom = top
         for child in range(first, first - count):
-            stack[top] = child
+            x0, y0, x1, y1 = boxes[child, 0], boxes[child, 1], boxes[child, 2], boxes[child, 3]
+            half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+            cx, cy = 0.5 * (x0 + x1) - ox, 0.5 * (y0 + y1) - oy
+            slack = BOX_SLACK * (abs(ox) + abs(oy) + abs(cx) + abs(cy) + half_x + half_y)
+            if abs(dx * cy - dy * cx) > wide * half_y + tall * half_x + slack:
+                continue
+            along, extent = dx * cx + dy * cy, wide * half_x + tall * half_y + slack
+            near = along - extent
+            if along + extent < 0.0 or near > best_high:
+                continue
+            # The nearest box is looked at first, so that walls in it hide others.
+            place = top
+            while place > bottom and nears[place - 1] < near:
+                stack[place], nears[place] = stack[place - 1], nears[place - 1]
+                place -= 1
+            stack[place], nears[place] = child, near
             top += 1
         for row in range(first, first + count):
             if row == last:
@@ -127,8 +139,8 @@ def next_wall(tree: Tree, ray: Ray, last: int, mirrored: bool, reach: float, sta
             side_p, side_q = dx * ay - dy * ax, dx * by - dy * bx
             room_p = COARSE * (wide * (abs(py) + abs(oy)) + tall * (abs(px) + abs(ox)))
             room_q = COARSE * (wide * (abs(qy) + abs(oy)) + tall * (abs(qx) + abs(ox)))
-            room_p += place + ray.turn_error * (abs(ax) + abs(ay))
-            room_q += place + ray.turn_error * (abs(bx) + abs(by))
+            room_p += shift + ray.turn_error * (abs(ax) + abs(ay))
+            room_q += shift + ray.turn_error * (abs(bx) + abs(by))
             if (side_p > room_p and side_q > room_q) or (side_p < -room_p and side_q < -room_q):
                 continue
             if same_line(wall, start) and (mirrored or not _may_hold(wall, ox, oy)):
