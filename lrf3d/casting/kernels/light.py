@@ -213,9 +213,12 @@ def _at_limit(echoes: Float, count: int, near: float) -> bool:
 def report(echoes: Float, ways: Int, count: int, receiver: Receiver, i: int, lit: Lit) -> None:
     """Report the echoes of a beam: one as its range, and the strongest ones in order."""
     for k in range(1, count):
-        # Sorted by their ranges; there are few.
+        # Sorted by their ranges, and at equal ranges the stronger first; there are few.
         j = k
-        while j > 0 and echoes[j - 1, WAY] > echoes[j, WAY]:
+        while j > 0 and (
+            echoes[j - 1, WAY] > echoes[j, WAY]
+            or (echoes[j - 1, WAY] == echoes[j, WAY] and echoes[j - 1, LIGHT] < echoes[j, LIGHT])
+        ):
             for column in range(3):
                 held = echoes[j, column]
                 echoes[j, column] = echoes[j - 1, column]
