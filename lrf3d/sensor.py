@@ -46,10 +46,9 @@ class Sensor:
         path: Trajectory | None = None,
     ) -> None:
         self.lrf, self.caster, self.noise = lrf, caster_of(caster, world), noise
-        # A caster of the user's need not cast scans together.
-        self._together: Any = (
-            None if obstacles or path else getattr(self.caster, "scan_batch", None)
-        )
+        # A caster of the user's need not cast scans together, and noises may need intensities.
+        alone = obstacles or path or world.materials
+        self._together: Any = None if alone else getattr(self.caster, "scan_batch", None)
         self._cast = timed(self.caster, lrf, path, obstacles)
 
     def measure(

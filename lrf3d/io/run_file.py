@@ -21,6 +21,8 @@ obstacle_stops (m,)   number of poses of each path; obstacle_times (…,) [s] an
                       (…, 3) those of all
 materials (o,)        the material of each object as JSON: the name of a built-in one, a table of
                       its values, or null; missing where the world has none
+receiver (4,)         threshold, near_field [m], echo (0 first, 1 last, 2 strongest) and echoes of
+                      the laser; missing where all have their defaults
 scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
 times (k,)            time of each scan [s]
 poses (k, 3)          x, y [m], theta [rad] of each scan
@@ -54,6 +56,7 @@ from lrf3d.errors import InputError
 from lrf3d.input import check_ordinary
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.range_finder import ECHO_CHOICES
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
@@ -132,6 +135,9 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
         "film_view": np.array(film.view),
         "film_playback": np.array(film.playback),
     }
+    if lrf.light != LaserRangeFinder().light:
+        threshold, near_field, echo, echoes = lrf.light
+        arrays["receiver"] = np.array([threshold, near_field, ECHO_CHOICES.index(echo), echoes])
     if world.materials:
         values = [one and material_value(one) for one in world.materials]
         arrays["materials"] = np.array([json.dumps(value) for value in values], dtype=np.str_)
@@ -264,6 +270,13 @@ def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
     )
 
 
+def _receiver(arrays: dict[str, Any]) -> tuple[float, float, str, int]:
+    if "receiver" not in arrays:
+        return LaserRangeFinder().light
+    threshold, near_field, echo, echoes = arrays["receiver"].tolist()
+    return threshold, near_field, ECHO_CHOICES[int(echo)], int(echoes)
+
+
 def _run(arrays: dict[str, Any]) -> Run:
     for name, array in arrays.items():
         # An empty array may have any kind: NumPy takes an empty list of names for floats.
@@ -294,6 +307,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         range_max,
         height,
         float(arrays.get("scan_duration", 0.0)),
+        *_receiver(arrays),
     )
     bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
     maps = tuple(

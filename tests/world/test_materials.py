@@ -98,3 +98,10 @@ def test_a_material_of_a_world_file_stands_for_the_built_in_one(tmp_path: Path) 
         '[[material]]\nname = "glass"\nindex = 1.9\n'
     )
     assert load_world(path).materials == (Material("glass", index=1.9),)
+
+
+def test_a_run_keeps_what_its_laser_makes_of_light(tmp_path: Path) -> None:
+    lrf = lrf3d.LaserRangeFinder(threshold=1e-4, near_field=0.3, echo="last", echoes=2)
+    run = lrf3d.simulate(World(WALLS, materials=["glass"]), [(1, 1, 0)], lrf, rng=0)
+    lrf3d.save_run(run, tmp_path / "run.npz")
+    assert lrf3d.load_run(tmp_path / "run.npz").lrf == lrf
