@@ -34,7 +34,7 @@ _WIDEST = 160.0
 _KEPT = 12
 """Tiles that are kept; each takes some five megabytes."""
 
-_RAMP = 2.0
+_RAMP = 1.0
 """Width of the change between two paints in a picture [texels]: magnified, it is one pixel wide."""
 
 _BELOW = -0.02
