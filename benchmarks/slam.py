@@ -24,9 +24,10 @@ from lrf3d.scoring.trajectory_score import Relations, score_trajectory
 from lrf3d.slam import Slam, WheelErrors
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE, FrontEnd
-from lrf3d.slam.lag import estimate_lag, wheel_poses_at
+from lrf3d.slam.lag import WheelPath, matched_lag
 from lrf3d.slam.log import Recording, line_poses
 from lrf3d.slam.repair import repaired
+from lrf3d.slam.resolution import Resolution
 from lrf3d.slam.surface import surface_of_scan
 
 SPACINGS = (0.25, 0.35, 0.5, 0.7, 1.0)
@@ -56,7 +57,7 @@ ENTRIES = Table(
         "default": "",
     },
     "time: of one core, from the first scan on, reading left out; error: of the translation over\n"
-    "all relations; default: what lrf3d slam does if not told otherwise",
+    "all relations; default: what lrf3d slam does by default",
     names=("log", "step", "spacing"),
     time="solve",
     error="error_m",
@@ -168,17 +169,17 @@ def _steps(drive: Drive, spacing: float, *, scans: int | None = None) -> Iterato
     log = repaired(drive.scans[:scans], drive.wheels, drive.times, drive.places[:scans])
     laser = np.array([drive.laser_offset, 0.0])
     begin = time.process_time()
+    path, resolution = WheelPath(log.wheels), Resolution.of(log.scans[0].angles)
 
     def surface(number: int) -> Float:
-        return surface_of_scan(log.scans[number], laser)
+        return surface_of_scan(log.scans[number], laser, sparse=resolution.sparse)
 
-    lag = estimate_lag(surface, log.wheels, log.places)
+    lag = matched_lag(surface, path, log.places, resolution)
     lagged = time.process_time() - begin
-    at_scans = wheel_poses_at(log.wheels, log.places - lag)
-    increments = np.vstack([np.zeros(3), between(at_scans[:-1], at_scans[1:])])
+    increments = path.increments(log.places - lag)
 
     def lines(poses: Float) -> Float:
-        return line_poses(log.wheels, log.places, lag, poses)[log.rows]
+        return line_poses(path, log.places, lag, poses)[log.rows]
 
     begin = time.process_time()
     front, found = FrontEnd(key_distance=spacing), []
@@ -191,13 +192,14 @@ def _steps(drive: Drive, spacing: float, *, scans: int | None = None) -> Iterato
     yield STEPS[0], spent, lines(np.array(found)), 0
 
     begin = time.process_time()
-    slam = Slam(start=at_scans[0], laser_offset=drive.laser_offset, key_distance=spacing)
+    start = path.at(log.places[:1] - lag)[0]
+    slam = Slam(start=start, laser_offset=drive.laser_offset, key_distance=spacing)
     for scan, increment in zip(log.scans, increments, strict=True):
         slam.update(scan, increment)
     spent = lagged + time.process_time() - begin
     yield STEPS[1], spent, lines(slam.trajectory()), len(slam.closures)
 
-    for name, act in ((STEPS[2], _adjusted), (STEPS[3], _settled)):
+    for name, act in ((STEPS[2], _adjusted), (STEPS[3], _refined)):
         begin = time.process_time()
         poses = act(slam, log.scans)
         spent += time.process_time() - begin
@@ -209,8 +211,8 @@ def _adjusted(slam: Slam, scans: Sequence[LaserScan]) -> Float:
     return slam.trajectory()
 
 
-def _settled(slam: Slam, scans: Sequence[LaserScan]) -> Float:
-    return slam.settled(scans)
+def _refined(slam: Slam, scans: Sequence[LaserScan]) -> Float:
+    return slam.refined(scans)
 
 
 def chart(result: Result) -> Figure:

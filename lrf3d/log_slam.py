@@ -1,7 +1,4 @@
-"""Slam over a recorded log: its poses, its map, the run that they make, and the figures of all.
-
-A log enters; the solution leaves, with what `lrf3d slam` writes to files.
-"""
+"""SLAM on a recorded log: the input is a log, the output its poses, its map and the summary."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,12 +22,12 @@ from lrf3d.world.free_cells import FreeCells
 
 @dataclass(frozen=True, eq=False)
 class SlamLog:
-    """A log and what slam made of it.
+    """A log and the result of SLAM.
 
     Args:
         log: The log.
         solution: The poses.
-        score: How far the trajectory is from known relations; None without any.
+        score: The error of the trajectory against known relations; None without any.
     """
 
     log: LaserLog
@@ -48,7 +45,7 @@ class SlamLog:
         return times, self.solution.line_poses
 
     def free_cells(self) -> FreeCells:
-        """What the key scans, which the map was built from, saw to be free."""
+        """The cells that the key scans, from which the map was built, show to be free."""
         keys = self.solution.slam.key_scans
         chosen = keys[distinct_poses(self.run.trajectory.poses[keys])]
         return free_cells([self.run.scan(number) for number in chosen.tolist()])
@@ -57,7 +54,7 @@ class SlamLog:
         """The figures, in JSON's types."""
         solution, tracked = self.solution, self.solution.slam.tracked
         repairs, scale = solution.repairs, solution.wheel_scale
-        # What was corrected as a whole, and what was still found to be wrong after that.
+        # The correction of the whole log, combined with the errors that were estimated after it.
         biases = (1.0 + solution.slam.wheel_biases[[0, 2]]) * scale - 1.0
         return {
             "name": self.log.name,
@@ -102,48 +99,35 @@ class SlamLog:
         return "the poses of the scans" if self.log.wheels is None else "ODOM lines"
 
     def rows(self) -> list[tuple[str, str]]:
-        """The figures in a few lines for people."""
-        told = self.summary()
-        log, wheels, slam = told["log"], told["wheels"], told["slam"]
+        """The figures as a printed table."""
+        summary = self.summary()
+        log, wheels, slam = summary["log"], summary["wheels"], summary["slam"]
         scans = f"{counted(log['scans'], 'scan')} of {counted(log['beams'], 'beam')}"
         bad = counted(log["bad_lines"], "bad line")
         rows = [("log", f"{scans}, {counted(log['odometry_lines'], 'pose')} by odometry, {bad}")]
         rows += [("", f"first bad {line}") for line in self.log.bad_lines[:1]]
         rows += [("", sentence) for sentence in self.solution.repairs.sentences()]
-        rows.append(
-            (
-                "wheels",
-                f"lag {wheels['lag_lines']:.2f} lines, turn {wheels['turn_rad_per_m']:+.4f} rad/m",
-            )
-        )
+        text = f"lag {wheels['lag_lines']:.2f} lines, turn {wheels['turn_rad_per_m']:+.4f} rad/m"
+        rows.append(("wheels", text))
         if wheels["corrected_as_a_whole"]:
-            turn, way = 1.0 + wheels["turn_share"], 1.0 + wheels["way_share"]
-            text = f"scans show {turn:.2f} times their turns and {way:.2f} times their way"
+            turn, distance = 1.0 + wheels["turn_share"], 1.0 + wheels["way_share"]
+            text = f"scans show {turn:.2f} times their turns and {distance:.2f} times their way"
             rows.append(("", f"{text}: corrected, and solved once more"))
         closed = counted(slam["loop_closures"], "loop closure")
         if slam["loop_closures_dropped"]:
             closed += f", {slam['loop_closures_dropped']} more dropped"
-        rows.append(
-            (
-                "drive",
-                f"{slam['length_m']:.0f} m, {counted(slam['key_scans'], 'key scan')}, {closed}",
-            )
-        )
+        text = f"{slam['length_m']:.0f} m, {counted(slam['key_scans'], 'key scan')}, {closed}"
+        rows.append(("drive", text))
         if slam["scans_by_odometry_alone"]:
             lost = counted(slam["scans_by_odometry_alone"], "scan")
             rows.append(("", f"{lost} matched nothing and stand where odometry has them"))
         rows.append(("map", self.run.map.counts))
         if self.score is not None:
             score = self.score
-            rows.append(
-                (
-                    "relations",
-                    f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"
-                    f" {score.rotation_mean:.2f} ± {score.rotation_std:.2f}°"
-                    f" over {score.relations}",
-                )
-            )
-        rows.append(("time", f"{told['milliseconds_a_scan']:.2f} ms a scan"))
+            text = f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"
+            text += f" {score.rotation_mean:.2f} ± {score.rotation_std:.2f}° over {score.relations}"
+            rows.append(("relations", text))
+        rows.append(("time", f"{summary['milliseconds_a_scan']:.2f} ms a scan"))
         return rows
 
 
@@ -154,13 +138,13 @@ def slam_log(
     relations: Relations | None = None,
     progress: Progress = lambda done, total: None,
 ) -> SlamLog:
-    """Find poses and map of a recorded drive from its scans and its odometry.
+    """Find the poses and the map of a recorded drive from its scans and its odometry.
 
     Args:
         log: The log.
-        key_distance: Way from one key scan to the next [m].
+        key_distance: Distance driven from one key scan to the next [m].
         relations: Known relative poses between odometry lines, to score by.
-        progress: Called with the scans that are done and all.
+        progress: Called with the number of finished scans, and of all.
 
     Raises:
         InputError: The log is too short, its scans differ in their beams, or the relations are of
@@ -171,7 +155,7 @@ def slam_log(
     return SlamLog(log, solution, score)
 
 
-def draw_slam_log(done: SlamLog, path: Path) -> None:
+def draw_slam_log(solved: SlamLog, path: Path) -> None:
     """Draw the map over the points of its key scans, the path and the closures, to a file.
 
     Raises:
@@ -179,12 +163,12 @@ def draw_slam_log(done: SlamLog, path: Path) -> None:
     """
     from lrf3d.render.figures import draw_map
 
-    keys = done.solution.slam.key_scans
+    keys = solved.solution.slam.key_scans
     draw_map(
-        done.run.map,
+        solved.run.map,
         path,
-        points=np.vstack([done.run.scan(number).points() for number in keys.tolist()]),
-        poses=done.run.trajectory.poses,
-        estimate=done.run.estimate,
-        title=done.log.name,
+        points=np.vstack([solved.run.scan(number).points() for number in keys.tolist()]),
+        poses=solved.run.trajectory.poses,
+        estimate=solved.run.estimate,
+        title=solved.log.name,
     )

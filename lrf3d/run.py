@@ -1,4 +1,4 @@
-"""Run: what entered a simulation and what came out of it."""
+"""Run: the input and the results of a simulation."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 MAP_SNAPSHOTS = 100
-"""Most map snapshots that a run keeps: enough for a film, and each takes the mapper some hundredths
-of a second."""
+"""Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
+some hundredths of a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run(Value):
-    """What entered a simulation and what came out: all that pictures and films need.
+    """The input and the results of a simulation: all that pictures and films need.
 
     Args:
         world: The walls.
@@ -42,9 +42,9 @@ class Run(Value):
             scan. Empty if the mapper makes no LineMap.
         maps: The map snapshots: the map after each of these scans.
         obstacles: The dynamic obstacles.
-        film: How the run is filmed if nothing else is given.
-        estimate: Where the robot believed itself to be; None if it was given its poses. In a
-            recorded drive, of which the truth is not known, the trajectory is this estimate's.
+        film: The default settings of its film.
+        estimate: The trajectory that the robot estimated; None if its poses were given. In a
+            recorded drive, whose truth is unknown, the trajectory has the poses of the estimate.
 
     Examples:
         >>> import lrf3d
@@ -85,13 +85,13 @@ class Run(Value):
 
     @property
     def knows_truth(self) -> bool:
-        """Whether the trajectory is the true one, and not the estimate of a recorded drive."""
+        """Whether the trajectory is the true one rather than the estimate of a recorded drive."""
         estimate = self.estimate
         return estimate is None or not np.array_equal(estimate.poses, self.trajectory.poses)
 
     @property
     def odometry(self) -> Float:
-        """Poses (k, 3) at the scans by the wheels alone; the trajectory's where they are exact."""
+        """Poses (k, 3) at the scans by odometry alone; those of the trajectory if it is exact."""
         estimate = self.estimate
         if estimate is None or not len(estimate.odometry):
             return self.trajectory.poses
@@ -113,9 +113,9 @@ class Run(Value):
 
     @cached_property
     def lasting_objects(self) -> tuple[Int, ...]:
-        """For each map snapshot the object (m,) of each segment, numbered alike in all of them.
+        """For each map snapshot the object (m,) of each segment, with one number in all snapshots.
 
-        An object keeps its number in all snapshots of the run. If the last map shows a true object,
+        If the last map shows a true object,
         the number is that object's: pictures and films choose colours and names by it.
         """
         tracker = ObjectTracker()
@@ -196,5 +196,6 @@ class SnapshotSchedule:
 
 
 def run_bytes(scans: int, beams: int) -> int:
-    """How many bytes the scans of a run take on disk."""
+    """Bytes that the scans of a run take on disk: float64 and int64 numbers."""
+    # A time and a pose for each scan; a range, a true range and a wall for each beam.
     return 8 * scans * (4 + 3 * beams)

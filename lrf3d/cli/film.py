@@ -44,7 +44,7 @@ class FilmOptions:
     renderer: str | None
 
     def still(self, renderer: str) -> dict[str, Any]:
-        """What a single picture is drawn with by a renderer."""
+        """Keyword arguments to draw a single picture with a renderer."""
         return {
             "size": self.size or (_LARGE if renderer == "gl" else _SMALL),
             "playback": self.playback,
@@ -54,7 +54,7 @@ class FilmOptions:
         }
 
     def moving(self, ending: str, renderer: str) -> dict[str, Any]:
-        """What a film of an ending is drawn with by a renderer."""
+        """Keyword arguments to draw a film, in the format of an ending, with a renderer."""
         usual = _SMALL if ending in _ANIMATIONS else None
         return {
             **replace(self, size=self.size or usual).still(renderer),

@@ -262,7 +262,7 @@ def _read(bag: Bag, scan_topic: str) -> _Contents:
             continue
         try:
             if message.kind == SCAN:
-                _take_scan(contents, message.said)
+                _take_scan(contents, message.content)
                 readings += len(contents.scans[-1].ranges)
             elif message.kind == TRANSFORMS:
                 _take_transforms(contents, message)
@@ -289,7 +289,7 @@ def _take_scan(contents: _Contents, said: Any) -> None:
 
 def _take_transforms(contents: _Contents, message: Message) -> None:
     is_static = message.topic == STATIC_FRAMES
-    for said in message.said.transforms:
+    for said in message.content.transforms:
         child, parent = _frame(said.child_frame_id), _frame(said.header.frame_id)
         known_parent, rows, _ = contents.edges.setdefault(child, (parent, Rows(), is_static))
         row = _row(said.transform.translation, said.transform.rotation)
@@ -299,7 +299,7 @@ def _take_transforms(contents: _Contents, message: Message) -> None:
 
 
 def _take_pose(contents: _Contents, message: Message) -> None:
-    said = message.said
+    said = message.content
     child = _frame(said.child_frame_id) if message.kind == ODOMETRY else ""
     pose = said.pose.pose if hasattr(said.pose, "pose") else said.pose
     row = _row(pose.position, pose.orientation)

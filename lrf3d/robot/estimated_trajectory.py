@@ -1,4 +1,4 @@
-"""EstimatedTrajectory: where a robot believed itself to be on a drive, and how well it knew."""
+"""EstimatedTrajectory: the estimated poses of a drive, with covariances and loop closures."""
 
 from dataclasses import dataclass, field
 
@@ -23,15 +23,15 @@ def _no_poses() -> Float:
 
 @dataclass(frozen=True, eq=False)
 class EstimatedTrajectory(Value):
-    """Where a robot believed itself to be after each scan of a run, and how well it knew.
+    """The estimated pose of a robot at each scan of a run, with covariances and loop closures.
 
     Args:
-        poses: (k, 3) believed poses x, y [m], theta [rad] in the world, one for each scan.
+        poses: (k, 3) estimated poses x, y [m], theta [rad] in the world, one for each scan.
         known_scans: (m,) the scans, in ascending order, after which the covariance is known.
         covariances: (m, 3, 3) covariances of the poses at these scans along the world's axes.
         closures: (c, 2) pairs of scans, an older one and a newer one, that closed a loop.
-        dropped_closures: (d, 2) pairs of scans that seemed to close a loop and were not believed.
-        odometry: (k, 3) where the wheels alone would have the robot; (0, 3) if that is not known.
+        dropped_closures: (d, 2) pairs of scans whose loop closure was rejected.
+        odometry: (k, 3) poses by odometry alone; (0, 3) if they are not known.
 
     Raises:
         InputError: The arrays do not fit together, or a scan does not exist.
@@ -87,33 +87,33 @@ class EstimatedTrajectory(Value):
     def ellipses(self) -> Float:
         """Matrices (m, 2, 2) [m] that turn the unit circle into the ellipses of 95 % probability.
 
-        Each is the symmetric root of a position's covariance: between two of them one may
-        interpolate, for they have no axes that could change places.
+        Each is the symmetric root of a position's covariance. Two of them can be interpolated entry
+        by entry, whereas the axes of two ellipses may be in another order.
         """
         return CONFIDENCE * _roots(self.covariances[:, :2, :2])
 
     def errors(self, poses: Float) -> Float:
-        """How far (k,) the believed positions are from given ones, poses (k, 3) [m]."""
+        """Distances (k,) [m] of the estimated positions from those of poses (k, 3)."""
         apart = self.poses[:, :2] - np.asarray(poses, dtype=np.float64)[:, :2]
         return np.hypot(apart[:, 0], apart[:, 1])
 
     def lines(self, pairs: Int) -> Float:
-        """Lines (c, 4) x1 y1 x2 y2 [m] between the believed places of pairs of scans (c, 2)."""
+        """Lines (c, 4) x1 y1 x2 y2 [m] between the estimated positions of pairs of scans (c, 2)."""
         return self.poses[pairs, :2].reshape(-1, 4)
 
     def part(self, scans: Int) -> "EstimatedTrajectory":
         """The estimate at some of the scans, in ascending order."""
-        place = np.full(len(self), -1)
-        place[scans] = np.arange(len(scans))
+        new_index = np.full(len(self), -1)
+        new_index[scans] = np.arange(len(scans))
 
         def inside(pairs: Int) -> Int:
-            found = place[pairs]
+            found = new_index[pairs]
             return np.asarray(found[found.min(axis=1, initial=0) >= 0])
 
-        known = place[self.known_scans] >= 0
+        known = new_index[self.known_scans] >= 0
         return EstimatedTrajectory(
             self.poses[scans],
-            place[self.known_scans[known]],
+            new_index[self.known_scans[known]],
             self.covariances[known],
             inside(self.closures),
             inside(self.dropped_closures),
@@ -123,7 +123,7 @@ class EstimatedTrajectory(Value):
 
 def _roots(matrices: Float) -> Float:
     """Symmetric roots (m, 2, 2) of covariances, which rounding may have made slightly negative."""
-    both = 0.5 * (matrices + matrices.transpose(0, 2, 1))
-    values, vectors = np.linalg.eigh(both)
-    spread = np.sqrt(np.maximum(values, 0.0))
-    return np.asarray(np.einsum("mij,mj,mkj->mik", vectors, spread, vectors))
+    symmetric = 0.5 * (matrices + matrices.transpose(0, 2, 1))
+    values, vectors = np.linalg.eigh(symmetric)
+    roots = np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(np.einsum("mij,mj,mkj->mik", vectors, roots, vectors))

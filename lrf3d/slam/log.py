@@ -18,8 +18,9 @@ from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.slam.closures import Closure
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
-from lrf3d.slam.lag import estimate_lag, wheel_poses_at
+from lrf3d.slam.lag import WheelPath, fitted_lag, matched_lag, tracked_lag
 from lrf3d.slam.repair import Repaired, Repairs, repaired, rising
+from lrf3d.slam.resolution import Resolution
 from lrf3d.slam.simulated import MOST_COVARIANCES, scans_of
 from lrf3d.slam.slam import Slam, bent
 from lrf3d.slam.surface import surface_of_scan
@@ -284,28 +285,36 @@ def _solved(
     """Solve a recording that is in order."""
     scans, wheels, places = log.scans, log.wheels, log.places
     laser = np.array([laser_offset, 0.0])
-    lag = estimate_lag(lambda number: surface_of_scan(scans[number], laser), wheels, places)
-    at_scans = wheel_poses_at(wheels, places - lag)
-    increments = np.vstack([np.zeros(3), between(at_scans[:-1], at_scans[1:])])
-    slam = Slam(start=at_scans[0], laser_offset=laser_offset, key_distance=key_distance)
+    path = WheelPath(wheels)
+    resolution = Resolution.of(scans[0].angles)
+
+    def surface(number: int) -> Float:
+        return surface_of_scan(scans[number], laser, sparse=resolution.sparse)
+
+    find_lag = tracked_lag if resolution.sparse else matched_lag
+    increments = path.increments(places - find_lag(surface, path, places, resolution))
+    start = path.at(places[:1].astype(np.float64))[0]
+    slam = Slam(start=start, laser_offset=laser_offset, key_distance=key_distance)
     begin = perf_counter()
     for number, (scan, increment) in enumerate(zip(scans, increments, strict=True), 1):
         slam.update(scan, increment)
         progress(number, len(scans))
     milliseconds = 1e3 * (perf_counter() - begin) / len(scans)
     slam.finish()
-    poses = slam.settled(scans)
-    lines = line_poses(wheels, places, lag, poses)[log.rows]
+    poses = slam.refined(scans)
+    # Now that the poses of all scans are known, all of them show the lag.
+    lag = fitted_lag(np.diff(poses[:, 2]), path, places)
+    lines = line_poses(path, places, lag, poses)[log.rows]
     return LogSolution(slam, laser_offset, lag, poses, lines, milliseconds, scans, log.repairs)
 
 
-def line_poses(wheels: Float, places: Int, lag: float, scan_poses: Float) -> Float:
+def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> Float:
     """Poses (n, 3) at all odometry lines, which follow the odometry between scans.
 
     The pose of a line that a scan follows is that of the scan: the poses are by the clock of the
     laser, for it is the laser's measurements that they are compared with.
     """
-    way = wheel_poses_at(wheels, np.arange(len(wheels)) - lag)
+    way = path.at(np.arange(float(len(path))) - lag)
     known, last = np.unique(np.maximum(places, 0)[::-1], return_index=True)
     # What is left between odometry and scans is spread by how far the robot moved and turned.
     steps = np.abs(between(way[:-1], way[1:])).sum(axis=1) + STILL

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 LARGEST_YAML = 1 << 16
-"""Largest description [bytes]; it has six lines."""
+"""Largest description [bytes]: six lines are usual."""
 
 DEEPEST_YAML = 4
 """Largest nesting depth: the origin is a list in the description."""
@@ -61,6 +61,9 @@ FREE_MARGIN = 1.0
 
 MOST_WRITTEN = 1 << 25
 """Largest number of cells of a written map, 33 million."""
+
+ROUNDED_UP = 1.001
+"""Factor of the side of a cell in such a large map, whose rows and columns are rounded up."""
 
 OCCUPIED, FREE = 0, 254
 """Values of pixels as map_saver writes them."""
@@ -135,7 +138,7 @@ class _Description:
         if self.data["mode"] not in ("trinary", "scale", "raw"):
             self.refuse(f"mode is {shown(self.data['mode'])}, expected trinary, scale or raw")
         origin = self.data.get("origin")
-        if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_place, origin)):
+        if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_coordinate, origin)):
             self.refuse(f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians")
         self.origin = float(origin[0]), float(origin[1]), float(origin[2])
 
@@ -157,14 +160,15 @@ class _Description:
         return picture
 
     def _number(self, key: str, *, above: float = -1e-300, most: float = 1e4) -> float:
+        # By default the limit is just below 0, so that 0 is valid.
         value: Any = self.data.get(key)
-        if not _is_place(value) or not above < float(value) <= most:
+        if not _is_coordinate(value) or not above < float(value) <= most:
             limit = f"a number above 0 and at most {most:g}" if above >= 0 else f"0 to {most:g}"
             self.refuse(f"{key} is {shown(value)}, expected {limit}")
         return float(value)
 
 
-def _is_place(value: object) -> bool:
+def _is_coordinate(value: object) -> bool:
     return (
         isinstance(value, int | float)
         and not isinstance(value, bool)
@@ -270,7 +274,8 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     margin = max(FREE_MARGIN, 2.0 * (resolution or 0.0))
     low, high = world.bounds[0] - margin, world.bounds[1] + margin
     if resolution is None:
-        resolution = max(RESOLUTION, float(np.sqrt(np.prod(high - low) / MOST_WRITTEN)) * 1.001)
+        smallest = float(np.sqrt(np.prod(high - low) / MOST_WRITTEN))
+        resolution = max(RESOLUTION, ROUNDED_UP * smallest)
     # A whole number of cells from the origin, so that straight walls stay straight.
     first = np.floor(low / resolution)
     columns, rows = (np.ceil(high / resolution) - first).astype(np.int64).tolist()
@@ -281,12 +286,11 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     cells = np.full((rows, columns), FREE, dtype=np.uint8)
     if world.free is not None:
         x = resolution * (first[0] + 0.5 + np.arange(columns))
-        for line in range(rows):
-            y = resolution * (first[1] + 0.5 + line)
+        for row in range(rows):
+            y = resolution * (first[1] + 0.5 + row)
             known = world.free.contain(np.column_stack([x, np.full(columns, y)]))
-            cells[line, ~known] = UNKNOWN
-    row, column = _walled_cells(world.segments / resolution - np.tile(first, 2))
-    cells[row, column] = OCCUPIED
+            cells[row, ~known] = UNKNOWN
+    cells[_walled_cells(world.segments / resolution - np.tile(first, 2))] = OCCUPIED
     picture = path.with_suffix(".pgm")
     with replacing(picture) as unfinished:
         unfinished.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + cells[::-1].tobytes())
