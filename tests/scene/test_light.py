@@ -50,7 +50,7 @@ def test_light_takes_on_the_colour_of_what_it_comes_from():
     for colour in ([0.9, 0.1, 0.1], [0.1, 0.1, 0.9]):
         colours = np.array([[0.5, 0.5, 0.5], colour])
         structures, found = painted(walls, 10.0, colours)
-        quads = middles(found.faces) + [*structures.origin, 0.0]
+        quads = middles(found.faces) + np.append(structures.origin, 0.0)
         # The grey wall that looks at the coloured one.
         facing = (np.abs(quads[:, 0] - 8.0) < 0.01) & (found.faces.quads[:, 0, 3] > 0.5)
         light = found.light.quads[facing].mean(axis=(0, 1))
