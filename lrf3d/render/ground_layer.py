@@ -13,9 +13,8 @@ import numpy as np
 
 from lrf3d.geometry import Float, Single
 from lrf3d.render.primitives import Draw, Mesh, Primitive, Texture
-from lrf3d.scene.ground import BRIGHTEST, Ground, paint_ground, paint_tile
-from lrf3d.scene.light import Light
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.ground import BRIGHTEST, Ground, paint_tile
+from lrf3d.scene.stage import Stage
 
 _LAND_REACH = 3000.0
 """How far the ground goes [m]: to the horizon."""
@@ -35,7 +34,7 @@ _WIDEST = 160.0
 _KEPT = 12
 """Tiles that are kept; each takes some five megabytes."""
 
-_RAMP = 2.0
+_RAMP = 1.0
 """Width of the change between two paints in a picture [texels]: magnified, it is one pixel wide."""
 
 _BELOW = -0.02
@@ -55,16 +54,14 @@ class GroundLayer:
     """Draws the ground.
 
     Args:
-        structures: What stands on it.
-        light: The light of the world.
+        stage: What stands in the world, and its ground.
         scene: pyrender's scene, which new tiles are put into.
     """
 
-    def __init__(self, structures: Structures, light: Light, scene: Any) -> None:
-        self._structures = structures
-        self._light = light
+    def __init__(self, stage: Stage, scene: Any) -> None:
+        structures, walls, whole = stage
+        self._structures, self._light = structures, walls.light
         self._scene = scene
-        whole = paint_ground(structures, light)
         mark, bare, kerb, pavement = (BRIGHTEST * whole.brightness).tolist()
         self._paints = (bare, mark - bare, kerb - bare, pavement - kerb)
         self._low, self._high = whole.corner, whole.corner + whole.size

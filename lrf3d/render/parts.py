@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from lrf3d.geometry import Float, Int, Single, quad_indices
 from lrf3d.render.primitives import Primitive, Texture
 from lrf3d.scene.facades import layers
-from lrf3d.scene.light import Light
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.walls import PaintedWalls
 
@@ -263,12 +262,10 @@ class PartedWalls:
     Args:
         faces: Walls and roofs.
         parts: Where their parts stand.
-        light: The light of the world.
     """
 
     faces: PartedPrimitive
     parts: Parts
-    light: Light
 
     def look_from(self, matrix: Float, eye: Float) -> None:
         """Choose what a picture of a matrix (4, 4) from an eye (3,) may show."""
@@ -277,7 +274,7 @@ class PartedWalls:
 
 def build_walls(structures: Structures, painted: PaintedWalls) -> PartedWalls:
     """Build the primitive of all walls and roofs, and the parts that it is drawn in."""
-    (quads, objects, roofs, roof_objects), light = painted
+    quads, objects, roofs, roof_objects = painted.faces
     quad_parts, roof_parts, parts = _parts(structures, quads, objects, roofs, roof_objects)
     corners = 4 * len(quads) + np.arange(3 * len(roofs), dtype=np.uint32)
     faces = PartedPrimitive(
@@ -289,7 +286,7 @@ def build_walls(structures: Structures, painted: PaintedWalls) -> PartedWalls:
         len(parts.boxes.low),
     )
     faces.texture = Texture(layers(structures.indoor))
-    return PartedWalls(faces, parts, light)
+    return PartedWalls(faces, parts)
 
 
 def _parts(

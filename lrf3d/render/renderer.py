@@ -29,6 +29,7 @@ _CONSTANTS: dict[str, Any] = {
     "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
     "RIM": look.SHADOW_RIM,
     "SHADOW_COLOUR": look.SHADOW_COLOUR,
+    "SHARPNESS": look.GROUND_SHARPNESS,
     "SIZE": (float(facades.BAYS * facades.TILE), float(facades.ROWS * facades.TILE)),
     "SLANTS": facades.SLANTS,
     "TILE": float(facades.TILE),

@@ -23,9 +23,9 @@ from lrf3d.scene.bodies import robot_arrow, robot_mesh, world_from_robot
 from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import DrawnEstimate
 from lrf3d.scene.map_bands import BAND_SIZES, WallTops
+from lrf3d.scene.stage import stage_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 from lrf3d.scene.trail_and_map import RIBBON_SIZES, DrawnMap, legs_begun, smoothed, trail_ribbon
-from lrf3d.scene.walls import painted_run
 
 _BLOB_RADIUS, _BLOB_DARKNESS, _BLOB_SHIFT = 0.52, 0.55, 0.16
 """Radius of the robot's shadow [m], its darkness in the middle, and how far it lies from the robot
@@ -91,12 +91,13 @@ class Scenery:
 
     def __init__(self, timeline: Timeline) -> None:
         run = self.run = timeline.run
-        self.structures, painted = painted_run(run)
+        stage = stage_of(run)
+        self.structures = stage.structures
         self.origin = self.structures.origin
         self.scene = pyrender.Scene()
-        self.walls = build_walls(self.structures, painted)
+        self.walls = build_walls(self.structures, stage.walls)
         self.movers = MovingBodies(run.obstacles, self.origin, self.structures.indoor)
-        self.ground = GroundLayer(self.structures, self.walls.light, self.scene)
+        self.ground = GroundLayer(stage, self.scene)
         self.beams: DrawnBeams | None = None
         rows, indices = robot_mesh(run.lrf.height)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)

@@ -215,7 +215,8 @@ def lay_roofs(roofs: Single, *, indoor: bool) -> Single:
     colour = roofs[..., 10:13].astype(np.float64)
     if not indoor:
         grey = 1.08 * (colour + _ROOF_SHARE * (ROOF_GREY - colour))
-        colour = np.where(np.floor(roofs[..., 13:14]) == CAP, colour, grey)
+        rim = 0.5 * (colour + grey)
+        colour = np.where(np.floor(roofs[..., 13:14]) == CAP, rim, grey)
     rows[..., 9:12] = 1.02 * colour if indoor else colour
     rows[..., 12:15] = 1.0
     rows[..., 15] = roofs[..., 14]

@@ -24,6 +24,9 @@ from lrf3d.scene.structures import Structures
 _PIXELS = 2048
 """Longest side of the picture [pixels]; larger ones take longer to paint than a second."""
 
+_HALVED = 32
+"""Sides of the picture are multiples of this [pixels]."""
+
 _FINEST = 0.06
 """Smallest size of a pixel [m]: below, a small room would be blown up for nothing."""
 
@@ -72,7 +75,7 @@ floor, the joints of its tiles, and tiles."""
 _BEYOND, _BEYOND_INDOOR = np.array([0.50, 0.52, 0.455]), _FLOOR_PAINTS[0]
 """Colours of what lies past the world."""
 
-_TILES, _JOINT, _JOINT_STRENGTH = 0.6, 0.015, 150
+_TILES, _JOINT, _JOINT_STRENGTH = 1.0, 0.015, 90
 """Side of a floor's tiles, width of the joints between them [m] and their opacity 0…255."""
 
 _LIGHT_CELL, _LIGHT_CELL_INDOOR, _LIGHT_CELLS = 0.8, 0.25, 150
@@ -148,7 +151,8 @@ def paint_ground(structures: Structures, light: Light) -> Ground:
         low = np.minimum(low, structures.path.min(axis=0) - margin)
         high = np.maximum(high, structures.path.max(axis=0) + margin)
     pixel = max(float((high - low).max()) / _PIXELS, 0.02 if structures.indoor else _FINEST)
-    width, height = (np.ceil((high - low) / pixel).astype(int) + 1).tolist()
+    # Sides that can be halved some times have the same smaller copies in all renderers.
+    width, height = (_HALVED * (np.ceil((high - low) / (_HALVED * pixel)).astype(int))).tolist()
     return _paint(structures, light, Brush(width, height, low, pixel))
 
 

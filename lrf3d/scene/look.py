@@ -61,6 +61,9 @@ GLOW = (1.0, 0.93, 0.80)
 SHADOW_RIM = 0.04
 """Width of the rim of the sun's light on a wall [m]."""
 
+GROUND_SHARPNESS = 0.6
+"""By how much finer copies of the ground's picture are taken: streets are seen at a slant."""
+
 SHADOW_COLOUR = (0.02, 0.03, 0.05)
 """What the robot and dynamic obstacles darken the ground with."""
 

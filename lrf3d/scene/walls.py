@@ -3,14 +3,12 @@
 What walls make up enters; leave corners that have all that a renderer must know of a face.
 """
 
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single, directions, lengths
-from lrf3d.run import Run
 from lrf3d.scene.facades import CAP, FACADE, PLAIN, lay_roofs, lay_walls
 from lrf3d.scene.light import Light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
@@ -85,13 +83,6 @@ class PaintedWalls(NamedTuple):
 
     faces: Faces
     light: Light
-
-
-@lru_cache(maxsize=1)
-def painted_run(run: Run) -> tuple[Structures, PaintedWalls]:
-    """What can be seen of a run's world, painted: once for all pictures of it that follow."""
-    structures = Structures.from_run(run)
-    return structures, paint_walls(structures)
 
 
 def paint_walls(structures: Structures, *, shadows: bool = True) -> PaintedWalls:

@@ -95,7 +95,7 @@ def test_ground_tiles_hang_on_the_eye_alone(large_run, monkeypatch):
         for place in way:
             aside = 0.0 if place == "here" else 90.0
             eye = large_run.trajectory.poses[0, :2] - large_run.world.origin + aside
-            shown = len(list(layer.draws(np.array([*eye, 2.0]), 0.0))) - 2
+            shown = len(list(layer.draws(np.array([*eye, 2.0]), 0.0, 500.0))) - 2
         pictures.append(film.draw(0.0).copy())
         assert shown > 0 and len(layer._tiles) <= 4 + shown
         film.close()
@@ -128,9 +128,9 @@ def test_beams_are_whole_lines_also_from_just_above_them():
     film = Film(city_run(), size=(640, 360), view="first", samples=0, layers=("beams",))
     bare = Film(city_run(), size=(640, 360), view="first", samples=0, layers=())
     near = (film.draw(1.0).astype(int) - bare.draw(1.0))[240:, :, 0] > 3
-    # Each row of the ground in front is crossed by as many beams as its neighbours.
+    # Each row of the ground in front is crossed by about as many beams as its neighbours.
     counts = near.sum(axis=1)
-    assert counts.min() > 10 and counts.min() > 0.6 * counts.max()
+    assert counts.min() > 10 and (np.abs(np.diff(counts)) <= 6).all()
     film.close()
     bare.close()
 

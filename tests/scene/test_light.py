@@ -49,8 +49,8 @@ def test_light_takes_on_the_colour_of_what_it_comes_from():
     ratios = []
     for colour in ([0.9, 0.1, 0.1], [0.1, 0.1, 0.9]):
         colours = np.array([[0.5, 0.5, 0.5], colour])
-        _, found = painted(walls, 10.0, colours)
-        quads = middles(found.faces)
+        structures, found = painted(walls, 10.0, colours)
+        quads = middles(found.faces) + np.append(structures.origin, 0.0)
         # The grey wall that looks at the coloured one.
         facing = (np.abs(quads[:, 0] - 8.0) < 0.01) & (found.faces.quads[:, 0, 3] > 0.5)
         light = found.light.quads[facing].mean(axis=(0, 1))
@@ -61,7 +61,8 @@ def test_light_takes_on_the_colour_of_what_it_comes_from():
 def test_the_inner_corner_of_a_room_is_darker_than_the_middle_of_its_floor():
     walls = [[0, 0, 6, 0], [6, 0, 6, 5], [6, 5, 0, 5], [0, 5, 0, 0]]
     structures = Structures.from_world(World(walls), np.array([[3.0, 2.0]]))
-    light, open_air = paint_walls(structures).light.ground(np.array([[3.0, 2.5], [0.15, 0.15]]))
+    places = np.array([[3.0, 2.5], [0.15, 0.15]]) - structures.origin
+    light, open_air = paint_walls(structures).light.ground(places)
     assert open_air.all() and light[1].mean() < 0.85 * light[0].mean()
 
 

@@ -5,7 +5,7 @@ uniform vec4 paints;    // how bright bare ground is, and what marks, kerbs and 
 uniform float edge;     // how much sharper than the picture edges are at 1 m
 out vec4 colour;
 void main() {
-    vec4 seen = texture(picture, uv);
+    vec4 seen = texture(picture, uv, -SHARPNESS);
     float away = dot(way, way);
     // Seen from near, edges between texels are as sharp as pixels.
     float sharp = clamp(edge / away, 1.0, 32.0);

@@ -28,6 +28,7 @@ from lrf3d.scene.look import (
     FAN_COLOUR,
     FAN_CURVE,
     GLOW,
+    GROUND_SHARPNESS,
     SHADOW_COLOUR,
     SHADOW_RIM,
     TRAIL_COLOUR,
@@ -55,6 +56,9 @@ SUN, HAZE, INDOOR, BEYOND = 0, 3, 7, 8
 
 LEAST_LIT = 100.0
 """How far a face without shadow is lit [m]."""
+
+SHARPER = -GROUND_SHARPNESS
+"""By how much coarser copies of the ground are taken."""
 
 SUN_RIM = SHADOW_RIM
 """Width of the edge of the sun's light [m]."""
@@ -205,9 +209,9 @@ def ground_colour(x: float, y: float, step: float, scenery: RayScene) -> tuple[f
     for number in range(len(grounds)):
         ground = grounds[number]
         if ground[0] <= x <= ground[2] and ground[1] <= y <= ground[3]:
-            seen = picture_colour(x, y, step, 0.0, texels, levels, ground)
+            seen = picture_colour(x, y, step, SHARPER, texels, levels, ground)
             texel = 1.0 / (ground[6] * levels[int(ground[8]), 1])
-            sharp = clamp(2.0 * texel / math.sqrt(max(step, 1e-12)), 1.0, 32.0)
+            sharp = clamp(texel / math.sqrt(max(step, 1e-12)), 1.0, 32.0)
             return painted_ground(seen, sharp, scenery.paints)
     ground = grounds[len(grounds) - 1]
     u, v = (x - ground[4]) * ground[6], (y - ground[5]) * ground[7]
