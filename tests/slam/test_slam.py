@@ -215,7 +215,8 @@ def test_a_robot_that_drives_backwards_with_such_encoders_is_followed():
     way = [wheels[0]]
     for step in [*there[1:], *back]:
         way.append(compose(way[-1], step))
-    everything = [*scans, *scans[-2::-1]]
+    end = scans[-1].time
+    everything = [*scans, *(scan.at_time(2.0 * end - scan.time) for scan in scans[-2::-1])]
     solution = solve_log(everything, np.array(way), np.arange(len(everything)))
     assert errors(np.vstack([true, true[-2::-1]]), solution.scan_poses).max() < 0.1
 
