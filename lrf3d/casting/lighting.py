@@ -115,10 +115,10 @@ class Lighting:
             cast(poses, lit.ranges, lit.walls)
             optics = self._world.segments, self._kinds, self._table, level.places
             light_scans(level.tree[:], optics, receiver[:], laser_of(lrf), poses, lit[:])
-            for row, pose in enumerate(poses.tolist()):
-                lit.undecided[row] |= self._rationals.needed(*pose)
-        for row in np.flatnonzero(lit.undecided.any(axis=1)).tolist():
-            self._decide(lrf, poses[row], level, receiver, _rows(lit, row))
+            lit.undecided[self._rationals.all_needed(poses)] = True
+        if lit.undecided.any():
+            for row in np.flatnonzero(lit.undecided.any(axis=1)).tolist():
+                self._decide(lrf, poses[row], level, receiver, _rows(lit, row))
 
     def _decide(
         self, lrf: LaserRangeFinder, pose: Float, level: _Level, receiver: Receiver, lit: Lit

@@ -228,17 +228,18 @@ def report(echoes: Float, ways: Int, count: int, receiver: Receiver, i: int, lit
                 ways[j, column] = ways[j - 1, column]
                 ways[j - 1, column] = name
             j -= 1
+    ranges, walls, intensities, echo_ranges, echo_intensities, chains, _ = lit
     first = 0
     while first < count and echoes[first, WAY] < receiver.range_min:
         first += 1
-    lit.ranges[i] = -np.inf if first > 0 else np.inf
-    lit.walls[i], lit.intensities[i] = -1, 0.0
-    if len(lit.chains) > 0:
+    ranges[i] = -np.inf if first > 0 else np.inf
+    walls[i], intensities[i] = -1, 0.0
+    if len(chains) > 0:
         for k in range(MOST_WALLS):
-            lit.chains[i, k] = -1
-    slots = lit.echo_ranges.shape[1]
+            chains[i, k] = -1
+    slots = echo_ranges.shape[1]
     for slot in range(slots):
-        lit.echo_ranges[i, slot], lit.echo_intensities[i, slot] = np.inf, 0.0
+        echo_ranges[i, slot], echo_intensities[i, slot] = np.inf, 0.0
     if first == count:
         return
     chosen = count - 1 if receiver.choice == LAST else first
@@ -247,11 +248,11 @@ def report(echoes: Float, ways: Int, count: int, receiver: Receiver, i: int, lit
             if echoes[k, LIGHT] > echoes[chosen, LIGHT]:
                 chosen = k
     length = int(echoes[chosen, LENGTH])
-    lit.ranges[i], lit.intensities[i] = echoes[chosen, WAY], echoes[chosen, LIGHT]
-    lit.walls[i] = ways[chosen, length - 1]
-    if len(lit.chains) > 0:
+    ranges[i], intensities[i] = echoes[chosen, WAY], echoes[chosen, LIGHT]
+    walls[i] = ways[chosen, length - 1]
+    if len(chains) > 0:
         for k in range(length):
-            lit.chains[i, k] = ways[chosen, k]
+            chains[i, k] = ways[chosen, k]
     slot = 0
     for k in range(first, count):
         stronger = 0
@@ -261,8 +262,8 @@ def report(echoes: Float, ways: Int, count: int, receiver: Receiver, i: int, lit
             ):
                 stronger += 1
         if stronger < slots:
-            lit.echo_ranges[i, slot] = echoes[k, WAY]
-            lit.echo_intensities[i, slot] = echoes[k, LIGHT]
+            echo_ranges[i, slot] = echoes[k, WAY]
+            echo_intensities[i, slot] = echoes[k, LIGHT]
             slot += 1
 
 
@@ -277,26 +278,29 @@ def _follow(
     room: Room,
 ) -> int:
     """Follow a beam from the first wall that it meets; the number of its echoes, or OPEN."""
-    segments, kinds, table = optics.segments, optics.kinds, optics.table
-    echoes, waiting = 0, 0
-    gain, turns, count, row = 1.0, 0, 0, optics.places[wall]
-    way = room.ways[0]
+    # Taken out of their tuples once: each time costs as much as a test of a wall.
+    segments, kinds, table, places = optics
+    walls, rows = tree.walls, tree.rows
+    rays, ways, stack, nears = room.rays, room.ways, room.stack, room.nears
+    echoes, waiting, slot = 0, 0, 0
+    gain, turns, count, row = 1.0, 0, 0, places[wall]
     while True:
-        there = arrive(ray, wall_at(tree.walls, row))
+        there = arrive(ray, wall_at(walls, row))
         if not there.way_error <= CERTAIN * there.way:
             return OPEN
         beyond = (there.way - range_max) + there.way_low
         if abs(beyond) <= there.way_error + CERTAIN * there.way:
             return OPEN
         if beyond < 0.0:
-            name = tree.rows[row]
-            way[count] = name
+            name = rows[row]
+            # The ray's own slot is the first that rays from here on may take.
+            ways[slot, count] = name
             count += 1
             kind = kinds[name]
             bright, mirrored, passed = _surface(segments, table, name, kind, ray.dx, ray.dy)
             light_back = intensity(gain * bright, there.way, receiver.near_field)
             if light_back > 0.0 and light_back >= receiver.threshold:
-                echoes = _keep(room, echoes, there.way, light_back, way, count)
+                echoes = _keep(room, echoes, there.way, light_back, slot, count)
             for straight in range(2):
                 share = passed if straight == 1 else mirrored
                 left = gain * share * share
@@ -305,22 +309,23 @@ def _follow(
                     continue
                 if waiting == MOST_RAYS:
                     return OPEN
-                on = there if straight == 1 else turned_by(there, wall_at(tree.walls, row))
-                for k in range(count):
-                    room.ways[waiting, k] = way[k]
-                _put(room.rays[waiting], on, left, turned, count, straight == 0)
+                on = there if straight == 1 else turned_by(there, wall_at(walls, row))
+                if waiting != slot:
+                    for k in range(count):
+                        ways[waiting, k] = ways[slot, k]
+                _put(rays, waiting, on)
+                rays[waiting, GAIN], rays[waiting, TURNS] = left, turned
+                rays[waiting, COUNT], rays[waiting, MIRRORED] = count, 1 - straight
                 waiting += 1
         while True:
             if waiting == 0:
                 return echoes
             waiting -= 1
-            ray, held = _taken(room.rays[waiting]), room.rays[waiting]
-            gain, turns, count = held[GAIN], int(held[TURNS]), int(held[COUNT])
-            way = room.ways[waiting]
-            last = optics.places[way[count - 1]]
-            row = next_wall(
-                tree, ray, last, held[MIRRORED] > 0.0, range_max - ray.way, room.stack, room.nears
-            )
+            slot = waiting
+            ray = _taken(rays, slot)
+            gain, turns, count = rays[slot, GAIN], int(rays[slot, TURNS]), int(rays[slot, COUNT])
+            last, mirrors = places[ways[slot, count - 1]], rays[slot, MIRRORED] > 0.0
+            row = next_wall(tree, ray, last, mirrors, range_max - ray.way, stack, nears)
             if row == OPEN:
                 return OPEN
             if row != NONE:
@@ -344,38 +349,37 @@ def _surface(
 
 
 @inner
-def _keep(room: Room, echoes: int, way: float, light_back: float, walls: Int, count: int) -> int:
+def _keep(room: Room, echoes: int, way: float, light_back: float, slot: int, count: int) -> int:
     """Keep an echo, in place of the weakest where there is no room; the number of echoes."""
-    slot = echoes
+    held, ways, echo_ways = room.echoes, room.ways, room.echo_ways
+    place = echoes
     if echoes == MOST_ECHOES:
-        slot = 0
+        place = 0
         for k in range(echoes):
-            if room.echoes[k, LIGHT] < room.echoes[slot, LIGHT]:
-                slot = k
-        if room.echoes[slot, LIGHT] >= light_back:
+            if held[k, LIGHT] < held[place, LIGHT]:
+                place = k
+        if held[place, LIGHT] >= light_back:
             return echoes
-    room.echoes[slot, WAY], room.echoes[slot, LIGHT] = way, light_back
-    room.echoes[slot, LENGTH] = count
+    held[place, WAY], held[place, LIGHT], held[place, LENGTH] = way, light_back, count
     for k in range(count):
-        room.echo_ways[slot, k] = walls[k]
-    return max(echoes, slot + 1)
+        echo_ways[place, k] = ways[slot, k]
+    return max(echoes, place + 1)
 
 
 @inner
-def _put(row: Float, ray: Ray, gain: float, turns: int, count: int, mirrored: bool) -> None:
-    """Write a ray and what belongs to it into a row."""
-    row[0], row[1], row[2], row[3] = ray.x, ray.x_low, ray.y, ray.y_low
-    row[4], row[5], row[6], row[7] = ray.dx, ray.dx_low, ray.dy, ray.dy_low
-    row[8], row[9], row[10], row[11] = ray.way, ray.way_low, ray.place_error, ray.turn_error
-    row[12] = ray.way_error
-    row[GAIN], row[TURNS], row[COUNT] = gain, turns, count
-    row[MIRRORED] = 1.0 if mirrored else 0.0
+def _put(rows: Float, row: int, ray: Ray) -> None:
+    """Write a ray into a row."""
+    rows[row, 0], rows[row, 1], rows[row, 2], rows[row, 3] = ray.x, ray.x_low, ray.y, ray.y_low
+    rows[row, 4], rows[row, 5], rows[row, 6] = ray.dx, ray.dx_low, ray.dy
+    rows[row, 7], rows[row, 8], rows[row, 9] = ray.dy_low, ray.way, ray.way_low
+    rows[row, 10], rows[row, 11], rows[row, 12] = ray.place_error, ray.turn_error, ray.way_error
 
 
 @inner
-def _taken(row: Float) -> Ray:
+def _taken(rows: Float, row: int) -> Ray:
     """The ray of a row."""
     return Ray(
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10],
-        row[11], row[12],
+        rows[row, 0], rows[row, 1], rows[row, 2], rows[row, 3], rows[row, 4], rows[row, 5],
+        rows[row, 6], rows[row, 7], rows[row, 8], rows[row, 9], rows[row, 10], rows[row, 11],
+        rows[row, 12],
     )  # fmt: skip

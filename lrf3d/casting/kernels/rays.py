@@ -98,13 +98,23 @@ def next_wall(
     """
     ox, oy, dx, dy = ray.x, ray.y, ray.dx, ray.dy
     wide, tall = abs(dx), abs(dy)
-    boxes, links = tree.boxes, tree.links
+    boxes, links, walls, rows = tree.boxes, tree.links, tree.walls, tree.rows
+    if len(walls) == 0:
+        return NONE
+    # Bounds that hold for all walls, so that they are worked out once: on all coordinates, and on
+    # the errors of sides and of offsets.
+    most = abs(ox) + abs(oy)
+    for k in range(4):
+        most += abs(boxes[0, k])
+    room = COARSE * most * (wide + tall) + ray.place_error * (wide + tall)
+    room += 2.0 * most * ray.turn_error
+    shift = COARSE * most + ray.place_error
+    slack = 4.0 * BOX_SLACK * most
     best, best_low, best_high = NONE, reach * ROOM, reach * ROOM
     doubt = np.inf
-    start = wall_at(tree.walls, last)
-    shift = ray.place_error * (wide + tall)
+    start = wall_at(walls, last)
     stack[0], nears[0] = 0, 0.0
-    top = 1 if len(tree.walls) > 0 else 0
+    top = 1
     while top > 0:
         top -= 1
         if nears[top] > best_high:
@@ -116,7 +126,6 @@ def next_wall(
             x0, y0, x1, y1 = boxes[child, 0], boxes[child, 1], boxes[child, 2], boxes[child, 3]
             half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
             cx, cy = 0.5 * (x0 + x1) - ox, 0.5 * (y0 + y1) - oy
-            slack = BOX_SLACK * (abs(ox) + abs(oy) + abs(cx) + abs(cy) + half_x + half_y)
             if abs(dx * cy - dy * cx) > wide * half_y + tall * half_x + slack:
                 continue
             along, extent = dx * cx + dy * cy, wide * half_x + tall * half_y + slack
@@ -131,41 +140,30 @@ def next_wall(
             stack[place], nears[place] = child, near
             top += 1
         for row in range(first, first + count):
-            if row == last:
-                continue
-            wall = wall_at(tree.walls, row)
-            px, py, qx, qy = wall
-            ax, ay, bx, by = px - ox, py - oy, qx - ox, qy - oy
+            ax, ay, bx, by = (
+                walls[row, 0] - ox, walls[row, 1] - oy, walls[row, 2] - ox, walls[row, 3] - oy
+            )  # fmt: skip
             side_p, side_q = dx * ay - dy * ax, dx * by - dy * bx
-            room_p = COARSE * (wide * (abs(py) + abs(oy)) + tall * (abs(px) + abs(ox)))
-            room_q = COARSE * (wide * (abs(qy) + abs(oy)) + tall * (abs(qx) + abs(ox)))
-            room_p += shift + ray.turn_error * (abs(ax) + abs(ay))
-            room_q += shift + ray.turn_error * (abs(bx) + abs(by))
-            if (side_p > room_p and side_q > room_q) or (side_p < -room_p and side_q < -room_q):
+            if row == last or min(side_p, side_q) > room or max(side_p, side_q) < -room:
                 continue
+            wall = wall_at(walls, row)
             if same_line(wall, start) and (mirrored or not _may_hold(wall, ox, oy)):
                 # The ray leaves the line of the wall that it comes from for good.
                 continue
-            if abs(side_p) <= room_p or abs(side_q) <= room_q:
+            if min(abs(side_p), abs(side_q)) <= room:
                 # It passes an end too closely to tell. The place counts if no wall is nearer.
-                near = min(dx * ax + dy * ay, dx * bx + dy * by)
-                far = max(dx * ax + dy * ay, dx * bx + dy * by)
-                slack = BOX_SLACK * (abs(ox) + abs(oy) + abs(ax) + abs(ay) + abs(bx) + abs(by))
-                if far + slack >= 0.0:
-                    doubt = min(doubt, max(near - slack, 0.0))
+                one, other = dx * ax + dy * ay, dx * bx + dy * by
+                if max(one, other) + slack >= 0.0:
+                    doubt = min(doubt, max(min(one, other) - slack, 0.0))
                 continue
-            slope, slope_error = side_q - side_p, room_p + room_q
-            ex, ey = qx - px, qy - py
-            area = ax * ey - ay * ex
-            area_error = COARSE * (
-                (abs(px) + abs(ox)) * abs(ey) + (abs(py) + abs(oy)) * abs(ex)
-            ) + ray.place_error * (abs(ex) + abs(ey))
-            t = area / slope
+            slope = side_q - side_p
+            ex, ey = wall.qx - wall.px, wall.qy - wall.py
+            t = (ax * ey - ay * ex) / slope
             size = abs(slope)
-            if size <= 2.0 * slope_error:
+            if size <= 4.0 * room:
                 doubt = 0.0
                 continue
-            error = 2.0 * (area_error + abs(t) * slope_error) / size
+            error = 2.0 * (shift * (abs(ex) + abs(ey)) + 2.0 * abs(t) * room) / size
             low, high = t - error, t + error
             if high < 0.0 or low > best_high:
                 continue
@@ -173,8 +171,8 @@ def next_wall(
                 doubt = 0.0
             elif high < best_low:
                 best, best_low, best_high = row, low, high
-            elif best >= 0 and same_line(wall, wall_at(tree.walls, best)):
-                if tree.rows[row] < tree.rows[best]:
+            elif best >= 0 and same_line(wall, wall_at(walls, best)):
+                if rows[row] < rows[best]:
                     best = row
             else:
                 doubt = min(doubt, min(low, best_low))
