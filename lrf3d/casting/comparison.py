@@ -11,6 +11,7 @@ import numpy as np
 
 from lrf3d.casting.causes import AGREEMENT, EDGES, Answers, Cause, explain, resolution
 from lrf3d.casting.embree import EmbreeCaster
+from lrf3d.casting.embree_library import require_embreex
 from lrf3d.casting.planar import PlanarCaster
 from lrf3d.casting.raw_embree import RawEmbreeCaster
 from lrf3d.geometry import Bool, Float
@@ -129,6 +130,9 @@ def crosscheck(
         progress: Called with the number of scans that are done, and of all.
         raw: Compare with trimesh and bare Embree in float32, not with ``EmbreeCaster``.
 
+    Raises:
+        MissingLibraryError: Embree is not installed.
+
     Examples:
         >>> import lrf3d
         >>> world = lrf3d.load_world("paper_room")
@@ -136,6 +140,7 @@ def crosscheck(
         >>> result.beams, len(result.differences)
         (362, 0)
     """
+    require_embreex("a cross-check")
     poses = as_poses(poses)
     planar = PlanarCaster(world)
     other = RawEmbreeCaster(world) if raw else EmbreeCaster(world)
