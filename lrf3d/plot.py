@@ -10,11 +10,12 @@ Examples:
     >>> from matplotlib.figure import Figure
     >>> room = lrf3d.load_world("paper_room")
     >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
-    >>> axes = Figure().add_subplot()
+    >>> figure = Figure()
+    >>> axes = figure.add_subplot()
     >>> axes = lrf3d.plot.world(room, axes)
     >>> axes = lrf3d.plot.scan(run.scan(1), axes)
     >>> axes = lrf3d.plot.map(run.map, axes)
-    >>> axes.figure.savefig("room.png")
+    >>> figure.savefig("room.png")
 """
 
 from collections.abc import Callable

@@ -1,5 +1,6 @@
 """What is released: the wheel as a type checker sees it, and files that repeat settings."""
 
+import doctest
 import os
 import re
 import subprocess
@@ -8,6 +9,7 @@ import tomllib
 import venv
 import zipfile
 from pathlib import Path
+from textwrap import indent
 
 import pytest
 import yaml
@@ -42,8 +44,17 @@ class Counter:
 
 
 lrf3d.simulate(lrf3d.World([[0, 0, 1, 0]]), [(0, 1, 0)], mapper=Counter())
-lrf3d.World(3, height=2)
+lrf3d.World([[0, 0, 1, 0]], height=2)
 """
+
+
+def examples():
+    """The examples of all public names, each as a function."""
+    for name in lrf3d.__all__:
+        value = getattr(lrf3d, name)
+        [test] = doctest.DocTestFinder(recurse=False).find(value, name, module=False)
+        yield f"def _{name}() -> None:\n"
+        yield from (indent(example.source, "    ") for example in test.examples)
 
 
 @pytest.mark.slow
@@ -57,7 +68,7 @@ def test_a_users_program_is_checked_against_the_types_of_the_wheel(tmp_path):
     (site,) = (tmp_path / "venv").rglob("site-packages")
     zipfile.ZipFile(next(tmp_path.glob("*.whl"))).extractall(site)
     (site / "needed.pth").write_text(str(Path(mypy.__file__).parents[1]))
-    (tmp_path / "user.py").write_text(USER)
+    (tmp_path / "user.py").write_text(USER + "".join(examples()), encoding="utf-8")
     python = tmp_path / "venv" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     words = ["--strict", "--python-executable", str(python), "--no-error-summary", "user.py"]
@@ -73,7 +84,7 @@ def test_a_users_program_is_checked_against_the_types_of_the_wheel(tmp_path):
     assert len(notes) == 2
     assert re.search(r"ndarray\[.*float", notes[0])
     assert re.search(r"ndarray\[.*(uint8|unsignedinteger)", notes[1])
-    # The last line is wrong, so the types were there.
+    # One line is wrong on purpose; nothing else is.
     errors = [line for line in done.stdout.splitlines() if ": error: " in line]
     assert len(errors) == 1 and "[call-arg]" in errors[0], done.stdout
 

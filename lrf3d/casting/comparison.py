@@ -8,6 +8,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.casting.causes import AGREEMENT, EDGES, Answers, Cause, explain, resolution
 from lrf3d.casting.embree import EmbreeCaster
@@ -116,7 +117,7 @@ class CrossCheck:
 def crosscheck(
     world: World,
     lrf: LaserRangeFinder,
-    poses: Float,
+    poses: ArrayLike,
     progress: Progress = silent,
     *,
     raw: bool = False,
