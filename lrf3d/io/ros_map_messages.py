@@ -74,11 +74,9 @@ class MapMessages:
         colours = [
             make("std_msgs/msg/ColorRGBA", *tint, 1.0) for tint in np.repeat(tints, 2, 0).tolist()
         ]
-        image = make(
-            "sensor_msgs/msg/CompressedImage",
-            self._messages.header(stamp, ""),
-            "",
-            np.zeros(0, np.uint8),
+        empty = np.zeros(0, np.uint8)
+        no_image = make(
+            "sensor_msgs/msg/CompressedImage", self._messages.header(stamp, ""), "", empty
         )
         marker = make(
             "visualization_msgs/msg/Marker",
@@ -95,7 +93,7 @@ class MapMessages:
             points,
             colours,
             "",
-            image,
+            no_image,
             [],
             "",
             "",
