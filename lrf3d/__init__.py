@@ -9,6 +9,7 @@ from lrf3d.lazy import loading
 # Importing it from typing would take as long as all that is needed to handle Ctrl-C.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from lrf3d import plot
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
     from lrf3d.errors import (
@@ -97,6 +98,7 @@ else:
             "localise": "localization",
             "odometry_increments": "localization",
             "plan_route": "robot.planner",
+            "plot": "",
             "record": "io",
             "frame": "render.video",
             "render_video": "render.video",
@@ -155,6 +157,7 @@ __all__ = [
     "localise",
     "odometry_increments",
     "plan_route",
+    "plot",
     "record",
     "render_video",
     "save_map",

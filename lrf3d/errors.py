@@ -116,6 +116,10 @@ class OutputError(Lrf3dError, OSError):
     """
 
 
+class Lrf3dWarning(UserWarning):
+    """Something is done in another way than usual; the results are those that were asked for."""
+
+
 class DrawingError(Lrf3dError):
     """A picture or a film that could not be drawn after the data were written."""
 

@@ -3,15 +3,20 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Value
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapped_files import some_rows
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
+from lrf3d.notebook import Pictured, Video
 from lrf3d.pose import Pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.world import World
@@ -28,7 +33,7 @@ some hundredths of a second."""
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Value):
+class Run(Value, Pictured):
     """The input and the results of a simulation: all that pictures and films need.
 
     Args:
@@ -170,6 +175,82 @@ class Run(Value):
 
         chosen = distinct_poses(self.trajectory.poses)
         return free_cells([self.scan(index) for index in chosen.tolist()])
+
+    def frame(
+        self,
+        time: float,
+        *,
+        size: tuple[int, int] = (1280, 720),
+        view: str | None = None,
+        samples: int = 4,
+        playback: float | None = None,
+        renderer: str | None = None,
+    ) -> NDArray[np.uint8]:
+        """One picture of the run's film.
+
+        Args:
+            time: Time of the run [s].
+            size: Width and height [pixels].
+            view: Name of the camera; the run's own if not given.
+            samples: Samples a pixel against jagged edges: 4, or 0 for none.
+            playback: Seconds of the run in a second of the film, by which cameras move; the run's
+                own if not given.
+            renderer: ``gl`` or ``embree``; OpenGL where it is there if not given.
+
+        Returns:
+            The picture (h, w, 3) uint8: red, green, blue, row 0 at the top.
+
+        Raises:
+            InputError: An argument is out of its range.
+            MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
+
+        Examples:
+            >>> import lrf3d
+            >>> room = lrf3d.load_world("paper_room")
+            >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+            >>> run.frame(0.5, size=(64, 36), renderer="embree").shape
+            (36, 64, 3)
+        """
+        # Films are made layers above this one, and loaded when they are asked for.
+        picture: NDArray[np.uint8] = import_module("lrf3d.render.video").frame(
+            self,
+            time,
+            size=size,
+            view=view,
+            samples=samples,
+            playback=playback,
+            renderer=renderer,
+        )
+        return picture
+
+    def video(
+        self,
+        *,
+        size: tuple[int, int] = (640, 360),
+        fps: float = 25.0,
+        playback: float | None = None,
+        view: str | None = None,
+        workers: int | None = None,
+        renderer: str | None = None,
+    ) -> Video:
+        """The run's film, as a value that a notebook plays in its page.
+
+        :func:`lrf3d.render_video` writes a film to a file; what it raises and its arguments are
+        the same.
+        """
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "run.mp4"
+            import_module("lrf3d.render.video").render_video(
+                self,
+                file,
+                size=size,
+                fps=fps,
+                playback=playback,
+                view=view,
+                workers=workers,
+                renderer=renderer,
+            )
+            return Video(file.read_bytes(), size)
 
     @property
     def scans(self) -> Iterator[LaserScan]:

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import CollisionError, InputError
@@ -219,7 +220,7 @@ class Scenario(Value):
     def simulation(
         self,
         *,
-        drive: "Trajectory | Float | Controller | None" = None,
+        drive: "Trajectory | ArrayLike | Controller | None" = None,
         controller: "Controller | None" = None,
         rng: np.random.Generator | int | None = None,
         sigma: float | None = None,

@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster
@@ -126,7 +127,7 @@ class Simulation:
     def __init__(
         self,
         world: World,
-        drive: Trajectory | Float | Controller,
+        drive: Trajectory | ArrayLike | Controller,
         lrf: LaserRangeFinder | None = None,
         *,
         caster: Caster | str = "embree",
@@ -255,7 +256,7 @@ class Runnable(Protocol):
 
 def simulate(
     world: World | Runnable,
-    drive: Trajectory | Float | Controller | None = None,
+    drive: Trajectory | ArrayLike | Controller | None = None,
     lrf: LaserRangeFinder | None = None,
     *,
     caster: Caster | str | None = None,

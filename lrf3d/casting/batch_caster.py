@@ -8,6 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.casting.exact import RationalCaster
 from lrf3d.cores import core_count
@@ -64,12 +65,13 @@ class BatchCaster(ABC):
             return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
         return LaserScan.unchecked(lrf, pose, *kernels.scan(*pose))
 
-    def cast_batch(self, lrf: LaserRangeFinder, poses: Float) -> Float:
+    def cast_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""
-        return self._cast_batch(lrf, poses, np.empty((0, lrf.beams), np.int64))
+        return self._cast_batch(lrf, as_poses(poses), np.empty((0, lrf.beams), np.int64))
 
-    def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
+    def scan_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> tuple[Float, Int]:
         """Ranges and walls (k, beams) from poses (k, 3), on all cores."""
+        poses = as_poses(poses)
         walls = np.empty((len(poses), lrf.beams), np.int64)
         return self._cast_batch(lrf, poses, walls), walls
 

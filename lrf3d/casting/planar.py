@@ -46,5 +46,10 @@ class PlanarCaster(BatchCaster):
         return self._trees[level]
 
     def _kernels(self, lrf: LaserRangeFinder) -> Kernels:
-        fixed = self.tree(lrf.height)[:], laser_of(lrf)
-        return Kernels(partial(cast_scan, *fixed), partial(cast_scans, *fixed))
+        return planar_kernels(self.tree(lrf.height), lrf)
+
+
+def planar_kernels(tree: Tree, lrf: LaserRangeFinder) -> Kernels:
+    """The compiled code that casts the scans of a range finder at the walls of a tree."""
+    fixed = tree[:], laser_of(lrf)
+    return Kernels(partial(cast_scan, *fixed), partial(cast_scans, *fixed))

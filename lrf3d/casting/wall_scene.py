@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.batch_caster import Kernels
-from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
+from lrf3d.casting.embree_library import EmbreeLibrary, embree_library, embreex_installed
 from lrf3d.casting.embree_walls import (
     all_clear_parts,
     ends_of,
@@ -20,6 +20,7 @@ from lrf3d.casting.kernels.embree_proof import Local, ProvedWalls
 from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
 from lrf3d.casting.kernels.scans import PlainLaser, laser_of
 from lrf3d.casting.kernels.tree import build_tree
+from lrf3d.casting.planar import planar_kernels
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder
 
@@ -40,9 +41,11 @@ class WallScene(Protocol):
 def build_wall_scene(segments: Float, index: NDArray[np.int32], distance: float) -> WallScene:
     """The scene of segments (n, 4), with their indices (n,), for ranges up to a distance [m].
 
-    Embree is called from compiled code if its library can be used, and otherwise through embreex;
-    the scans are the same.
+    Embree is called from compiled code if its library can be used, and otherwise through embreex.
+    Where that is missing, the walls are searched in their tree; the scans are the same.
     """
+    if not embreex_installed():
+        return TreeScene(segments, index)
     prepared = _prepare(segments, index, distance)
     library = embree_library()
     return RunScene(*prepared) if library is None else PacketScene(*prepared, library)
@@ -70,6 +73,17 @@ def _prepare(
     vertices, owners = triangles(tree.walls, ends, (x, y), delta, unit)
     known = ProvedWalls(tree, all_clear_parts(tree, delta), owners, local)
     return known, (vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
+
+
+class TreeScene:
+    """Casts as `PlanarCaster` does, without Embree."""
+
+    def __init__(self, segments: Float, index: NDArray[np.int32]) -> None:
+        self._tree = build_tree(segments, index)
+
+    def kernels(self, lrf: LaserRangeFinder) -> Kernels:
+        """The code that casts the scans of a range finder."""
+        return planar_kernels(self._tree, lrf)
 
 
 class PacketScene:

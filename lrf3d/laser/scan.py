@@ -12,11 +12,12 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, Value, read_only, sealed
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions
 from lrf3d.laser.ros_scan import RosScan, make_ros_scan, read_ros_scan
+from lrf3d.notebook import Pictured
 from lrf3d.pose import Pose, as_pose
 
 
 @dataclass(frozen=True, eq=False)
-class LaserScan(Value):
+class LaserScan(Value, Pictured):
     """The ranges of one scan, with the pose that they were measured at.
 
     Args:

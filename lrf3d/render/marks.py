@@ -128,12 +128,13 @@ def draw_scan(
     """Draw a scan beam by beam; with the range finder also the beams that met nothing."""
     points = frame.local(scan.points())
     here = frame.local(np.array([scan.pose[:2]]))
-    axes.add_collection(_fan(here, points, alpha=0.5))
+    # Beams end at returns or at nothing: what is in view is decided by the returns.
+    axes.add_collection(_fan(here, points, alpha=0.5), autolim=False)
     missed = np.isposinf(scan.ranges)
     if lrf is not None and missed.any():
         far = np.full(missed.sum(), lrf.range_max)
         ends = frame.local(reflection_points(scan.pose, scan.angles[missed], far))
-        axes.add_collection(_fan(here, ends, alpha=0.15))
+        axes.add_collection(_fan(here, ends, alpha=0.15), autolim=False)
     axes.scatter(points[:, 0], points[:, 1], s=9.0, color=HIT, linewidths=0, zorder=5)
     signs = []
     if len(points) or (lrf is not None and missed.any()):

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Value, is_finite, numbers
@@ -132,9 +133,9 @@ class Patrol(Value):
             leg = (leg + 1) % len(legs)
         return Trajectory(times, poses)
 
-    def at(self, times: Float) -> Float:
+    def at(self, times: ArrayLike) -> Float:
         """Poses (m, 3) at times (m,) [s]; at rest before time 0."""
-        last = float(times.max(initial=0.0))
+        last = float(np.max(times, initial=0.0))
         known: Trajectory | None = self.__dict__.get("_known")
         if known is None or known.times[-1] <= last:
             # Computed to twice the time, so that rising times seldom need another path.

@@ -7,11 +7,12 @@ bounces as matter (Goral et al., 1984, with rays in place of form factors). The 
 itself is added where it is drawn, as its shadows have sharp edges.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
 from lrf3d.scene.facades import layers
 from lrf3d.scene.look import (
@@ -95,7 +96,7 @@ class Light:
         self._open = open_light(indoor=self._indoor)
         self.quads: Float = np.broadcast_to(self._open, (len(quads), 4, 3))
         self.roofs: Float = np.broadcast_to(self._open, (len(roofs), 3, 3))
-        self._scene: Any = None
+        self._rays: TriangleRays | None = None
         if not 0 < self._count <= _MOST_FACES:
             return
         rng = np.random.default_rng(7)
@@ -126,7 +127,7 @@ class Light:
 
     def ground(self, places: Float) -> tuple[Float, Bool]:
         """The light (n, 3) on the ground at places (n, 2), and which are not inside of a house."""
-        if self._scene is None:
+        if self._rays is None:
             return np.broadcast_to(self._open, (len(places), 3)), np.ones(len(places), dtype=bool)
         points = _Points(
             np.column_stack([places, np.full(len(places), _OFF)]),
@@ -136,16 +137,8 @@ class Light:
         return sky + _mean_of(self._sent, seen), (seen == self._land + 1).mean(axis=1) < _INSIDE
 
     def _build(self, quads: Single, roofs: Single) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        self._scene = EmbreeScene()
-        corners = np.concatenate([quads[:, :, :3].reshape(-1, 3), roofs[:, :, :3].reshape(-1, 3)])
-        below = 4 * len(quads) + np.arange(3 * len(roofs), dtype=np.uint32)
-        numbers = np.concatenate([quad_indices(len(quads)), below]).reshape(-1, 3)
-        self._kept = TriangleMesh(
-            self._scene, np.ascontiguousarray(corners, np.float32), numbers.astype(np.int32)
-        )
+        corners = quads[:, quad_indices(1).reshape(2, 3), :3].reshape(-1, 3, 3)
+        self._rays = TriangleRays(np.concatenate([corners, roofs[:, :, :3]]))
         self._owner = np.concatenate(
             [np.repeat(np.arange(len(quads)), 2), len(quads) + np.arange(len(roofs))]
         )
@@ -186,11 +179,16 @@ class Light:
             sky[part] = np.where(free, light, 0.0).mean(axis=1)
         return seen, sky
 
+    def _met_faces(self, origins: Float, ways: Float) -> NDArray[np.int32]:
+        """The triangle (n,) that each ray meets first, or −1."""
+        assert self._rays is not None
+        return self._rays.first(
+            np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(ways, np.float32)
+        )
+
     def _met(self, origins: Float, ways: Float) -> Int:
         """The patch that each ray meets: faces, cells, the land around, insides, the sky."""
-        hits = np.asarray(
-            self._scene.run(origins.astype(np.float32), ways.astype(np.float32)), np.int64
-        )
+        hits = self._met_faces(origins, ways)
         patches = np.full(len(ways), self._land + 2)
         down = (hits < 0) & (ways[:, 2] < 0.0)
         reach = origins[down, 2] / -ways[down, 2]
@@ -226,10 +224,7 @@ class Light:
             origins = np.concatenate([spot + _OFF * self._facing, cells.places + aside])
             wiggle = _SPREAD * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]][number])
             ways = np.broadcast_to(SUN + wiggle, origins.shape)
-            hits = self._scene.run(
-                np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(ways, np.float32)
-            )
-            free += np.asarray(hits) < 0
+            free += self._met_faces(origins, ways) < 0
         return shine * (free / len(spots))[:, None]
 
     def _albedo(self, quads: Single, roofs: Single) -> Float:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, WorldError
 from lrf3d.geometry import LATER, Float, Int, Value, normal_lines, read_only, sealed
+from lrf3d.notebook import Pictured
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import Material, checked
@@ -21,7 +22,7 @@ MOST_OBJECTS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class World(Value):
+class World(Value, Pictured):
     """Walls: line segments with a height, each a part of an object.
 
     Args:

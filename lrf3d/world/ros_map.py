@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.geometry import Bool, Float, Int
@@ -271,11 +272,50 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     Raises:
         OutputError: The files cannot be written, or the map becomes too large.
     """
-    margin = max(FREE_MARGIN, 2.0 * (resolution or 0.0))
-    low, high = world.bounds[0] - margin, world.bounds[1] + margin
+    margin = FREE_MARGIN
     if resolution is None:
-        smallest = float(np.sqrt(np.prod(high - low) / MOST_WRITTEN))
-        resolution = max(RESOLUTION, ROUNDED_UP * smallest)
+        resolution = cell_size(world)
+    else:
+        margin = max(margin, 2.0 * resolution)
+    cells, (x, y) = map_cells(world, resolution, path, margin=margin)
+    picture = path.with_suffix(".pgm")
+    rows, columns = cells.shape
+    with replacing(picture) as unfinished:
+        unfinished.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + cells[::-1].tobytes())
+    write_text(
+        path,
+        # A JSON string is valid YAML for any name.
+        f"image: {json.dumps(picture.name)}\nresolution: {resolution!r}\n"
+        f"origin: [{x!r}, {y!r}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n",
+    )
+
+
+def cell_size(world: World, least: float = RESOLUTION) -> float:
+    """The side of the cells [m] of a world's map: the least, or more for a large world."""
+    low, high = world.bounds[0] - FREE_MARGIN, world.bounds[1] + FREE_MARGIN
+    return max(least, ROUNDED_UP * float(np.sqrt(np.prod(high - low) / MOST_WRITTEN)))
+
+
+def map_cells(
+    world: World, resolution: float, path: Path, *, margin: float = FREE_MARGIN
+) -> tuple[NDArray[np.uint8], tuple[float, float]]:
+    """The cells of a world, FREE, OCCUPIED or UNKNOWN.
+
+    Args:
+        world: The world, with its walls and its free cells.
+        resolution: Side of a cell [m].
+        path: The file that they are for, which errors name.
+        margin: What is mapped beyond the outermost walls [m].
+
+    Returns:
+        The cells (rows, columns), the first row at the bottom, and the place x, y [m] of the outer
+        corner of the first.
+
+    Raises:
+        OutputError: There are too many.
+    """
+    low, high = world.bounds[0] - margin, world.bounds[1] + margin
     # A whole number of cells from the origin, so that straight walls stay straight.
     first = np.floor(low / resolution)
     columns, rows = (np.ceil(high / resolution) - first).astype(np.int64).tolist()
@@ -291,17 +331,8 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
             known = world.free.contain(np.column_stack([x, np.full(columns, y)]))
             cells[row, ~known] = UNKNOWN
     cells[_walled_cells(world.segments / resolution - np.tile(first, 2))] = OCCUPIED
-    picture = path.with_suffix(".pgm")
-    with replacing(picture) as unfinished:
-        unfinished.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + cells[::-1].tobytes())
     x, y = (first * resolution).tolist()
-    write_text(
-        path,
-        # A JSON string is valid YAML for any name.
-        f"image: {json.dumps(picture.name)}\nresolution: {resolution!r}\n"
-        f"origin: [{x!r}, {y!r}, 0.0]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n",
-    )
+    return cells, (x, y)
 
 
 def _walled_cells(segments: Float) -> tuple[Int, Int]:

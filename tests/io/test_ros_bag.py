@@ -1,9 +1,13 @@
+import json
 import sys
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from bags import STORE, mounted, odometry, pose, rosbag2, scan, transform, write
 from synthetic_run import around, box, make_run, make_world
 
@@ -84,6 +88,9 @@ def test_other_programs_find_what_they_need(run, kind, tmp_path):
         "/ground_truth": ODOMETRY,
         "/tf": TRANSFORMS,
         "/tf_static": TRANSFORMS,
+        "/clock": "rosgraph_msgs/msg/Clock",
+        "/map": "nav_msgs/msg/OccupancyGrid",
+        "/map_objects": "visualization_msgs/msg/MarkerArray",
     }
     # Whoever comes late still has to hear where the laser is mounted.
     assert topics["/tf_static"].ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
@@ -104,8 +111,69 @@ def test_other_programs_find_what_they_need(run, kind, tmp_path):
         if topic.startswith("/tf")
         for each in message.transforms
     }
-    assert edges == {("odom", "base_link"), ("base_link", "laser")}
+    assert edges == {("map", "odom"), ("odom", "base_link"), ("base_link", "laser")}
+    clocks = [message.clock for topic, _, message in said if topic == "/clock"]
+    assert [each.sec * 10**9 + each.nanosec for each in clocks] == stamps
     assert list(tmp_path.iterdir()) == [path]
+
+
+def messages_of(path, topic):
+    with rosbag2.Reader(path) as bag:
+        wanted = [each for each in bag.connections if each.topic == topic]
+        return [
+            STORE.deserialize_cdr(data, each.msgtype)
+            for each, _, data in bag.messages(connections=wanted)
+        ]
+
+
+def test_the_grid_of_a_bag_is_the_map_and_what_beams_passed(run, mcap):
+    [grid] = messages_of(mcap, "/map")
+    assert grid.header.frame_id == "map"
+    cells = grid.data.reshape(grid.info.height, grid.info.width)
+    corner = np.array([grid.info.origin.position.x, grid.info.origin.position.y])
+
+    def at(points):
+        column, row = ((np.asarray(points) - corner) / grid.info.resolution).astype(int).T
+        return cells[row, column]
+
+    middles = 0.5 * (run.map.segments[:, :2] + run.map.segments[:, 2:])
+    assert (at(middles) == 100).all()
+    assert (at(run.trajectory.poses[:, :2]) == 0).all()
+    assert set(np.unique(cells)) == {-1, 0, 100}
+
+
+def test_the_lines_of_a_bag_are_the_map_snapshots_in_their_colours(run, mcap, tmp_path):
+    half = (len(run) - 1) // 2
+    kept = replace(run, snapshot_scans=(half, len(run) - 1), maps=(run.map, run.map))
+    export_run(kept, "mcap", tmp_path / "two.mcap")
+    first, last = messages_of(tmp_path / "two.mcap", "/map_objects")
+    assert first.markers[0].header.stamp.sec == int(run.trajectory.times[half])
+    [marker] = last.markers
+    ends = np.array([(point.x, point.y) for point in marker.points])
+    assert np.array_equal(ends.reshape(-1, 4), run.map.segments)
+    colours = [(each.r, each.g, each.b) for each in marker.colors[::2]]
+    assert len(set(colours)) == run.map.object_count
+    assert len(marker.colors) == len(marker.points)
+
+
+def test_layouts_for_other_programs_show_topics_that_a_bag_has(mcap):
+    folder = Path(__file__).parents[2] / "docs" / "ros"
+    layout = json.loads((folder / "foxglove.json").read_text(encoding="utf-8"))
+    shown = set(layout["configById"]["3D!lrf3d"]["topics"])
+    plots = [plot for name, plot in layout["configById"].items() if name.startswith("Plot")]
+    shown |= {path["value"].partition(".")[0] for plot in plots for path in plot["paths"]}
+    rviz = yaml.safe_load((folder / "lrf3d.rviz").read_text(encoding="utf-8"))
+    displays = rviz["Visualization Manager"]["Displays"]
+    shown |= {each["Topic"]["Value"] for each in displays if "Topic" in each}
+    with rosbag2.Reader(mcap) as bag:
+        assert shown <= {each.topic for each in bag.connections}
+
+
+def test_a_bag_of_a_run_without_a_map_has_none(run, tmp_path):
+    bare = replace(run, snapshot_scans=(), maps=())
+    export_run(bare, "mcap", tmp_path / "bare.mcap")
+    with rosbag2.Reader(tmp_path / "bare.mcap") as bag:
+        assert not {"/map", "/map_objects"} & {each.topic for each in bag.connections}
 
 
 def test_a_bag_is_replaced_and_nothing_else_is(run, tmp_path):

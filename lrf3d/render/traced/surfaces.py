@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Float, Int
 from lrf3d.render.primitives import Primitive
 from lrf3d.render.traced.shading import (
@@ -49,27 +50,17 @@ class Surfaces:
     def __init__(
         self, triangles: NDArray[np.float32], painted: tuple[NDArray[np.uint8], ...]
     ) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
         self.faces = face_table(triangles)
         self.painted = np.concatenate([level.ravel() for level in painted])
         sizes = np.array([level.size for level in painted])
         sides = np.array([level.shape[2:0:-1] for level in painted])
         self.painted_levels = np.column_stack([np.cumsum(sizes) - sizes, sides])
         self._level = self.faces[:, NORMAL + 2] > 0.5
-        self._scene = EmbreeScene()
-        self._kept = None
-        if len(triangles):
-            corners = np.ascontiguousarray(triangles[:, :, :3].reshape(-1, 3), np.float32)
-            numbers = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-            self._kept = TriangleMesh(self._scene, corners, numbers)
+        self._rays = TriangleRays(triangles[:, :, :3])
 
     def nearest(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Ids:
         """The triangle (n,) that each ray meets first, or −1."""
-        if self._kept is None:
-            return np.full(len(origins), -1, np.int32)
-        hits = np.asarray(self._scene.run(origins, directions), np.int32)
+        hits = self._rays.first(origins, directions)
         # Level faces, on tops of walls, have no underside: rays go on through it.
         rising = np.flatnonzero((hits >= 0) & (directions[:, 2] > 0.0))
         for _ in range(_MOST_PASSED):
@@ -79,7 +70,7 @@ class Surfaces:
             way, start = directions[rising], origins[rising]
             depth = (self.faces[hits[rising], OFFSET] - start[:, 2]) / way[:, 2] + _PAST
             through = np.ascontiguousarray(start + way * depth[:, None], np.float32)
-            hits[rising] = self._scene.run(through, way)
+            hits[rising] = self._rays.first(through, way)
         return hits
 
 
