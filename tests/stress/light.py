@@ -104,7 +104,7 @@ def lit(make: Callable[[np.random.Generator], Scene], rng: np.random.Generator) 
     for beam, (dx, dy) in enumerate(lrf.directions(pose).tolist()):
         direction = Fraction(dx), Fraction(dy)
         try:
-            found = dict(ways(exact, kinds, origin, direction, Fraction(60)))
+            found = list(ways(exact, kinds, origin, direction, Fraction(60)))
         except Touching:
             continue
         named = [tuple(row[beam][row[beam] >= 0].tolist()) for row in chains]
@@ -115,12 +115,11 @@ def lit(make: Callable[[np.random.Generator], Scene], rng: np.random.Generator) 
             # All light may be lost on the way through glass, but not among mirrors alone.
             missed = not found or "glass" in kinds
             errors[beam] = 0.0 if missed and distance == np.inf else np.inf
-        elif named[0] not in found:
-            errors[beam] = np.inf
         else:
-            way = found[named[0]]
-            off = abs(Fraction(distance) - way) / Fraction(ulp(distance))
-            errors[beam] = float(off) / len(named[0])
+            # Glass may mirror a beam onto the same wall that it lets it through to.
+            off = [abs(Fraction(distance) - way) for chain, way in found if chain == named[0]]
+            least = float(min(off) / Fraction(ulp(distance))) if off else np.inf
+            errors[beam] = least / len(named[0])
     return errors
 
 
