@@ -46,10 +46,9 @@ class Sensor:
         path: Trajectory | None = None,
     ) -> None:
         self.lrf, self.caster, self.noise = lrf, caster_of(caster, world), noise
-        # A user's caster need not cast scans in batches.
-        self._cast_batch: Any = (
-            None if obstacles or path else getattr(self.caster, "scan_batch", None)
-        )
+        # A user's caster need not cast scans in batches, and noises may need intensities.
+        alone = obstacles or path or world.materials
+        self._cast_batch: Any = None if alone else getattr(self.caster, "scan_batch", None)
         self._cast = timed(self.caster, lrf, path, obstacles)
 
     def measure(

@@ -50,6 +50,12 @@ class EmbreeCaster(BatchCaster):
         self._walls = world if isinstance(world, World) else None
         self._rationals = RationalCaster(World(np.empty((0, 4))) if self._walls is None else world)
         self._levels = np.empty(0) if self._walls is None else np.unique(self._walls.heights)
+        if self._walls is not None and self._walls.materials:
+            from lrf3d.casting.lighting import Lighting
+            from lrf3d.casting.planar import PlanarCaster
+
+            # Embree finds the first walls; behind mirrors and glass the float64 walls are cast at.
+            self._lights = Lighting(self._walls, PlanarCaster(self._walls).tree)
         self._scenes: dict[tuple[int, int], WallScene] = {}
         self._mesh: MeshScene | None = None
         self._cuts: dict[float, tuple[EmbreeCaster, Int]] = {}

@@ -115,6 +115,10 @@ class RationalCaster:
             or not (theta == 0.0 or abs(theta) >= SMALLEST_NUMBER)
         )
 
+    def all_needed(self, poses: Float) -> Bool:
+        """Which of the poses (k, 3) need rationals."""
+        return np.asarray(~_inside(poses).all(axis=1))
+
     def for_all(self, lrf: LaserRangeFinder) -> bool:
         """Whether all scans of a range finder need rationals."""
         return (
@@ -141,8 +145,7 @@ class RationalCaster:
 
         The walls are left out if the array is empty.
         """
-        beyond = ~_inside(poses).all(axis=1) | self.for_all(lrf)
-        for k in np.flatnonzero(beyond).tolist():
+        for k in np.flatnonzero(self.all_needed(poses) | self.for_all(lrf)).tolist():
             x, y, theta = poses[k].tolist()
             ranges[k], hit = self.cast(lrf, (x, y, theta))
             walls[k : k + 1] = hit

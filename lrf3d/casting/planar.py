@@ -32,6 +32,10 @@ class PlanarCaster(BatchCaster):
         self._levels = np.unique(world.heights)
         self._trees: dict[int, Tree] = {}
         self._rationals = RationalCaster(world)
+        if world.materials:
+            from lrf3d.casting.lighting import Lighting
+
+            self._lights = Lighting(world, self.tree)
 
     def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]; built once for each level."""

@@ -20,6 +20,10 @@ obstacle_corners (m,) number of corners of each outline; obstacle_outlines (…,
                       [m] of all, in their own frames
 obstacle_stops (m,)   number of poses of each path; obstacle_times (…,) [s] and obstacle_poses
                       (…, 3) those of all
+materials (o,)        the material of each object as JSON: the name of a built-in one, a table of
+                      its values, or null; missing where the world has none
+receiver (4,)         threshold, near_field [m], echo (0 first, 1 last, 2 strongest) and echoes of
+                      the laser; missing where all have their defaults
 scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
 times (k,)            time of each scan [s]
 poses (k, 3)          x, y [m], theta [rad] of each scan
@@ -47,6 +51,7 @@ at multiples of 64 bytes, so that `load_run` maps the large ones and a run of an
 looked at. Where a program was stopped, a journal lies in its place: see `recording`.
 """
 
+import json
 import os
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -59,11 +64,13 @@ from lrf3d.errors import InputError
 from lrf3d.input import check_ordinary
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.range_finder import ECHO_CHOICES
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
+from lrf3d.world.materials import material_of, material_value
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -75,6 +82,7 @@ DTYPE_KINDS = {
     **dict.fromkeys(("map_objects", "map_points", "obstacle_corners", "obstacle_stops"), "iu"),
     **dict.fromkeys(("estimate_scans", "estimate_closures", "estimate_dropped"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
+    "materials": "U",
 }
 """What kinds of values an array may have, as NumPy names them; all others have floats."""
 
@@ -138,6 +146,12 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
         "film_view": np.array(film.view),
         "film_playback": np.array(film.playback),
     }
+    if lrf.light != LaserRangeFinder().light:
+        threshold, near_field, echo, echoes = lrf.light
+        arrays["receiver"] = np.array([threshold, near_field, ECHO_CHOICES.index(echo), echoes])
+    if world.materials:
+        values = [one and material_value(one) for one in world.materials]
+        arrays["materials"] = np.array([json.dumps(value) for value in values], dtype=np.str_)
     return [Column.of(name, array) for name, array in arrays.items()]
 
 
@@ -292,6 +306,13 @@ def _estimate(arrays: dict[str, Any], scans: int) -> EstimatedTrajectory | None:
     return estimate
 
 
+def _receiver(arrays: dict[str, Any]) -> tuple[float, float, str, int]:
+    if "receiver" not in arrays:
+        return LaserRangeFinder().light
+    threshold, near_field, echo, echoes = arrays["receiver"].tolist()
+    return threshold, near_field, ECHO_CHOICES[int(echo)], int(echoes)
+
+
 def _run(arrays: dict[str, Any]) -> Run:
     for name, array in arrays.items():
         # An empty array may have any kind: NumPy takes an empty list of names for floats.
@@ -311,6 +332,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         object_names=tuple(str(name) for name in arrays["object_names"]),
         colours=arrays["colours"],
         cameras=_cameras(arrays),
+        materials=[material_of(json.loads(str(one))) for one in arrays.get("materials", ())],
     )
     angle_min, angle_max, beams, range_min, range_max, height = arrays["lrf"].tolist()
     lrf = LaserRangeFinder(
@@ -321,6 +343,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         range_max,
         height,
         float(arrays.get("scan_duration", 0.0)),
+        *_receiver(arrays),
     )
     bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
     maps = tuple(

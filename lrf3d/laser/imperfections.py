@@ -144,6 +144,7 @@ class DropOuts:
             scan,
             ranges=np.where(lost, np.inf, scan.ranges),
             walls=np.where(lost, -1, scan.walls),
+            intensities=None if scan.intensities is None else np.where(lost, 0.0, scan.intensities),
         )
 
 

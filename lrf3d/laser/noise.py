@@ -217,6 +217,43 @@ class ConstantNoise:
 
 
 @dataclass(frozen=True, slots=True)
+class IntensityNoise:
+    """Gaussian noise that grows as the light fades: d + N(0, σ) / √intensity.
+
+    The photons that are counted have the standard deviation of the square root of their number. σ
+    [m] is that of the intensity 1, a white wall at 1 m; a range below 0 is reported as 0.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> from lrf3d.laser import IntensityNoise
+        >>> world = lrf3d.World([[5, -9, 5, 9]], materials=["dark cloth"])
+        >>> lrf = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1)
+        >>> scan = lrf3d.PlanarCaster(world).cast(lrf, (0, 0, 0))
+        >>> IntensityNoise(0.001)(scan, np.random.default_rng(0)).ranges.round(3).tolist()
+        [5.003]
+    """
+
+    sigma: float
+    spread: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        check_sigma(self.sigma, "metres")
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return the scan with noise on each range; a beam without return stays without.
+
+        Raises:
+            InputError: The scan has no intensities.
+        """
+        if scan.intensities is None:
+            raise InputError("scan without intensities: give the world materials")
+        draws = rng.normal(0.0, self.sigma, len(scan.ranges))
+        root = np.sqrt(np.where(scan.intensities > 0.0, scan.intensities, 1.0))
+        return replace(scan, ranges=not_negative(scan.ranges + draws / root))
+
+
+@dataclass(frozen=True, slots=True)
 class Quantised:
     """Rounds ranges to the nearest multiple of a resolution [m]."""
 

@@ -28,6 +28,11 @@ class LaserScan(Value):
             hit no wall.
         range_min: Nearest distance that the range finder measures [m].
         range_max: Farthest distance that the range finder measures [m].
+        intensities: (beams,) brightness of what returned, 0 where nothing did; 1 is that of a white
+            wall at 1 m at a right angle. None in worlds without materials.
+        echoes: (beams, k) ranges [m] of several echoes of each beam, the nearest first, +inf after
+            the last; None where the range finder reports one.
+        echo_intensities: (beams, k) their intensities.
         time: Time of the first beam [s].
         time_increment: Time from one beam to the next [s].
         pose_covariance: (3, 3) covariance of the pose's x, y [m] and theta [rad]; None if the pose
@@ -54,6 +59,9 @@ class LaserScan(Value):
     time: float
     time_increment: float
     pose_covariance: Float | None
+    intensities: Float | None
+    echoes: Float | None
+    echo_intensities: Float | None
 
     def __init__(
         self,
@@ -67,6 +75,9 @@ class LaserScan(Value):
         time: float = 0.0,
         time_increment: float = 0.0,
         pose_covariance: ArrayLike | None = None,
+        intensities: ArrayLike | None = None,
+        echoes: ArrayLike | None = None,
+        echo_intensities: ArrayLike | None = None,
     ) -> None:
         beams: Float = read_only(angles, "angles")
         measured: Float = read_only(ranges, "ranges")
@@ -95,6 +106,9 @@ class LaserScan(Value):
             time=time,
             time_increment=time_increment,
             pose_covariance=covariance,
+            intensities=_of_beams(intensities, len(beams), "intensities", 1),
+            echoes=_of_beams(echoes, len(beams), "echoes", 2),
+            echo_intensities=_of_beams(echo_intensities, len(beams), "echo_intensities", 2),
         )
 
     def __repr__(self) -> str:
@@ -106,7 +120,16 @@ class LaserScan(Value):
         )
 
     @classmethod
-    def unchecked(cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> "LaserScan":
+    def unchecked(
+        cls,
+        lrf: LaserRangeFinder,
+        pose: Pose,
+        ranges: Float,
+        walls: Int,
+        intensities: Float | None = None,
+        echoes: Float | None = None,
+        echo_intensities: Float | None = None,
+    ) -> "LaserScan":
         """The scan of new arrays of a caster: they are made read-only, not checked or copied."""
         scan = object.__new__(cls)
         scan.__dict__.update(
@@ -119,6 +142,9 @@ class LaserScan(Value):
             time=0.0,
             time_increment=lrf.time_increment,
             pose_covariance=None,
+            intensities=None if intensities is None else sealed(intensities),
+            echoes=None if echoes is None else sealed(echoes),
+            echo_intensities=None if echo_intensities is None else sealed(echo_intensities),
         )
         return scan
 
@@ -157,6 +183,18 @@ class LaserScan(Value):
     def points(self) -> Float:
         """Reflection points (m, 2) in the world of the beams that returned (Eq. 8)."""
         return reflection_points(self.pose, self.angles[self.hits], self.ranges[self.hits])
+
+
+def _of_beams(values: ArrayLike | None, beams: int, name: str, axes: int) -> Float | None:
+    """Values for each beam (beams, …), or None."""
+    if values is None:
+        return None
+    array: Float = read_only(values, name)
+    if array.ndim != axes or len(array) != beams:
+        raise InputError(
+            f"scan with {name} {array.shape}: expected a row for each of {beams} beams"
+        )
+    return array
 
 
 def is_covariance(matrix: Float) -> bool:

@@ -34,7 +34,7 @@ LEAST_CHANGE = 0.01
 Surfaces = Callable[[int], Float]
 """What a scan shows, by its number."""
 
-LAGS = np.arange(-1.0, 2.001, 0.02)
+LAGS = np.arange(-50, 101) / 50.0
 """Lags that are compared, in lines."""
 
 HUBER = 0.01

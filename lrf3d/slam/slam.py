@@ -30,9 +30,9 @@ EDGE_SHARE = 0.3
 matched with the same local map, and share its errors."""
 
 NEWS = 4.0
-"""A closure that is off by fewer deviations than this waits for the next optimisation. They are
-scaled by the variance factor: those of matching are ten times too large where scans are good, and
-with them the errors of a drive through offices were twice as large."""
+"""A closure that is off by less than this many deviations waits for the next optimisation. They
+are scaled by the variance factor: those of matching are ten times too large where scans are good,
+and with them the errors of a drive through offices were twice as large."""
 
 ONLINE_ITERATIONS, FINAL_ITERATIONS = 1, 20
 """Most Gauss-Newton steps over the pose graph, while the robot drives and in the end."""

@@ -15,11 +15,11 @@ from lrf3d.slam.pose_graph import Edges, edge_equations, factor
 KNOWN_BEFORE = 30.0
 """How many residuals the deviation of matched points counts as, beside those of closures."""
 
-DEVIATIONS = 2.2
+DEVIATIONS = 2.4
 """Matched points count as if they lay this many times farther off than they do: along a corridor
 without closures, where nothing else tells, one such deviation was too little by half."""
 
-CORRELATED = 1.2
+CORRELATED = 1.3
 """By how much errors exceed those of independent edges: edges between following key scans share
 the errors of one local map. Measured by `benchmarks/slam_consistency.py` with known truth: with 3
 covariances are three times too large where loops are many."""

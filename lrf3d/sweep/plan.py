@@ -224,7 +224,12 @@ def _plain(value: Any) -> Any:
         ordered = np.ascontiguousarray(value + 0, dtype=kind)
         return ["array", value.shape, hashlib.sha256(ordered.tobytes()).hexdigest()]
     if is_dataclass(value):
-        return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
+        held = {each: getattr(value, each.name) for each in fields(value)}
+        return {
+            each.name: _plain(one)
+            for each, one in held.items()
+            if not (each.metadata.get("later") and one == each.default)
+        }
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
     if isinstance(value, tuple | list):

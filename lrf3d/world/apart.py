@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from lrf3d.errors import WorldError
+from lrf3d.world.materials import material_of, material_value
 from lrf3d.world.model import World
 
 SECONDS, SECONDS_A_MEGABYTE = 4.0, 1.5
@@ -75,6 +76,7 @@ def read_apart(path: Path, read: Callable[[Path], World]) -> World:
         fields["name"],
         object_names=fields["object_names"],
         colours=np.array(fields["colours"], dtype=np.float64).reshape(-1, 3),
+        materials=[material_of(one) for one in fields["materials"]],
     )
 
 
@@ -140,7 +142,12 @@ def _main(module: str, function: str, path: Path) -> NoReturn:
         colours = [
             [float(part) if np.isfinite(part) else None for part in row] for row in world.colours
         ]
-        header = {"name": world.name, "object_names": world.object_names, "colours": colours}
+        header = {
+            "name": world.name,
+            "object_names": world.object_names,
+            "colours": colours,
+            "materials": [one and material_value(one) for one in world.materials],
+        }
         walls = np.empty(len(world.segments), dtype=WALLS)
         walls["segment"], walls["object"] = world.segments, world.objects
         walls["height"] = world.heights

@@ -10,6 +10,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import Float, is_finite
+from lrf3d.world.materials import Material, material_of
 from lrf3d.world.model import MOST_OBJECTS
 from lrf3d.world.schema import LARGEST_COORDINATE, parse_colour
 
@@ -32,6 +33,7 @@ class Feature:
         name: Its name, or an empty text.
         colour: Its colour, or None.
         number: The object it belongs to, or None.
+        material: Its material, or None.
     """
 
     polygons: tuple[tuple[Float, ...], ...]
@@ -40,6 +42,7 @@ class Feature:
     name: str
     colour: tuple[float, float, float] | None
     number: int | None
+    material: Material | None = None
 
     @property
     def rings(self) -> list[Float]:
@@ -105,7 +108,15 @@ class _Reader:
             name=name if isinstance(name, str) else "",
             colour=next(filter(None, map(parse_colour, colours)), None),
             number=number if type(number) is int and 0 <= number <= MOST_OBJECTS else None,
+            material=self.material(properties),
         )
+
+    def material(self, properties: dict[str, Any]) -> Material | None:
+        """The material from the properties material or building:material."""
+        try:
+            return material_of(properties.get("material", properties.get("building:material")))
+        except WorldError as error:
+            self.refuse(str(error))
 
     def outlines(self, geometry: object) -> Iterator[tuple[tuple[Float, ...], bool]]:
         """The polygons and lines of a geometry: rings, and whether they are a polygon's."""

@@ -21,6 +21,7 @@ from lrf3d.input import own_name
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.geographic import centre_of, lay_flat
 from lrf3d.world.geojson_features import LEVEL_HEIGHT, Feature, metres_of
+from lrf3d.world.materials import osm_material
 from lrf3d.world.model import World
 from lrf3d.world.schema import parse_colour
 from lrf3d.world.xml_file import go_through
@@ -219,7 +220,8 @@ def _is_closed(refs: Refs) -> bool:
 
 
 def _feature(tags: dict[str, str], polygons: tuple[tuple[Float, ...], ...]) -> Feature:
-    return Feature(polygons, (), tag_height(tags), name_of(tags), tag_colour(tags), None)
+    material = osm_material(tags.get("building:material"))
+    return Feature(polygons, (), tag_height(tags), name_of(tags), tag_colour(tags), None, material)
 
 
 def is_building(tags: dict[str, str]) -> bool:
