@@ -34,8 +34,15 @@ if TYPE_CHECKING:
     )
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
     from lrf3d.pose import Pose
-    from lrf3d.render.video import render_video
-    from lrf3d.robot import Trajectory, Unicycle, check_drive, drive, follow_route
+    from lrf3d.render.video import frame, render_video
+    from lrf3d.robot import (
+        EstimatedTrajectory,
+        Trajectory,
+        Unicycle,
+        check_drive,
+        drive,
+        follow_route,
+    )
     from lrf3d.robot.planner import plan_route
     from lrf3d.run import Run
     from lrf3d.scenario import Scenario
@@ -52,6 +59,7 @@ else:
             "__version__": "version",
             "CollisionError": "errors",
             "EmbreeCaster": "casting",
+            "EstimatedTrajectory": "robot",
             "InputError": "errors",
             "KnownLines": "localization",
             "LaserRangeFinder": "laser",
@@ -92,6 +100,7 @@ else:
             "plan_route": "robot.planner",
             "plot": "",
             "record": "io",
+            "frame": "render.video",
             "render_video": "render.video",
             "save_map": "mapping",
             "save_run": "io",
@@ -109,6 +118,7 @@ __all__ = [
     "CollisionError",
     "DynamicObstacle",
     "EmbreeCaster",
+    "EstimatedTrajectory",
     "InputError",
     "KnownLines",
     "LaserRangeFinder",
@@ -138,6 +148,7 @@ __all__ = [
     "drive",
     "export_run",
     "follow_route",
+    "frame",
     "load_log",
     "load_map",
     "load_run",

@@ -18,7 +18,7 @@ LONGEST_MESSAGE = 600
 def one_line(text: str, most: int = LONGEST_MESSAGE) -> str:
     r"""A text as one line of a terminal: control characters escaped, the middle left out if long.
 
-    So untrusted text, such as the name of a file, can neither move the cursor nor fake a line.
+    Untrusted text, such as the name of a file, can then neither move the cursor nor fake a line.
 
     >>> one_line("a\nb"), one_line("abcdefghij", most=7)
     ('a\\nb', 'abc…hij')

@@ -1,4 +1,4 @@
-"""Run: what entered a simulation and what came out of it."""
+"""Run: the input and the results of a simulation."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.notebook import Pictured, Video
 from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 from lrf3d.world.free_cells import FreeCells
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 MAP_SNAPSHOTS = 100
-"""Most map snapshots that a run keeps: enough for a film, and each takes the mapper some hundredths
-of a second."""
+"""Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
+some hundredths of a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run(Value, Pictured):
-    """What entered a simulation and what came out: all that pictures and films need.
+    """The input and the results of a simulation: all that pictures and films need.
 
     Args:
         world: The walls.
@@ -47,7 +47,9 @@ class Run(Value, Pictured):
             scan. Empty if the mapper makes no LineMap.
         maps: The map snapshots: the map after each of these scans.
         obstacles: The dynamic obstacles.
-        film: How the run is filmed if nothing else is given.
+        film: The default settings of its film.
+        estimate: The trajectory that the robot estimated; None if its poses were given. In a
+            recorded drive, whose truth is unknown, the trajectory has the poses of the estimate.
 
     Examples:
         >>> import lrf3d
@@ -69,6 +71,7 @@ class Run(Value, Pictured):
     maps: tuple[LineMap, ...]
     obstacles: "tuple[DynamicObstacle, ...]" = ()
     film: FilmPlan = USUAL_FILM
+    estimate: EstimatedTrajectory | None = None
 
     def __post_init__(self) -> None:
         self._hold("ranges", "truth")
@@ -86,6 +89,20 @@ class Run(Value, Pictured):
         return len(self.trajectory)
 
     @property
+    def knows_truth(self) -> bool:
+        """Whether the trajectory is the true one rather than the estimate of a recorded drive."""
+        estimate = self.estimate
+        return estimate is None or not np.array_equal(estimate.poses, self.trajectory.poses)
+
+    @property
+    def odometry(self) -> Float:
+        """Poses (k, 3) at the scans by odometry alone; those of the trajectory if it is exact."""
+        estimate = self.estimate
+        if estimate is None or not len(estimate.odometry):
+            return self.trajectory.poses
+        return estimate.odometry
+
+    @property
     def map(self) -> LineMap:
         """The map after the last scan; an empty one where the mapper makes no LineMap."""
         return self.maps[-1] if self.maps else LineMap.empty()
@@ -101,9 +118,9 @@ class Run(Value, Pictured):
 
     @cached_property
     def lasting_objects(self) -> tuple[Int, ...]:
-        """For each map snapshot the object (m,) of each segment, numbered alike in all of them.
+        """For each map snapshot the object (m,) of each segment, with one number in all snapshots.
 
-        An object keeps its number in all snapshots of the run. If the last map shows a true object,
+        If the last map shows a true object,
         the number is that object's: pictures and films choose colours and names by it.
         """
         tracker = ObjectTracker()
@@ -128,6 +145,7 @@ class Run(Value, Pictured):
             walls=some_rows(self.walls, scans),
             snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
+            estimate=None if self.estimate is None else self.estimate.part(scans),
         )
         # Its map is that of the whole run, and so are the numbers of the objects in it.
         part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
@@ -259,5 +277,6 @@ class SnapshotSchedule:
 
 
 def run_bytes(scans: int, beams: int) -> int:
-    """How many bytes the scans of a run take on disk."""
+    """Bytes that the scans of a run take on disk: float64 and int64 numbers."""
+    # A time and a pose for each scan; a range, a true range and a wall for each beam.
     return 8 * scans * (4 + 3 * beams)

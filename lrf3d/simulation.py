@@ -20,7 +20,7 @@ from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.sensor import Sensor
@@ -33,7 +33,8 @@ class Mapper(Protocol):
     """Anything that builds a map from scans.
 
     The map after a scan is the mapper's attribute ``map``, a LineMap or anything else. A mapper
-    without it returns the map from `update`.
+    without it returns the map from `update`. A mapper that estimates the poses may have the
+    attribute ``estimate``, an EstimatedTrajectory, which pictures and films show beside the truth.
     """
 
     def update(self, scan: LaserScan) -> Any:
@@ -174,7 +175,7 @@ class Simulation:
             world, self.lrf, caster=caster, noise=noise, obstacles=self.obstacles, path=path
         )
         self.film: FilmPlan = USUAL_FILM
-        """How the run is filmed if nothing else is given."""
+        """The default settings of the film."""
         self.updates, self._seconds = 0, 0.0
         self.scans = scans
         self.done = 0
@@ -185,6 +186,12 @@ class Simulation:
         """The map after all scans so far, of whatever kind; None if the mapper makes none."""
         return getattr(self.mapper, "map", None) if self._returned is None else self._returned
 
+    @property
+    def estimate(self) -> EstimatedTrajectory | None:
+        """The trajectory that the mapper estimates, if it does."""
+        estimate = getattr(self.mapper, "estimate", None)
+        return estimate if isinstance(estimate, EstimatedTrajectory) else None
+
     def __iter__(self) -> Iterator[Step]:
         """The remaining steps.
 
@@ -192,7 +199,7 @@ class Simulation:
             CollisionError: A controller drives a robot with a radius into a wall.
         """
         while (self.scans is None or self.done < self.scans) and self.drive.goes_on:
-            index, (time, pose) = self.done, self.drive.place(self.done)
+            index, (time, pose) = self.done, self.drive.scan_pose(self.done)
             true_scan, scan = self.sensor.measure(pose, time, self.rng)
             self.take(scan)
             yield Step(index, time, true_scan.pose, scan, true_scan, self, self._returned)
@@ -289,7 +296,7 @@ def simulate(
             it drives through walls.
         snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
             With 1 only the final map is computed, which is faster.
-        progress: Called with the number of scans that are done, and of all.
+        progress: Called with the number of finished scans, and of all.
 
     Raises:
         InputError: The drive or the noise is invalid, a scan takes longer than the interval to the
@@ -366,6 +373,7 @@ def collect(
         tuple(maps.values()),
         simulation.obstacles,
         simulation.film,
+        simulation.estimate,
     )
 
 
@@ -373,7 +381,7 @@ def line_mapper(noise: object, **settings: Any) -> LineMapper:
     """The default mapper: a LineMapper set up for the noise of the ranges.
 
     Args:
-        noise: What its σ and its floor follow from; see `spread_of`.
+        noise: Gives its σ and its floor; see `spread_of`.
         **settings: Arguments of the LineMapper that override them.
     """
     constant, sigma = spread_of(noise) or (0.0, SIGMA)

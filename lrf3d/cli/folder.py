@@ -59,16 +59,16 @@ class ResultsFolder:
     ) -> None:
         """Write summary.json and print the results of a command, then draw them.
 
-        The data are written before, and all results printed, before anything is drawn: what is
-        drawn may fail, and may be stopped.
+        The data are written before, and all results printed, before anything is drawn, because
+        drawing may fail or be stopped.
 
         Args:
             summary: The figures, in JSON's types.
-            files: The files that are written, by their contents.
+            files: The files that have been written, by their contents.
             drawings: What is to be drawn, by name.
             rows: The results as a table.
             kept: The end of a message about a failed drawing: where the data are.
-            note: What is printed if drawing is stopped, such as how to go on.
+            note: What is printed if drawing is stopped, such as how to continue.
             json: Whether one JSON value is printed instead of tables.
 
         Raises:
@@ -127,7 +127,7 @@ def results_folder(
     if out is None:
         folder = _free(folder, made_by)
     make_folder(folder)
-    context.with_resource(_held(folder, made_by))
+    context.with_resource(_owned(folder, made_by))
     return ResultsFolder(folder, made_by)
 
 
@@ -145,20 +145,20 @@ def folder_name(name: str) -> str:
 def _free(folder: Path, made_by: dict[str, Any]) -> Path:
     """The folder, or the first numbered one, without results of something else."""
     numbered = (Path(f"{folder}_{number}") for number in count(2))
-    place = next(place for place in chain([folder], numbered) if _maker(place) in (None, made_by))
-    if place != folder:
-        others = _said(_maker(folder), folder)
-        warn(f"{folder}: holds results of {others}; the new ones go to {place}")
-    return place
+    free = next(path for path in chain([folder], numbered) if _origin(path) in (None, made_by))
+    if free != folder:
+        others = _command_of(_origin(folder), folder)
+        warn(f"{folder}: holds results of {others}; the new ones go to {free}")
+    return free
 
 
 @contextmanager
-def _held(folder: Path, made_by: dict[str, Any]) -> Iterator[None]:
+def _owned(folder: Path, made_by: dict[str, Any]) -> Iterator[None]:
     """Lock a folder, and warn if it holds results of something else."""
     with locked(folder / LOCK, folder) as lock:
-        before = _maker(folder, lock.left)
+        before = _origin(folder, lock.left)
         if before not in (None, made_by):
-            others = _said(before, folder)
+            others = _command_of(before, folder)
             warn(f"{folder}: holds results of {others}; files of the same names are replaced")
         clear_unfinished(folder)
         lock.note(made_by=made_by)
@@ -166,25 +166,25 @@ def _held(folder: Path, made_by: dict[str, Any]) -> Iterator[None]:
             yield
         finally:
             # Until there is a summary, the lock file records the origin of unfinished results.
-            work = any(entry.name != LOCK for entry in folder.iterdir())
-            lock.keep = work and _member(folder / SUMMARY) != made_by
+            unfinished = any(entry.name != LOCK for entry in folder.iterdir())
+            lock.keep = unfinished and _recorded_origin(folder / SUMMARY) != made_by
 
 
-def _maker(folder: Path, left: Mapping[str, Any] | None = None) -> object:
+def _origin(folder: Path, left: Mapping[str, Any] | None = None) -> object:
     """The origin of the results in a folder; an empty dict if it is unknown.
 
     Args:
         folder: The folder.
         left: The note in its lock file, if it has been read.
     """
-    noted = _member(folder / LOCK) if left is None else left.get("made_by")
-    noted = noted or _member(folder / SUMMARY)
+    noted = _recorded_origin(folder / LOCK) if left is None else left.get("made_by")
+    noted = noted or _recorded_origin(folder / SUMMARY)
     if noted is None and any((folder / name).exists() for name in RESULTS):
         return {}
     return noted
 
 
-def _member(path: Path) -> object:
+def _recorded_origin(path: Path) -> object:
     """The origin of results according to a JSON file; None if it has none."""
     if not path.exists():
         return None
@@ -194,10 +194,10 @@ def _member(path: Path) -> object:
         return None
 
 
-def _said(maker: object, folder: Path) -> str:
+def _command_of(origin: object, folder: Path) -> str:
     """The origin of results as a command line."""
     try:
-        command, sources = maker["command"], maker["sources"]  # type: ignore[index]
+        command, sources = origin["command"], origin["sources"]  # type: ignore[index]
         shown = [
             source if source in world_names() else _relative(folder / source, Path())
             for source in sources

@@ -62,7 +62,7 @@ def map_(
     from lrf3d.mapping import save_map
 
     drive = load_log(log, largest_range=largest_range, poses=poses.value, scan_topic=scan_topic)
-    place = results_folder(context, [log], drive.name, out)
+    output = results_folder(context, [log], drive.name, out)
     with progress_bar("scans") as progress:
         mapped = map_log(
             drive,
@@ -71,12 +71,12 @@ def map_(
             all_scans=all_scans,
             progress=progress,
         )
-    files = {"map": place.path / "map.geojson"}
+    files = {"map": output.path / "map.geojson"}
     save_map(mapped.map, files["map"], free=mapped.free_cells())
-    place.finish(
+    output.finish(
         mapped.summary(),
         files,
-        {"map picture": (place.path / "map.png", partial(draw_mapped_log, mapped))},
+        {"map picture": (output.path / "map.png", partial(draw_mapped_log, mapped))},
         rows=mapped.rows(),
         kept=f"{files['map']} holds the map",
         json=json,

@@ -79,7 +79,7 @@ def run(
     from lrf3d.errors import InputError
     from lrf3d.world.cameras import check_view
 
-    asked = options.film_options(
+    film = options.film_options(
         size=size,
         fps=fps,
         playback=playback,
@@ -101,8 +101,8 @@ def run(
             raise InputError("--inside, --outside: a controller drives, so no route is planned")
         scenario = options.read_world(world, settings, scale=scale)
     check_view(scenario.view if view is None else view, scenario.world.cameras)
-    place = results_folder(context, [world], scenario.name, out)
-    folder = place.path
+    output = results_folder(context, [world], scenario.name, out)
+    folder = output.path
     sigmas = tuple(sigma) if sigma else scenario.sigmas
     results = Results.of(
         scenario,
@@ -121,10 +121,10 @@ def run(
     files = write_results(results, folder)
     kept = f"{files['run']} holds the run, "
     if video:
-        drawings["video"] = folder / "run.mp4", lambda path: make_film(results.run, path, asked)
+        drawings["video"] = folder / "run.mp4", lambda path: make_film(results.run, path, film)
         kept += f"`lrf3d render {shlex.quote(str(folder))}` draws its film"
     else:
         kept += "the same command with --resume draws it"
-    place.finish(
+    output.finish(
         results.summary, files, drawings, rows=results.rows(), kept=kept, note=KEPT, json=json
     )

@@ -23,7 +23,7 @@ def slam(
         typer.Option(help="Score by known relative poses: lines a b dx dy dtheta of ODOM lines."),
     ] = None,
     key_distance: Annotated[
-        float | None, typer.Option(help="Way [m] from one key scan to the next; 0.5.")
+        float | None, typer.Option(help="Distance [m] from one key scan to the next; 0.5.")
     ] = None,
     largest_range: Annotated[
         float | None, typer.Option(help="CARMEN: readings [m] of this or more are no return.")
@@ -53,27 +53,27 @@ def slam(
     known = None if relations is None else load_relations(relations)
     poses = "auto" if log.name.lower().endswith(CARMEN_ENDINGS) else "odom"
     drive = load_log(log, largest_range=largest_range, poses=poses, scan_topic=scan_topic)
-    place = results_folder(context, [log], drive.name, out)
+    output = results_folder(context, [log], drive.name, out)
     with progress_bar("scans") as progress:
-        done = slam_log(
+        solved = slam_log(
             drive,
             key_distance=KEY_DISTANCE if key_distance is None else key_distance,
             relations=known,
             progress=progress,
         )
     files = {
-        "run": place.path / "run.npz",
-        "map": place.path / "map.geojson",
-        "trajectory": place.path / "trajectory.tum",
+        "run": output.path / "run.npz",
+        "map": output.path / "map.geojson",
+        "trajectory": output.path / "trajectory.tum",
     }
-    save_run(done.run, files["run"])
-    save_map(done.run.map, files["map"], free=done.free_cells())
-    save_tum(*done.trajectory(), files["trajectory"])
-    place.finish(
-        done.summary(),
+    save_run(solved.run, files["run"])
+    save_map(solved.run.map, files["map"], free=solved.free_cells())
+    save_tum(*solved.trajectory(), files["trajectory"])
+    output.finish(
+        solved.summary(),
         files,
-        {"map picture": (place.path / "map.png", partial(draw_slam_log, done))},
-        rows=done.rows(),
+        {"map picture": (output.path / "map.png", partial(draw_slam_log, solved))},
+        rows=solved.rows(),
         kept=f"{files['map']} holds the map",
         json=json,
     )

@@ -56,8 +56,8 @@ def sweep(
 ) -> None:
     """Run every combination of worlds, noises, beams, thresholds and modes with many seeds.
 
-    Results are kept as they come; a sweep that was stopped goes on with --resume, and ends as if
-    it had not been. Writes sweep.parquet, summary.json and a figure for each world and setting.
+    Results are saved as they are made; --resume continues a sweep that was stopped, with the same
+    results. Writes sweep.parquet, summary.json and a figure for each world and setting.
     """
     from lrf3d.cli.console import progress_bar, say, warn
     from lrf3d.cli.folder import results_folder
@@ -92,18 +92,18 @@ def sweep(
     )
     name = plan.worlds[0] if grid is None else own_name(grid)
     sources = chosen.worlds if grid is None else [grid]
-    place = results_folder(context, sources, f"{name}_sweep", out)
-    with progress_bar("runs") as progress:
+    output = results_folder(context, sources, f"{name}_sweep", out)
+    with progress_bar("runs") as bar:
         result = run(
-            plan, place.path, scheduler=scheduler, workers=workers, resume=resume, progress=progress
+            plan, output.path, scheduler=scheduler, workers=workers, resume=resume, progress=bar
         )
     made = len(result.rows) - result.resumed
     if not json:
         print(table_text(plan, result.rows), end="\n\n", flush=True)
-    place.finish(
+    output.finish(
         result.summary,
         {"table": result.table},
-        figures_of(plan, result.rows, place.path),
+        figures_of(plan, result.rows, output.path),
         rows=[("runs", f"{len(result.rows)}, of them {made} made now in {result.took:.1f} s")],
         kept=f"{result.table} holds the runs, the same command with --resume draws them",
         note="all runs kept; go on with --resume",

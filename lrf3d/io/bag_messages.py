@@ -24,16 +24,16 @@ TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
 """The types of messages that are read."""
 
 STATIC_FRAMES = "/tf_static"
-"""The topic of transforms that hold at all times."""
+"""The topic of constant transforms."""
 
-FOREIGN = 90
-"""Letters of another's message that are passed on."""
+LONGEST_REASON = 90
+"""Characters of a library's error message that are reported."""
 
 LARGEST_CHUNK = 1 << 27
-"""Bytes that a chunk of an MCAP file may unpack to: recorders write chunks of some megabytes."""
+"""Largest unpacked chunk of an MCAP file [bytes]: recorders write chunks of some megabytes."""
 
 LONGEST_METADATA = 1 << 17
-"""Bytes of metadata that are read: those of a bag cut into a thousand files, in two seconds."""
+"""Largest metadata that are read [bytes]: those of a bag of a thousand files, in two seconds."""
 
 
 class Message(NamedTuple):
@@ -42,7 +42,7 @@ class Message(NamedTuple):
     number: int
     topic: str
     kind: str
-    said: Any
+    content: Any
 
 
 class Bag:
@@ -65,11 +65,11 @@ class Bag:
         ]
         for number, (connection, _, data) in enumerate(self._messages(wanted), 1):
             try:
-                said = self._typestore.deserialize_cdr(data, connection.msgtype)
+                content = self._typestore.deserialize_cdr(data, connection.msgtype)
             except Exception as error:
                 yield BadLine(number, _short(error), "message")
                 continue
-            yield Message(number, connection.topic, connection.msgtype, said)
+            yield Message(number, connection.topic, connection.msgtype, content)
 
     def _messages(self, wanted: list[Any]) -> Iterator[Any]:
         if not wanted:
@@ -126,7 +126,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
 
 
 def missing_rosbags(path: Path) -> MissingLibraryError:
-    """The error that says how to get rosbags."""
+    """The error that explains how to install rosbags."""
     return MissingLibraryError(f"{path}: ROS bags need rosbags; pip install 'lrf3d[ros]'")
 
 
@@ -135,9 +135,9 @@ def _damaged(path: Path, error: Exception) -> InputError:
 
 
 def _short(error: Exception) -> str:
-    """What another's error says, in one line."""
+    """The message of a library's error in one line."""
     text = " ".join(str(error).split()) or type(error).__name__
-    return text if len(text) <= FOREIGN else text[: FOREIGN - 1] + "…"
+    return text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 1] + "…"
 
 
 @contextmanager
@@ -202,7 +202,7 @@ def _unpack_zstd(data: bytes, size: int) -> bytes:
 def _unpack(decompressor: Any, data: bytes, size: int) -> bytes:
     if size > LARGEST_CHUNK:
         raise ValueError(f"a chunk of {size:,} bytes, at most {LARGEST_CHUNK:,} are read")
-    # A byte more than there should be is enough to see that there are too many.
+    # One byte more than declared is enough to detect that there are too many.
     raw = decompressor.decompress(data, max_length=size + 1)
     parts = [raw]
     while raw and not decompressor.eof and sum(map(len, parts)) <= size:

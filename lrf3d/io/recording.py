@@ -21,7 +21,13 @@ from lrf3d.input import check_ordinary
 from lrf3d.interrupts import noting
 from lrf3d.io.journal import COLUMNS, Array, Journal, column_shape, fingerprint_of, read_fingerprint
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
-from lrf3d.io.run_file import head_columns, load_run, map_columns, obstacle_columns
+from lrf3d.io.run_file import (
+    estimate_columns,
+    head_columns,
+    load_run,
+    map_columns,
+    obstacle_columns,
+)
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.output import lock_of, locked
@@ -267,6 +273,7 @@ class _Recorder:
                 *obstacle_columns(simulation.obstacles),
                 *columns,
                 *map_columns(maps, list(maps.values())),
+                *estimate_columns(simulation.estimate),
                 Column.of("origin", np.array(fingerprint)),
             ],
         )

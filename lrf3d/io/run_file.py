@@ -7,8 +7,9 @@ version               the version of this format, 1
 world_name            name of the world
 segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
                       object_names (o,) and colours (o, 3) beside them
-camera_names (c,)     names of the cameras that stand in the world; cameras (c, 7) their
-                      position and target x, y, z [m] and angle of view [degrees]
+camera_names (c,)     names of the cameras that stand in the world; cameras (c, 8) their
+                      position and target x, y, z [m], angle of view [degrees] and whether
+                      they turn with the robot; the last is missing in older files
 lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
 film_view             name of the camera that the run is filmed from, and film_playback the seconds
                       of the run in a second of the film, if nothing else is given; missing
@@ -29,6 +30,13 @@ snapshot_scans (s,)   index of the last scan in each map snapshot; empty without
 map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
                       map_points likewise
+estimate_poses (k, 3) estimated pose after each scan; missing, like the next five, if the poses
+                      were given to the robot, and in older files
+estimate_scans (e,)   scans after which the covariance is known; estimate_covariances (e, 3, 3)
+                      the covariances there
+estimate_closures     (c, 2) pairs of scans that closed a loop; estimate_dropped (d, 2) those that
+                      were rejected; estimate_odometry (k, 3), or (0, 3), the poses by the
+                      wheels alone
 origin                the run fingerprint, as JSON: a digest or a name of the world, the laser, the
                       drive and so on, by which ``--resume`` recognises the run; missing in a run
                       that was saved from memory
@@ -52,7 +60,7 @@ from lrf3d.input import check_ordinary
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
@@ -65,6 +73,7 @@ VERSION = 1
 DTYPE_KINDS = {
     **dict.fromkeys(("version", "objects", "walls", "snapshot_scans", "map_sizes"), "iu"),
     **dict.fromkeys(("map_objects", "map_points", "obstacle_corners", "obstacle_stops"), "iu"),
+    **dict.fromkeys(("estimate_scans", "estimate_closures", "estimate_dropped"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
 }
 """What kinds of values an array may have, as NumPy names them; all others have floats."""
@@ -102,6 +111,7 @@ def save_run(run: Run, path: str | Path) -> None:
             Column.of("truth", run.truth),
             Column.of("walls", run.walls),
             *map_columns(run.snapshot_scans, run.maps),
+            *estimate_columns(run.estimate),
         ],
     )
 
@@ -118,8 +128,9 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
         "colours": world.colours,
         "camera_names": np.array([camera.name for camera in world.cameras], dtype=np.str_),
         "cameras": np.array(
-            [(*c.position, *c.target, c.field_deg) for c in world.cameras], dtype=np.float64
-        ).reshape(-1, 7),
+            [(*c.position, *c.target, c.field_deg, c.track) for c in world.cameras],
+            dtype=np.float64,
+        ).reshape(-1, 8),
         "lrf": np.array(
             [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
         ),
@@ -154,6 +165,21 @@ def map_columns(snapshot_scans: Iterable[int], maps: Sequence[LineMap]) -> list[
         "map_segments": np.concatenate([none.segments, *(part.segments for part in maps)]),
         "map_objects": np.concatenate([none.objects, *(part.objects for part in maps)]),
         "map_points": np.concatenate([none.points, *(part.points for part in maps)]),
+    }
+    return [Column.of(name, array) for name, array in arrays.items()]
+
+
+def estimate_columns(estimate: EstimatedTrajectory | None) -> list[Column]:
+    """The columns of what the robot believed; empty where it was given its poses."""
+    if estimate is None:
+        return []
+    arrays = {
+        "estimate_poses": estimate.poses,
+        "estimate_scans": estimate.known_scans,
+        "estimate_covariances": estimate.covariances,
+        "estimate_closures": estimate.closures,
+        "estimate_dropped": estimate.dropped_closures,
+        "estimate_odometry": estimate.odometry,
     }
     return [Column.of(name, array) for name, array in arrays.items()]
 
@@ -224,11 +250,11 @@ _OTHERS = {
 
 
 def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
-    # Files of earlier versions have no cameras.
-    names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 7)))
+    # Files of earlier versions have no cameras, or none that turn.
+    names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 8)))
     return tuple(
-        FixedCamera(str(name), (x, y, z), (u, v, w), field)
-        for name, (x, y, z, u, v, w, field) in zip(names, rows.tolist(), strict=True)
+        FixedCamera(str(name), (x, y, z), (u, v, w), field, any(track))
+        for name, (x, y, z, u, v, w, field, *track) in zip(names, rows.tolist(), strict=True)
     )
 
 
@@ -254,6 +280,16 @@ def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
             outlines, times, poses, arrays["obstacle_heights"].tolist(), strict=True
         )
     )
+
+
+def _estimate(arrays: dict[str, Any], scans: int) -> EstimatedTrajectory | None:
+    if "estimate_poses" not in arrays:
+        return None
+    parts = ("poses", "scans", "covariances", "closures", "dropped", "odometry")
+    estimate = EstimatedTrajectory(*(arrays[f"estimate_{part}"] for part in parts))
+    if len(estimate) != scans:
+        raise ValueError(f"estimate_poses of {len(estimate)} scans, expected {scans}")
+    return estimate
 
 
 def _run(arrays: dict[str, Any]) -> Run:
@@ -306,4 +342,5 @@ def _run(arrays: dict[str, Any]) -> Run:
         maps,
         _obstacles(arrays),
         _film(arrays),
+        _estimate(arrays, scans[0]),
     )

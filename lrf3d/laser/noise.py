@@ -1,7 +1,7 @@
-"""Noise of the laser range finder: what turns a true scan into a measured one.
+"""Noise of the laser range finder, which turns a true scan into a measured one.
 
 All models are off by default. The imperfections of a range finder are chained in physical order:
-the angle of the beam, what it hits, what returns, what is measured, what is reported::
+the angle of the beam, the surface hit, the loss of beams, the range, its rounding and limits::
 
     Chain([AngleNoise(0.002), MixedPixels(0.01), DropOuts(far=0.1), ConstantNoise(0.01),
            ProportionalNoise(0.04), Quantised(0.01), Limits()])
@@ -36,8 +36,7 @@ SIGMA = 0.04
 """Default standard deviation of a range [m] at range_max: that of the paper's city (Fig. 7)."""
 
 FLOOR = 0.01
-"""Default standard deviation of a range [m] at zero distance: a centimetre, as of common range
-finders."""
+"""Default standard deviation of a range [m] at zero distance: that of common range finders."""
 
 USUAL_RANGE = 80.0
 """The range [m] at which the standard deviation is sigma, for scans without a range_max."""
@@ -87,7 +86,7 @@ class RangeNoise(NamedTuple):
 
 
 AnyNoise = Noise | Callable[[LaserScan], LaserScan]
-"""A noise as users write it; a deterministic one needs no rng."""
+"""A noise written by a user; a deterministic one needs no rng."""
 
 
 NO_SPREAD = (0.0, 0.0)
@@ -128,10 +127,10 @@ class DeterministicNoise:
 
 
 def as_noise(noise: AnyNoise) -> Noise:
-    """A noise as simulations call it, from ``noise(scan, rng)`` or ``noise(scan)``.
+    """A noise of a scan and an rng, from ``noise(scan, rng)`` or ``noise(scan)``.
 
     Raises:
-        InputError: It can be called in neither way.
+        InputError: It accepts neither.
     """
     try:
         signature = inspect.signature(noise)
@@ -294,7 +293,7 @@ def at_sigma(noise: Noise, sigma: float) -> Noise:
 
 
 def not_negative(ranges: Float) -> Float:
-    """Noisy ranges as a range finder reports them: at least 0; infinities stay."""
+    """Noisy ranges, raised to at least 0; infinities stay."""
     return np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges)
 
 

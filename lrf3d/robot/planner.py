@@ -82,7 +82,7 @@ def plan_route(
     The same world gives the same route. In a world wider than 500 m the route is planned only in
     the part with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a
     town it runs between the buildings; in a map with free cells it keeps to these. If no route can
-    be followed without touching a wall, the preferred one is returned all the same, and
+    be followed without touching a wall, the preferred one is returned anyway, and
     `check_drive` reports where the robot would touch.
 
     Args:
@@ -143,16 +143,16 @@ def find_route(
         )
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
-    place = None if start is None else _checked_start(world, start, radius)
+    position = None if start is None else _checked_start(world, start, radius)
     few_steps: PlannedRoute | None = None
     not_followed: PlannedRoute | None = None
     refused = InputError(NO_ROOM)
-    for space in _spaces(world, radius, clearance, where, place):
+    for space in _spaces(world, radius, clearance, where, position):
         # A longer route on the other side of the walls is no replacement for a short one.
         if few_steps is not None and space.side != few_steps.side:
             break
         try:
-            routes = _routes(space, world, range_max, clearance, place)
+            routes = _routes(space, world, range_max, clearance, position)
             for route in routes:
                 if not _can_be_followed(route.waypoints, world, radius, lookahead, start):
                     continue
@@ -182,9 +182,9 @@ def _routes(
     tour = _tour(space, world, range_max)
     # A tour that shows all walls in a few steps is extended, if that can be followed.
     longer = _lengthened(space, tour)
-    tries = [longer, tour] if 0 < len(tour) < len(longer) else [longer]
+    tours = [longer, tour] if 0 < len(tour) < len(longer) else [longer]
     return [
-        PlannedRoute(_waypoints(space, world, legs, clearance, start), space.side) for legs in tries
+        PlannedRoute(_waypoints(space, world, legs, clearance, start), space.side) for legs in tours
     ]
 
 
@@ -194,17 +194,17 @@ def _checked_start(world: World, start: Sequence[float] | Float, radius: float) 
     Raises:
         InputError: It is invalid, or in a wall.
     """
-    place = np.asarray(start, dtype=np.float64)
-    if place.shape not in ((2,), (3,)) or not np.isfinite(place).all():
+    position = np.asarray(start, dtype=np.float64)
+    if position.shape not in ((2,), (3,)) or not np.isfinite(position).all():
         raise InputError(f"start {start!r}: expected finite numbers x, y or x, y, theta")
-    place = place[:2]
-    stand = Trajectory([0.0], [[*place, 0.0]])
-    if find_collision(stand, world, radius) is not None:
+    position = position[:2]
+    at_rest = Trajectory([0.0], [[*position, 0.0]])
+    if find_collision(at_rest, world, radius) is not None:
         raise InputError(
-            f"start ({place[0]:g}, {place[1]:g}): nearer to a wall than the robot's radius of"
+            f"start ({position[0]:g}, {position[1]:g}): nearer to a wall than the robot's radius of"
             f" {radius:g} m; move it"
         )
-    return place
+    return position
 
 
 def _spaces(
@@ -260,13 +260,13 @@ def _spaces(
 def _tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     """Consecutive paths over the cells of a free space that show most of the walls."""
     views = look_around(space, world, range_max=range_max)
-    places = views.places[views.best_places()]
+    viewpoints = views.viewpoints[views.best_patches()]
     if space.start is not None:
-        places = np.append(space.start, places[places != space.start])
+        viewpoints = np.append(space.start, viewpoints[viewpoints != space.start])
     # With a short range_max no wall may be visible.
-    if not len(places):
+    if not len(viewpoints):
         return []
-    network = Network.between(space, views, places)
+    network = Network.between(space, views, viewpoints)
     order = best_tour(network, longest=LONGEST_ROUTE, from_first=space.start is not None)
     return [network.path(*leg) for leg in pairwise(order)]
 
@@ -302,20 +302,14 @@ def _lengthened(space: FreeSpace, legs: list[Int]) -> list[Int]:
     elif space.start is not None:
         end = space.start
     else:
-        # Any cell would do; the lower left one is the same in every run.
+        # Any cell would do; the lower left one makes the route repeatable.
         end = int(np.argmin(space.cells.sum(axis=1)))
-    length = sum(_length(space, leg) for leg in legs)
+    length = sum(space.length(leg) for leg in legs)
     while not legs or length < SHORTEST_ROUTE:
         legs.append(_path_to_farthest(space, end))
         end = int(legs[-1][-1])
-        length += _length(space, legs[-1])
+        length += space.length(legs[-1])
     return legs
-
-
-def _length(space: FreeSpace, leg: Int) -> float:
-    """Length [m] of a path over cells."""
-    steps = np.diff(space.cells[leg], axis=0)
-    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
 def _path_to_farthest(space: FreeSpace, start: int) -> Int:

@@ -20,7 +20,7 @@ FARTHEST_APART = 100_000.0
 as long as a country do not show where the town is, and are too long to be sampled."""
 
 WINDOW_BINS = 256
-"""Into how many bins along each axis such a world is cut to count corners."""
+"""Number of bins along each axis in which the corners of such a world are counted."""
 
 SPACING = 0.2
 """Distance [m] between the points of the walls that distances are measured to."""
@@ -37,7 +37,7 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
 
     Args:
         segments: (n, 4) the walls [m].
-        around: A place (2,) [m] that the box must hold.
+        around: A position (2,) [m] that the box must contain.
     """
     from scipy.ndimage import uniform_filter
 
@@ -50,7 +50,8 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
     if (high - low).max() <= WIDEST_WINDOW:
         return low, high
     if around is None:
-        # A wall counts for at most the width of the window: one long wall is not a town.
+        # A wall counts for at most the width of the window: one long wall is not a town. The
+        # filter adds up 9 by 9 tiles, a window less the tiles that its border cuts.
         long = np.maximum(lengths(near) / WIDEST_WINDOW, 1.0)
         weights /= np.repeat(long, np.ceil(lengths(near) / spacing).astype(int))
         tile = WIDEST_WINDOW / 10.0
@@ -58,8 +59,8 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
         edges = [np.linspace(low[axis], high[axis], counts[axis] + 1) for axis in (0, 1)]
         amount, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=edges, weights=weights)
         amount = uniform_filter(amount, size=9, mode="constant")
-        place = np.array(np.unravel_index(int(np.argmax(amount)), amount.shape))
-        around = low + (place + 0.5) * (high - low) / counts
+        best = np.array(np.unravel_index(int(np.argmax(amount)), amount.shape))
+        around = low + (best + 0.5) * (high - low) / counts
     return np.maximum(low, around - WIDEST_WINDOW / 2), np.minimum(high, around + WIDEST_WINDOW / 2)
 
 
@@ -105,7 +106,7 @@ def walls_within(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:
     row = kept[cut]
     parts[cut, :2] = start[row] + enter[row, None] * span[row]
     parts[cut, 2:] = start[row] + leave[row, None] * span[row]
-    # A part shorter than the resolution of its place has no length left.
+    # A part shorter than the resolution of its coordinates has no length left.
     long = lengths(parts) > 0.0
     return parts[long], kept[long]
 
@@ -115,8 +116,8 @@ def sample_walls(segments: Float, spacing: float) -> tuple[Float, Float]:
     counts = np.ceil(lengths(segments) / spacing).astype(int)
     wall = np.repeat(np.arange(len(segments)), counts)
     step = np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
-    place = ((step + 0.5) / counts[wall])[:, None]
-    points = segments[wall, :2] * (1.0 - place) + segments[wall, 2:] * place
+    share = ((step + 0.5) / counts[wall])[:, None]
+    points = segments[wall, :2] * (1.0 - share) + segments[wall, 2:] * share
     return points, lengths(segments)[wall] / counts[wall]
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Single
 from lrf3d.input import assets_folder
-from lrf3d.scene.look import DART, MOVERS, SHADOW_COLOUR
+from lrf3d.scene.look import DART, MOVERS, ROBOT, ROBOT_RIM, SHADOW_COLOUR
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -47,6 +47,15 @@ def world_from_robot(pose: Float) -> Float:
     matrix[:2, :2] = [[cos, -sin], [sin, cos]]
     matrix[:2, 3] = pose[:2]
     return matrix
+
+
+def robot_arrow() -> Single:
+    """The robot as an arrow head along x with a dark rim: triangles (v, 6), place and colour."""
+    head = DART[[0, 1, 2, 0, 2, 3]]
+    rim = np.concatenate([head * 1.4, np.tile((*ROBOT_RIM, 1.0), (6, 1))], axis=1)
+    return np.concatenate(
+        [rim, np.concatenate([head, np.tile((*ROBOT, 1.0), (6, 1))], axis=1)]
+    ).astype(np.float32)
 
 
 _BASE, _BEVEL = 0.10, 0.06

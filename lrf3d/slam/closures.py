@@ -13,8 +13,9 @@ from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import correlate
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.surface import evenly_spaced, grid_of, moved
-from lrf3d.slam.ways import WayGraph
+from lrf3d.slam.graph_distance import DistanceGraph
+from lrf3d.slam.resolution import DENSE, Resolution
+from lrf3d.slam.surface import moved, wall_map
 
 LEAST_WAY = 6.0
 """Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
@@ -34,9 +35,6 @@ FARTHEST_WAY = 0.5 * MOST_WINDOW / DRIFT
 LEAST_WINDOW_TURN, MOST_WINDOW_TURN = 0.06, 0.45
 """Bounds of half its angle [rad]."""
 
-SUBMAP = 5
-"""Key scans before and after an old one that make the map a scan is matched with."""
-
 MOST_TRIES = 2
 """Old key scans that are tried for each new one."""
 
@@ -51,9 +49,6 @@ CLOSURE_WAY = 0.5
 
 REACH = 0.3
 """How far off walls are looked for [m] when a closure is matched."""
-
-LEAST_EXPLAINED = 0.6
-"""Share of a scan that has to lie on the old map."""
 
 AMBIGUOUS = 0.92
 """A closure is dropped if another place explains this share of what the best one does."""
@@ -89,7 +84,8 @@ class Key:
     Args:
         scan: Its number among all scans.
         pose: (3,) where the front end had it, in its own drifting frame.
-        surface: (m, 4) what it saw, in the frame of the robot.
+        surface: (m, 4) what it is recognised by, in the frame of the robot.
+        walls: (w, 4) what it adds to a map.
         angles: (beams,) directions of its beams [rad], rising.
         ranges: (beams,) their ranges [m].
         laser: (2,) where the laser stands on the robot [m].
@@ -98,6 +94,7 @@ class Key:
     scan: int
     pose: Float
     surface: Float
+    walls: Float
     angles: Float
     ranges: Float
     laser: Float
@@ -171,13 +168,21 @@ def contradicted(keys: list[Key], olds: range, new: Key, poses: Float) -> bool:
 class LoopCloser:
     """Finds closures for new key scans, and keeps them until enough agree."""
 
-    def __init__(self) -> None:
+    def __init__(self, resolution: Resolution = DENSE) -> None:
         self.keys: list[Key] = []
+        self._resolution = resolution
+        self._drift = DRIFT * resolution.drift
+        self._drift_turn = DRIFT_TURN * resolution.drift
         self.accepted: list[Closure] = []
         self._pending: list[Closure] = []
-        self._graph = WayGraph()
+        self._graph = DistanceGraph()
         # How far the robot had driven at each key scan [m].
         self._ways = np.empty(0)
+
+    @property
+    def unconfirmed(self) -> list[Closure]:
+        """Closures that were found and are not believed: too few others agree with them."""
+        return list(self._pending)
 
     def add_key(self, key: Key) -> None:
         """Take in the next key scan."""
@@ -219,8 +224,8 @@ class LoopCloser:
         fits = (self._ways < self._ways[new] - LEAST_WAY) & (apart < NEAR + 0.5 * MOST_WINDOW)
         if not fits.any():
             return []
-        ways = self._graph.ways(new, FARTHEST_WAY)
-        window = np.clip(2.0 * DRIFT * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
+        ways = self._graph.distances(new, FARTHEST_WAY)
+        window = np.clip(2.0 * self._drift * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
         fits &= (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
         closures: list[Closure] = []
         for _ in range(MOST_TRIES):
@@ -228,7 +233,9 @@ class LoopCloser:
             if not len(candidates):
                 break
             old = int(candidates[apart[candidates].argmin()])
-            turn = float(np.clip(2.0 * DRIFT_TURN * ways[old], LEAST_WINDOW_TURN, MOST_WINDOW_TURN))
+            turn = float(
+                np.clip(2.0 * self._drift_turn * ways[old], LEAST_WINDOW_TURN, MOST_WINDOW_TURN)
+            )
             closure = self._matched(old, new, poses, float(window[old]), turn)
             if closure is not None:
                 closures.append(closure)
@@ -242,21 +249,28 @@ class LoopCloser:
     ) -> Closure | None:
         """The closure between two key scans, if they show the same place."""
         key = self.keys[new]
-        near = range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
+        submap = self._resolution.submap
+        near = range(max(old - submap, 0), min(old + submap + 1, new))
         origin = self.keys[old].pose
         # A stretch so short was drawn by the front end better than the graph knows it.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
-        parts = [
-            moved(evenly_spaced(self.keys[k].surface), pose)
-            for k, pose in zip(near, locals_, strict=True)
-        ]
-        cloud = np.concatenate(parts)
-        if len(cloud) < LEAST_POINTS:
+        grid = wall_map(
+            ((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True)),
+            self._resolution.along,
+        )
+        if grid is None or len(grid.surface) < LEAST_POINTS:
             return None
-        grid = grid_of(cloud)
         guess = between(poses[old], poses[new])
-        matches = correlate(key.surface, grid, guess, window=window, turn=turn, reach=REACH)
-        if not matches or matches[0].explained < LEAST_EXPLAINED:
+        matches = correlate(
+            key.surface,
+            grid,
+            guess,
+            window=window,
+            turn=turn,
+            reach=REACH,
+            sigma=self._resolution.sigma,
+        )
+        if not matches or matches[0].explained < self._resolution.overlap:
             return None
         best = matches[0]
         if any(match.explained > AMBIGUOUS * best.explained for match in matches[1:]):
@@ -300,7 +314,9 @@ class LoopCloser:
         error = between(compose(first.relative, new), compose(old, second.relative))
         way = abs(self._ways[first.old] - self._ways[second.old])
         way += abs(self._ways[first.new] - self._ways[second.new])
-        spread = np.array([0.05 + DRIFT * way, 0.05 + DRIFT * way, 0.015 + DRIFT_TURN * way])
+        spread = np.array(
+            [0.05 + self._drift * way, 0.05 + self._drift * way, 0.015 + self._drift_turn * way]
+        )
         lever = np.hypot(old[0], old[1]) * 0.015
         covariance = np.diag(spread**2 + np.array([lever, lever, 0.0]) ** 2)
         for closure in (first, second):

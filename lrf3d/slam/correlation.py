@@ -76,7 +76,14 @@ def window_scores(
 
 
 def correlate(
-    surface: Float, grid: SurfaceGrid, guess: Float, *, window: float, turn: float, reach: float
+    surface: Float,
+    grid: SurfaceGrid,
+    guess: Float,
+    *,
+    window: float,
+    turn: float,
+    reach: float,
+    sigma: float,
 ) -> list[Match]:
     """The places in a window where a surface lies on a map's, best first.
 
@@ -87,6 +94,7 @@ def correlate(
         window: Half the side of the window [m].
         turn: Half its angle [rad].
         reach: How far off walls are looked for in matching [m].
+        sigma: Standard deviation [m] that a point counts with.
     """
     half = max(1, int(np.ceil(window / COARSE_CELL)))
     turns = max(1, int(np.ceil(turn / ANGLE_STEP)))
@@ -100,7 +108,7 @@ def correlate(
             break
         shift = COARSE_CELL * np.array([column - half, row - half])
         start = np.array([*(guess[:2] + shift), guess[2] + angles[a]])
-        match = match_scan(surface, grid, start, LOOSE, ITERATIONS, reach)
+        match = match_scan(surface, grid, start, LOOSE, ITERATIONS, reach, sigma)
         if not any(same_place(match.pose, other.pose) for other in matches):
             matches.append(match)
         # The peak's surroundings lead to the same place.

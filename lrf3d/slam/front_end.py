@@ -5,17 +5,25 @@ every half metre a key scan: loops are closed with these, and the pose graph is 
 """
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.frames import between, compose, turned
+from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, grid_of, moved
+from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, is_unknown, moved, wall_map
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 """A key scan is taken after this way [m] or turn [rad]. Errors hardly change from 0.4 to 0.6 m."""
+
+MOST_POINTS = 200
+"""Points of the local map that a sparse laser recognises a place by, at most."""
+
+PART_DISTANCE, PART_TURN = 0.12, 0.12
+"""A scan of a sparse laser becomes part of the local map after this way [m] or turn [rad]."""
 
 LOCAL_KEYS = 8
 """Key scans that a scan is matched with: more cost time, fewer let the robot drift."""
@@ -33,11 +41,18 @@ DOUBTFUL, BETTER = 0.65, 0.15
 """Where a match explains a smaller share than the first, others are tried that odometry does not
 lead to, and believed if they explain more by the second."""
 
+LEAST_POINTS = 20
+"""With fewer points than this no others are tried: a few points fit in many places."""
+
 UNGUIDED = np.diag([100.0, 100.0, 400.0])
 """Information of the guess in these: 0.1 m and 0.05 rad."""
 
 BACKWARDS = np.array([-1.0, -1.0, 1.0])
 """What turns an increment into that of a robot that drives backwards."""
+
+REVERSED = 0.03
+"""A scan that lies farther behind the last one than this [m], where odometry has it farther ahead
+than this, was reached backwards, with encoders that know no sign."""
 
 WEAK = 2500.0
 """A direction is left to the odometry where scans fix it with less information than this [1/m²]: no
@@ -54,6 +69,8 @@ class Tracked:
         explained: Share of its surface that lies on the local map.
         matched: Whether it was matched; if not, it stands where odometry has it.
         deviation: RMS distance [m] of its points to the walls they were matched with.
+        motion: (3,) how the robot moved since the scan before by its wheels, without the errors
+            that are known of these.
     """
 
     pose: Float
@@ -61,6 +78,7 @@ class Tracked:
     explained: float
     matched: bool
     deviation: float
+    motion: Float
 
     @property
     def weakest(self) -> tuple[Float, float]:
@@ -86,18 +104,31 @@ class FrontEnd:
     Args:
         key_distance: Way between key scans [m].
         key_turn: Turn between key scans [rad].
+        resolution: That of the laser.
     """
 
-    def __init__(self, *, key_distance: float = KEY_DISTANCE, key_turn: float = KEY_TURN) -> None:
+    def __init__(
+        self,
+        *,
+        key_distance: float = KEY_DISTANCE,
+        key_turn: float = KEY_TURN,
+        resolution: Resolution = DENSE,
+    ) -> None:
         self.key_distance, self.key_turn = key_distance, key_turn
+        self.resolution = resolution
         self.pose = np.zeros(3)
         self.wheels = Wheels()
-        self._local: list[tuple[Float, Float]] = []
+        # The surfaces that make the local map, with their poses, for each of the last key scans.
+        self._local: list[list[tuple[Float, Float]]] = []
+        # Those of a sparse laser's scans since the last key scan.
+        self._stretch: list[tuple[Float, Float]] = []
+        self._key_pose: Float | None = None
         self._grid: SurfaceGrid | None = None
         self._raw = np.zeros(3)
         self._found = np.zeros(3)
-        self._ahead_known = True
+        self._turn_known = self._ahead_known = True
         self._last = np.zeros(3)
+        self._signs = np.ones(3)
 
     def track(self, surface: Float, increment: Float) -> Tracked:
         """Place the next scan.
@@ -106,56 +137,102 @@ class FrontEnd:
             surface: (m, 4) what it saw, in the frame of the robot's base.
             increment: (3,) how the robot moved since the last scan by its wheels.
         """
+        increment = self._signs * increment
         expected = self.wheels.corrected(increment)
         guess = compose(self.pose, expected)
         covariance = self.wheels.covariance(increment)
         prior = turned(np.diag(1.0 / covariance.diagonal()), float(self.pose[2]))
-        if self._grid is None or not len(surface):
-            self.pose = guess
-            return Tracked(guess, np.zeros((3, 3)), 0.0, False, np.inf)
-        match = match_scan(surface, self._grid, guess, prior, ITERATIONS, REACH)
-        if match.explained < DOUBTFUL:
-            match = self._better(surface, self._grid, match, expected)
+        match, backwards = Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
+        if self._grid is not None and len(surface):
+            match = match_scan(
+                surface, self._grid, guess, prior, ITERATIONS, REACH, self.resolution.sigma
+            )
+            if match.explained < DOUBTFUL and len(surface) >= LEAST_POINTS:
+                match, backwards = self._better(surface, self._grid, match, expected)
+            if backwards:
+                # From here on the encoders are taken to count the other way.
+                self._signs, increment = self._signs * BACKWARDS, increment * BACKWARDS
         believed = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
         pose = match.pose if believed else guess
         pose[2] = wrap_angle(pose[2])
         information = turned(match.information, -float(pose[2]))
         found = between(self.pose, pose)
         self._last = found
-        if believed:
+        if believed and not backwards:
             self.wheels.compare(expected, found, covariance)
         self._raw += increment
         self._found += found
+        self._turn_known &= believed
         self._ahead_known &= believed and information[0, 0] > WEAK
         self.pose = pose
-        return Tracked(pose, information, match.explained, believed, match.deviation)
+        if self.resolution.sparse and self._apart():
+            self._stretch.append((surface, pose.copy()))
+            self._grid = wall_map(
+                [*chain.from_iterable(self._local), *self._stretch], self.resolution.along
+            )
+        return Tracked(pose, information, match.explained, believed, match.deviation, expected)
 
-    def _better(self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float) -> Match:
+    def _better(
+        self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float
+    ) -> tuple[Match, bool]:
         """A match that explains much more than the one that odometry led to, if there is one.
 
         Wheels that spin, or a robot that is pushed, move otherwise than odometry says: the robot
         stands still, goes on as it did, or drives backwards with encoders that know no sign.
+
+        Returns:
+            The best match, and whether it was reached backwards.
         """
-        best = match
+        best, backwards = match, False
         for motion in (self._last, np.zeros(3), expected * BACKWARDS):
             guess = compose(self.pose, motion)
-            other = match_scan(surface, grid, guess, UNGUIDED, ITERATIONS, REACH)
+            other = match_scan(
+                surface, grid, guess, UNGUIDED, ITERATIONS, REACH, self.resolution.sigma
+            )
             if other.explained > best.explained + (BETTER if best is match else 0.0):
                 best = other
-        return best
+                ahead = between(self.pose, best.pose)[0]
+                backwards = bool(min(-ahead * np.sign(expected[0]), abs(expected[0])) > REVERSED)
+        return best, backwards
+
+    def _apart(self) -> bool:
+        """Whether the robot has moved far enough for a scan to show other points of the walls."""
+        if not self._stretch:
+            return True
+        x, y, turn = between(self._stretch[-1][1], self.pose)
+        return bool(np.hypot(x, y) >= PART_DISTANCE or abs(turn) >= PART_TURN)
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""
-        if not self._local:
+        if self._key_pose is None:
             return True
-        x, y, turn = between(self._local[-1][1], self.pose)
+        x, y, turn = between(self._key_pose, self.pose)
         return bool(np.hypot(x, y) >= self.key_distance or abs(turn) >= self.key_turn)
 
-    def add_key(self, surface: Float) -> None:
-        """Take the scan that was just placed into the local map."""
-        if self._local:
+    def add_key(self, surface: Float) -> tuple[Float, Float]:
+        """Take the scan that was just placed into the local map.
+
+        Returns:
+            What a key scan there can be recognised by (m, 4), and the walls (w, 4) that it adds to
+            a map, both in the frame of the robot: of a sparse laser what the scans around it saw.
+        """
+        if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
-        self._raw, self._found, self._ahead_known = np.zeros(3), np.zeros(3), True
-        self._local = [*self._local[1 - LOCAL_KEYS :], (evenly_spaced(surface), self.pose.copy())]
-        parts = np.concatenate([moved(part, pose) for part, pose in self._local])
-        self._grid = grid_of(parts) if len(parts) else None
+        self._raw, self._found = np.zeros(3), np.zeros(3)
+        self._turn_known = self._ahead_known = True
+        back = between(self.pose, np.zeros(3))
+        if self.resolution.sparse:
+            if not self._stretch or self._stretch[-1][0] is not surface:
+                self._stretch.append((surface, self.pose.copy()))
+            walls = moved(np.concatenate([moved(*part) for part in self._stretch]), back)
+        else:
+            walls = evenly_spaced(surface)
+        self._local = [*self._local[1 - LOCAL_KEYS :], self._stretch or [(walls, self.pose.copy())]]
+        self._stretch = []
+        self._key_pose = self.pose.copy()
+        self._grid = wall_map(chain.from_iterable(self._local), self.resolution.along)
+        if self.resolution.sparse and self._grid is not None:
+            cloud = self._grid.surface
+            cloud = cloud[~is_unknown(cloud)]
+            surface = moved(cloud[:: 1 + len(cloud) // MOST_POINTS], back)
+        return surface, walls

@@ -1,8 +1,8 @@
 """Lag: how far the laser's clock is behind that of the odometry, in lines of the log.
 
 A log says which odometry was read last before a scan, but the scan is older than that: at a turn
-rate of 1 rad/s a tenth of a second is 0.1 rad. Pairs of following scans enter; scan matching gives
-their turns, which those of the odometry equal at the right lag and at no other.
+rate of 1 rad/s a tenth of a second is 0.1 rad. The turns between following scans enter, as scan
+matching gives them; those of the odometry equal them at the right lag and at no other.
 """
 
 from collections.abc import Callable
@@ -10,8 +10,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator
 
 from lrf3d.geometry import Float, Int
+from lrf3d.slam.frames import between
+from lrf3d.slam.front_end import FrontEnd
+from lrf3d.slam.resolution import Resolution
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import evenly_spaced, grid_of
 
@@ -27,6 +31,9 @@ LEAST_POINTS = 10
 LEAST_CHANGE = 0.01
 """A pair counts if a lag of one line changes its turn by more [rad]."""
 
+Surfaces = Callable[[int], Float]
+"""What a scan shows, by its number."""
+
 LAGS = np.arange(-1.0, 2.001, 0.02)
 """Lags that are compared, in lines."""
 
@@ -37,50 +44,106 @@ GUIDED = np.diag([400.0, 400.0, 25.0])
 """Information of the odometry when a pair is matched: 0.05 m, and 0.2 rad."""
 
 
-def wheel_poses_at(poses: Float, places: NDArray[np.floating[Any]]) -> Float:
-    """Odometry poses at fractional places (k,) between the lines (n, 3); headings go on over π."""
-    places = np.clip(places, 0.0, len(poses) - 1.0)
-    line = np.minimum(places.astype(np.int64), max(len(poses) - 2, 0))
-    following = np.minimum(line + 1, len(poses) - 1)
-    whole = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
-    share = (places - line)[:, None]
-    between_lines: Float = whole[line] + share * (whole[following] - whole[line])
-    return between_lines
+class WheelPath:
+    """The way of the wheels, smooth between the lines of the log.
+
+    A robot that turns does so ever faster or slower: straight lines between headings that are a
+    fifth of a second apart are up to half a degree off, Akima's curves (1970) are not.
+
+    Args:
+        poses: (n, 3) odometry poses, line by line.
+    """
+
+    def __init__(self, poses: Float) -> None:
+        self._whole = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+        lines = np.arange(len(poses), dtype=np.float64)
+        self._curve = Akima1DInterpolator(lines, self._whole) if len(poses) > 1 else None
+
+    def __len__(self) -> int:
+        return len(self._whole)
+
+    def increments(self, places: NDArray[np.floating[Any]]) -> Float:
+        """How the robot moved (k, 3) to each of the places (k,) from the one before."""
+        poses = self.at(places)
+        return np.vstack([np.zeros(3), between(poses[:-1], poses[1:])])
+
+    def at(self, places: NDArray[np.floating[Any]]) -> Float:
+        """Poses (k, 3) at fractional places (k,) between the lines; headings go on over π."""
+        inside = np.clip(places, 0.0, len(self._whole) - 1.0)
+        if self._curve is None:
+            return np.repeat(self._whole, len(inside), axis=0)
+        return np.asarray(self._curve(inside), dtype=np.float64)
 
 
-def estimate_lag(surface: Callable[[int], Float], poses: Float, places: Int) -> float:
-    """The lag in lines.
+def tracked_lag(surface: Surfaces, path: WheelPath, places: Int, resolution: Resolution) -> float:
+    """The lag in lines, by following the whole drive with none.
+
+    Two scans of a sparse laser do not show the turn between them. Arguments as of `matched_lag`.
+    """
+    front = FrontEnd(resolution=resolution)
+    turns = np.full(len(places), np.nan)
+    for number, increment in enumerate(path.increments(places.astype(np.float64))):
+        before = front.pose
+        seen = surface(number)
+        if front.track(seen, increment).matched:
+            turns[number] = between(before, front.pose)[2]
+        if front.key_due():
+            front.add_key(seen)
+    return fitted_lag(turns[1:], path, places)
+
+
+def matched_lag(surface: Surfaces, path: WheelPath, places: Int, resolution: Resolution) -> float:
+    """The lag in lines, by matching pairs of following scans.
 
     Args:
         surface: Gives the surface of a scan by its number.
-        poses: (n, 3) odometry poses, line by line.
+        path: The way of the wheels.
         places: (k,) for each scan the index of the last odometry line before it.
+        resolution: That of the laser.
     """
-    if len(places) < LEAST_PAIRS or len(poses) < LEAST_PAIRS:
+    if len(places) < LEAST_PAIRS:
         return 0.0
-    turns = np.array([np.diff(wheel_poses_at(poses, places - lag)[:, 2]) for lag in LAGS])
-    change = np.abs(turns[-1] - turns[0]) / (LAGS[-1] - LAGS[0])
-    chosen = np.argsort(-change)[:PAIRS]
-    chosen = chosen[change[chosen] > LEAST_CHANGE]
-    if len(chosen) < LEAST_PAIRS:
-        return 0.0
-    at_scans = wheel_poses_at(poses, places.astype(np.float64))
+    chosen = telling_pairs(path, places)[:PAIRS]
+    at_scans = path.at(places.astype(np.float64))
     ways = np.hypot(*np.diff(at_scans[:, :2], axis=0).T)
-    matched = np.full(len(chosen), np.nan)
-    for row, number in enumerate(chosen.tolist()):
+    turns = np.full(len(places) - 1, np.nan)
+    for number in chosen.tolist():
         before, after = surface(number), surface(number + 1)
         if min(len(before), len(after)) < LEAST_POINTS or ways[number] > 0.5:
             continue
         guess = np.array([ways[number], 0.0, at_scans[number + 1, 2] - at_scans[number, 2]])
-        match = match_scan(after, grid_of(evenly_spaced(before)), guess, GUIDED, 20, 0.3)
+        grid = grid_of(evenly_spaced(before), resolution.along)
+        match = match_scan(after, grid, guess, GUIDED, 20, 0.3, resolution.sigma)
         if match.explained > 0.5:
-            matched[row] = match.pose[2]
-    good = np.isfinite(matched)
-    if good.sum() < LEAST_PAIRS:
+            turns[number] = match.pose[2]
+    return fitted_lag(turns, path, places)
+
+
+def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
+    """The lag at which the odometry's turns fit those that scans show best; 0 if it is not known.
+
+    Args:
+        turns: (k − 1,) turn from each scan to the next [rad]; NaN where it is not known.
+        path: The way of the wheels.
+        places: (k,) for each scan the index of the last odometry line before it.
+    """
+    chosen = np.flatnonzero(np.isfinite(turns))
+    if len(np.intersect1d(chosen, telling_pairs(path, places))) < LEAST_PAIRS:
         return 0.0
-    rows = turns[:, chosen][:, good]
-    costs = [_cost(matched[good], row, ways[chosen][good]) for row in rows]
+    ways = np.hypot(*np.diff(path.at(places.astype(np.float64))[:, :2], axis=0).T)[chosen]
+    costs = [
+        _cost(turns[chosen], np.diff(path.at(places - lag)[:, 2])[chosen], ways) for lag in LAGS
+    ]
     return float(LAGS[int(np.argmin(costs))])
+
+
+def telling_pairs(path: WheelPath, places: Int) -> Int:
+    """The pairs of following scans whose turns depend on the lag, those that do most first."""
+    first, last = (np.diff(path.at(places - lag)[:, 2]) for lag in (LAGS[0], LAGS[-1]))
+    change = np.abs(last - first) / (LAGS[-1] - LAGS[0])
+    order = np.argsort(-change)
+    chosen: Int = order[change[order] > LEAST_CHANGE]
+    return chosen
 
 
 def _cost(matched: Float, turned: Float, ways: Float) -> float:

@@ -19,10 +19,11 @@ from scipy.sparse import csc_array
 
 from lrf3d.geometry import Float, Int, wrap_angle
 from lrf3d.slam.pose_graph import Edges, NormalEquations, block_matrix, edge_equations
+from lrf3d.slam.resolution import DENSE
 from lrf3d.slam.walls import Pieces, pieces_of_keys, wall_numbers
 
-POINT_SIGMA = 0.06
-"""Standard deviation [m] that a point counts with: see `lrf3d.slam.scan_matching`."""
+POINT_SIGMA = DENSE.sigma
+"""Standard deviation [m] that a point counts with: see `lrf3d.slam.resolution`."""
 
 PIECE_SCALE = 0.03
 """RMS distance [m] of a piece to its wall from which on its weight falls (Cauchy's)."""

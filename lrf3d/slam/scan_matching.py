@@ -16,11 +16,7 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
-from lrf3d.slam.surface import SurfaceGrid
-
-POINT_SIGMA = 0.06
-"""Standard deviation [m] that one point's distance to its line counts with. The noise of a range is
-about 0.01 m, but points of one wall share the errors of its normal and of the map."""
+from lrf3d.slam.surface import SurfaceGrid, unknown
 
 ALIGNED = 0.85
 """Least cosine between the normals of a point and of what it is matched to."""
@@ -34,9 +30,6 @@ PRIOR_SCALE = 4.0
 
 STEP = 1e-4
 """An iteration that moves the pose by less [m, rad] is the last."""
-
-SMOOTHING = 0.25
-"""Map points farther off than this along the wall [m] do not count, and nearer ones the more."""
 
 
 class Match(NamedTuple):
@@ -57,7 +50,13 @@ class Match(NamedTuple):
 
 @compiled
 def match_scan(
-    surface: Float, grid: SurfaceGrid, guess: Float, prior: Float, iterations: int, reach: float
+    surface: Float,
+    grid: SurfaceGrid,
+    guess: Float,
+    prior: Float,
+    iterations: int,
+    reach: float,
+    sigma: float,
 ) -> Match:  # pragma: no cover
     """Match a surface (m, 4) with a map.
 
@@ -68,6 +67,7 @@ def match_scan(
         prior: (3, 3) its information matrix.
         iterations: How many Gauss-Newton steps to take at most.
         reach: How far off [m] matches are looked for; at most a cell of the grid.
+        sigma: Standard deviation [m] that a point's distance to its line counts with.
     """
     pose = guess.copy()
     scan_part = np.zeros((3, 3))
@@ -89,13 +89,17 @@ def match_scan(
             v = sin * surface[i, 0] + cos * surface[i, 1]
             nx = cos * surface[i, 2] - sin * surface[i, 3]
             ny = sin * surface[i, 2] + cos * surface[i, 3]
+            if unknown(nx, ny):
+                if not _normal_near(grid, pose[0] + u, pose[1] + v, nx, ny, reach, line):
+                    continue
+                nx, ny = line[0], line[1]
             if not _line_near(grid, pose[0] + u, pose[1] + v, nx, ny, reach, line):
                 continue
             distance = line[2]
             bounded = 1.0 + (distance / scale) ** 2
             weight = line[3] / (bounded * bounded)
             turn = line[1] * u - line[0] * v
-            strength = weight / (POINT_SIGMA * POINT_SIGMA)
+            strength = weight / (sigma * sigma)
             gradient[0] += strength * line[0] * distance
             gradient[1] += strength * line[1] * distance
             gradient[2] += strength * turn * distance
@@ -133,6 +137,32 @@ def match_scan(
 
 
 @inner
+def _normal_near(
+    grid: SurfaceGrid, x: float, y: float, vx: float, vy: float, reach: float, line: Float
+) -> bool:  # pragma: no cover
+    """Whether a wall near a point faces a direction, and the normal of the nearest into a line."""
+    columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
+    column = int(np.floor((x - grid.corner[0]) / cell))
+    row = int(np.floor((y - grid.corner[1]) / cell))
+    if column < 0 or row < 0 or column >= columns or row >= rows:
+        return False
+    nearest = reach * reach + grid.size[3] * grid.size[3]
+    found = False
+    for other_row in range(max(row - 1, 0), min(row + 2, rows)):
+        begin = grid.first[other_row * columns + max(column - 1, 0)]
+        end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
+        for k in range(begin, end):
+            dx, dy = x - grid.surface[k, 0], y - grid.surface[k, 1]
+            square = dx * dx + dy * dy
+            mx, my = grid.surface[k, 2], grid.surface[k, 3]
+            if square < nearest and not unknown(mx, my) and mx * vx + my * vy > 0.0:
+                nearest = square
+                line[0], line[1] = mx, my
+                found = True
+    return found
+
+
+@inner
 def _line_near(
     grid: SurfaceGrid, x: float, y: float, nx: float, ny: float, reach: float, line: Float
 ) -> bool:  # pragma: no cover
@@ -146,6 +176,7 @@ def _line_near(
     row = int(np.floor((y - grid.corner[1]) / cell))
     if column < 0 or row < 0 or column >= columns or row >= rows:
         return False
+    farthest = grid.size[3] * grid.size[3]
     total = sum_x = sum_y = sum_off = 0.0
     for other_row in range(max(row - 1, 0), min(row + 2, rows)):
         begin = grid.first[other_row * columns + max(column - 1, 0)]
@@ -153,15 +184,16 @@ def _line_near(
         for k in range(begin, end):
             dx, dy = x - grid.surface[k, 0], y - grid.surface[k, 1]
             square = dx * dx + dy * dy
-            if square > reach * reach:
+            if square > reach * reach + farthest:
                 continue
             mx, my = grid.surface[k, 2], grid.surface[k, 3]
             if mx * nx + my * ny < ALIGNED:
                 continue
             off = mx * dx + my * dy
             # Both are bumps that end at 0, which cost a few products where a Gaussian has a power.
-            along = 1.0 - (square - off * off) / (SMOOTHING * SMOOTHING)
-            if along <= 0.0:
+            # Map points farther off along the wall do not count, and nearer ones the more.
+            along = 1.0 - (square - off * off) / farthest
+            if along <= 0.0 or off * off > reach * reach:
                 continue
             # Of two walls that lie one behind the other the nearer one is meant.
             across = 1.0 - off * off / (reach * reach)

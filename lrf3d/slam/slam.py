@@ -20,8 +20,8 @@ from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised
-from lrf3d.slam.scan_matching import POINT_SIGMA
-from lrf3d.slam.settling import settled
+from lrf3d.slam.refinement import refined
+from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, scaled, variance_factor
 
@@ -29,10 +29,12 @@ EDGE_SHARE = 0.3
 """Share of the matching's information that counts for the edge between key scans: neighbours are
 matched with the same local map, and share its errors."""
 
-NEWS = 3.0
-"""A closure that is off by less than this many deviations waits for the next optimisation."""
+NEWS = 4.0
+"""A closure that is off by fewer deviations than this waits for the next optimisation. They are
+scaled by the variance factor: those of matching are ten times too large where scans are good, and
+with them the errors of a drive through offices were twice as large."""
 
-ONLINE_ITERATIONS, FINAL_ITERATIONS = 3, 20
+ONLINE_ITERATIONS, FINAL_ITERATIONS = 1, 20
 """Most Gauss-Newton steps over the pose graph, while the robot drives and in the end."""
 
 LEAST_ROOM = 256
@@ -86,6 +88,7 @@ class Slam:
         self._start = np.array(as_pose(start))
         self._laser = sealed(np.array([laser_offset, 0.0]))
         self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn)
+        self._resolution = DENSE
         self._closer = LoopCloser()
         self._tracked: list[Tracked] = []
         self._room = np.empty((LEAST_ROOM, 3))
@@ -95,6 +98,8 @@ class Slam:
         # the longer the drive is.
         self._new_edges: list[Edges] = []
         self._wheel_covariance = np.zeros((3, 3))
+        # The variance factor at the last optimisation.
+        self._variance = 0.0
         self._scans: list[LaserScan] = []
         self._mapper = LineMapper()
         self._mapped_poses: list[Float] = []
@@ -123,12 +128,15 @@ class Slam:
                 f" {self._lrf.beams}"
             )
         increment = np.array(as_pose(odometry))
-        surface = surface_of_scan(scan, self._laser)
+        if not self._tracked:
+            self._resolution = Resolution.of(scan.angles)
+            self._front.resolution = self._resolution
+            self._closer = LoopCloser(self._resolution)
+        surface = surface_of_scan(scan, self._laser, sparse=self._resolution.sparse)
         self._wheel_covariance += self._front.wheels.covariance(increment)
         self._tracked.append(self._front.track(surface, increment))
         if self._front.key_due():
-            self._front.add_key(surface)
-            self._add_key(scan, surface)
+            self._add_key(scan, *self._front.add_key(surface))
 
     @property
     def pose(self) -> Pose:
@@ -149,6 +157,24 @@ class Slam:
         poses = self._key_poses
         return self._turned(joint_covariance(poses, self._honest_edges(), [len(poses) - 1]))
 
+    def covariances(self, numbers: Sequence[int] | Int) -> Float:
+        """Covariances (m, 3, 3) of the poses of some key scans, x, y [m], theta [rad].
+
+        Args:
+            numbers: (m,) numbers of the key scans.
+        """
+        chosen = np.asarray(numbers, dtype=np.int64)
+        found = np.zeros((len(chosen), 3, 3))
+        moved = np.flatnonzero(chosen > 0)
+        if not len(moved):
+            return found
+        edges = self._honest_edges()
+        joint = joint_covariance(self._key_poses, edges, chosen[moved].tolist())
+        for place, number in enumerate(moved.tolist()):
+            block = slice(3 * place, 3 * place + 3)
+            found[number] = self._turned(joint[block, block])
+        return found
+
     def relative_covariance(self, first: int, second: int) -> Float:
         """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
 
@@ -167,10 +193,15 @@ class Slam:
 
     def _honest_edges(self) -> Edges:
         """The edges of the pose graph with covariances as closures and deviations show them."""
-        matched = [scan.deviation for scan in self._tracked if scan.matched]
-        deviation = float(np.median(matched)) if matched else POINT_SIGMA
         edges = self._gathered_edges()
-        return scaled(edges, variance_factor(self._key_poses, edges, deviation))
+        return scaled(edges, self._variance_factor(edges))
+
+    def _variance_factor(self, edges: Edges) -> float:
+        """What the covariances that matching gives are to be multiplied with."""
+        matched = [scan.deviation for scan in self._tracked if scan.matched]
+        sigma = self._resolution.sigma
+        deviation = float(np.median(matched)) if matched else sigma
+        return variance_factor(self._key_poses, edges, deviation / sigma)
 
     def _turned(self, covariance: Float) -> Float:
         """A covariance since the start along the axes of the world."""
@@ -221,6 +252,11 @@ class Slam:
         return list(self._closer.accepted)
 
     @property
+    def unconfirmed_closures(self) -> list[Closure]:
+        """Loops that seemed to close and are not believed, by the numbers of key scans."""
+        return self._closer.unconfirmed
+
+    @property
     def wheel_biases(self) -> Float:
         """What the wheels measure systematically wrong (3,): see `lrf3d.slam.wheels`."""
         return self._front.wheels.biases
@@ -242,11 +278,13 @@ class Slam:
             surfaces = [key.surface for key in self._closer.keys]
             self._room[: len(poses)] = adjusted(poses, edges.part(~edges.robust), surfaces)
 
-    def settled(self, scans: Sequence[LaserScan]) -> Float:
+    def refined(self, scans: Sequence[LaserScan]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
         keys, key_poses = self._closer.keys, self._key_poses
         poses = self.scan_poses(key_poses)
-        poses = compose(self._start, settled(scans, poses, keys, key_poses, self.key_scans))
+        motions = np.array([scan.motion for scan in self._tracked])
+        poses = refined(scans, poses, motions, keys, key_poses, self.key_scans)
+        poses = compose(self._start, poses)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
 
@@ -261,13 +299,13 @@ class Slam:
         self._new_edges = []
         return self._edges
 
-    def _add_key(self, scan: LaserScan, surface: Float) -> None:
+    def _add_key(self, scan: LaserScan, surface: Float, walls: Float) -> None:
         """Add a vertex for the newest scan to the pose graph, and the loops that it closes."""
         tracked, keys = self._tracked[-1], self._closer.keys
         # A laser that hangs upside down turns clockwise.
         way = slice(None, None, -1) if scan.angles[0] > scan.angles[-1] else slice(None)
         angles, ranges = scan.angles[way], scan.ranges[way]
-        key = Key(len(self._tracked) - 1, tracked.pose, surface, angles, ranges, self._laser)
+        key = Key(len(self._tracked) - 1, tracked.pose, surface, walls, angles, ranges, self._laser)
         self._scans.append(scan)
         new = np.zeros(3)
         if keys:
@@ -292,9 +330,11 @@ class Slam:
         if closures:
             more = closure_edges(closures)
             self._new_edges.append(more)
-            if (more.squares(self._key_poses) > NEWS**2).any():
-                poses = optimised(self._key_poses, self._gathered_edges(), ONLINE_ITERATIONS)
+            if (more.squares(self._key_poses) > NEWS**2 * self._variance).any():
+                edges = self._gathered_edges()
+                poses = optimised(self._key_poses, edges, ONLINE_ITERATIONS)
                 self._room[: len(poses)] = poses
+                self._variance = min(self._variance_factor(edges), 1.0)
 
 
 def closure_edges(closures: list[Closure]) -> Edges:

@@ -3,14 +3,18 @@
 The points of a scan enter, in the order in which the beams turn; a surface leaves, rows x, y [m] of
 a point on a straight piece of wall and the unit normal of that wall, which faces the laser. Points
 with no straight neighbourhood are left out, for no line can be matched to them.
+
+The beams of a sparse laser meet a wall too far apart for that. Its points have unknown normals, for
+which a tenth of the direction to the laser stands; a map of many scans finds them.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 
@@ -36,6 +40,19 @@ FILLED, FILLED_WITHIN = 0.15, 2.0
 
 THINNED = 0.05
 """And they lie at least this far apart [m]: 0.03 takes a tenth more time for the same errors."""
+
+UNKNOWN = 0.1
+"""Length of the direction to the laser that stands for a normal which is not known."""
+
+LEAST_APART = 0.1
+"""Points that give a line lie at least this far apart [m]: a laser meets a wall ahead at one place
+again and again."""
+
+LEAST_ON_LINE = 4
+"""Points that a line of the map of a sparse laser has at least."""
+
+MOST_AROUND, MOST_LINES = 40, 12
+"""Points around one that its normal is found from, and lines to them that are tried, at most."""
 
 CELL = 0.3
 """Side of a cell of the grid [m]; lookups see a cell and those around it."""
@@ -173,12 +190,25 @@ def _between(surface: Float, i: int) -> int:  # pragma: no cover
     return int(apart / FILLED)
 
 
-def surface_of_scan(scan: LaserScan, laser: Float) -> Float:
-    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m]."""
+def surface_of_scan(scan: LaserScan, laser: Float, *, sparse: bool) -> Float:
+    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m].
+
+    Args:
+        scan: The scan.
+        laser: The place of the laser.
+        sparse: Whether its beams are too far apart for normals, which stay unknown then.
+    """
     hits = scan.hits
-    return surface_of(
-        scan.ranges[hits, None] * beam_directions(0.0, scan.angles[hits]) + laser, laser
-    )
+    directions = beam_directions(0.0, scan.angles[hits])
+    points = scan.ranges[hits, None] * directions + laser
+    if sparse:
+        return np.column_stack([points, -UNKNOWN * directions])
+    return surface_of(points, laser)
+
+
+def is_unknown(surface: Float) -> Bool:
+    """Whether the normal of each point (m,) of a surface (m, 4) is unknown."""
+    return np.asarray(np.hypot(surface[:, 2], surface[:, 3]) < 0.5)
 
 
 class SurfaceGrid(NamedTuple):
@@ -188,7 +218,8 @@ class SurfaceGrid(NamedTuple):
         surface: (m, 4) the points and normals, cell by cell.
         first: (rows · columns + 1,) the first point of each cell.
         corner: (2,) the lower left corner of the grid [m].
-        size: (3,) columns, rows, and the side of a cell [m].
+        size: (4,) columns, rows, the side of a cell [m], and how far along a wall a point of it
+            speaks for the wall [m].
     """
 
     surface: Float
@@ -198,19 +229,24 @@ class SurfaceGrid(NamedTuple):
 
 
 @compiled
-def grid_of(surface: Float) -> SurfaceGrid:  # pragma: no cover
-    """Sort a surface (m, 4), which may not be empty, into cells."""
+def grid_of(surface: Float, along: float) -> SurfaceGrid:  # pragma: no cover
+    """Sort a surface (m, 4), which may not be empty, into cells.
+
+    Args:
+        surface: The points and normals.
+        along: How far along a wall a point of it speaks for the wall [m].
+    """
     left = right = surface[0, 0]
     low = high = surface[0, 1]
     for i in range(len(surface)):
         left, right = min(left, surface[i, 0]), max(right, surface[i, 0])
         low, high = min(low, surface[i, 1]), max(high, surface[i, 1])
-    cell = max(CELL, np.sqrt((right - left) * (high - low) / MOST_CELLS))
+    cell = max(max(CELL, along), np.sqrt((right - left) * (high - low) / MOST_CELLS))
     # One empty cell all around spares lookups from asking whether a neighbour exists.
     columns = int((right - left) / cell) + 3
     rows = int((high - low) / cell) + 3
     corner = np.array([left - cell, low - cell])
-    size = np.array([float(columns), float(rows), cell])
+    size = np.array([float(columns), float(rows), cell, along])
     first = np.zeros(columns * rows + 1, np.int64)
     places = np.empty(len(surface), np.int64)
     for i in range(len(surface)):
@@ -228,3 +264,96 @@ def grid_of(surface: Float) -> SurfaceGrid:  # pragma: no cover
         for k in range(4):
             ordered[target, k] = surface[i, k]
     return SurfaceGrid(ordered, first, corner, size)
+
+
+def wall_map(parts: Iterable[tuple[Float, Float]], along: float) -> SurfaceGrid | None:
+    """The map of surfaces (m, 4) at poses (3,); None if there is no point in it.
+
+    Args:
+        parts: The surfaces and their poses.
+        along: How far along a wall a point of it speaks for the wall [m]: see `Resolution`.
+    """
+    clouds = [moved(surface, pose) for surface, pose in parts]
+    cloud = np.concatenate(clouds) if clouds else np.empty((0, 4))
+    if not len(cloud):
+        return None
+    grid = grid_of(cloud, along)
+    find_normals(grid)
+    return grid
+
+
+@compiled
+def find_normals(grid: SurfaceGrid) -> None:  # pragma: no cover
+    """Find the unknown normals of a map's points, from the points around them.
+
+    The wall through a point is the line to one of its neighbours that most of the others lie on. A
+    point without such a line keeps its unknown normal: nothing is matched to it.
+    """
+    columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
+    baseline = grid.size[3]
+    cloud = grid.surface.copy()
+    near = np.empty((MOST_AROUND, 2))
+    for i in range(len(cloud)):
+        if not unknown(cloud[i, 2], cloud[i, 3]):
+            continue
+        x, y, vx, vy = cloud[i, 0], cloud[i, 1], cloud[i, 2], cloud[i, 3]
+        column = int((x - grid.corner[0]) / cell)
+        row = int((y - grid.corner[1]) / cell)
+        count = 0
+        for other_row in range(max(row - 1, 0), min(row + 2, rows)):
+            begin = grid.first[other_row * columns + max(column - 1, 0)]
+            end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
+            for k in range(begin, end):
+                dx, dy = cloud[k, 0] - x, cloud[k, 1] - y
+                # What was seen from the other side is the back of a wall.
+                if (
+                    count < MOST_AROUND
+                    and dx * dx + dy * dy < baseline * baseline
+                    and vx * cloud[k, 2] + vy * cloud[k, 3] > 0.0
+                ):
+                    near[count, 0], near[count, 1] = dx, dy
+                    count += 1
+        most = 0
+        best_x = best_y = 0.0
+        for k in range(0, count, 1 + count // MOST_LINES):
+            away = np.sqrt(near[k, 0] ** 2 + near[k, 1] ** 2)
+            if away < LEAST_APART:
+                continue
+            nx, ny = -near[k, 1] / away, near[k, 0] / away
+            on = 0
+            for m in range(count):
+                if abs(nx * near[m, 0] + ny * near[m, 1]) < STRAIGHT:
+                    on += 1
+            if on > most:
+                most, best_x, best_y = on, nx, ny
+        if most < LEAST_ON_LINE:
+            continue
+        sx = sy = xx = xy = yy = 0.0
+        for m in range(count):
+            dx, dy = near[m, 0], near[m, 1]
+            if abs(best_x * dx + best_y * dy) < STRAIGHT:
+                sx += dx
+                sy += dy
+                xx += dx * dx
+                xy += dx * dy
+                yy += dy * dy
+        number = float(most)
+        xx, xy, yy = xx - sx * sx / number, xy - sx * sy / number, yy - sy * sy / number
+        angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+        nx, ny = -np.sin(angle), np.cos(angle)
+        facing = (nx * vx + ny * vy) / UNKNOWN
+        if abs(facing) < FLATTEST:
+            continue
+        if facing < 0.0:
+            nx, ny = -nx, -ny
+        off = (nx * sx + ny * sy) / number
+        grid.surface[i, 0] = x + off * nx
+        grid.surface[i, 1] = y + off * ny
+        grid.surface[i, 2] = nx
+        grid.surface[i, 3] = ny
+
+
+@inner
+def unknown(nx: float, ny: float) -> bool:  # pragma: no cover
+    """Whether a normal is not known."""
+    return nx * nx + ny * ny < 0.25

@@ -89,16 +89,26 @@ class Wheels:
         way, turn = float(measured[0]), float(measured[2])
         row = np.array([turn, way])
         spread = STILL_HEADING + SWERVE * abs(way) + SLIP_TURN * abs(turn)
-        # A stretch that is off by more than three deviations holds a slip, which is no bias.
         error = float(matched[2]) - turn
-        off = abs(error - float(row @ self._turn_bias))
-        weight = 1.0 / (spread * max(spread, off / 3.0))
+        weight = _weight(error - float(row @ self._turn_bias), spread)
         self._turn_information += weight * np.outer(row, row)
         self._turn_sum += weight * error * row
         bias = np.linalg.solve(self._turn_information, self._turn_sum)
         self._turn_bias = np.asarray(bias, dtype=np.float64)
         if ahead_known and abs(way) > 0.0:
-            weight = (STILL_POSITION + SLIP * abs(way)) ** -2.0
+            spread = STILL_POSITION + SLIP * abs(way)
+            error = float(matched[0]) - way
+            weight = _weight(error - self._way_bias * way, spread)
             self._way_information += weight * way**2
-            self._way_sum += weight * way * (float(matched[0]) - way)
+            self._way_sum += weight * way * error
             self._way_bias = self._way_sum / self._way_information
+
+
+def _weight(residual: float, spread: float) -> float:
+    """The weight of a stretch in the regression, by how far it is off what is known.
+
+    One that is off by more than three deviations holds a slip, which is no bias. By more than ten
+    are those off that were driven backwards with encoders that know no sign.
+    """
+    off = abs(residual) / spread
+    return 0.0 if off > 10.0 else 1.0 / (spread * spread * max(1.0, off / 3.0))

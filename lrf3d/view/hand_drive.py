@@ -13,6 +13,7 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.scenario import Scenario
+from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Sight
 from lrf3d.scene.trail_and_map import DrawnMap
 from lrf3d.sensor import Sensor
@@ -71,6 +72,8 @@ class HandDrive:
         self._origin = Sight.of(scenario.world, np.array([start[:2]])).origin
         self._scenario, self._start, self._seed = scenario, start, rng
         self._obstacles = CollisionChecker(scenario.world)
+        walls = scenario.world.segments - np.tile(self._origin, 2)
+        self._tops = WallTops(walls, scenario.world.heights)
         self._robot = Unicycle(scenario.radius)
         self.movers = scenario.obstacles
         # Where the hand will drive while a beam turns nobody knows: a scan takes no time.
@@ -147,6 +150,7 @@ class HandDrive:
         return {
             "segments": np.round(drawn.segments, 3).ravel().tolist(),
             "colours": drawn.colour_bytes.ravel().tolist(),
+            "tops": np.round(self._tops.bands(drawn.segments), 3).tolist(),
             "objects": line_map.object_count,
         }
 

@@ -10,8 +10,8 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, is_finite
 
-MOST_SIDE = 100_000
-"""Rows and columns of a grid in a file."""
+MOST_SIDE, MOST_CELLS = 100_000, 1_000_000_000
+"""Largest number of rows or columns, and of cells, of a grid in a file: a gigabyte of memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class FreeCells:
             if not isinstance(row, list) or not all(type(n) is int and n >= 0 for n in row):
                 raise InputError(expected)
         columns = {sum(row) for row in rows}
-        if len(columns) != 1 or max(columns) > MOST_SIDE or max(columns) * len(rows) > 1e9:
+        if len(columns) != 1 or max(columns) > MOST_SIDE or max(columns) * len(rows) > MOST_CELLS:
             raise InputError(f"{expected}; rows of equal length, at most {MOST_SIDE:,}")
         cells = np.zeros((len(rows), columns.pop()), dtype=np.bool_)
         for row, lengths in zip(cells, rows, strict=True):

@@ -130,6 +130,7 @@ def _cameras(members: object) -> tuple[FixedCamera, ...]:
                 point()(member["position"]),  # type: ignore[arg-type]
                 point()(member["target"]),  # type: ignore[arg-type]
                 float(member["field_deg"]),
+                bool(member.get("track", False)),
             )
             for member in members  # type: ignore[attr-defined]
         )

@@ -144,16 +144,16 @@ class _Reader:
     def polygon(self, rings: object) -> tuple[Float, ...]:
         if not isinstance(rings, list) or not rings:
             self.refuse(f"Polygon without rings: {shown(rings)}")
-        return tuple(self.ring(ring, place) for place, ring in enumerate(rings))
+        return tuple(self.ring(ring, index) for index, ring in enumerate(rings))
 
-    def ring(self, points: object, place: int) -> Float:
-        ring = self.points(points, f"Polygon ring {place}")
+    def ring(self, points: object, index: int) -> Float:
+        ring = self.points(points, f"Polygon ring {index}")
         ring = _without_repeats(ring, np.roll(ring, 1, axis=0))
         if len(ring) < 3:
-            self.refuse(f"Polygon ring {place} has {len(ring)} different points, expected 3")
+            self.refuse(f"Polygon ring {index} has {len(ring)} different points, expected 3")
         arms = ring[1:] - ring[0]
         if not (arms[:, 0] * arms[-1, 1] != arms[:, 1] * arms[-1, 0]).any():
-            self.refuse(f"Polygon ring {place} lies on one line and encloses nothing")
+            self.refuse(f"Polygon ring {index} lies on one line and encloses nothing")
         return ring
 
     def line(self, points: object) -> Float:
@@ -167,16 +167,16 @@ class _Reader:
         """Points (k, 2), at least one, of a list of positions, Z dropped."""
         if not isinstance(points, list) or not points:
             self.refuse(f"{what}: expected a list of points, found {shown(points)}")
-        for place, point in enumerate(points):
+        for index, point in enumerate(points):
             if (
                 not isinstance(point, list)
                 or len(point) < 2
                 or not all(type(value) in (int, float) for value in point[:2])
             ):
-                self.refuse(f"{what}: point {place} is {shown(point)}, expected [x, y]")
+                self.refuse(f"{what}: point {index} is {shown(point)}, expected [x, y]")
             if not all(abs(value) <= LARGEST_COORDINATE for value in point[:2]):
                 self.refuse(
-                    f"{what}: point {place} is {shown(point)}, expected finite coordinates"
+                    f"{what}: point {index} is {shown(point)}, expected finite coordinates"
                     f" of at most {LARGEST_COORDINATE:g} m"
                 )
         return np.array([point[:2] for point in points], dtype=np.float64)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 LARGEST_YAML = 1 << 16
-"""Largest description [bytes]; it has six lines."""
+"""Largest description [bytes]: six lines are usual."""
 
 DEEPEST_YAML = 4
 """Largest nesting depth: the origin is a list in the description."""
@@ -62,6 +62,9 @@ FREE_MARGIN = 1.0
 
 MOST_WRITTEN = 1 << 25
 """Largest number of cells of a written map, 33 million."""
+
+ROUNDED_UP = 1.001
+"""Factor of the side of a cell in such a large map, whose rows and columns are rounded up."""
 
 OCCUPIED, FREE = 0, 254
 """Values of pixels as map_saver writes them."""
@@ -136,7 +139,7 @@ class _Description:
         if self.data["mode"] not in ("trinary", "scale", "raw"):
             self.refuse(f"mode is {shown(self.data['mode'])}, expected trinary, scale or raw")
         origin = self.data.get("origin")
-        if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_place, origin)):
+        if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_coordinate, origin)):
             self.refuse(f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians")
         self.origin = float(origin[0]), float(origin[1]), float(origin[2])
 
@@ -158,14 +161,15 @@ class _Description:
         return picture
 
     def _number(self, key: str, *, above: float = -1e-300, most: float = 1e4) -> float:
+        # By default the limit is just below 0, so that 0 is valid.
         value: Any = self.data.get(key)
-        if not _is_place(value) or not above < float(value) <= most:
+        if not _is_coordinate(value) or not above < float(value) <= most:
             limit = f"a number above 0 and at most {most:g}" if above >= 0 else f"0 to {most:g}"
             self.refuse(f"{key} is {shown(value)}, expected {limit}")
         return float(value)
 
 
-def _is_place(value: object) -> bool:
+def _is_coordinate(value: object) -> bool:
     return (
         isinstance(value, int | float)
         and not isinstance(value, bool)
@@ -290,7 +294,8 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
 def cell_size(world: World, least: float = RESOLUTION) -> float:
     """The side of the cells [m] of a world's map: the least, or more for a large world."""
     low, high = world.bounds[0] - FREE_MARGIN, world.bounds[1] + FREE_MARGIN
-    return max(least, float(np.sqrt(np.prod(high - low) / MOST_WRITTEN)) * 1.001)
+    smallest = float(np.sqrt(np.prod(high - low) / MOST_WRITTEN))
+    return max(least, ROUNDED_UP * smallest)
 
 
 def map_cells(
@@ -322,12 +327,11 @@ def map_cells(
     cells = np.full((rows, columns), FREE, dtype=np.uint8)
     if world.free is not None:
         x = resolution * (first[0] + 0.5 + np.arange(columns))
-        for line in range(rows):
-            y = resolution * (first[1] + 0.5 + line)
+        for row in range(rows):
+            y = resolution * (first[1] + 0.5 + row)
             known = world.free.contain(np.column_stack([x, np.full(columns, y)]))
-            cells[line, ~known] = UNKNOWN
-    row, column = _walled_cells(world.segments / resolution - np.tile(first, 2))
-    cells[row, column] = OCCUPIED
+            cells[row, ~known] = UNKNOWN
+    cells[_walled_cells(world.segments / resolution - np.tile(first, 2))] = OCCUPIED
     x, y = (first * resolution).tolist()
     return cells, (x, y)
 

@@ -262,6 +262,7 @@ CAMERA: Mapping[str, Check] = {
     "position": point(),
     "target": point(),
     "field_deg": number(above=0.0, most=WIDEST_VIEW),
+    "track": flag,
 }
 
 

@@ -342,7 +342,7 @@ def _camera(camera: FixedCamera) -> str:
     return (
         f"[[camera]]\nname = {_quoted(camera.name)}\n"
         f"position = {list(camera.position)!r}\ntarget = {list(camera.target)!r}\n"
-        f"field_deg = {camera.field_deg!r}\n"
+        f"field_deg = {camera.field_deg!r}\n" + ("track = true\n" if camera.track else "")
     )
 
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from bags import STORE, mounted, odometry, pose, rosbag2, scan, transform, write
 from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
@@ -18,10 +19,6 @@ from lrf3d.io.bag_messages import ODOMETRY, POSE, SCAN, TRANSFORMS, bounded_unpa
 from lrf3d.laser import LaserRangeFinder, LaserScan, Stamp
 from lrf3d.mapping import LineMapper
 
-rosbag2 = pytest.importorskip("rosbags.rosbag2")
-from rosbags.typesys import Stores, get_typestore  # noqa: E402
-
-STORE = get_typestore(Stores.ROS2_HUMBLE)
 TURNS = {"upright": (0, 0, 0, 1), "upside down": (1, 0, 0, 0), "left": (0, 0, 0.5**0.5, 0.5**0.5)}
 
 
@@ -37,56 +34,6 @@ def mcap(run, tmp_path_factory):
     path = tmp_path_factory.mktemp("bag") / "run.mcap"
     export_run(run, "mcap", path)
     return path
-
-
-def make(kind, *values):
-    return STORE.types[kind](*values)
-
-
-def header(time, frame):
-    stamp = Stamp.of(time)
-    return make(
-        "std_msgs/msg/Header", make("builtin_interfaces/msg/Time", stamp.sec, stamp.nanosec), frame
-    )
-
-
-def transform(time, parent, child, place=(0, 0, 0), turn=(0, 0, 0, 1)):
-    moved = make(
-        "geometry_msgs/msg/Transform",
-        make("geometry_msgs/msg/Vector3", *map(float, place)),
-        make("geometry_msgs/msg/Quaternion", *map(float, turn)),
-    )
-    stamped = make("geometry_msgs/msg/TransformStamped", header(time, parent), child, moved)
-    return make(TRANSFORMS, [stamped])
-
-
-def pose(time, frame, x, y, theta):
-    place = make("geometry_msgs/msg/Point", float(x), float(y), 0.0)
-    turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))
-    return make(POSE, header(time, frame), make("geometry_msgs/msg/Pose", place, turn))
-
-
-def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0)):
-    values = np.array(ranges, dtype=np.float32)
-    return make(
-        SCAN, header(time, frame), -1.0, 1.0, 1.0, 0.0, 0.1, 0.1, 10.0, values, np.float32([])
-    )
-
-
-def write(path, *messages):
-    """Write messages (topic, time, kind, message) to a bag."""
-    with rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin.MCAP) as bag:
-        topics = {}
-        for topic, time, kind, message in messages:
-            if topic not in topics:
-                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
-            bag.write(topics[topic], Stamp.of(time).nanoseconds, STORE.serialize_cdr(message, kind))
-    return path
-
-
-def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1)):
-    static = transform(0.0, "base_link", "laser", place, turn)
-    return "/tf_static", 0.0, TRANSFORMS, static
 
 
 def drives(root, base, poses, topic="/tf"):
@@ -289,22 +236,6 @@ def test_transforms_up_to_the_map_come_before_odometry_and_behind_the_truth(tmp_
         load_log(bag, poses="truth")
 
 
-def odometry(time, where, child="base_link"):
-    told = pose(time, "odom", *where)
-    speed = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-    return make(
-        ODOMETRY,
-        told.header,
-        child,
-        make("geometry_msgs/msg/PoseWithCovariance", told.pose, np.zeros(36)),
-        make(
-            "geometry_msgs/msg/TwistWithCovariance",
-            make("geometry_msgs/msg/Twist", speed, speed),
-            np.zeros(36),
-        ),
-    )
-
-
 def test_a_fixed_joint_that_is_told_again_and_again_is_no_drive(tmp_path):
     joint = drives("base_link", "laser", [(0.2, 0, 0)] * 3)
     wheels = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(3)]
@@ -408,3 +339,30 @@ def test_a_run_before_time_0_is_refused(run, tmp_path):
 def test_a_scan_of_ros_is_a_scan():
     assert isinstance(LaserScan.from_ros(scan(1.5)), LaserScan)
     assert LaserScan.from_ros(scan(1.5)).time == 1.5
+
+
+def test_the_base_is_found_from_the_laser_by_the_child_frame_of_the_odometry(tmp_path):
+    where = [(0, 0, 0), (1, 0, 0)]
+    wheels = [("/odom", t, ODOMETRY, odometry(float(t), pose)) for t, pose in enumerate(where)]
+    log = load_log(
+        write(tmp_path / "a", mounted((0.2, -0.1, 0.5), TURNS["left"]), *wheels, *scans(0.5))
+    )
+    assert log.mount == pytest.approx((0.2, -0.1, np.pi / 2))
+    assert log.scans[0].pose @ log.mount.inverse() == pytest.approx((0.5, 0, 0))
+    # Another frame of the robot than the usual one.
+    foot = [
+        ("/odom", t, ODOMETRY, odometry(float(t), pose, "foot")) for t, pose in enumerate(where)
+    ]
+    static = "/tf_static", 0.0, TRANSFORMS, transform(0.0, "foot", "base_link", (0.0, 0.0, 0.1))
+    lower = "/tf_static", 0.0, TRANSFORMS, transform(0.0, "base_link", "laser", (0.3, 0.0, 0.2))
+    log = load_log(write(tmp_path / "b", static, lower, *foot, *scans(0.5)))
+    assert log.mount == pytest.approx((0.3, 0, 0)) and log.source == "/odom"
+
+
+def test_without_a_topic_of_odometry_it_is_the_transforms_up_to_its_frame(tmp_path):
+    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
+    mapped = drives("map", "odom", [(10, 0, 0), (10, 0, 0)])
+    bag = write(tmp_path / "bag", mounted((0.2, 0, 0)), *moves, *mapped, *scans(0.5))
+    log = load_log(bag, poses="odom")
+    assert log.source == "/tf, laser in odom" and log.mount == pytest.approx((0.2, 0, 0))
+    assert log.scans[0].pose == pytest.approx((0.7, 0, 0))

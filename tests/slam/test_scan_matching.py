@@ -6,8 +6,9 @@ from hypothesis import strategies as st
 from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.slam.frames import between, compose
+from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.scan_matching import match_scan
-from lrf3d.slam.surface import evenly_spaced, grid_of, moved, surface_of_scan
+from lrf3d.slam.surface import evenly_spaced, grid_of, is_unknown, moved, surface_of_scan, wall_map
 from lrf3d.world import World
 
 ROOM = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
@@ -18,7 +19,7 @@ WEAK = np.diag([1.0, 1.0, 1.0])
 
 def surface_at(world, pose, **lrf):
     scan = PlanarCaster(world).cast(LaserRangeFinder(beams=181, **lrf), pose)
-    return surface_of_scan(scan, LASER)
+    return surface_of_scan(scan, LASER, sparse=False)
 
 
 def test_normals_face_the_laser_and_points_lie_on_walls():
@@ -52,6 +53,30 @@ def test_a_point_without_a_straight_neighbourhood_is_left_out():
     assert len(surface_of(points, LASER)) == 0
 
 
+def test_many_scans_of_a_sparse_laser_show_the_walls():
+    lrf = LaserRangeFinder(beams=11)
+    resolution = Resolution.of(lrf.angles)
+    parts = []
+    for x in np.arange(1.5, 3.5, 0.25):
+        pose = np.array([x, 1.5, 0.1 * x])
+        scan = PlanarCaster(ROOM).cast(lrf, pose)
+        parts.append((surface_of_scan(scan, LASER, sparse=True), pose))
+    assert is_unknown(parts[0][0]).all()
+    surface = wall_map(parts, resolution.along).surface
+    known = surface[~is_unknown(surface)]
+    assert len(known) > 0.7 * len(surface)
+    below = np.abs(known[:, 1]) < 1e-6
+    assert below.sum() > 10
+    assert known[below, 3] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_laser_is_sparse_by_the_angle_between_its_beams():
+    for beams in (90, 180, 361):
+        assert Resolution.of(np.linspace(-1.57, 1.57, beams)) == DENSE
+    for beams in (11, 30):
+        assert Resolution.of(np.linspace(-1.57, 1.57, beams)).sparse
+
+
 @settings(max_examples=20, deadline=None)
 @given(
     st.floats(-0.12, 0.12),
@@ -63,7 +88,15 @@ def test_a_scan_finds_back_to_where_it_was_taken(x, y, turn, heading):
     old = surface_at(ROOM, (3.0, 1.5, heading))
     true = np.array([0.1, -0.05, 0.02])
     new = surface_at(ROOM, compose(np.array([3.0, 1.5, heading]), true))
-    match = match_scan(new, grid_of(old), true + np.array([x, y, turn]), 1e-3 * WEAK, 25, 0.3)
+    match = match_scan(
+        new,
+        grid_of(old, DENSE.along),
+        true + np.array([x, y, turn]),
+        1e-3 * WEAK,
+        25,
+        0.3,
+        DENSE.sigma,
+    )
     error = between(true, match.pose)
     assert np.hypot(error[0], error[1]) < 0.01 and abs(error[2]) < 0.005
     assert match.explained > 0.8
@@ -72,7 +105,9 @@ def test_a_scan_finds_back_to_where_it_was_taken(x, y, turn, heading):
 def test_along_a_corridor_the_guess_stands():
     old = surface_at(CORRIDOR, (0, 1, 0), range_max=10.0)
     guess = np.array([0.3, 0.05, 0.01])
-    match = match_scan(old, grid_of(old), guess, np.diag([100.0, 100.0, 400.0]), 15, 0.3)
+    match = match_scan(
+        old, grid_of(old, DENSE.along), guess, np.diag([100.0, 100.0, 400.0]), 15, 0.3, DENSE.sigma
+    )
     assert match.pose[0] == pytest.approx(0.3, abs=1e-3)
     assert match.pose[1] == pytest.approx(0.0, abs=3e-3)
     assert match.information[0, 0] < 1e-3 * match.information[1, 1]
@@ -81,12 +116,16 @@ def test_along_a_corridor_the_guess_stands():
 def test_a_guess_that_scans_contradict_loses_its_say():
     old = surface_at(ROOM, (3.0, 1.5, 0.0))
     sure = np.diag([1e4, 1e4, 1e4])
-    match = match_scan(old, grid_of(old), np.array([0.0, 0.1, 0.0]), sure, 20, 0.3)
+    match = match_scan(
+        old, grid_of(old, DENSE.along), np.array([0.0, 0.1, 0.0]), sure, 20, 0.3, DENSE.sigma
+    )
     assert np.abs(match.pose).max() < 0.01
 
 
 def test_a_surface_far_from_any_wall_stays_where_it_was_guessed():
     old = surface_at(ROOM, (3.0, 1.5, 0.0))
-    match = match_scan(old, grid_of(old), np.array([50.0, 0.0, 0.0]), WEAK, 5, 0.3)
+    match = match_scan(
+        old, grid_of(old, DENSE.along), np.array([50.0, 0.0, 0.0]), WEAK, 5, 0.3, DENSE.sigma
+    )
     assert match.pose.tolist() == [50.0, 0.0, 0.0]
     assert match.explained == 0.0

@@ -6,8 +6,10 @@ import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.slam.closures import seen_through
 from lrf3d.slam.frames import between, compose
-from lrf3d.slam.lag import wheel_poses_at
-from lrf3d.slam.log import line_poses, rising, solve_log, without_jumps
+from lrf3d.slam.lag import WheelPath
+from lrf3d.slam.log import line_poses, solve_log
+from lrf3d.slam.repair import rising, without_jumps
+from lrf3d.slam.wheels import Wheels
 
 SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)
 
@@ -17,11 +19,11 @@ class NoMap:
         """Nothing."""
 
 
-def drive(world, route, *, seed=0, position=0.01, heading=0.004, bias=0.03, speed=0.8):
+def drive(world, route, *, seed=0, position=0.01, heading=0.004, bias=0.03, lrf=SCANNER):
     """A drive, its scans, and what wheels with noise and a bias [rad/m] say of it."""
-    way = lrf3d.follow_route(np.array(route, dtype=float), speed=speed, dt=0.25)
+    way = lrf3d.follow_route(np.array(route, dtype=float), speed=0.8, dt=0.25)
     noise = lrf3d.ProportionalNoise(0.02)
-    run = lrf3d.simulate(world, way, SCANNER, noise=noise, rng=seed, mapper=NoMap())
+    run = lrf3d.simulate(world, way, lrf, noise=noise, rng=seed, mapper=NoMap())
     true = lrf3d.odometry_increments(run.trajectory.poses)
     steps = lrf3d.OdometryNoise(position, heading)(true, np.random.default_rng(seed))
     steps[:, 2] += bias * true[:, 0]
@@ -155,11 +157,55 @@ def test_a_scan_without_any_return_leaves_the_robot_to_the_odometry():
 def test_the_lag_of_the_laser_is_found():
     scans, wheels, _ = drive(rooms(2), through(2) * 2, bias=0.0, heading=0.001)
     # Lines lie twice as dense as scans, and a scan was taken 0.6 lines before its place.
-    lines = wheel_poses_at(wheels, np.arange(0.0, len(wheels) - 0.5, 0.5))
+    lines = WheelPath(wheels).at(np.arange(0.0, len(wheels) - 0.5, 0.5))
     places = np.arange(0, len(lines), 2)
-    shifted = wheel_poses_at(lines, np.arange(len(lines)) + 0.6)
+    shifted = WheelPath(lines).at(np.arange(len(lines)) + 0.6)
     solution = solve_log(scans, shifted, places)
     assert solution.lag == pytest.approx(0.6, abs=0.1)
+
+
+def test_between_lines_a_turning_robot_is_where_it_is():
+    """A robot that turns ever faster, at lines a fifth of a second apart."""
+    times = np.arange(0.0, 4.0, 0.2)
+    path = WheelPath(np.column_stack([times, 0 * times, 0.5 * times**2]))
+    fine = np.arange(1.0, 18.0, 0.25)
+    assert path.at(fine)[:, 2] == pytest.approx(0.5 * (0.2 * fine) ** 2, abs=1e-3)
+    straight = np.interp(fine, np.arange(len(times)), 0.5 * times**2)
+    assert np.abs(straight - 0.5 * (0.2 * fine) ** 2).max() > 4e-3
+
+
+@pytest.mark.parametrize("beams", [11, 30])
+def test_a_laser_of_few_beams_maps_with_many_scans(beams):
+    few = lrf3d.LaserRangeFinder(beams=beams, range_max=15.0)
+    scans, wheels, true = drive(rooms(2), through(2) * 2, lrf=few)
+    assert errors(true, wheels).max() > 0.5
+    solution = solve_log(scans, wheels, np.arange(len(scans)))
+    assert errors(true, solution.scan_poses).max() < 0.15
+    assert len(solution.closures) > 10
+
+
+def test_encoders_that_know_no_sign_are_no_systematic_error():
+    wheels = Wheels()
+    for _ in range(20):
+        wheels.learn(np.array([0.5, 0.0, 0.0]), np.array([0.51, 0.0, 0.0]), True)
+    for _ in range(10):
+        wheels.learn(np.array([0.5, 0.0, 0.0]), np.array([-0.5, 0.0, 0.0]), True)
+    assert wheels.biases[2] == pytest.approx(0.02, abs=0.005)
+
+
+def test_a_robot_that_drives_backwards_with_such_encoders_is_followed():
+    world = lrf3d.World([[0, 0, 9, 0], [9, 0, 9, 4], [9, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
+    scans, wheels, true = drive(world, [(1, 1), (7, 2)], bias=0.0)
+    steps = lrf3d.odometry_increments(wheels)
+    there = [np.zeros(3), *steps]
+    # Back on the same way: the wheels turn backwards, and the encoders count on.
+    back = [np.abs(step) * [1, 0, 0] + step * [0, 0, -1] for step in steps[::-1]]
+    way = [wheels[0]]
+    for step in [*there[1:], *back]:
+        way.append(compose(way[-1], step))
+    everything = [*scans, *scans[-2::-1]]
+    solution = solve_log(everything, np.array(way), np.arange(len(everything)))
+    assert errors(np.vstack([true, true[-2::-1]]), solution.scan_poses).max() < 0.1
 
 
 def test_an_odometry_that_jumps_is_mended_and_reported():
@@ -167,7 +213,7 @@ def test_an_odometry_that_jumps_is_mended_and_reported():
     jumped = wheels.copy()
     jumped[60:, 0] += 10.0
     solution = solve_log(scans, jumped, np.arange(len(scans)))
-    assert solution.jumps == (60,)
+    assert solution.repairs.jumps == (60,)
     assert errors(true, solution.scan_poses).max() < 0.1
     same, none = without_jumps(wheels)
     assert none == () and same is wheels
@@ -177,7 +223,7 @@ def test_lines_between_scans_follow_the_odometry():
     wheels = np.column_stack([np.arange(9.0), np.zeros(9), np.zeros(9)])
     places = np.array([0, 4, 8])
     known = np.array([[0.0, 1.0, 0.0], [4.0, 1.0, 0.0], [8.4, 1.0, 0.0]])
-    poses = line_poses(wheels, places, 0.0, known)
+    poses = line_poses(WheelPath(wheels), places, 0.0, known)
     assert poses[places] == pytest.approx(known)
     assert poses[2] == pytest.approx([2.0, 1.0, 0.0])
     assert poses[6] == pytest.approx([6.2, 1.0, 0.0])

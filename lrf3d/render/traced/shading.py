@@ -28,21 +28,20 @@ from lrf3d.scene.look import (
     FAN_COLOUR,
     FAN_CURVE,
     GLOW,
-    GROUND_SHARPNESS,
     SHADOW_COLOUR,
     SHADOW_RIM,
-    SKYLIGHT,
     TRAIL_COLOUR,
+    TRAIL_OLD,
     ZENITH,
     ZENITH_INDOOR,
 )
 
-NORMAL, OFFSET, ALONG, UP, UNDER, COLOUR, LIGHT, BACK, LAYER, COLUMNS = (
-    0, 3, 4, 8, 12, 16, 19, 22, 25, 26,
+NORMAL, OFFSET, ALONG, UP, UNDER, COLOUR, LIGHT, SHADE, LAYER, COLUMNS = (
+    0, 3, 4, 8, 12, 16, 19, 31, 43, 44,
 )  # fmt: skip
 """Columns of the table of faces."""
 
-FLAT, FAN, LINE, TRAIL, BLOB, ROBOT = range(6)
+FLAT, FAN, LINE, TRAIL, BLOB, ROBOT, BAND = range(7)
 """Programs, named like the files in ``render/shaders``."""
 
 MOST = 9
@@ -57,11 +56,8 @@ SUN, HAZE, INDOOR, BEYOND = 0, 3, 7, 8
 LEAST_LIT = 100.0
 """How far a face without shadow is lit [m]."""
 
-SHARPER = -GROUND_SHARPNESS
-"""By how much coarser copies of the ground are taken."""
-
-BLUE, SUN_RIM = tuple(SKYLIGHT.tolist()), SHADOW_RIM
-"""What light is left in the shadow, and the width of its edge [m]."""
+SUN_RIM = SHADOW_RIM
+"""Width of the edge of the sun's light [m]."""
 
 
 class RayScene(NamedTuple):
@@ -74,6 +70,7 @@ class RayScene(NamedTuple):
         texels: (u,) all copies of the pictures of the ground, one after the other.
         levels: (l, 3) where each copy starts, its width and height.
         grounds: (g, 10) the pictures of the ground.
+        paints: (4,) how bright bare ground is, and what marks, kerbs and pavements add.
         light: (12,) sun, haze and land.
     """
 
@@ -83,6 +80,7 @@ class RayScene(NamedTuple):
     texels: NDArray[np.uint8]
     levels: Int
     grounds: Float
+    paints: Float
     light: Float
 
 
@@ -158,6 +156,18 @@ def along_face(face: Float, column: int, x: float, y: float, z: float) -> float:
 
 
 @inner
+def face_light(
+    face: Float, column: int, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Light that changes evenly over a face, at a place."""
+    return (
+        along_face(face, column, x, y, z) + face[column + 3],
+        along_face(face, column + 4, x, y, z) + face[column + 7],
+        along_face(face, column + 8, x, y, z) + face[column + 11],
+    )
+
+
+@inner
 def hazed(
     r: float, g: float, b: float, dx: float, dy: float, dz: float, light: Float
 ) -> tuple[float, float, float]:
@@ -195,17 +205,34 @@ def ground_colour(x: float, y: float, step: float, scenery: RayScene) -> tuple[f
     for number in range(len(grounds)):
         ground = grounds[number]
         if ground[0] <= x <= ground[2] and ground[1] <= y <= ground[3]:
-            return picture_colour(x, y, step, SHARPER, texels, levels, ground)
+            seen = picture_colour(x, y, step, 0.0, texels, levels, ground)
+            texel = 1.0 / (ground[6] * levels[int(ground[8]), 1])
+            sharp = clamp(2.0 * texel / math.sqrt(max(step, 1e-12)), 1.0, 32.0)
+            return painted_ground(seen, sharp, scenery.paints)
     ground = grounds[len(grounds) - 1]
     u, v = (x - ground[4]) * ground[6], (y - ground[5]) * ground[7]
     past = max(abs(u - 0.5) - 0.5, 0.0) / ground[6] + max(abs(v - 0.5) - 0.5, 0.0) / ground[7]
     share = min(past / light[BEYOND + 3], 1.0)
-    r, g, b = picture_colour(x, y, step, 4.0 * min(16.0 * share, 1.0), texels, levels, ground)
+    seen = picture_colour(x, y, step, 4.0 * min(16.0 * share, 1.0), texels, levels, ground)
+    r, g, b = painted_ground(seen, 1.0, scenery.paints)
     return (
         mix(r, light[BEYOND], share),
         mix(g, light[BEYOND + 1], share),
         mix(b, light[BEYOND + 2], share),
     )
+
+
+@inner
+def painted_ground(
+    seen: tuple[float, float, float, float], sharp: float, paints: Float
+) -> tuple[float, float, float]:
+    """The colour of the ground by its picture, whose edges are magnified so many times."""
+    cover = 3.0 * seen[3] - 1.0
+    mark = clamp((-cover - 0.5) * sharp + 0.5, 0.0, 1.0)
+    kerb = clamp((cover - 0.5) * sharp + 0.5, 0.0, 1.0)
+    pave = clamp((cover - 1.5) * sharp + 0.5, 0.0, 1.0)
+    paint = paints[0] + mark * paints[1] + kerb * paints[2] + pave * paints[3]
+    return seen[0] * paint, seen[1] * paint, seen[2] * paint
 
 
 @inner
@@ -217,7 +244,7 @@ def picture_colour(
     texels: NDArray[np.uint8],
     levels: Int,
     ground: Float,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """A picture of the ground at a place, from the copy whose texels are as large as pixels."""
     u, v = (x - ground[4]) * ground[6], (y - ground[5]) * ground[7]
     first, count = int(ground[8]), int(ground[9])
@@ -232,19 +259,35 @@ def picture_colour(
     y = clamp(v * height - 0.5, 0.0, height - 1.0)
     left, top = int(x), int(y)
     x, y = x - left, y - top
-    here = start + 3 * (top * width + left)
-    right = 3 if left < width - 1 else 0
-    below = 3 * width if top < height - 1 else 0
-    upper_left, upper_right = (1.0 - x) * (1.0 - y) / 255.0, x * (1.0 - y) / 255.0
-    lower_left, lower_right = (1.0 - x) * y / 255.0, x * y / 255.0
-    r = upper_left * texels[here] + upper_right * texels[here + right]
-    g = upper_left * texels[here + 1] + upper_right * texels[here + right + 1]
-    b = upper_left * texels[here + 2] + upper_right * texels[here + right + 2]
-    here += below
-    r += lower_left * texels[here] + lower_right * texels[here + right]
-    g += lower_left * texels[here + 1] + lower_right * texels[here + right + 1]
-    b += lower_left * texels[here + 2] + lower_right * texels[here + right + 2]
-    return r, g, b
+    here = start + 4 * (top * width + left)
+    right = 4 if left < width - 1 else 0
+    below = here + (4 * width if top < height - 1 else 0)
+    a, b = (1.0 - x) * (1.0 - y) / 255.0, x * (1.0 - y) / 255.0
+    c, d = (1.0 - x) * y / 255.0, x * y / 255.0
+    return (
+        between(texels, here, right, below, 0, a, b, c, d),
+        between(texels, here, right, below, 1, a, b, c, d),
+        between(texels, here, right, below, 2, a, b, c, d),
+        between(texels, here, right, below, 3, a, b, c, d),
+    )
+
+
+@inner
+def between(
+    texels: NDArray[np.uint8],
+    here: int,
+    right: int,
+    below: int,
+    channel: int,
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+) -> float:
+    """One channel between four texels, by their shares."""
+    value: float = a * texels[here + channel] + b * texels[here + right + channel]
+    value += c * texels[below + channel] + d * texels[below + right + channel]
+    return value
 
 
 @inner
@@ -290,10 +333,10 @@ def see(
             shadowed = 0.0
             if under > -LEAST_LIT:
                 shadowed = clamp(under / (under_step + SUN_RIM) + 0.5, 0.0, 1.0)
-            side = LIGHT if slope < 0.0 else BACK
-            r = (r + face[COLOUR] * wall) * mix(face[side], BLUE[0], shadowed)
-            g = (g + face[COLOUR + 1] * wall) * mix(face[side + 1], BLUE[1], shadowed)
-            b = (b + face[COLOUR + 2] * wall) * mix(face[side + 2], BLUE[2], shadowed)
+            lit, shade = face_light(face, LIGHT, wx, wy, wz), face_light(face, SHADE, wx, wy, wz)
+            r = (r + face[COLOUR] * wall) * mix(lit[0], shade[0], shadowed)
+            g = (g + face[COLOUR + 1] * wall) * mix(lit[1], shade[1], shadowed)
+            b = (b + face[COLOUR + 2] * wall) * mix(lit[2], shade[2], shadowed)
             r, g, b = hazed(r, g, b, x, y, z, light)
             return r, g, b, 1.0 / depth, hit
     if np.isfinite(down):
@@ -367,7 +410,8 @@ def fragment(
         return at[0], at[1], at[2], at[3]
     if program == FAN:
         left = clamp(1.0 - at[0] / fixed[0], 0.0, 1.0)
-        return FAN_COLOUR[0], FAN_COLOUR[1], FAN_COLOUR[2], fixed[1] * math.pow(left, FAN_CURVE)
+        alpha = fixed[1] * at[1] * math.pow(left, FAN_CURVE)
+        return FAN_COLOUR[0], FAN_COLOUR[1], FAN_COLOUR[2], alpha
     if program == LINE:
         cover = clamp(0.5 * fixed[0] + 0.5 - abs(at[4] * w), 0.0, 1.0)
         return at[0], at[1], at[2], at[3] * cover
@@ -376,11 +420,16 @@ def fragment(
             return 0.0, 0.0, 0.0, 0.0
         r, g, b = TRAIL_COLOUR
         r, g, b = hazed(r, g, b, at[1] - eye[0], at[2] - eye[1], at[3] - eye[2], light)
-        return r, g, b, 0.95
+        old = min((fixed[0] - at[0]) * fixed[1], 1.0)
+        return r, g, b, mix(0.95, TRAIL_OLD, old * (2.0 - old))
     if program == BLOB:
         share = clamp((math.hypot(at[0], at[1]) - 0.45) / 0.55, 0.0, 1.0)
         r, g, b = SHADOW_COLOUR
         return r, g, b, fixed[0] * (1.0 - share * share * (3.0 - 2.0 * share))
+    if program == BAND:
+        dx, dy, dz = at[4] - eye[0], at[5] - eye[1], at[6] - eye[2]
+        r, g, b = hazed(at[0], at[1], at[2], dx, dy, dz, light)
+        return r, g, b, at[3]
     # The robot: place, normal, colour.
     x, y, z = eye[0] - at[0], eye[1] - at[1], eye[2] - at[2]
     away = 1.0 / math.sqrt(x * x + y * y + z * z)

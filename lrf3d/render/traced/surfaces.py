@@ -12,17 +12,17 @@ from lrf3d.geometry import Float, Int
 from lrf3d.render.primitives import Primitive
 from lrf3d.render.traced.shading import (
     ALONG,
-    BACK,
     COLOUR,
     COLUMNS,
     LAYER,
     LIGHT,
     NORMAL,
     OFFSET,
+    SHADE,
     UNDER,
     UP,
 )
-from lrf3d.scene.facades import TILE, light_on
+from lrf3d.scene.facades import TILE
 
 Ids = NDArray[np.int32]
 
@@ -38,9 +38,8 @@ class Surfaces:
     """Triangles that rays are cast at.
 
     Args:
-        triangles: (t, 3, 13) their corners, in the rows that :mod:`lrf3d.render.parts` makes.
+        triangles: (t, 3, 16) their corners, in the rows that :mod:`lrf3d.render.parts` makes.
         painted: The levels of the texture that they are painted with.
-        indoor: Whether this is the inside of a house.
 
     Attributes:
         faces: The table of them, see :func:`face_table`.
@@ -49,13 +48,9 @@ class Surfaces:
     """
 
     def __init__(
-        self,
-        triangles: NDArray[np.float32],
-        painted: tuple[NDArray[np.uint8], ...],
-        *,
-        indoor: bool,
+        self, triangles: NDArray[np.float32], painted: tuple[NDArray[np.uint8], ...]
     ) -> None:
-        self.faces = face_table(triangles, indoor=indoor)
+        self.faces = face_table(triangles)
         self.painted = np.concatenate([level.ravel() for level in painted])
         sizes = np.array([level.size for level in painted])
         sides = np.array([level.shape[2:0:-1] for level in painted])
@@ -79,12 +74,12 @@ class Surfaces:
         return hits
 
 
-def face_table(triangles: NDArray[np.float32], *, indoor: bool) -> Float:
-    """The table (t, COLUMNS) of triangles (t, 3, 13).
+def face_table(triangles: NDArray[np.float32]) -> Float:
+    """The table (t, COLUMNS) of triangles (t, 3, 16).
 
-    Of each triangle: its plane; where along and up the texture a point is [texels], and how far
-    under the edge of its shadow, as linear functions of the point; its colour, the light on it
-    and on its back, and its layer of the texture.
+    Of each triangle: its plane; where along and up the texture a point is [texels], how far under
+    the edge of its shadow, and the light on it in the sun and where the sun is hidden, as linear
+    functions of the point; its colour and its layer of the texture.
     """
     corners = triangles[:, :, :3].astype(np.float64)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -94,7 +89,9 @@ def face_table(triangles: NDArray[np.float32], *, indoor: bool) -> Float:
     table = np.zeros((len(triangles), COLUMNS))
     table[:, NORMAL:OFFSET] = facing
     table[:, OFFSET] = np.einsum("ij,ij->i", facing, corners[:, 0])
-    for column, value, scale in ((ALONG, 3, TILE), (UP, 4, TILE), (UNDER, 12, 1.0)):
+    lights = [(LIGHT + 4 * k, 9 + k, 1.0) for k in range(3)]
+    lights += [(SHADE + 4 * k, 13 + k, 1.0) for k in range(3)]
+    for column, value, scale in ((ALONG, 3, TILE), (UP, 4, TILE), (UNDER, 12, 1.0), *lights):
         values = scale * triangles[:, :, value].astype(np.float64)
         to_first, to_second = (values[:, k] - values[:, 0] for k in (1, 2))
         slope: Any = to_first[:, None] * np.cross(second, normal)
@@ -102,9 +99,6 @@ def face_table(triangles: NDArray[np.float32], *, indoor: bool) -> Float:
         table[:, column : column + 3] = slope
         table[:, column + 3] = values[:, 0] - np.einsum("ij,ij->i", slope, corners[:, 0])
     table[:, COLOUR:LIGHT] = triangles[:, 0, 6:9]
-    table[:, LIGHT:BACK] = triangles[:, 0, 9:12]
-    # Of the two faces of a thin wall a ray may find the one that looks away.
-    table[:, BACK:LAYER] = light_on(-facing, indoor=indoor)
     table[:, LAYER] = triangles[:, 0, 5]
     return table
 
@@ -129,7 +123,7 @@ class Grounds:
         self._rectangles: list[bytes] = []
         self._copies: dict[int, tuple[Texels, list[Texels]]] = {}
         self._table = GroundTable(
-            np.full(3, 128, np.uint8), np.array([[0, 1, 1]]), np.array([_FAR_AWAY])
+            np.full(4, 128, np.uint8), np.array([[0, 1, 1]]), np.array([_FAR_AWAY])
         )
 
     def add(self, primitive: Primitive, uniforms: Mapping[str, Any]) -> None:
@@ -171,11 +165,13 @@ _FAR_AWAY = [np.inf, np.inf, -np.inf, -np.inf, 0.0, 0.0, 1.0, 1.0, 0.0, 1.0]
 
 
 def _smaller_copies(picture: Texels) -> list[Texels]:
-    """A picture (h, w, 3) and copies of it, each half as wide and high as the one before."""
-    copy = Image.fromarray(np.ascontiguousarray(picture[:, :, :3]))
-    copies = [np.asarray(copy)]
-    while copy.size != (1, 1):
-        width, height = copy.size
-        copy = copy.resize((max(1, width // 2), max(1, height // 2)), Image.Resampling.BOX)
-        copies.append(np.asarray(copy))
+    """A picture (h, w, 4) and copies of it, each half as wide and high as the one before."""
+    # The channels are numbers, of which none is the opacity of the others.
+    bands = [Image.fromarray(np.ascontiguousarray(picture[:, :, k])) for k in range(4)]
+    copies = [np.ascontiguousarray(picture)]
+    while bands[0].size != (1, 1):
+        width, height = bands[0].size
+        size = max(1, width // 2), max(1, height // 2)
+        bands = [band.resize(size, Image.Resampling.BOX) for band in bands]
+        copies.append(np.stack([np.asarray(band) for band in bands], axis=-1))
     return copies

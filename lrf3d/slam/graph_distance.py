@@ -1,4 +1,4 @@
-"""Ways: how far key scans are from each other over a graph of driven ways and closures.
+"""Graph distances: how far key scans are from each other over driven ways and closures.
 
 Links between key scans enter one by one; the shortest ways from one key scan to those around it
 leave, at a cost that depends on how many there are within a limit and not on the whole graph.
@@ -13,7 +13,7 @@ LEAST_ROOM = 256
 """Links that a new graph has room for."""
 
 
-class WayGraph:
+class DistanceGraph:
     """Key scans and the links between them, in arrays that grow in place."""
 
     def __init__(self) -> None:
@@ -44,14 +44,14 @@ class WayGraph:
             self._newest[start] = self._links
             self._links += 1
 
-    def ways(self, start: int, limit: float) -> Float:
+    def distances(self, start: int, limit: float) -> Float:
         """The shortest way [m] from a key scan to each; +inf beyond a limit [m]."""
         newest = self._newest[: self._count]
-        return shortest_ways(start, limit, newest, self._before, self._ends, self._lengths)
+        return shortest_distances(start, limit, newest, self._before, self._ends, self._lengths)
 
 
 @compiled
-def shortest_ways(
+def shortest_distances(
     start: int, limit: float, newest: Int, before: Int, ends: Int, lengths: Float
 ) -> Float:  # pragma: no cover
     """Dijkstra's ways from a start, over linked lists of links, up to a limit."""
