@@ -10,6 +10,7 @@ import pytest
 from test_without_gl import NO_GL
 
 import lrf3d
+from lrf3d.scene import light
 from lrf3d.view.page_data import make_scene, pack_run
 
 ROOT = Path(__file__).parents[1]
@@ -109,16 +110,21 @@ np.save("page.npy", np.frombuffer(scene.glb + pack_run(run)[0], np.uint8))
 """
 
 
-def test_pictures_without_embree_and_opengl_are_those_of_embree(without_both, tmp_path):
+def test_pictures_without_both_are_those_of_embree_in_open_light(
+    without_both, tmp_path, monkeypatch
+):
+    # Light between walls is baked by Embree alone.
+    monkeypatch.setattr(light, "_MOST_FACES", 0)
     done = python(PICTURES, without_both, tmp_path)
     assert done.returncode == 0, done.stderr
     run = lrf3d.load_scenario("corridor").run(rng=0, scan_interval=2.0)
     for view in ("chase", "top"):
         expected = run.frame(10.0, size=(96, 54), view=view, renderer="embree").astype(int)
         apart = np.abs(np.load(tmp_path / f"{view}.npy") - expected).max(axis=2)
-        # Rays along a face, as those from above on a wall, may see its neighbour.
-        assert apart.mean() < 0.1
-        assert (apart > 48).mean() < 0.001
+        # Rays along a face, as those from above on a wall, may see its neighbour: the limits are
+        # those between OpenGL and Embree.
+        assert apart.mean() < 1.0
+        assert (apart > 48).mean() < 0.005
     scene = make_scene(run.world, run.lrf, run.trajectory.poses[:, :2], title="corridor")
     page = np.frombuffer(scene.glb + pack_run(run)[0], np.uint8)
     assert np.array_equal(np.load(tmp_path / "page.npy"), page)

@@ -7,8 +7,9 @@ A run enters; an MCAP file leaves, or the folder with its metadata that rosbag2 
     /odom          nav_msgs/Odometry      base_link in odom, with its speeds: as the wheels
                                           measured it where the run knows that, else without drift
     /ground_truth  nav_msgs/Odometry      base_link in odom, float64
-    /tf            odom → base_link       at each scan, as in /odom
-    /tf_static     map → odom, base_link → laser, latched; the height of the laser
+    /tf            odom → base_link       at each scan, as in /odom; map → odom, if the run has an
+                                          estimate of the poses
+    /tf_static     base_link → laser      latched, the height of the laser; else also map → odom
     /map           nav_msgs/OccupancyGrid the finished map, latched, at the start
     /map_objects   visualization_msgs/MarkerArray the map as it grows, a colour for each object
 
@@ -125,8 +126,10 @@ def _fill(run: Run, folder: Path) -> None:
         here = Pose(0.0, 0.0, 0.0)
         start = Stamp.of(float(times[0]))
         mount = messages.transform(start, BASE, LASER, here, run.lrf.height)
-        fixed = messages.transforms(messages.transform(start, MAP, WORLD, here), mount)
-        write(STATIC_FRAMES, start, fixed)
+        fixed = [mount]
+        if run.estimate is None:
+            fixed.append(messages.transform(start, MAP, WORLD, here))
+        write(STATIC_FRAMES, start, messages.transforms(*fixed))
         for message in maps.finished(start):
             write(MAP_TOPIC, start, message)
         rows = zip(run.scans, run.odometry, run.trajectory.speeds, steps.tolist(), strict=True)
@@ -134,8 +137,12 @@ def _fill(run: Run, folder: Path) -> None:
             stamp, measured = Stamp.of(scan.time), Pose(*wheels.tolist())
             write(CLOCK, stamp, messages.clock(stamp))
             # The pose of the laser comes before what it measured from there.
-            moved = messages.transform(stamp, WORLD, BASE, measured)
-            write("/tf", stamp, messages.transforms(moved))
+            moved = [messages.transform(stamp, WORLD, BASE, measured)]
+            if run.estimate is not None:
+                believed = Pose(*run.estimate.poses[number].tolist())
+                drift = believed @ measured.inverse()
+                moved.append(messages.transform(stamp, MAP, WORLD, drift))
+            write("/tf", stamp, messages.transforms(*moved))
             write("/odom", stamp, messages.odometry(stamp, measured, speed))
             write("/ground_truth", stamp, messages.odometry(stamp, scan.pose, speed))
             write("/scan", stamp, messages.scan(scan, step))

@@ -75,17 +75,17 @@ class Messages:
 
     def scan(self, scan: LaserScan, scan_time: float) -> Any:
         """The scan as a ROS message."""
-        told = scan.as_ros(LASER, scan_time=scan_time)
+        content = scan.as_ros(LASER, scan_time=scan_time)
         return self.make(
             SCAN,
-            self.header(told.header.stamp, told.header.frame_id),
-            told.angle_min,
-            told.angle_max,
-            told.angle_increment,
-            told.time_increment,
-            told.scan_time,
-            told.range_min,
-            told.range_max,
-            told.ranges,
-            told.intensities,
+            self.header(content.header.stamp, content.header.frame_id),
+            content.angle_min,
+            content.angle_max,
+            content.angle_increment,
+            content.time_increment,
+            content.scan_time,
+            content.range_min,
+            content.range_max,
+            content.ranges,
+            content.intensities,
         )

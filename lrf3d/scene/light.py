@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.casting.embree_library import embreex_installed
 from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
 from lrf3d.scene.facades import layers
@@ -97,7 +98,8 @@ class Light:
         self.quads: Float = np.broadcast_to(self._open, (len(quads), 4, 3))
         self.roofs: Float = np.broadcast_to(self._open, (len(roofs), 3, 3))
         self._rays: TriangleRays | None = None
-        if not 0 < self._count <= _MOST_FACES:
+        # Without Embree the rays of all faces would take minutes: they get the light of the open.
+        if not 0 < self._count <= _MOST_FACES or not embreex_installed():
             return
         rng = np.random.default_rng(7)
         self._turns = rng.uniform(0.0, 2.0 * np.pi, 4096)
@@ -218,6 +220,7 @@ class Light:
         shine = self._shone(normals)
         if self._indoor:
             return shine
+        assert self._rays is not None
         free = np.zeros(len(normals))
         for number, spot in enumerate(spots):
             aside = 0.25 * self._cell * np.array([[0, 0, 0], [1, 1, 0], [-1, 1, 0]][number])

@@ -294,7 +294,8 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
 def cell_size(world: World, least: float = RESOLUTION) -> float:
     """The side of the cells [m] of a world's map: the least, or more for a large world."""
     low, high = world.bounds[0] - FREE_MARGIN, world.bounds[1] + FREE_MARGIN
-    return max(least, ROUNDED_UP * float(np.sqrt(np.prod(high - low) / MOST_WRITTEN)))
+    smallest = float(np.sqrt(np.prod(high - low) / MOST_WRITTEN))
+    return max(least, ROUNDED_UP * smallest)
 
 
 def map_cells(
