@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
-from lrf3d.render.traced.shading import MOST, as_byte, clamp, fragment, mix
+from lrf3d.render.traced.shading import MOST, as_byte, fragment
+from lrf3d.render.traced.textures import clamp, mix
 from lrf3d.scene.look import POINT_HALO, POINT_HALO_STRENGTH
 
 FIXED = 4
