@@ -19,10 +19,10 @@ from lrf3d.gltf.estimate import add_estimate
 from lrf3d.gltf.showing import Showing
 from lrf3d.gltf.stage import (
     add_chase_camera,
-    add_movers,
+    add_obstacles,
     add_robot,
     add_stage,
-    drive_movers,
+    drive_obstacles,
     new_document,
 )
 from lrf3d.gltf.trail import add_trail
@@ -57,7 +57,7 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     add_stage(document, structures)
     keys = drive_keys(timeline)
     _add_robot(document, keys, run, structures)
-    drive_movers(document, timeline)
+    drive_obstacles(document, timeline)
     _add_scans(document, timeline, every)
     _add_maps(document, timeline)
     trail = look.TRAIL_COLOUR, look.TRAIL_WIDTH, look.TRAIL_HEIGHT
@@ -71,13 +71,13 @@ def still_glb(
     name: str,
     structures: Structures,
     laser_height: float,
-    movers: "tuple[DynamicObstacle, ...]" = (),
+    obstacles: "tuple[DynamicObstacle, ...]" = (),
 ) -> bytes:
     """A world as a GLB file, with the robot and dynamic obstacles, all at the frame's origin."""
     document = new_document(name, structures)
     add_stage(document, structures)
     add_robot(document, laser_height)
-    add_movers(document, movers)
+    add_obstacles(document, obstacles)
     return document.glb()
 
 

@@ -14,14 +14,14 @@ from PIL import Image
 
 from lrf3d.geometry import Single, quad_indices
 from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
-from lrf3d.scene.bodies import mover_bodies, robot_mesh
+from lrf3d.scene.bodies import obstacle_bodies, robot_mesh
 from lrf3d.scene.camera import Look
 from lrf3d.scene.facades import BAYS, BLANK, ROWS, layers
 from lrf3d.scene.ground import paint_ground
 from lrf3d.scene.light import Light, open_light, screen
 from lrf3d.scene.look import PLASTER, SUN
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline, mover_keys
+from lrf3d.scene.timeline import Timeline, obstacle_keys
 from lrf3d.scene.walls import Faces, paint_walls
 
 if TYPE_CHECKING:
@@ -224,17 +224,17 @@ def add_chase_camera(document: Document, robot: int, structures: Structures) -> 
     document.node("chase camera", robot, camera=0, matrix=look.pose.T.ravel().tolist())
 
 
-def add_movers(document: Document, movers: "tuple[DynamicObstacle, ...]") -> list[int]:
+def add_obstacles(document: Document, obstacles: "tuple[DynamicObstacle, ...]") -> list[int]:
     """Add bodies at the origin that face along x; returns the numbers of their nodes."""
     nodes = []
     material = (
         document.material(
-            "mover", pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 0.7}
+            "obstacle", pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 0.7}
         )
-        if movers
+        if obstacles
         else 0
     )
-    for number, rows in enumerate(mover_bodies(movers)):
+    for number, rows in enumerate(obstacle_bodies(obstacles)):
         normals = rows[:, 3:6] / np.linalg.norm(rows[:, 3:6], axis=1, keepdims=True)
         attributes = {
             "POSITION": document.array(rows[:, 0:3], VERTICES, bounded=True),
@@ -248,8 +248,8 @@ def add_movers(document: Document, movers: "tuple[DynamicObstacle, ...]") -> lis
     return nodes
 
 
-def drive_movers(document: Document, timeline: Timeline) -> None:
+def drive_obstacles(document: Document, timeline: Timeline) -> None:
     """Add the dynamic obstacles of a run, each on its path."""
     run = timeline.run
-    for number, mover in zip(add_movers(document, run.obstacles), run.obstacles, strict=True):
-        document.drive(number, *mover_keys(mover, timeline))
+    for number, obstacle in zip(add_obstacles(document, run.obstacles), run.obstacles, strict=True):
+        document.drive(number, *obstacle_keys(obstacle, timeline))

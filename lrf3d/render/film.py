@@ -182,7 +182,7 @@ class Film:
 
         solid: list[Layer] = [
             scenery.draw_robot,
-            scenery.draw_movers,
+            scenery.draw_obstacles,
             *((scenery.draw_bands,) if "map" in chosen else ()),
             scenery.draw_walls,
             scenery.draw_ground,

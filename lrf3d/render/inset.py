@@ -103,7 +103,7 @@ class Inset:
             *scenery.draw_fan(frame),
             *scenery.draw_trail(frame),
             *scenery.draw_estimate(frame),
-            *scenery.movers.plans(frame.moment.time, pixel),
+            *scenery.obstacles.plans(frame.moment.time, pixel),
             *scenery.draw_points(frame),
             *(Draw(each, lines) for each, _ in scenery.draw_map(frame)),
             Draw(self._robot, {"place": self._robot_matrix(frame.pose)}),

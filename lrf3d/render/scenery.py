@@ -14,7 +14,7 @@ from lrf3d.geometry import Float, Single
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.estimate_layer import EstimateLayer
 from lrf3d.render.ground_layer import GroundLayer
-from lrf3d.render.movers import MovingBodies
+from lrf3d.render.moving_bodies import MovingBodies
 from lrf3d.render.parts import build_walls
 from lrf3d.render.primitives import Draw, Mesh, Primitive
 from lrf3d.scene import look
@@ -96,7 +96,7 @@ class Scenery:
         self.origin = self.structures.origin
         self.scene = pyrender.Scene()
         self.walls = build_walls(self.structures, stage.walls)
-        self.movers = MovingBodies(run.obstacles, self.origin, self.structures.indoor)
+        self.obstacles = MovingBodies(run.obstacles, self.origin, self.structures.indoor)
         self.ground = GroundLayer(stage, self.scene)
         self.beams: DrawnBeams | None = None
         rows, indices = robot_mesh(run.lrf.height)
@@ -126,7 +126,7 @@ class Scenery:
         for primitive in (
             self._robot, self.walls.faces, self._sky, self._blob, self._trail, self._fan,
             self._lines, self._trace, self._dots, self._map, self._bands, self._glow, self._marker,
-            *self.movers.all, *self._estimate.all,
+            *self.obstacles.all, *self._estimate.all,
         ):  # fmt: skip
             self.scene.add(Mesh([primitive]))
 
@@ -146,9 +146,9 @@ class Scenery:
         """The robot."""
         yield Draw(self._robot, {"world_from_robot": world_from_robot(frame.pose)})
 
-    def draw_movers(self, frame: Frame) -> Iterator[Draw]:
+    def draw_obstacles(self, frame: Frame) -> Iterator[Draw]:
         """The dynamic obstacles."""
-        return self.movers.bodies(frame.moment.time)
+        return self.obstacles.bodies(frame.moment.time)
 
     def draw_walls(self, frame: Frame) -> Iterator[Draw]:
         """Walls and roofs, near ones first."""
@@ -191,7 +191,7 @@ class Scenery:
         shift = -_BLOB_SHIFT * look.SUN[:2] * (0.0 if self.structures.indoor else 1.0)
         place = (*(frame.pose[:2] + shift).tolist(), _BLOB_RADIUS, _BLOB_DARKNESS)
         yield Draw(self._blob, {"blob": place})
-        yield from self.movers.shadows(frame.moment.time)
+        yield from self.obstacles.shadows(frame.moment.time)
 
     def draw_trail(self, frame: Frame) -> Iterator[Draw]:
         """The trail, as far as it is driven, and at no distance thinner than some pixels."""
@@ -286,8 +286,8 @@ class Scenery:
     def _show_beams(self, frame: Frame) -> None:
         """Bring all that shows a scan up to a frame, once for all its layers."""
         moment, place = frame.moment, frame.pose[:2]
-        movers = self.movers.poses(moment.time)
-        shown = (moment.scan, moment.scanning, *place, movers.tobytes())
+        obstacles = self.obstacles.poses(moment.time)
+        shown = (moment.scan, moment.scanning, *place, obstacles.tobytes())
         if shown == self._scan_shown:
             return
         self._scan_shown = shown
@@ -300,7 +300,7 @@ class Scenery:
         local = replace(scan, pose=np.array(scan.pose) - [*self.origin, 0.0])
         world = self.run.world
         walls = world.segments - np.tile(self.origin, 2)
-        carry = self.movers.carrying(moment.time)
+        carry = self.obstacles.carrying(moment.time)
         self.beams = DrawnBeams.from_scan(local, walls, world.objects, place, carry)
         self._fan.update(self.beams.fan(height))
         self._lines.update(self.beams.lines(height, self._reach))

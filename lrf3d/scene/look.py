@@ -145,7 +145,9 @@ INSET_WHOLE, INSET_FOLLOWED = 140.0, 110.0
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
 """Outline (4, 2) of the robot as seen from above, heading along x."""
 
-MOVERS = np.array([[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]])
+OBSTACLE_COLOURS = np.array(
+    [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
+)
 """What moves beside the robot: strong, and none is the robot's orange."""
 
 _HUE_STEP = 0.6180339887

@@ -173,15 +173,15 @@ def drive_keys(timeline: Timeline) -> DriveKeys:
     return DriveKeys(times - timeline.start, poses, begun > ended)
 
 
-def mover_keys(mover: "DynamicObstacle", timeline: Timeline) -> tuple[Float, Float]:
+def obstacle_keys(obstacle: "DynamicObstacle", timeline: Timeline) -> tuple[Float, Float]:
     """Times (k,) between which an obstacle goes straight, and its poses (k, 3) in the film's frame.
 
     Times count from the start of the run [s].
     """
-    times = mover.poses.times
+    times = obstacle.poses.times
     within = times[(times > timeline.start) & (times < timeline.end)]
     keys = np.unique([timeline.start, *within, timeline.end])
-    poses = mover.path.at(keys) - [*timeline.origin, 0.0]
+    poses = obstacle.path.at(keys) - [*timeline.origin, 0.0]
     poses[:, 2] = np.unwrap(poses[:, 2])
     return keys - timeline.start, poses
 

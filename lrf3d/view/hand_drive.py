@@ -75,14 +75,14 @@ class HandDrive:
         walls = scenario.world.segments - np.tile(self._origin, 2)
         self._tops = WallTops(walls, scenario.world.heights)
         self._robot = Unicycle(scenario.radius)
-        self.movers = scenario.obstacles
+        self.obstacles = scenario.obstacles
         # Where the hand will drive while a beam turns nobody knows: a scan takes no time.
         self._sensor = Sensor(
             scenario.world,
             scenario.lrf,
             caster="embree",
             noise=scenario.noise,
-            obstacles=self.movers,
+            obstacles=self.obstacles,
         )
         self._clock = clock
         self.wish = Wish()
@@ -159,8 +159,8 @@ class HandDrive:
         shift = np.array([*self._origin, 0.0])
         return [
             value
-            for mover in self.movers
-            for value in (mover.path.at(np.array([self.time]))[0] - shift).tolist()
+            for obstacle in self.obstacles
+            for value in (obstacle.path.at(np.array([self.time]))[0] - shift).tolist()
         ]
 
     def _news(self, scan: LaserScan) -> dict[str, Any]:
@@ -177,7 +177,7 @@ class HandDrive:
                 None if np.isposinf(r) else v
                 for r, v in zip(scan.ranges, ranges.tolist(), strict=True)
             ],
-            "movers": self._moved(),
+            "obstacles": self._moved(),
             "joined": joined_beams(scan.ranges, scan.walls).tolist(),
             "bumped": self.bumped,
             "fresh": fresh,

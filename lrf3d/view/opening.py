@@ -45,7 +45,7 @@ def run_view(path: str, playback: float | None) -> tuple[PageScene, Replayed]:
         run.lrf,
         run.trajectory.poses[:, :2],
         title=run.world.name or "run",
-        movers=run.obstacles,
+        obstacles=run.obstacles,
     )
     block, told = pack_run(run)
     return scene, Replayed(block, told, run.film.playback if playback is None else playback)
@@ -62,7 +62,7 @@ def world_view(
     # The first step compiles kernels and builds search trees, so it is made before the user drives.
     drive.step(0.0)
     path = np.array([start[:2]])
-    scene = make_scene(scenario.world, scenario.lrf, path, title=title, movers=drive.movers)
+    scene = make_scene(scenario.world, scenario.lrf, path, title=title, obstacles=drive.obstacles)
     return scene, lambda: HandDrive(scenario, start, rng=seed)
 
 

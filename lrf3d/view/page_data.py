@@ -16,11 +16,11 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.beams import fading_ends
-from lrf3d.scene.bodies import mover_colours
+from lrf3d.scene.bodies import obstacle_colours
 from lrf3d.scene.estimate import BELIEVED, CORNERS, TRUTH, DrawnEstimate
 from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline, drive_keys, mover_keys, scan_times
+from lrf3d.scene.timeline import Timeline, drive_keys, obstacle_keys, scan_times
 from lrf3d.scene.trail_and_map import DrawnMap
 from lrf3d.world import World
 
@@ -51,7 +51,7 @@ def make_scene(
     path: Float,
     *,
     title: str,
-    movers: "tuple[DynamicObstacle, ...]" = (),
+    obstacles: "tuple[DynamicObstacle, ...]" = (),
 ) -> PageScene:
     """The scene of a world, with where the robot goes (k, 2) [m], and what moves beside it."""
     structures = Structures.from_world(world, path)
@@ -70,12 +70,12 @@ def make_scene(
         "roof": float(structures.heights.max(initial=0.0)),
         "walls": np.round(walls, 3).ravel().tolist(),
         "houses": _outlines(structures),
-        "movers": [
+        "obstacles": [
             {
-                "outline": mover.outline.ravel().tolist(),
+                "outline": obstacle.outline.ravel().tolist(),
                 "colour": np.round(255.0 * colour).astype(int).tolist(),
             }
-            for mover, colour in zip(movers, mover_colours(movers), strict=True)
+            for obstacle, colour in zip(obstacles, obstacle_colours(obstacles), strict=True)
         ],
         "laser": {
             "angles": lrf.angles.tolist(),
@@ -85,7 +85,7 @@ def make_scene(
         },
         "look": page_look(structures.indoor, fading_ends(lrf.beams, step)),
     }
-    return PageScene(setup, still_glb(world.name, structures, lrf.height, movers))
+    return PageScene(setup, still_glb(world.name, structures, lrf.height, obstacles))
 
 
 def page_look(indoor: bool, shares: Float) -> dict[str, Any]:
@@ -175,7 +175,7 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
     walls = run.world.segments - np.tile(timeline.origin, 2)
     tops = WallTops(walls, run.world.heights)
     stage_times = run.trajectory.times[list(run.snapshot_scans)]
-    ways = [mover_keys(mover, timeline) for mover in run.obstacles]
+    ways = [obstacle_keys(obstacle, timeline) for obstacle in run.obstacles]
     arrays = {
         "keyTimes": (keys.times, np.float32),
         "keyPoses": (keys.poses, np.float32),
@@ -189,9 +189,9 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         "segments": (np.concatenate([drawn.segments for drawn in maps]), np.float32),
         "colours": (np.concatenate([drawn.colour_bytes for drawn in maps]), np.uint8),
         "tops": (np.concatenate([tops.bands(drawn.segments) for drawn in maps]), np.float32),
-        "moverSizes": ([len(times) for times, _ in ways], np.int32),
-        "moverTimes": (np.concatenate([*(times for times, _ in ways), []]), np.float32),
-        "moverPoses": (
+        "obstacleSizes": ([len(times) for times, _ in ways], np.int32),
+        "obstacleTimes": (np.concatenate([*(times for times, _ in ways), []]), np.float32),
+        "obstaclePoses": (
             np.concatenate([*(poses for _, poses in ways), np.empty((0, 3))]),
             np.float32,
         ),

@@ -1,6 +1,6 @@
 // The page: the scene with its words and buttons, played back or driven.
 
-import { BeamsMesh, Estimate, Inset, MapBands, Movers, Replay, Rig, Stage, Trail, VIEWS, css } from "lrf3d-view";
+import { BeamsMesh, Estimate, Inset, MapBands, Obstacles, Replay, Rig, Stage, Trail, VIEWS, css } from "lrf3d-view";
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 const STEP = 2; // Seconds that an arrow key skips.
@@ -144,7 +144,7 @@ export default {
       this.beams = new BeamsMesh(scene, setup.laser, setup.look);
       this.trail = new Trail(scene, setup.look.trail);
       this.bands = new MapBands(scene, setup.look.map);
-      this.movers = new Movers(scene, this.stage.root, setup.movers);
+      this.obstacles = new Obstacles(scene, this.stage.root, setup.obstacles);
       this.inset = new Inset(this.$refs.inset, setup);
       this.rig = new Rig(this.stage, { ...setup, height: setup.laser.height });
       if (setup.replay) {
@@ -208,11 +208,11 @@ export default {
         this.shownStage = stage;
         this.showMap(run.map(stage));
       }
-      this.movers.show(run.movers(time));
+      this.obstacles.show(run.obstacles(time));
       const legs = run.legs(time);
       this.trail.show(legs, this.pose);
       if (this.estimate) this.sayApart(this.estimate.show(time));
-      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), scan.on, this.movers, this.estimate);
+      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), scan.on, this.obstacles, this.estimate);
       this.say(this.setup.replay.start + time);
     },
 
@@ -235,8 +235,8 @@ export default {
       this.showScan(news.scanPose, news.ranges, news.joined, true);
       const legs = Math.max(0, this.trail.places.length / 2 - 1);
       this.trail.show(legs, this.pose);
-      this.movers.show(news.movers);
-      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), true, this.movers);
+      this.obstacles.show(news.obstacles);
+      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), true, this.obstacles);
       this.say(news.time);
     },
 

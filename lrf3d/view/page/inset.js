@@ -45,7 +45,7 @@ export class Inset {
     this.map = [...paths];
   }
 
-  show(robot, trail, legs, beams, scanning, movers, estimate) {
+  show(robot, trail, legs, beams, scanning, obstacles, estimate) {
     const { draw, ratio, side, scale, look } = this;
     const [x, y] = this.whole ? this.middle : [robot.x, robot.y];
     const pixel = 1 / scale;
@@ -67,7 +67,7 @@ export class Inset {
       draw.strokeStyle = colour;
       draw.stroke(path);
     }
-    for (const [body, colour] of movers.seen()) {
+    for (const [body, colour] of obstacles.seen()) {
       draw.fillStyle = colour;
       draw.beginPath();
       for (const [left, up] of body) draw.lineTo(left, up);

@@ -17,16 +17,16 @@ export class Replay {
     run.stageSizes.forEach((size, i) => (run.stageStarts[i + 1] = run.stageStarts[i] + size));
     run.ways = [];
     let first = 0;
-    for (const size of run.moverSizes) {
-      const times = run.moverTimes.subarray(first, first + size);
-      run.ways.push([times, run.moverPoses.subarray(3 * first, 3 * (first + size))]);
+    for (const size of run.obstacleSizes) {
+      const times = run.obstacleTimes.subarray(first, first + size);
+      run.ways.push([times, run.obstaclePoses.subarray(3 * first, 3 * (first + size))]);
       first += size;
     }
     return run;
   }
 
   // Where all dynamic obstacles are: x, y, theta of each in turn.
-  movers(time) {
+  obstacles(time) {
     return this.ways.flatMap(([times, poses]) => {
       const { last, next, share } = between(times, time);
       return [0, 1, 2].map((i) => blend(poses, last, next, share, i));
