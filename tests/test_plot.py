@@ -41,13 +41,13 @@ def picture(value):
 
 
 def test_a_plot_is_drawn_on_the_axes_that_are_given(run, axes):
-    scan = run.scan(0)
+    scan, before = run.scan(0), pyplot.get_fignums()
     assert lrf3d.plot.world(run.world, axes) is axes
     assert lrf3d.plot.map(run.map, axes) is axes
     assert lrf3d.plot.scan(scan, axes, lrf=run.lrf) is axes
     assert lrf3d.plot.trajectory(run.trajectory, axes) is axes
     assert lrf3d.plot.run(run, axes) is axes
-    assert not pyplot.get_fignums()
+    assert pyplot.get_fignums() == before
 
 
 @pytest.mark.parametrize("x, y", [(0.0, 0.0), tuple(AWAY)])
@@ -89,11 +89,12 @@ def test_without_axes_there_is_a_new_figure_which_pyplot_knows(run):
 
 
 def test_a_value_has_a_small_picture_of_its_own(run):
+    before = pyplot.get_fignums()
     for value in (run.world, run.map, run.scan(0), run):
         height, width, _ = picture(value).shape
         assert 100 < min(width, height) and max(width, height) < 700
         assert len(value._repr_png_()) < 200_000
-    assert not pyplot.get_fignums()
+    assert pyplot.get_fignums() == before
 
 
 def test_the_picture_of_a_scan_shows_its_returns(run):

@@ -1,11 +1,12 @@
 """EstimatedTrajectory: the estimated poses of a drive, with covariances and loop closures."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Value
+from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.pose import as_poses
 
 CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
@@ -13,12 +14,7 @@ CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
 χ² of two degrees of freedom is −2 ln(1 − p)."""
 
 
-def _no_pairs() -> Int:
-    return np.empty((0, 2), np.int64)
-
-
-def _no_poses() -> Float:
-    return np.empty((0, 3))
+NO_PAIRS, NO_POSES = sealed(np.empty((0, 2), np.int64)), sealed(np.empty((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +46,27 @@ class EstimatedTrajectory(Value):
     poses: Float
     known_scans: Int
     covariances: Float
-    closures: Int = field(default_factory=_no_pairs)
-    dropped_closures: Int = field(default_factory=_no_pairs)
-    odometry: Float = field(default_factory=_no_poses)
+    closures: Int
+    dropped_closures: Int
+    odometry: Float
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        poses: ArrayLike,
+        known_scans: ArrayLike,
+        covariances: ArrayLike,
+        closures: ArrayLike = NO_PAIRS,
+        dropped_closures: ArrayLike = NO_PAIRS,
+        odometry: ArrayLike = NO_POSES,
+    ) -> None:
+        self.__dict__.update(
+            poses=poses,
+            known_scans=known_scans,
+            covariances=covariances,
+            closures=closures,
+            dropped_closures=dropped_closures,
+            odometry=odometry,
+        )
         self._hold("poses", "covariances", "odometry")
         self._hold("known_scans", "closures", "dropped_closures", dtype=np.int64)
         count, known = len(self.poses), len(self.known_scans)
@@ -92,7 +104,7 @@ class EstimatedTrajectory(Value):
         """
         return CONFIDENCE * _roots(self.covariances[:, :2, :2])
 
-    def errors(self, poses: Float) -> Float:
+    def errors(self, poses: ArrayLike) -> Float:
         """Distances (k,) [m] of the estimated positions from those of poses (k, 3)."""
         apart = self.poses[:, :2] - np.asarray(poses, dtype=np.float64)[:, :2]
         return np.hypot(apart[:, 0], apart[:, 1])

@@ -82,6 +82,9 @@ class EvidenceGrid:
         columns: list[Any] = []
         for name, column, _ in _columns(EvidenceGrid().cells):
             kept = state[f"cell_{name}"]
+            if name in COUNTERS:
+                columns.append(np.array(kept))
+                continue
             rows = max(len(column), 1 << (len(kept) - 1).bit_length()) if len(kept) else len(column)
             # Free rows are as those of a new grid.
             free = np.repeat(column[-1:], rows - len(kept), axis=0)
@@ -94,6 +97,10 @@ class EvidenceGrid:
             self.cells = self.cells._replace(heads=_doubled(self.cells.heads, -1))
 
 
+COUNTERS = ("used", "widest")
+"""Arrays of the cells whose length is fixed: they have no free rows."""
+
+
 def _columns(cells: Cells) -> list[tuple[str, NDArray[Any], int]]:
     """The arrays of cells, with their names and how many of their rows are used."""
     columns: list[tuple[str, NDArray[Any], int]] = []
@@ -102,7 +109,7 @@ def _columns(cells: Cells) -> list[tuple[str, NDArray[Any], int]]:
             columns += [
                 (f"{name}_{part}", array, len(array)) for part, array in column._asdict().items()
             ]
-        elif name in ("used", "widest"):
+        elif name in COUNTERS:
             columns.append((name, column, len(column)))
         else:
             used = {"passes": cells.open.used, "heads": cells.solid.used}.get(name, cells.used)
