@@ -32,7 +32,8 @@ def open_view(
     Raises:
         Lrf3dError: The run or the world cannot be used, or the page cannot be served.
     """
-    port = free_port(host, port)
+    # A wrong address is refused before the work; which port is free is decided after it.
+    free_port(host, port)
     scene, show = run_view(what, playback) if is_run else world_view(what, seed, read)
     serve(scene, show, host=host, port=port, browser=browser, started=started)
 
