@@ -53,6 +53,7 @@ def driven(world):
     return Run(world, lrf, trajectory, none, none, walls, (0,), (LineMap.empty(),))
 
 
+@pytest.mark.slow
 @needs_gl
 @pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
 def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):

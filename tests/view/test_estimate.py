@@ -10,6 +10,7 @@ from lrf3d.io import save_run
 from lrf3d.view.page_data import pack_run
 
 
+@pytest.mark.slow
 @needs_browser
 def test_the_page_shows_truth_and_estimate(tmp_path):
     save_run(estimated(city_run()), tmp_path / "run.npz")
