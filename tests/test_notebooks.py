@@ -13,7 +13,6 @@ ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
 
 
-@pytest.mark.slow
 # What Jupyter's own libraries warn of is theirs.
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
