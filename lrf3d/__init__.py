@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     )
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
     from lrf3d.pose import Pose
-    from lrf3d.render.video import frame, render_video
+    from lrf3d.render.video import render_video
     from lrf3d.robot import (
         EstimatedTrajectory,
         Trajectory,
@@ -100,7 +100,6 @@ else:
             "plan_route": "robot.planner",
             "plot": "",
             "record": "io",
-            "frame": "render.video",
             "render_video": "render.video",
             "save_map": "mapping",
             "save_run": "io",
@@ -148,7 +147,6 @@ __all__ = [
     "drive",
     "export_run",
     "follow_route",
-    "frame",
     "load_log",
     "load_map",
     "load_run",

@@ -1,4 +1,4 @@
-"""The estimate of a run as glTF: the believed trail, its ellipses, and that of now, which moves."""
+"""The estimate of a run as glTF: its trail, its ellipses, and the current one, which moves."""
 
 import numpy as np
 
@@ -18,17 +18,17 @@ _LEAST = 1e-3
 
 
 def add_estimate(document: Document, timeline: Timeline) -> None:
-    """Add what a run's robot believed; nothing where it was given its poses."""
+    """Add the estimate of a run; nothing if the poses were given to the robot."""
     estimate = DrawnEstimate.from_timeline(timeline)
     if estimate is None:
         return
-    _add_believed_trail(document, estimate)
+    _add_estimated_trail(document, estimate)
     if len(estimate.ellipse_times):
         _add_kept(document, estimate, Showing(document, timeline.start, timeline.end), timeline)
         _add_current(document, estimate)
 
 
-def _add_believed_trail(document: Document, estimate: DrawnEstimate) -> None:
+def _add_estimated_trail(document: Document, estimate: DrawnEstimate) -> None:
     poses = np.column_stack([estimate.places, np.zeros(len(estimate.places))])
     keys = DriveKeys(estimate.times, poses, np.zeros(max(len(poses) - 1, 0), np.bool_))
     height = look.TRAIL_HEIGHT + look.ESTIMATE_LIFT

@@ -139,8 +139,8 @@ def _fill(run: Run, folder: Path) -> None:
             # The pose of the laser comes before what it measured from there.
             moved = [messages.transform(stamp, WORLD, BASE, measured)]
             if run.estimate is not None:
-                believed = Pose(*run.estimate.poses[number].tolist())
-                drift = believed @ measured.inverse()
+                estimated = Pose(*run.estimate.poses[number].tolist())
+                drift = estimated @ measured.inverse()
                 moved.append(messages.transform(stamp, MAP, WORLD, drift))
             write("/tf", stamp, messages.transforms(*moved))
             write("/odom", stamp, messages.odometry(stamp, measured, speed))

@@ -184,7 +184,7 @@ def map_columns(snapshot_scans: Iterable[int], maps: Sequence[LineMap]) -> list[
 
 
 def estimate_columns(estimate: EstimatedTrajectory | None) -> list[Column]:
-    """The columns of what the robot believed; empty where it was given its poses."""
+    """The columns of the estimate; empty if the poses were given to the robot."""
     if estimate is None:
         return []
     arrays = {

@@ -1,4 +1,4 @@
-"""The estimate of a run over its film: the believed trail and the ellipses, as lines of even width.
+"""The estimate of a run over its film: its trail and its ellipses, as lines of even width.
 
 A time enters; lines leave that both renderers draw. Lines keep their width in pixels, so that the
 estimate is seen on the trail of the truth, from near and from far.
@@ -58,7 +58,7 @@ class EstimateLayer:
         if estimate is None:
             return
         place = estimate.place(time)
-        # The leg that is being driven ends where the robot is believed to be now.
+        # The leg that is being driven ends where the robot is estimated to be now.
         done = max(0, int(np.searchsorted(estimate.times, time, side="right")) - 1)
         self._trail.count = _CORNERS_OF_LINE * min(done, len(estimate.times) - 1)
         kept = estimate.kept_before(time)

@@ -1,4 +1,4 @@
-"""Marks of an estimate in figures: the believed path, its ellipses, and the closures of loops."""
+"""Marks of an estimate in figures: the estimated path, its ellipses, and the loop closures."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ CLOSED, DROPPED = "#0b8a5f", "#d6361f"
 
 
 def draw_estimate(axes: Axes, frame: Frame, estimate: EstimatedTrajectory) -> list[Line2D]:
-    """Draw what a robot believed, and each loop as a line between its two places."""
+    """Draw the estimated path, and each loop closure as a line between its two poses."""
     x, y = frame.local(estimate.poses[:, :2]).T
     axes.plot(x, y, color=ESTIMATE_COLOUR, linewidth=0.8, zorder=3.2)
     kept = kept_ellipses(estimate)

@@ -102,7 +102,7 @@ def draw_map(
         points: (n, 2) reflection points [m].
         poses: (k, 3) poses of the scans.
         world: The true walls.
-        estimate: Where the robot believed itself to be, with the loops that it closed.
+        estimate: The estimated poses, with the loop closures.
         title: The headline; the world's name if not given.
 
     Raises:
@@ -118,8 +118,8 @@ def draw_map(
     points = np.empty((0, 2)) if points is None else points
     poses = np.empty((0, 3)) if poses is None else poses
     walls = np.empty((0, 4)) if world is None else world.segments
-    believed = poses if estimate is None else estimate.poses
-    places = [_ends(walls), poses[:, :2], believed[:, :2], _bulk(points)]
+    estimated = poses if estimate is None else estimate.poses
+    places = [_ends(walls), poses[:, :2], estimated[:, :2], _bulk(points)]
     frames = Frame.strips([_ends(line_map.segments), *places])
     counts = [line_map.counts]
     counts += [counted(len(poses), "scan")] if len(poses) else []

@@ -206,7 +206,7 @@ class Scenery:
         yield Draw(self._trail, uniforms)
 
     def draw_estimate(self, frame: Frame) -> Iterator[Draw]:
-        """Where the robot believes itself to be, and has believed itself to be."""
+        """The estimated pose, and the estimated trail."""
         return self._estimate.draws(frame.moment.time - self._start, frame.scale, _over(frame))
 
     def draw_fan(self, frame: Frame) -> Iterator[Draw]:

@@ -177,24 +177,7 @@ def frame(
     playback: float | None = None,
     renderer: str | None = None,
 ) -> NDArray[np.uint8]:
-    """Draw a run at a time [s] as one picture, as it is in the film of that playback.
-
-    The other arguments are those of :func:`render_video`.
-
-    Returns:
-        The picture (h, w, 3) uint8: red, green, blue, row 0 at the top.
-
-    Raises:
-        InputError: An argument is out of its range.
-        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
-
-    Examples:
-        >>> import lrf3d
-        >>> room = lrf3d.load_world("paper_room")
-        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
-        >>> lrf3d.frame(run, 1.0, view="top", size=(64, 48), renderer="embree").shape
-        (48, 64, 3)
-    """
+    """The picture (h, w, 3) of a run at a time: see `Run.frame`."""
     view, playback = _view_and_playback(run, view, playback)
     _check(run, size, view, samples)
     if not (math.isfinite(time) and math.isfinite(playback) and playback > 0.0):

@@ -1,7 +1,7 @@
 """What is to be seen of a robot's estimate: its trail, its ellipses, and what the panel says.
 
-The timeline of a run enters; leave the believed way and the ellipses that hold the robot with 95 %
-probability, in the film's frame, of which some stay along the way. All pictures draw these.
+The timeline of a run enters; the estimated trail and the 95 % ellipses leave, in the film's frame.
+Some ellipses stay along the trail. All pictures draw these.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class DrawnEstimate:
 
     Args:
         times: (k,) times of the scans, from the start of the run on [s].
-        places: (k, 2) where the robot was believed to be when each scan was in [m].
+        places: (k, 2) estimated position when each scan was in [m].
         ellipse_times: (m,) times when an ellipse is known [s].
         middles: (m, 2) its middle [m].
         shapes: (m, 2, 2) the matrix that makes it of the unit circle [m].
@@ -60,7 +60,7 @@ class DrawnEstimate:
         )
 
     def place(self, time: float) -> Float:
-        """The believed place (2,) at a time from the start of the run on [s]."""
+        """The estimated position (2,) at a time from the start of the run on [s]."""
         return np.array([np.interp(time, self.times, axis) for axis in self.places.T])
 
     def shape(self, time: float) -> Float:

@@ -28,7 +28,7 @@ _HALVED = 32
 """Sides of the picture are multiples of this [pixels]."""
 
 _FINEST = 0.06
-"""Smallest size of a pixel [m]: below, a small room would be blown up for nothing."""
+"""Smallest size of a pixel [m]: finer ones show no more of a small room."""
 
 _COARSE = 0.25
 """Size of a pixel [m] above which marks and lines would be too wide, and are left out."""
@@ -37,7 +37,7 @@ _TILE_PIXELS, _OVERLAP = 1024, 16
 """Side of the picture of a tile, and how far it reaches past the tile [pixels]."""
 
 _STREETS = 30.0
-"""Houses up to this far off a tile [m] have a say in where its streets are."""
+"""Houses up to this far off a tile [m] determine where its streets are."""
 
 _MARGIN = 6.0
 """How far the picture reaches past walls and their shadows [m]: farther than pavements go."""

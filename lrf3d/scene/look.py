@@ -122,7 +122,7 @@ TRAIL_FADE, TRAIL_OLD = 15.0, 0.35
 
 ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
 ESTIMATE_WIDTH, ESTIMATE_LIFT = 0.05, 0.005
-"""Colour of where a robot believes itself to be, opacity of the ellipses that it leaves behind, and
+"""Colour of the estimated trail, opacity of the ellipses that it leaves behind, and
 where they are ribbons, their width and how far they lie above the trail of the truth [m]."""
 
 MAP_BAND, MAP_WIDTH = (0.62, 0.74), 0.07

@@ -35,11 +35,11 @@ REACH = 0.3
 """How far off walls are looked for [m]."""
 
 LEAST_EXPLAINED = 0.15
-"""A match that explains a smaller share of the points than this is not believed."""
+"""A match that explains a smaller share of the points than this is rejected."""
 
 DOUBTFUL, BETTER = 0.65, 0.15
 """Where a match explains a smaller share than the first, others are tried that odometry does not
-lead to, and believed if they explain more by the second."""
+lead to, and accepted if they explain more by the second."""
 
 LEAST_POINTS = 20
 """With fewer points than this no others are tried: a few points fit in many places."""
@@ -152,25 +152,25 @@ class FrontEnd:
             if backwards:
                 # From here on the encoders are taken to count the other way.
                 self._signs, increment = self._signs * BACKWARDS, increment * BACKWARDS
-        believed = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
-        pose = match.pose if believed else guess
+        accepted = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
+        pose = match.pose if accepted else guess
         pose[2] = wrap_angle(pose[2])
         information = turned(match.information, -float(pose[2]))
         found = between(self.pose, pose)
         self._last = found
-        if believed and not backwards:
+        if accepted and not backwards:
             self.wheels.compare(expected, found, covariance)
         self._raw += increment
         self._found += found
-        self._turn_known &= believed
-        self._ahead_known &= believed and information[0, 0] > WEAK
+        self._turn_known &= accepted
+        self._ahead_known &= accepted and information[0, 0] > WEAK
         self.pose = pose
         if self.resolution.sparse and self._apart():
             self._stretch.append((surface, pose.copy()))
             self._grid = wall_map(
                 [*chain.from_iterable(self._local), *self._stretch], self.resolution.along
             )
-        return Tracked(pose, information, match.explained, believed, match.deviation, expected)
+        return Tracked(pose, information, match.explained, accepted, match.deviation, expected)
 
     def _better(
         self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float

@@ -140,7 +140,7 @@ class Slam:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is believed to be at the last scan; the start before the first."""
+        """Estimated pose of the robot at the last scan; the start before the first."""
         if not self._tracked:
             return Pose(*self._start.tolist())
         key = self._closer.keys[-1]
@@ -228,7 +228,7 @@ class Slam:
         return replace(scan, pose=Pose(*compose(robot, np.array([*self._laser, 0.0])).tolist()))
 
     def trajectory(self) -> Float:
-        """Poses (k, 3) of the robot at all scans, as they are believed now; theta is continuous."""
+        """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous."""
         poses = compose(self._start, self.scan_poses(self._key_poses))
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
@@ -253,7 +253,7 @@ class Slam:
 
     @property
     def unconfirmed_closures(self) -> list[Closure]:
-        """Loops that seemed to close and are not believed, by the numbers of key scans."""
+        """Loop closures that were rejected, by the numbers of key scans."""
         return self._closer.unconfirmed
 
     @property
@@ -290,7 +290,7 @@ class Slam:
 
     @property
     def _key_poses(self) -> Float:
-        """Poses (k, 3) of the key scans since the start, as they are believed now."""
+        """Poses (k, 3) of the key scans since the start, as they are estimated now."""
         return self._room[: self._key_count]
 
     def _gathered_edges(self) -> Edges:
