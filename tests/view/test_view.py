@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from browser import needs_browser, number, opened, picture, served, started, until
-from test_cli import lrf3d, refused
+from program import lrf3d, refused
 from test_glb import FAR, simulated
 from test_render import city_run
 
