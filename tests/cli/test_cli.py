@@ -51,6 +51,7 @@ def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):
     assert summary["map"]["segments"] == 4 and summary["buildings"]["whole"] == 1
 
 
+@pytest.mark.slow
 def test_a_film_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_path):
     out = tmp_path / "an out"
     # A folder stands where the film should go.

@@ -67,6 +67,7 @@ def files(tmp_path_factory):
 
 
 @needs_validator
+@pytest.mark.slow
 def test_the_khronos_validator_finds_no_fault_in_runs(files):
     assert faults(*(path for _, path in files.values())) == []
 

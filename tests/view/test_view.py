@@ -136,6 +136,7 @@ def test_the_page_of_a_run_draws_plays_and_is_scrubbed(recorded, played, chromiu
 
 
 @needs_browser
+@pytest.mark.slow
 def test_the_page_shows_what_moved_in_a_run(tmp_path, chromium):
     way = Trajectory([0.0, 4.0], [(-22.0, 3.0, 0.0), (-14.0, 3.0, 0.0)])
     save_run(
