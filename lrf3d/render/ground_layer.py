@@ -34,8 +34,9 @@ _WIDEST = 160.0
 _KEPT = 12
 """Tiles that are kept; each takes some five megabytes."""
 
-_RAMP = 1.0
-"""Width of the change between two paints in a picture [texels]: magnified, it is one pixel wide."""
+_RAMP = 1.8
+"""Width of the change between two paints in a picture [texels]: magnified, it is one pixel long
+away from the eye, and some pixels wide across the view."""
 
 _BELOW = -0.02
 """Height [m] of what lies under the tiles."""

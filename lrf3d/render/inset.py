@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-import shapely
 
 from lrf3d.geometry import Float, Single
 from lrf3d.render.hud import Line, Panel, Stamp, panel_size, rounded_box
@@ -14,6 +13,7 @@ from lrf3d.render.scenery import Frame, Scenery
 from lrf3d.scene import look
 from lrf3d.scene.beams import LINE_SIZES, line_quads
 from lrf3d.scene.bodies import robot_arrow, world_from_robot
+from lrf3d.scene.outlines import triangles
 
 _LEAST = 4.0
 """Least size [m] that is shown: there may be no wall, and a robot that stands."""
@@ -187,9 +187,5 @@ def _square(colour: tuple[float, ...]) -> Primitive:
 
 def _houses(scenery: Scenery) -> Single:
     """Triangles (v, 6) of the ground plans of solids."""
-    solids = scenery.structures.solids
-    if not len(solids):
-        return np.zeros((0, 6), np.float32)
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(solids))
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    corners = triangles(scenery.structures.solids)[0].reshape(-1, 2)
     return np.concatenate([corners, np.tile(_STONE, (len(corners), 1))], axis=1).astype(np.float32)

@@ -12,6 +12,7 @@ from lrf3d.geometry import Float
 from lrf3d.scene.camera import Chase, Look
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
+from lrf3d.scene.town import STREET
 
 OPENING, CLOSING = 2.5, 3.0
 """How long a story shows the whole before the run starts and after it has ended [s of the film]."""
@@ -47,8 +48,16 @@ class Overview:
         low, high = path.min(axis=0) - around, path.max(axis=0) + around
         if len(ends) and (np.ptp(ends, axis=0) > self.WHOLE * (high - low)).any():
             ends = ends[((ends >= low) & (ends <= high)).all(axis=1)]
+        # Streets reach past the houses.
+        past = 0.0 if structures.indoor else STREET
         beside = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
-        level = np.concatenate([ends, *(path + step for step in beside)])
+        level = np.concatenate(
+            [
+                places + reach * step
+                for places, reach in ((ends, past), (path, 1.0))
+                for step in beside
+            ]
+        )
         level = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(level)))
         self._steep = self.STEEP_INDOOR if structures.indoor else self.STEEP
         top = min(float(structures.heights.max(initial=0.0)), self.TALLEST)
