@@ -65,16 +65,16 @@ class Overview:
             [np.column_stack([level, np.full(len(level), height)]) for height in (0.0, top)]
         )
         low, high = level.min(axis=0), level.max(axis=0)
-        # A long side lies across the picture, and the sides that the sun shines on are seen.
-        wide = high[0] - low[0] >= high[1] - low[1]
-        self._side = np.radians(-112.0 if wide else -22.0)
+        self._wide = bool(high[0] - low[0] >= high[1] - low[1])
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
         passed = (time - self._timeline.start) / self._timeline.playback
         length = (self._timeline.end - self._timeline.start) / self._timeline.playback
+        # A long side lies along one of the picture's, and those that the sun shines on are seen.
+        side = np.radians(-112.0 if self._wide == (aspect >= 1.0) else -22.0)
         # At its middle time it stands square to the whole; long films do not end at the back.
-        turn = self._side + self.DRIFT * float(np.clip(passed - 0.5 * length, -20.0, 20.0))
+        turn = side + self.DRIFT * float(np.clip(passed - 0.5 * length, -20.0, 20.0))
         back = np.array(
             [
                 np.cos(turn) * np.cos(self._steep),
