@@ -101,6 +101,7 @@ class Inset:
         layers = (
             Draw(self._houses, {}),
             Draw(self._walls, walls),
+            *scenery.draw_goal(frame),
             *scenery.draw_fan(frame),
             *scenery.draw_trail(frame),
             *scenery.draw_estimate(frame),
