@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
-from lrf3d.gym.task import DriveTask
+from lrf3d.gym.task import GOAL_RADIUS, DriveTask
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
@@ -103,7 +103,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observe(), float(outcome.rewards[0]), ended, cut, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A picture (h, w, 3) uint8 of the current state, as in a film; None without a render_mode.
+        """A picture (h, w, 3) uint8 of the current state and the goal; None without a mode.
 
         Raises:
             MissingLibraryError: OpenGL is missing.
@@ -117,7 +117,8 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         world, path = self.task.scenario.world, Trajectory(times, poses)
         obstacles = tuple(obstacle.until(times[-1]) for obstacle in self.task.scenario.obstacles)
         run = Run(world, self.task.lrf, path, ranges, truth, walls, (), (), obstacles)
-        return frame(run, float(times[-1]), size=self._size, view=self._view)
+        goal = (*self.task.goals[0].tolist(), GOAL_RADIUS)
+        return frame(run, float(times[-1]), size=self._size, view=self._view, goal=goal)
 
     def _observe(self) -> Observation:
         ranges, truth, walls = self.task.scan(self.np_random)

@@ -14,7 +14,7 @@ from lrf3d.render.inset import Inset
 from lrf3d.render.layout import lay_out, scale_of
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Draw, FrameRenderer
-from lrf3d.render.scenery import Frame, Scenery
+from lrf3d.render.scenery import Frame, Goal, Scenery
 from lrf3d.run import Run
 from lrf3d.scene.camera import Look
 from lrf3d.scene.cameras import make_camera
@@ -22,8 +22,8 @@ from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline
 
 LAYERS = (
-    "shadow", "trail", "estimate", "fan", "beams", "map", "trace", "points", "marker", "inset",
-    "hud",
+    "shadow", "goal", "trail", "estimate", "fan", "beams", "map", "trace", "points", "marker",
+    "inset", "hud",
 )  # fmt: skip
 """What can be left out of a film; what is left out costs nothing."""
 
@@ -53,6 +53,7 @@ class Film:
             move by the film's time.
         layers: What is drawn over the scene, of :data:`LAYERS`.
         renderer: What draws: ``gl``, or ``embree`` where there is no OpenGL.
+        goal: A goal to be marked on the ground.
     """
 
     def __init__(
@@ -65,10 +66,11 @@ class Film:
         playback: float | None = None,
         layers: Collection[str] = LAYERS,
         renderer: str = "gl",
+        goal: Goal | None = None,
     ) -> None:
         self.timeline = Timeline(run, playback=playback)
         self.renderer = _renderer(renderer, size, samples)
-        self.scenery = Scenery(self.timeline)
+        self.scenery = Scenery(self.timeline, goal)
         small = _SMALL if view == "top" else 1.0
         layout = lay_out(size, widest_lines(run, self.timeline.playback), small)
         self._size = size
@@ -190,6 +192,7 @@ class Film:
         ]
         soft: list[tuple[str, Layer]] = [
             ("shadow", scenery.draw_shadows),
+            ("goal", scenery.draw_goal),
             ("trail", scenery.draw_trail),
             ("map", scenery.draw_glow),
             ("estimate", scenery.draw_estimate),

@@ -34,8 +34,9 @@ _WIDEST = 160.0
 _KEPT = 12
 """Tiles that are kept; each takes some five megabytes."""
 
-_RAMP = 1.0
-"""Width of the change between two paints in a picture [texels]: magnified, it is one pixel wide."""
+_RAMP = 1.8
+"""Width of the change between two paints in a picture [texels]: magnified, it is one pixel long
+away from the eye, and some pixels wide across the view."""
 
 _BELOW = -0.02
 """Height [m] of what lies under the tiles."""
@@ -62,8 +63,11 @@ class GroundLayer:
         structures, walls, whole = stage
         self._structures, self._light = structures, walls.light
         self._scene = scene
-        mark, bare, kerb, pavement = (BRIGHTEST * whole.brightness).tolist()
-        self._paints = (bare, mark - bare, kerb - bare, pavement - kerb)
+        mark, bare, kerb, pavement, lawn = (BRIGHTEST * whole.brightness).tolist()
+        self._paints = {
+            "bare": bare,
+            "paints": (mark - bare, kerb - bare, pavement - kerb, lawn - pavement),
+        }
         self._low, self._high = whole.corner, whole.corner + whole.size
         indoor = structures.indoor
         self._side = _TILE_INDOOR if indoor else _TILE
@@ -76,7 +80,7 @@ class GroundLayer:
         self._land = Primitive("beyond", (2,), land)
         self._whole.texture = self._land.texture = Texture(whole.picture, far=True)
         self._all = _Tile(self._whole, _area(whole), _texel(whole))
-        self._beyond = (*whole.beyond, 12.0 if indoor else 60.0)
+        self._beyond = (*whole.beyond, 12.0 if indoor else 30.0)
         scene.add(Mesh([self._whole, self._land]))
 
     def draws(self, eye: Float, reach: float, focus: float) -> Iterator[Draw]:
@@ -96,7 +100,7 @@ class GroundLayer:
         # On the ground a pixel is as long as the square of its distance, over this, says.
         long = focus * abs(float(eye[2]))
         edge = _RAMP * tile.texel * long
-        return {"area": tile.area, "below": below, "paints": self._paints, "edge": edge}
+        return {"area": tile.area, "below": below, "edge": edge, **self._paints}
 
     def _tiles_round(self, eye: Float, reach: float) -> list[_Tile]:
         """The tiles round an eye; none where they would show no more than the whole picture."""

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-import shapely
 
 from lrf3d.geometry import Float, Single
 from lrf3d.render.hud import Line, Panel, Stamp, panel_size, rounded_box
@@ -14,6 +13,7 @@ from lrf3d.render.scenery import Frame, Scenery
 from lrf3d.scene import look
 from lrf3d.scene.beams import LINE_SIZES, line_quads
 from lrf3d.scene.bodies import robot_arrow, world_from_robot
+from lrf3d.scene.outlines import triangles
 
 _LEAST = 4.0
 """Least size [m] that is shown: there may be no wall, and a robot that stands."""
@@ -36,9 +36,10 @@ _FAN_STRENGTH = 0.62
 _ARROW_SIZE = 0.034
 """Size of the robot's arrow, as a share of what is shown."""
 
-_PAPER = (*look.PAPER, 0.94)
-_FRAME = (0.05, 0.07, 0.10, 1.0)
-_STONE = (*look.STONE, 1.0)
+_PAPER, _STONE = (*look.PAPER, 0.94), (*look.STONE, 1.0)
+_FRAME, _RIM, _RADIUS = (13, 17, 25, 255), 2.0, 6.0
+"""Colour, width of the frame and radius of its corners [pixels at 720 lines]."""
+
 _CAPTION, _CAPTION_BACK = (60, 68, 80, 255), (245, 247, 250, 190)
 
 
@@ -58,11 +59,11 @@ class Inset:
         structures = scenery.structures
         self._scale = scale_of(size)
         left, top, side = place
-        rim = max(2, round(2 * self._scale))
-        self._outer = (left - rim, top - rim, side + 2 * rim, side + 2 * rim)
+        rim = max(2, round(_RIM * self._scale))
+        self._frame = Stamp(scenery, _frame(side + 2 * rim, rim, _RADIUS * self._scale))
+        self._frame.place(size, left - rim, top - rim)
         self._box = (left, top, side, side)
         self._paper = _square(_PAPER)
-        self._frame = _square(_FRAME)
         self._houses = Primitive("flat", (2, 4), _houses(scenery))
         free = structures.segments[~structures.closed]
         stone = np.full((len(free), 3), _STONE[:3])
@@ -70,7 +71,7 @@ class Inset:
         self._walls = Primitive("lines", LINE_SIZES, lines, blend=True)
         self._robot = Primitive("flat", (2, 4), robot_arrow())
         self._middle, self.window = self._place()
-        own = (self._paper, self._frame, self._houses, self._walls, self._robot)
+        own = (self._paper, self._houses, self._walls, self._robot)
         scenery.scene.add(Mesh(list(own)))
         self._caption = Stamp(scenery, _scale_bar(self.window, side, 0.72 * self._scale))
         self._caption.place(size, left, top + side - self._caption.size[1])
@@ -100,6 +101,7 @@ class Inset:
         layers = (
             Draw(self._houses, {}),
             Draw(self._walls, walls),
+            *scenery.draw_goal(frame),
             *scenery.draw_fan(frame),
             *scenery.draw_trail(frame),
             *scenery.draw_estimate(frame),
@@ -109,13 +111,12 @@ class Inset:
             Draw(self._robot, {"place": self._robot_matrix(frame.pose)}),
         )
         whole = {"view_projection": np.eye(4), "place": np.eye(4)}
-        renderer.overlay(self._outer)
-        renderer.draw(self._frame, whole)
         renderer.overlay(self._box)
         renderer.draw(self._paper, whole)
         for primitive, special in layers:
             renderer.draw(primitive, {**frame.uniforms, **whole, **special, **own})
         renderer.overlay(None)
+        self._frame.draw(renderer)
         if self._captioned:
             self._caption.draw(renderer)
 
@@ -171,6 +172,14 @@ def _scale_bar(window: float, side: int, scale: float) -> Picture:
     return picture
 
 
+def _frame(side: int, rim: int, radius: float) -> Picture:
+    """A square frame with round corners, and nothing in it."""
+    picture = rounded_box((side, side), _FRAME, radius)
+    within = rounded_box((side - 2 * rim,) * 2, _FRAME, radius - 0.5 * rim)
+    picture[rim : side - rim, rim : side - rim, 3] = 255 - within[..., 3]
+    return picture
+
+
 def _square(colour: tuple[float, ...]) -> Primitive:
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
     rows = np.concatenate([corners, np.tile(np.array(colour, np.float32), (6, 1))], axis=1)
@@ -179,9 +188,5 @@ def _square(colour: tuple[float, ...]) -> Primitive:
 
 def _houses(scenery: Scenery) -> Single:
     """Triangles (v, 6) of the ground plans of solids."""
-    solids = scenery.structures.solids
-    if not len(solids):
-        return np.zeros((0, 6), np.float32)
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(solids))
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    corners = triangles(scenery.structures.solids)[0].reshape(-1, 2)
     return np.concatenate([corners, np.tile(_STONE, (len(corners), 1))], axis=1).astype(np.float32)

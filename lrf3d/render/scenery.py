@@ -19,7 +19,7 @@ from lrf3d.render.parts import build_walls
 from lrf3d.render.primitives import Draw, Mesh, Primitive
 from lrf3d.scene import look
 from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams
-from lrf3d.scene.bodies import robot_arrow, robot_mesh, world_from_robot
+from lrf3d.scene.bodies import goal_disc, robot_arrow, robot_mesh, world_from_robot
 from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import DrawnEstimate
 from lrf3d.scene.map_bands import BAND_SIZES, WallTops
@@ -48,11 +48,18 @@ is the third [pixels at 720 lines]."""
 _MARKER_NEARER = 0.3
 """Share of the way from the eye to the robot at which that arrow is drawn."""
 
+_GOAL_HEIGHT = 0.04
+"""Height of a goal's disc over the ground [m]."""
+
 _GROWING = 0.5
 """Time of the film [s] in which a wall of the map grows to its length."""
 
 _ON_TOP = 1e6
 """The same, for marks [m] that nothing hides: from straight above, tops of walls would."""
+
+
+Goal = tuple[float, float, float]
+"""Where a robot is to arrive: x, y and radius [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -83,13 +90,17 @@ class Frame:
 class Scenery:
     """The primitives of a run.
 
+    Args:
+        timeline: The run, as time goes by in its film.
+        goal: A goal to be marked on the ground.
+
     Attributes:
         scene: pyrender's scene of them.
         structures: What the walls make up.
         beams: The beams of the newest frame.
     """
 
-    def __init__(self, timeline: Timeline) -> None:
+    def __init__(self, timeline: Timeline, goal: Goal | None = None) -> None:
         run = self.run = timeline.run
         stage = stage_of(run)
         self.structures = stage.structures
@@ -104,6 +115,8 @@ class Scenery:
         self._keys, self._start = smoothed(drive_keys(timeline)), timeline.start
         self._robot = Primitive("robot", (3, 3, 3), rows, indices=indices, cull=True)
         self._marker = Primitive("flat", (2, 4), robot_arrow(), blend=True)
+        self._goal = goal
+        self._disc = Primitive("flat", (2, 4), goal_disc(), blend=True) if goal else None
         self._sky = Primitive("sky", (2,), _mesh(10, 10))
         self._blob = Primitive("blob", (2,), corners, blend=True)
         self._trail = Primitive("trail", RIBBON_SIZES, trail_ribbon(self._keys), blend=True)
@@ -126,7 +139,7 @@ class Scenery:
         for primitive in (
             self._robot, self.walls.faces, self._sky, self._blob, self._trail, self._fan,
             self._lines, self._trace, self._dots, self._map, self._bands, self._glow, self._marker,
-            *self.obstacles.all, *self._estimate.all,
+            *self.obstacles.all, *self._estimate.all, *((self._disc,) if self._disc else ()),
         ):  # fmt: skip
             self.scene.add(Mesh([primitive]))
 
@@ -204,6 +217,14 @@ class Scenery:
         half_width = max(0.5 * look.TRAIL_WIDTH, thinnest * frame.scale / metre)
         uniforms = {"now": now, "half_width": half_width, "fade": 1.0 / self._fade}
         yield Draw(self._trail, uniforms)
+
+    def draw_goal(self, frame: Frame) -> Iterator[Draw]:
+        """The goal on the ground, if there is one."""
+        if self._goal is not None and self._disc is not None:
+            x, y, radius = self._goal
+            matrix = np.diag([radius, radius, 1.0, 1.0])
+            matrix[:3, 3] = x - self.origin[0], y - self.origin[1], _GOAL_HEIGHT
+            yield Draw(self._disc, {"place": matrix})
 
     def draw_estimate(self, frame: Frame) -> Iterator[Draw]:
         """The estimated pose, and the estimated trail."""

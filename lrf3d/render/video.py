@@ -176,13 +176,14 @@ def frame(
     samples: int = 4,
     playback: float | None = None,
     renderer: str | None = None,
+    goal: tuple[float, float, float] | None = None,
 ) -> NDArray[np.uint8]:
-    """The picture (h, w, 3) of a run at a time: see `Run.frame`."""
+    """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
     view, playback = _view_and_playback(run, view, playback)
     _check(run, size, view, samples)
     if not (math.isfinite(time) and math.isfinite(playback) and playback > 0.0):
         raise InputError(f"time {time} and playback {playback}: expected finite numbers of seconds")
-    film = _film(run, size, view, samples, playback, choose_renderer(renderer))
+    film = _film(run, size, view, samples, playback, choose_renderer(renderer), goal)
     start, end = film.timeline.start, film.timeline.end
     # The pictures of the opening and the end can be looked at, too.
     opening, closing = (playback * margin for margin in margins(view))
@@ -194,12 +195,26 @@ def frame(
 
 @lru_cache(maxsize=1)
 def _film(
-    run: Run, size: tuple[int, int], view: str, samples: int, playback: float, renderer: str
+    run: Run,
+    size: tuple[int, int],
+    view: str,
+    samples: int,
+    playback: float,
+    renderer: str,
+    goal: tuple[float, float, float] | None,
 ) -> Any:
     """The film of the pictures asked for last: setting one up costs as much as forty pictures."""
     from lrf3d.render.film import Film
 
-    return Film(run, size=size, view=view, samples=samples, playback=playback, renderer=renderer)
+    return Film(
+        run,
+        size=size,
+        view=view,
+        samples=samples,
+        playback=playback,
+        renderer=renderer,
+        goal=goal,
+    )
 
 
 def _job(

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Single
 from lrf3d.input import assets_folder
-from lrf3d.scene.look import DART, OBSTACLE_COLOURS, ROBOT, ROBOT_RIM, SHADOW_COLOUR
+from lrf3d.scene.look import (
+    DART,
+    GOAL,
+    GOAL_OPACITY,
+    OBSTACLE_COLOURS,
+    ROBOT,
+    ROBOT_RIM,
+    SHADOW_COLOUR,
+)
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -56,6 +64,23 @@ def robot_arrow() -> Single:
     return np.concatenate(
         [rim, np.concatenate([head, np.tile((*ROBOT, 1.0), (6, 1))], axis=1)]
     ).astype(np.float32)
+
+
+_RING, _RING_CORNERS = 0.86, 48
+"""Inner radius of a goal's ring, in outer ones, and the number of its corners."""
+
+
+def goal_disc() -> Single:
+    """A goal of radius 1 on the ground: triangles (v, 6), place and colour with opacity."""
+    turns = np.linspace(0.0, 2.0 * np.pi, _RING_CORNERS + 1)
+    rim = np.column_stack([np.cos(turns), np.sin(turns)])
+    outer, inner, middle = rim, _RING * rim, np.zeros((_RING_CORNERS, 2))
+    ring = [outer[:-1], outer[1:], inner[1:], outer[:-1], inner[1:], inner[:-1]]
+    rows = []
+    for corners, opacity in zip((ring, [middle, inner[:-1], inner[1:]]), GOAL_OPACITY, strict=True):
+        places = np.stack(corners, axis=1).reshape(-1, 2)
+        rows.append(np.column_stack([places, np.tile((*GOAL, opacity), (len(places), 1))]))
+    return np.concatenate(rows).astype(np.float32)
 
 
 _BASE, _BEVEL = 0.10, 0.06

@@ -38,9 +38,9 @@ class Brush:
         width, height = self.size
         return Brush(_FINER * width, _FINER * height, self.corner, self.pixel / _FINER)
 
-    def reduced(self, picture: Image.Image) -> Image.Image:
-        """A picture of this brush in the pixels of the one that it is finer than."""
-        return picture.reduce(_FINER).filter(ImageFilter.BoxBlur(1.1))
+    def reduced(self, picture: Image.Image, blur: float = 1.1) -> Image.Image:
+        """A picture of this brush in the pixels of the coarser one, blurred by some of these."""
+        return picture.reduce(_FINER).filter(ImageFilter.BoxBlur(blur))
 
     def blank(self) -> Image.Image:
         """A picture of nothing."""
@@ -51,7 +51,9 @@ class Brush:
         draw = ImageDraw.Draw(picture)
         parts = shapely.get_parts(polygons)
         # Where nothing is near, a union is one polygon of no points.
-        for polygon in parts[~shapely.is_empty(parts)]:
+        parts = parts[~shapely.is_empty(parts)]
+        # Large ones come first, as what stands in their holes is painted again.
+        for polygon in parts[np.argsort(-shapely.area(parts), kind="stable")]:
             for ring, value in [(polygon.exterior, fill), *((r, 0) for r in polygon.interiors)]:
                 draw.polygon(self._points(np.asarray(ring.coords)), fill=value)
 
@@ -112,15 +114,6 @@ class Brush:
             for at in ((places - self.corner[axis]) / self.pixel).tolist():
                 ends = [at, 0.0, at, float(along)] if axis == 0 else [0.0, at, float(along), at]
                 draw.line(ends, fill=fill, width=pixels)
-
-    def soft(self, picture: Image.Image, reach: float) -> Image.Image:
-        """The picture blurred over a reach [m]; wide blurs go by a smaller picture."""
-        radius = reach / self.pixel
-        shrink = max(1, int(radius / 2))
-        if shrink == 1:
-            return picture.filter(ImageFilter.BoxBlur(radius))
-        small = picture.reduce(shrink).filter(ImageFilter.GaussianBlur(radius / shrink))
-        return small.resize(self.size, Image.Resampling.BILINEAR)
 
     def _points(self, points: Float) -> list[float]:
         flat: list[float] = ((points - self.corner) / self.pixel).ravel().tolist()

@@ -305,10 +305,12 @@ class First:
     FIELD = np.radians(62.0)
     UP = 0.09
     """How much it looks up, as the slope of its way."""
+    OVER = 0.36
+    """How far over the laser the eye is [m]: above the bands of the map."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._timeline = timeline
-        self._height = timeline.run.lrf.height + 0.22
+        self._height = timeline.run.lrf.height + self.OVER
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""

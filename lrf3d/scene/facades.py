@@ -15,7 +15,7 @@ from lrf3d.geometry import Float, Int, Single
 
 Texels = NDArray[np.uint8]
 
-FACADE, PLAIN, ROOF, CAP = 0.0, 1.0, 2.0, 3.0
+FACADE, PLAIN, ROOF, CAP, TILED = 0.0, 1.0, 2.0, 3.0, 4.0
 """What a face is: the whole part of the fourth colour value of :mod:`lrf3d.scene.walls`."""
 
 BAY, STOREY = 2.7, 3.1
@@ -216,7 +216,8 @@ def lay_roofs(roofs: Single, *, indoor: bool) -> Single:
     if not indoor:
         grey = 1.08 * (colour + _ROOF_SHARE * (ROOF_GREY - colour))
         rim = 0.5 * (colour + grey)
-        colour = np.where(np.floor(roofs[..., 13:14]) == CAP, rim, grey)
+        kind = np.floor(roofs[..., 13:14])
+        colour = np.where(kind == CAP, rim, np.where(kind == TILED, colour, grey))
     rows[..., 9:12] = 1.02 * colour if indoor else colour
     rows[..., 12:15] = 1.0
     rows[..., 15] = roofs[..., 14]

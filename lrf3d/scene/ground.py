@@ -20,6 +20,7 @@ from lrf3d.scene.light import Light, open_light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
 from lrf3d.scene.streets import centre_lines, dashes
 from lrf3d.scene.structures import Structures
+from lrf3d.scene.town import KERB, PAVEMENT, STREET, plan_town
 
 _PIXELS = 2048
 """Longest side of the picture [pixels]; larger ones take longer to paint than a second."""
@@ -39,41 +40,30 @@ _TILE_PIXELS, _OVERLAP = 1024, 16
 _STREETS = 30.0
 """Houses up to this far off a tile [m] determine where its streets are."""
 
-_MARGIN = 6.0
-"""How far the picture reaches past walls and their shadows [m]: farther than pavements go."""
-
-_PAVEMENT, _KERB = 1.7, 0.16
-"""Width of the pavement round buildings, and of the kerb round it [m]."""
-
-_TURN = 1.4
-"""Radius of the corners of kerbs [m]."""
-
-_STRAIGHT = 0.7
-"""How far kerbs may be off the outline of their houses [m] to run straight."""
-
-_BLOCK = 7.0
-"""Houses less than this apart [m] are of one block, whose kerb runs straight before them."""
-
-_LOCAL = 8.0
-"""Only what of two houses is this near to the other [m] makes their common kerb."""
+_MARGIN = STREET + 2.0 * PAVEMENT + 6.0
+"""How far the picture reaches past walls [m], or past their shadows if these reach farther: a town
+ends within it."""
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """How bright red, green and blue are to an eye."""
 
-_SHADOW_RIM = 0.14
-"""Width of the rim of the sun's light on the ground [m]."""
+_SHADOW_BLUR = 0.6
+"""How far the rim of the sun's light is smoothed [pixels]: it is some centimetres wide."""
 
 _STREET_PAINTS = np.array(
-    [[0.80, 0.79, 0.75], [0.370, 0.370, 0.370], [0.66, 0.65, 0.62], [0.545, 0.53, 0.50]]
-)
+    [[0.86, 0.85, 0.81], [0.43, 0.43, 0.435], [0.70, 0.69, 0.66], [0.60, 0.585, 0.55],
+     [0.43, 0.505, 0.335]]
+)  # fmt: skip
 _FLOOR_PAINTS = np.array(
-    [[0.74, 0.75, 0.755], [0.70, 0.69, 0.67], [0.64, 0.61, 0.56], [0.775, 0.74, 0.685]]
-)
-"""Colours of marks, asphalt, kerbs and pavements; and of what lies round a house, the edge of its
-floor, the joints of its tiles, and tiles."""
+    [[0.74, 0.75, 0.755], [0.70, 0.69, 0.67], [0.64, 0.61, 0.56], [0.775, 0.74, 0.685],
+     [0.775, 0.74, 0.685]]
+)  # fmt: skip
+"""Colours of marks, asphalt, kerbs, pavements and lawns; and of what lies round a house, the edge
+of its floor, the joints of its tiles, and tiles. The last of a town, and the first of a house, goes
+on past the world."""
 
-_BEYOND, _BEYOND_INDOOR = np.array([0.50, 0.52, 0.455]), _FLOOR_PAINTS[0]
-"""Colours of what lies past the world."""
+_STEPS = len(_STREET_PAINTS) - 1
+"""Steps from the first paint to the last, which a picture's fourth channel has."""
 
 _TILES, _JOINT, _JOINT_STRENGTH = 1.0, 0.015, 90
 """Side of a floor's tiles, width of the joints between them [m] and their opacity 0…255."""
@@ -101,11 +91,11 @@ class Ground:
 
     Args:
         picture: (h, w, 4) uint8: the light on it in the hues of its paints, red, green and blue,
-            and what covers it, from marks over bare ground and kerbs to pavements; row 0 lies at
-            the smallest y.
+            and what covers it, from marks over asphalt, kerbs and pavements to lawns; row 0 lies
+            at the smallest y.
         corner: (2,) x and y of its lower left corner in the film's frame [m].
         size: (2,) its width and height [m].
-        paints: (4, 3) colours of marks, bare ground, kerbs and pavements, 0…1.
+        paints: (5, 3) colours of marks, asphalt, kerbs, pavements and lawns, 0…1.
         land: (3,) colour of the ground far past the picture, 0…1.
         light: (3,) light on open ground, as a factor of a screen's colours.
     """
@@ -119,7 +109,7 @@ class Ground:
 
     @property
     def brightness(self) -> Float:
-        """How bright (4,) the paints are, 0…1."""
+        """How bright (5,) the paints are, 0…1."""
         return np.asarray(self.paints @ _LUMINANCE)
 
     @property
@@ -129,13 +119,15 @@ class Ground:
 
     def albedo(self) -> Float:
         """What covers the ground (h, w, 3), 0…1, in no light of its own."""
-        kind = 3.0 / 255.0 * self.picture[..., 3]
-        return np.stack([np.interp(kind, np.arange(4), band) for band in self.paints.T], axis=-1)
+        kind = _STEPS / 255.0 * self.picture[..., 3]
+        return np.stack(
+            [np.interp(kind, np.arange(_STEPS + 1), band) for band in self.paints.T], axis=-1
+        )
 
     def coloured(self) -> NDArray[np.uint8]:
         """The picture (h, w, 3) uint8 as it is seen from afar."""
         seen = self.picture.astype(np.float32) / 255.0
-        paint = np.interp(3.0 * seen[..., 3], np.arange(4), self.brightness)
+        paint = np.interp(_STEPS * seen[..., 3], np.arange(_STEPS + 1), self.brightness)
         lit = np.clip(BRIGHTEST * seen[..., :3] * paint[..., None], 0.0, 1.0)
         return np.asarray(np.round(255.0 * lit), np.uint8)
 
@@ -145,7 +137,7 @@ def paint_ground(structures: Structures, light: Light) -> Ground:
     ends = structures.segments.reshape(-1, 2)
     if not len(ends):
         ends = np.zeros((1, 2))
-    margin = 3.0 if structures.indoor else _MARGIN + _reach(structures)
+    margin = 3.0 if structures.indoor else max(_MARGIN, 2.0 + _reach(structures))
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
     if structures.indoor and len(structures.path):
         low = np.minimum(low, structures.path.min(axis=0) - margin)
@@ -173,21 +165,23 @@ def _paint(structures: Structures, light: Light, brush: Brush) -> Ground:
     lit = _baked(light, brush, indoor=indoor)
     open_sky = open_light(indoor=indoor)
     if not indoor:
-        shadow = brush.blank()
-        brush.quads(shadow, _shadows(structures))
-        shining = 1.0 - np.asarray(brush.soft(shadow, _SHADOW_RIM), np.float32) / 255.0
+        fine = brush.finer()
+        shadow = fine.blank()
+        fine.quads(shadow, _shadows(structures))
+        shining = 1.0 - np.asarray(fine.reduced(shadow, _SHADOW_BLUR), np.float32) / 255.0
         lit += shining[..., None] * np.float32(SUN[2] * SUNSHINE)
         open_sky = open_sky + SUN[2] * SUNSHINE
     paints = _FLOOR_PAINTS if indoor else _STREET_PAINTS
-    kind = 3.0 / 255.0 * np.asarray(cover, np.float32)
-    hues = [np.interp(kind, np.arange(4), band) for band in (paints.T / (paints @ _LUMINANCE))]
-    seen = as_mask(screen(lit.astype(np.float64)) * np.stack(hues, axis=-1) / BRIGHTEST)
+    kind = _STEPS / 255.0 * np.asarray(cover, np.float32)
+    hues = paints.T / (paints @ _LUMINANCE)
+    hue = [np.interp(kind, np.arange(_STEPS + 1), band) for band in hues]
+    seen = as_mask(screen(lit.astype(np.float64)) * np.stack(hue, axis=-1) / BRIGHTEST)
     return Ground(
         np.concatenate([seen, np.asarray(cover)[..., None]], axis=-1),
         brush.corner,
         np.array(brush.size) * brush.pixel,
         paints,
-        _BEYOND_INDOOR if indoor else _BEYOND,
+        paints[0] if indoor else paints[-1],
         screen(open_sky),
     )
 
@@ -223,46 +217,30 @@ def _baked(light: Light, brush: Brush, *, indoor: bool) -> Single:
 
 
 def _paint_streets(structures: Structures, brush: Brush) -> Image.Image:
-    """What covers the ground of a town: 0 for marks, then asphalt, kerbs, and 255 for pavements."""
+    """What covers the ground of a town: marks, asphalt, kerbs, pavements and lawns, 0…255."""
     fine = brush.finer()
-    pavement, inner, marks = fine.blank(), fine.blank(), brush.blank()
-    kerb = shapely.buffer(structures.solids, _PAVEMENT, quad_segs=4)
+    marks, streets, kerbs, paved = brush.blank(), fine.blank(), fine.blank(), fine.blank()
     if brush.pixel <= _COARSE:
-        kerb = blocks(structures.solids)
-        marks = brush.strips(dashes(centre_lines(structures, kerb)), 0.16)
-        fine.polygons(inner, shapely.buffer(kerb, -_KERB))
-    fine.polygons(pavement, kerb)
-    return _stacked(ImageChops.invert(marks), fine.reduced(pavement), fine.reduced(inner))
+        plan = plan_town(structures)
+        marks = brush.strips(dashes(centre_lines(structures, plan.streets)), 0.16)
+        fine.polygons(streets, plan.streets)
+        fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
+        fine.polygons(paved, plan.paved)
+    else:
+        # From so far away, a street is what lies between houses.
+        for picture, reach in ((streets, STREET), (paved, STREET + PAVEMENT)):
+            fine.polygons(picture, shapely.buffer(structures.solids, reach, quad_segs=4))
+        own = fine.blank()
+        fine.polygons(own, shapely.buffer(structures.solids, PAVEMENT, quad_segs=4))
+        kerbs = streets = ImageChops.subtract(streets, own)
+    lawns = (ImageChops.invert(fine.reduced(each)) for each in (streets, kerbs, paved))
+    return _stacked(ImageChops.invert(marks), *lawns)
 
 
 def _stacked(*masks: Image.Image) -> Image.Image:
-    """The sum of three masks, each of a third of the brightness."""
+    """The sum of masks: each takes the ground from one paint to the next."""
     total = sum(np.asarray(mask, np.float32) for mask in masks)
-    return Image.fromarray(as_mask(total / (3.0 * 255.0)))
-
-
-def blocks(solids: Any) -> Any:
-    """Pavements of the blocks that houses make up, as a shapely geometry.
-
-    Houses that stand side by side have one kerb, which runs straight before them; the corners of
-    blocks are round.
-    """
-    first, second = shapely.STRtree(solids).query(solids, predicate="dwithin", distance=_BLOCK)
-    pair = first < second
-    first, second = solids[first[pair]], solids[second[pair]]
-    sides = [
-        shapely.intersection(one, shapely.buffer(other, _LOCAL))
-        for one, other in ((first, second), (second, first))
-    ]
-    hulls = shapely.convex_hull(shapely.union(*sides))
-    # The hull of two long houses round a corner would fill the street between them.
-    filled = shapely.area(sides[0]) + shapely.area(sides[1])
-    hulls = hulls[shapely.area(hulls) < 1.7 * filled]
-    whole = shapely.union_all(np.concatenate([solids, hulls]))
-    wide = shapely.buffer(whole, _PAVEMENT, join_style="mitre", mitre_limit=1.5)
-    wide = shapely.simplify(wide, _STRAIGHT)
-    closed = shapely.buffer(shapely.buffer(wide, _TURN, quad_segs=8), -_TURN, quad_segs=8)
-    return shapely.buffer(shapely.buffer(closed, -_TURN, quad_segs=8), _TURN, quad_segs=8)
+    return Image.fromarray(as_mask(total / (_STEPS * 255.0)))
 
 
 def _paint_floor(structures: Structures, brush: Brush) -> Image.Image:

@@ -142,6 +142,9 @@ ROBOT, ROBOT_RIM = (0.98, 0.46, 0.06), (0.12, 0.14, 0.18)
 INSET_WHOLE, INSET_FOLLOWED = 140.0, 110.0
 """The largest world [m] that the inset shows whole, and what it shows of a larger one."""
 
+GOAL, GOAL_OPACITY = (0.10, 0.70, 0.36), (0.9, 0.28)
+"""Colour of a goal, and opacity of its ring and of what is within."""
+
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
 """Outline (4, 2) of the robot as seen from above, heading along x."""
 

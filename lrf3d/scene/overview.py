@@ -6,11 +6,13 @@ A run and what stands in its world enter; looks leave, as functions of the film'
 from dataclasses import replace
 
 import numpy as np
+import shapely
 
 from lrf3d.geometry import Float
 from lrf3d.scene.camera import Chase, Look
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
+from lrf3d.scene.town import STREET
 
 OPENING, CLOSING = 2.5, 3.0
 """How long a story shows the whole before the run starts and after it has ended [s of the film]."""
@@ -27,6 +29,8 @@ class Overview:
     """How steeply it looks down [rad]: into rooms more, so that near walls hide less."""
     AROUND, AROUND_INDOOR = 24.0, 1.5
     """What is shown around the path [m], where the world goes on."""
+    WHOLE = 1.6
+    """A world so many times as large as that is shown whole."""
     TALLEST = 14.0
     """Height [m] up to which buildings are in the picture for certain."""
     FILL = 0.93
@@ -42,24 +46,35 @@ class Overview:
         ends = structures.segments.reshape(-1, 2)
         around = self.AROUND_INDOOR if structures.indoor else self.AROUND
         low, high = path.min(axis=0) - around, path.max(axis=0) + around
-        if len(ends):
-            # Past the last wall there is nothing to be seen but the path.
-            low = np.minimum(np.maximum(low, ends.min(axis=0)), path.min(axis=0) - 1.0)
-            high = np.maximum(np.minimum(high, ends.max(axis=0)), path.max(axis=0) + 1.0)
+        if len(ends) and (np.ptp(ends, axis=0) > self.WHOLE * (high - low)).any():
+            ends = ends[((ends >= low) & (ends <= high)).all(axis=1)]
+        # Streets reach past the houses.
+        past = 0.0 if structures.indoor else STREET
+        beside = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+        level = np.concatenate(
+            [
+                places + reach * step
+                for places, reach in ((ends, past), (path, 1.0))
+                for step in beside
+            ]
+        )
+        level = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(level)))
         self._steep = self.STEEP_INDOOR if structures.indoor else self.STEEP
         top = min(float(structures.heights.max(initial=0.0)), self.TALLEST)
-        x, y, z = np.meshgrid([low[0], high[0]], [low[1], high[1]], [0.0, top], indexing="ij")
-        self._corners = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-        # A long side lies across the picture, and the sides that the sun shines on are seen.
-        wide = high[0] - low[0] >= high[1] - low[1]
-        self._side = np.radians(-112.0 if wide else -22.0)
+        self._corners = np.concatenate(
+            [np.column_stack([level, np.full(len(level), height)]) for height in (0.0, top)]
+        )
+        low, high = level.min(axis=0), level.max(axis=0)
+        self._wide = bool(high[0] - low[0] >= high[1] - low[1])
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
         passed = (time - self._timeline.start) / self._timeline.playback
         length = (self._timeline.end - self._timeline.start) / self._timeline.playback
+        # A long side lies along one of the picture's, and those that the sun shines on are seen.
+        side = np.radians(-112.0 if self._wide == (aspect >= 1.0) else -22.0)
         # At its middle time it stands square to the whole; long films do not end at the back.
-        turn = self._side + self.DRIFT * float(np.clip(passed - 0.5 * length, -20.0, 20.0))
+        turn = side + self.DRIFT * float(np.clip(passed - 0.5 * length, -20.0, 20.0))
         back = np.array(
             [
                 np.cos(turn) * np.cos(self._steep),
@@ -70,7 +85,7 @@ class Overview:
         right = np.array([-np.sin(turn), np.cos(turn), 0.0])
         up = np.cross(back, right)
         tall = self.FILL * np.tan(0.5 * self.FIELD)
-        target, away = self._corners.mean(axis=0), 1.0
+        target, away = 0.5 * (self._corners.min(axis=0) + self._corners.max(axis=0)), 1.0
         for _ in range(6):
             local = (self._corners - target) @ np.column_stack([right, up, back])
             needed = np.maximum(np.abs(local[:, 0]) / (tall * aspect), np.abs(local[:, 1]) / tall)

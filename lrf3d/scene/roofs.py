@@ -1,8 +1,8 @@
-"""Roofs of solids, with a parapet round those of houses.
+"""Roofs of solids: hipped ones of small houses, and flat ones with parapets of the others.
 
-Enter: polygons of solids; leave: level triangles, and the inner sides of parapets, in the rows of
-:mod:`lrf3d.scene.walls`. A parapet stands within its house and is as high as that: what the laser
-meets, and how high houses are, stays what the file says.
+Enter: polygons of solids; leave: triangles of roofs, and quads of what stands on them, in the rows
+of :mod:`lrf3d.scene.walls`. A parapet stands within its house and is as high as that; what is
+higher stands above all beams: what the laser meets stays what the file says.
 """
 
 from typing import Any, NamedTuple
@@ -12,6 +12,11 @@ import shapely
 
 from lrf3d.geometry import Float, Int, Single
 from lrf3d.scene.facades import CAP, ROOF
+from lrf3d.scene.hipped_roofs import hip_faces, plan_hips
+from lrf3d.scene.look import SUN
+from lrf3d.scene.outlines import triangles
+from lrf3d.scene.roof_boxes import RoofBoxes, plan_boxes
+from lrf3d.scene.shadows import LIT
 from lrf3d.scene.structures import Structures
 
 _WIDTH, _DEPTH = 0.28, 0.55
@@ -42,19 +47,21 @@ class RoofFaces(NamedTuple):
 
 
 class Tops(NamedTuple):
-    """Roofs with their parapets.
+    """Roofs, with parapets and what stands on them.
 
     Args:
-        roofs: Their triangles.
-        pieces: (p,) the polygon that each piece of a roof was a part of.
-        inner: (n, 4, 14) the inner sides of parapets.
-        inner_objects: (n,) the object of each.
+        roofs: (t, 3, 14) their triangles.
+        objects: (t,) the object of each.
+        under: (t,) how far under the edge of a shadow each lies [m].
+        quads: (n, 4, 14) the inner sides of parapets, and boxes.
+        quad_objects: (n,) the object of each.
     """
 
-    roofs: RoofFaces
-    pieces: Int
-    inner: Single
-    inner_objects: Int
+    roofs: Single
+    objects: Int
+    under: Float
+    quads: Single
+    quad_objects: Int
 
 
 def flat_faces(corners: Float, heights: Float, colours: Float, kind: float) -> Single:
@@ -72,44 +79,71 @@ def flat_faces(corners: Float, heights: Float, colours: Float, kind: float) -> S
 
 def roof_faces(structures: Structures, polygons: Any, solids: Int, heights: Float) -> RoofFaces:
     """Triangles of roofs at heights (p,) [m], from polygons (p,) of solids by number."""
-    if not len(polygons):
-        none = np.zeros(0, np.int64)
-        return RoofFaces(np.zeros((0, 3, 14), np.float32), none, none)
-    triangles, piece = shapely.get_parts(
-        shapely.constrained_delaunay_triangles(polygons), return_index=True
-    )
+    corners, piece = triangles(polygons)
     solid = solids[piece]
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0.0
-    corners[clockwise] = corners[clockwise][:, ::-1]
     faces = flat_faces(corners, heights[piece], structures.solid_colours[solid], ROOF)
     return RoofFaces(faces, structures.solid_objects[solid], piece)
 
 
-def add_parapets(structures: Structures, polygons: Any, solids: Int) -> Tops:
-    """Lower the roofs of houses, which are polygons (p,) of solids by number, behind parapets."""
+def build_tops(
+    structures: Structures, polygons: Any, solids: Int, under: Float, *, shadows: bool
+) -> Tops:
+    """Build what is on top of solids.
+
+    Args:
+        structures: What stands in the world.
+        polygons: (p,) the parts that their roofs are cut into, where shadows fall on them.
+        solids: (p,) the solid of each.
+        under: (p,) how far each lies under the edge of a shadow [m].
+        shadows: Whether parapets and boxes cast shadows on their roofs.
+    """
+    hips = plan_hips(structures)
     inner = shapely.buffer(structures.solids, -_WIDTH, join_style="mitre")
-    with_one = (structures.solid_heights >= _LOWEST) & (not structures.indoor)
+    with_one = (structures.solid_heights >= _LOWEST) & (not structures.indoor) & ~hips.chosen
     with_one &= shapely.area(inner) > _ROOM * shapely.area(structures.solids)
     inner = np.where(with_one, inner, structures.solids)
-    found, owners, levels, kinds = [], [], [], []
-    heights = structures.solid_heights[solids]
-    for shape, chosen, depth, made_of in (
-        (shapely.difference(polygons, inner[solids]), with_one[solids], 0.0, CAP),
-        (shapely.intersection(polygons, inner[solids]), np.ones(len(solids), bool), _DEPTH, ROOF),
+    low = structures.solid_heights - _DEPTH * with_one
+    flat = np.where(hips.chosen, shapely.Polygon(), inner)
+    boxes = plan_boxes(structures, hips, flat, low)
+    dark = np.where(shadows & with_one, _shaded(flat, boxes), shapely.Polygon())
+    ring, level, tiled = with_one[solids], ~hips.chosen[solids], hips.chosen[solids]
+    on_roof = shapely.intersection(polygons, inner[solids])
+    found = []
+    for shape, chosen, height, made_of, shade in (
+        (shapely.difference(polygons, inner[solids]), ring, structures.solid_heights, CAP, under),
+        (shapely.difference(on_roof, dark[solids]), level, low, ROOF, under),
+        (shapely.intersection(on_roof, dark[solids]), level, low, ROOF, 0.0 * under - LIT),
     ):
         parts, owner = shapely.get_parts(shape, return_index=True)
         good = chosen[owner] & (shapely.area(parts) > _SLIVER)
         parts, owner = parts[good], owner[good]
-        found.append(parts)
-        owners.append(owner)
-        levels.append(heights[owner] - depth * with_one[solids[owner]])
-        kinds.append(np.full(len(owner), made_of))
-    pieces, level, kind = (np.concatenate(each) for each in (owners, levels, kinds))
-    roofs = roof_faces(structures, np.concatenate(found), solids[pieces], level)
-    roofs.faces[..., 13] = kind[roofs.pieces, None] + 0.5
-    return Tops(roofs, pieces, *_inner_sides(structures, inner, np.flatnonzero(with_one)))
+        faces, objects, piece = roof_faces(structures, parts, solids[owner], height[solids[owner]])
+        faces[..., 13] = made_of + 0.5
+        found.append((faces, objects, shade[owner[piece]]))
+    faces, piece = hip_faces(structures, hips, polygons[tiled], solids[tiled])
+    found.append((faces, structures.solid_objects[solids[tiled][piece]], under[tiled][piece]))
+    roofs, objects, shade = (np.concatenate(column) for column in zip(*found, strict=True))
+    sides, side_objects = _inner_sides(structures, inner, np.flatnonzero(with_one))
+    owners = structures.solid_objects[boxes.solids]
+    return Tops(
+        roofs,
+        objects,
+        shade,
+        np.concatenate([sides, boxes.sides(), boxes.tops()]),
+        np.concatenate([side_objects, np.repeat(owners, 4), owners]),
+    )
+
+
+def _shaded(roofs: Any, boxes: RoofBoxes) -> Any:
+    """Where parapets and boxes hide the sun from flat roofs (k,), as shapely geometries."""
+    slide = -SUN[:2] / SUN[2]
+    lit = shapely.transform(roofs, lambda places: places + _DEPTH * slide)
+    shaded = shapely.difference(roofs, lit)
+    ends = boxes.outlines + ((boxes.high - boxes.low)[:, None] * slide)[:, None]
+    cast = shapely.convex_hull(shapely.multipoints(np.concatenate([boxes.outlines, ends], axis=1)))
+    for solid in np.unique(boxes.solids):
+        shaded[solid] = shapely.union_all([shaded[solid], *cast[boxes.solids == solid]])
+    return shaded
 
 
 def _inner_sides(structures: Structures, inner: Any, chosen: Int) -> tuple[Single, Int]:

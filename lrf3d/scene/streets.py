@@ -25,8 +25,8 @@ _DASH, _GAP = 2.2, 3.8
 """Lengths [m] of a mark and of the gap to the next."""
 
 
-def centre_lines(structures: Structures, kerb: Any) -> Any:
-    """Middle lines of streets, as an array of shapely lines.
+def centre_lines(structures: Structures, streets: Any) -> Any:
+    """Middle lines of streets, which are a shapely geometry, as an array of shapely lines.
 
     They are the edges of the Voronoi diagram of the walls between two façades that run along each
     other, where both are a street's width apart.
@@ -53,8 +53,7 @@ def centre_lines(structures: Structures, kerb: Any) -> Any:
     merged = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(edges)))
     # The samples make the line tremble by some decimetres; a street's line does not.
     smooth = shapely.simplify(merged, 0.8)
-    if kerb is not None:
-        smooth = shapely.get_parts(shapely.difference(smooth, kerb))
+    smooth = shapely.get_parts(shapely.intersection(smooth, streets))
     return smooth[shapely.length(smooth) > _SHORTEST]
 
 

@@ -12,7 +12,7 @@ from lrf3d.geometry import Float, Int, Single, directions, lengths
 from lrf3d.scene.facades import CAP, FACADE, PLAIN, lay_roofs, lay_walls
 from lrf3d.scene.light import Light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
-from lrf3d.scene.roofs import add_parapets, flat_faces, roof_faces
+from lrf3d.scene.roofs import build_tops, flat_faces, roof_faces
 from lrf3d.scene.shadows import LIT, shade_quads, shade_roofs
 from lrf3d.scene.structures import Structures
 
@@ -100,15 +100,14 @@ def paint_walls(structures: Structures, *, shadows: bool = True) -> PaintedWalls
         quads, number = _with_shadow(faces.quads, LIT), np.arange(len(faces.quads))
         solid = np.arange(len(structures.solids))
         polygons, under = structures.solids, np.full(len(solid), LIT)
-    top = add_parapets(structures, polygons, solid)
-    roofs, roof_objects, piece = top.roofs
-    dark = under[top.pieces[piece]].astype(np.float32)
-    # Parapets are walls of their own, after all others.
-    number = np.concatenate([number, len(faces.quads) + np.arange(len(top.inner))])
-    quads = np.concatenate([quads, _with_shadow(top.inner, LIT)])
-    objects = np.concatenate([faces.objects, top.inner_objects])
+    top = build_tops(structures, polygons, solid, under, shadows=shadows)
+    # What stands on roofs are walls of their own, after all others.
+    number = np.concatenate([number, len(faces.quads) + np.arange(len(top.quads))])
+    quads = np.concatenate([quads, _with_shadow(top.quads, LIT)])
+    objects = np.concatenate([faces.objects, top.quad_objects])
     pieces, owner = lay_walls(quads, number, indoor=structures.indoor)
-    roofs = lay_roofs(_with_shadow(roofs, dark[:, None, None]), indoor=structures.indoor)
+    under = top.under.astype(np.float32)
+    roofs = lay_roofs(_with_shadow(top.roofs, under[:, None, None]), indoor=structures.indoor)
     step = _STEP_INDOOR if structures.indoor else _STEP
     pieces, part = cut_small(pieces, step, _MOST_PIECES)
     # The two faces of a free wall are apart: a ray meets the one that looks at it.
@@ -121,7 +120,7 @@ def paint_walls(structures: Structures, *, shadows: bool = True) -> PaintedWalls
         _with_light(pieces, light.quads, indoor=structures.indoor),
         objects[owner],
         _with_light(roofs, light.roofs, indoor=structures.indoor),
-        roof_objects,
+        top.objects,
     )
     return PaintedWalls(painted, light)
 

@@ -1,6 +1,9 @@
 // The page: the scene with its words and buttons, played back or driven.
 
-import { BeamsMesh, Estimate, Inset, MapBands, Obstacles, Replay, Rig, Stage, Trail, VIEWS, css } from "lrf3d-view";
+import {
+  BeamsMesh, Estimate, Inset, MapBands, Obstacles, Replay, Rig, Stage, Trail, VIEWS, css, keyList, savePicture,
+  toggleFullScreen,
+} from "lrf3d-view";
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 const STEP = 2; // Seconds that an arrow key skips.
@@ -8,6 +11,12 @@ const LONGEST = 0.5; // Seconds that a frame stands for at most: a hidden page d
 const BLEND = 0.04; // Seconds in which a driven robot comes nearer to its newest known pose.
 const ICONS = { follow: "videocam", orbit: "3d_rotation", top: "map", first: "visibility" };
 const NAMES = { follow: "Follow", orbit: "Orbit", top: "From above", first: "Robot's eyes" };
+
+const TOOLS = [
+  { name: "picture", icon: "photo_camera", label: "save a picture", key: "P" },
+  { name: "full", icon: "fullscreen", label: "full screen", key: "F" },
+  { name: "list", icon: "keyboard", label: "keys", key: "H" },
+];
 
 const KEYS = {
   ArrowUp: "ahead",
@@ -50,6 +59,10 @@ export default {
       <div v-if="failure" class="lrf3d-panel lrf3d-failure">{{ failure }}</div>
       <div v-if="loading && !failure" class="lrf3d-panel lrf3d-failure">getting ready …</div>
 
+      <dl v-if="listed" class="lrf3d-panel lrf3d-keys">
+        <template v-for="[name, what] in keys" :key="name"><dt>{{ name }}</dt><dd>{{ what }}</dd></template>
+      </dl>
+
       <div v-if="!setup.replay" class="lrf3d-pads">
         <button v-for="pad in ['left', 'ahead', 'back', 'right']" :key="pad"
           :class="['lrf3d-pad', 'lrf3d-pad-' + pad, { 'lrf3d-held': held[pad] }]" :aria-label="pad"
@@ -75,7 +88,7 @@ export default {
           </q-btn>
         </template>
         <template v-else>
-          <span class="lrf3d-hint">Drive with the arrow keys or the pads</span>
+          <span class="lrf3d-hint">Drive with WASD, the arrow keys or the pads</span>
           <q-btn flat dense no-caps icon="restart_alt" label="Start again" class="lrf3d-again" @click="again" />
         </template>
         <span class="lrf3d-gap"></span>
@@ -83,6 +96,11 @@ export default {
           :class="'lrf3d-view-' + name" :color="view === name ? 'orange' : 'grey-4'"
           :aria-label="names[name]" @click="choose(name)">
           <q-tooltip>{{ names[name] }} (V)</q-tooltip>
+        </q-btn>
+        <span class="lrf3d-gap"></span>
+        <q-btn v-for="tool in tools" :key="tool.name" round flat dense :icon="tool.icon"
+          :class="'lrf3d-' + tool.name" color="grey-4" :aria-label="tool.label" @click="use(tool.name)">
+          <q-tooltip>{{ tool.label }} ({{ tool.key }})</q-tooltip>
         </q-btn>
       </div>
     </div>`,
@@ -93,6 +111,9 @@ export default {
       speeds: SPEEDS,
       icons: ICONS,
       names: NAMES,
+      tools: TOOLS,
+      keys: keyList(Boolean(this.setup.replay)),
+      listed: false,
       view: "follow",
       time: 0,
       end: 0,
@@ -314,6 +335,15 @@ export default {
       this.shownTime = null;
     },
 
+    use(tool) {
+      if (tool === "full") toggleFullScreen();
+      else if (tool === "list") this.listed = !this.listed;
+      else {
+        this.stage.render(this.view);
+        savePicture(this.stage.canvas, `${this.setup.title}_${this.words.t}s.png`);
+      }
+    },
+
     toggle() {
       if (!this.playing && this.time >= this.end) this.time = 0;
       this.playing = !this.playing;
@@ -337,6 +367,8 @@ export default {
         this.hold(way, down);
       } else if (down && event.code === "KeyV") {
         this.choose(VIEWS[(VIEWS.indexOf(this.view) + 1) % VIEWS.length]);
+      } else if (down && !event.repeat && TOOLS.some((tool) => event.code === "Key" + tool.key)) {
+        this.use(TOOLS.find((tool) => event.code === "Key" + tool.key).name);
       } else if (down && this.run) {
         this.playKey(event);
       }

@@ -11,6 +11,8 @@ from gymnasium.utils.env_checker import check_env
 
 import lrf3d.gym
 from lrf3d.gym import DriveEnv, DriveTask, DriveVectorEnv
+from lrf3d.render import video
+from lrf3d.render.gl import gl_available
 from lrf3d.scenario_file import load_scenario
 
 CORRIDOR = load_scenario("corridor")
@@ -165,6 +167,22 @@ def test_pictures_are_those_of_the_film():
     for _ in range(5):
         env.step(np.array([0.3, 0.3]))
     assert not np.array_equal(env.render(), first)
+
+
+@pytest.mark.parametrize("renderer", ["gl", "embree"])
+def test_pictures_show_the_goal(renderer, monkeypatch):
+    if renderer == "gl" and not gl_available():
+        pytest.skip("no OpenGL on this machine")
+    monkeypatch.setattr(video, "choose_renderer", lambda wanted: renderer)
+    env = DriveEnv(CORRIDOR, render_mode="rgb_array", size=(320, 180), view="chase")
+    pose = np.array(env.task.scenario.trajectory().poses[0])
+    ahead = pose[:2] + 1.5 * np.array([np.cos(pose[2]), np.sin(pose[2])])
+    green = []
+    for goal in (ahead, ahead + 500.0):
+        env.reset(seed=3, options={"pose": pose, "goal": goal})
+        red, middle, blue = np.moveaxis(env.render()[:, :200].astype(int), -1, 0)
+        green.append(int(((middle > red + 25) & (middle > blue + 25)).sum()))
+    assert green[0] > 40 and green[1] == 0
 
 
 def test_the_benchmark_of_robots_tells_its_rate():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_render import box
 
-from lrf3d.scene import roofs, walls
+from lrf3d.scene import hipped_roofs, roof_boxes, roofs, walls
 from lrf3d.scene.facades import BAYS, BLANK, NARROW, PLINTH, SLANTS, TILE, WINDOWED, layers
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.walls import paint_walls, wall_faces
@@ -16,6 +16,8 @@ def whole_walls(monkeypatch):
     """Walls are cut by their pattern alone: neither for their light nor by parapets."""
     monkeypatch.setattr(walls, "_STEP", 1e6)
     monkeypatch.setattr(roofs, "_LOWEST", 1e6)
+    monkeypatch.setattr(roof_boxes, "_LOWEST", 1e6)
+    monkeypatch.setattr(hipped_roofs, "_LOWEST", 1e6)
 
 
 def town():

@@ -77,7 +77,7 @@ def test_ground_without_a_house_near_is_painted():
     houses = WORLDS["two houses far apart"]
     structures = Structures.from_world(houses)
     light = paint_walls(structures).light
-    tile = paint_tile(structures, light, np.array([120.0, -80.0]), 80.0)
+    tile = paint_tile(structures, light, np.array([120.0, -240.0]), 80.0)
     assert tile.picture.std(axis=(0, 1)).max() < 20.0
     assert ground_of(Structures.from_world(WORLDS["no wall"])).picture.size
 

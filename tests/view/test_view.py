@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from browser import needs_browser, number, opened, picture, served, started, until
+from PIL import Image
 from program import lrf3d, refused
 from test_glb import FAR, simulated
 from test_render import city_run
@@ -133,6 +134,43 @@ def test_the_page_of_a_run_draws_plays_and_is_scrubbed(recorded, played, chromiu
         until(lambda: number(page, "t") == 0.0)
         page.keyboard.press("Space")
         until(lambda: number(page, "t") > 0.0)
+
+
+@needs_browser
+def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
+    with opened(chromium, played) as page:
+        until(lambda: number(page, "t") > 0.0)
+        assert not page.is_visible(".lrf3d-keys")
+        page.keyboard.press("h")
+        until(lambda: page.is_visible(".lrf3d-keys"))
+        assert "full screen" in page.inner_text(".lrf3d-keys")
+        page.click(".lrf3d-list")
+        until(lambda: not page.is_visible(".lrf3d-keys"))
+        with page.expect_download() as download:
+            page.keyboard.press("p")
+        assert re.fullmatch(r"paper_room.*_[\d.]+s\.png", download.value.suggested_filename)
+        with Image.open(download.value.path()) as saved:
+            assert np.asarray(saved.convert("RGB")).std() > 20.0
+        page.keyboard.press("f")
+        until(lambda: page.evaluate("Boolean(document.fullscreenElement)"))
+        page.click(".lrf3d-full")
+        until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
+
+
+@needs_browser
+def test_four_hundred_buildings_are_a_few_draw_calls(tmp_path, chromium):
+    house = (
+        '[[object]]\nname = "{0} {1}"\npoints = [[{2}, {3}], [{4}, {3}], [{4}, {5}], [{2}, {5}]]\n'
+    )
+    house += "closed = true\nheight = 7.0\n"
+    places = [(i, j, 20 * i, 20 * j, 20 * i + 10, 20 * j + 9) for i in range(20) for j in range(20)]
+    robot = "[robot]\nroute = [[15, 15], [75, 15]]\nspeed = 2.0\n"
+    town = "".join(house.format(*place) for place in places) + robot
+    (tmp_path / "town.toml").write_text(town)
+    with served(tmp_path / "town.toml") as address, opened(chromium, address) as page:
+        until(lambda: page.evaluate("document.querySelector('canvas').dataset.calls") or None)
+        drawn = page.evaluate("({...document.querySelector('canvas').dataset})")
+        assert int(drawn["calls"]) < 60
 
 
 @needs_browser

@@ -195,7 +195,7 @@ def _camera(uniforms: Uniforms, box: Box) -> Float:
 
 def _paints(uniforms: Uniforms) -> Float:
     """The paints of the ground for :mod:`shading`."""
-    return np.array(uniforms.get("paints", (0.0, 0.0, 0.0, 0.0)))
+    return np.array([uniforms.get("bare", 0.0), *uniforms.get("paints", (0.0,) * 4)])
 
 
 def _light(uniforms: Uniforms) -> Float:

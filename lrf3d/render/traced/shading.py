@@ -74,7 +74,7 @@ class RayScene(NamedTuple):
         texels: (u,) all copies of the pictures of the ground, one after the other.
         levels: (l, 3) where each copy starts, its width and height.
         grounds: (g, 10) the pictures of the ground.
-        paints: (4,) how bright bare ground is, and what marks, kerbs and pavements add.
+        paints: (5,) how bright bare ground is, and what marks, kerbs, pavements and lawns add.
         light: (12,) sun, haze and land.
     """
 
@@ -167,11 +167,12 @@ def painted_ground(
     seen: tuple[float, float, float, float], sharp: float, paints: Float
 ) -> tuple[float, float, float]:
     """The colour of the ground by its picture, whose edges are magnified so many times."""
-    cover = 3.0 * seen[3] - 1.0
+    cover = 4.0 * seen[3] - 1.0
     mark = clamp((-cover - 0.5) * sharp + 0.5, 0.0, 1.0)
     kerb = clamp((cover - 0.5) * sharp + 0.5, 0.0, 1.0)
     pave = clamp((cover - 1.5) * sharp + 0.5, 0.0, 1.0)
-    paint = paints[0] + mark * paints[1] + kerb * paints[2] + pave * paints[3]
+    lawn = clamp((cover - 2.5) * sharp + 0.5, 0.0, 1.0)
+    paint = paints[0] + mark * paints[1] + kerb * paints[2] + pave * paints[3] + lawn * paints[4]
     return seen[0] * paint, seen[1] * paint, seen[2] * paint
 
 

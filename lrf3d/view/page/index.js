@@ -6,3 +6,4 @@ export { Obstacles } from "./obstacles.js";
 export { Replay } from "./replay.js";
 export { Rig, VIEWS } from "./rig.js";
 export { Stage, css } from "./stage.js";
+export { keyList, savePicture, toggleFullScreen } from "./tools.js";

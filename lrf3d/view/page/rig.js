@@ -11,6 +11,8 @@ const CLEARANCE = 0.4; // Distance from walls that a following camera keeps [m].
 const LOWER = 0.13; // How far under the middle a followed robot is seen, in heights of the picture.
 const BESIDE = 0.09; // How far right of the middle a world is seen from above, in widths,
 const OVER = 0.03; // and how far over it, in heights of the picture.
+const UP = 0.09; // How much the robot's eyes look up: that is where houses are;
+const EYES = 0.36; // how far they are over the laser [m], above the bands of the map.
 const CALM = 3.0; // How fast the camera follows turns [1/s].
 
 const FIELDS = { follow: 50, orbit: 50, top: 12, first: 62 }; // Angles of view [°].
@@ -93,8 +95,8 @@ export class Rig {
   move(pose, seconds) {
     if (this.view === "first") {
       const [cos, sin] = [Math.cos(pose.theta), Math.sin(pose.theta)];
-      this.camera.position.set(pose.x, pose.y, this.height + 0.22);
-      this.camera.lookAt(pose.x + cos, pose.y + sin, this.height + 0.12);
+      this.camera.position.set(pose.x, pose.y, this.height + EYES);
+      this.camera.lookAt(pose.x + cos, pose.y + sin, this.height + EYES + UP);
       return;
     }
     this.camera.position.copy(this.free);

@@ -87,6 +87,8 @@ export class Stage {
     this.marker.scale.setScalar(MARKER * pixel);
     this.sky.visible = !this.indoor && view !== "top";
     this.renderer.render(this.scene, this.camera);
+    const { calls, triangles } = this.renderer.info.render;
+    Object.assign(this.canvas.dataset, { calls, triangles });
   }
 }
 
