@@ -81,7 +81,7 @@ WRITERS = {
 FEWEST = 60
 """Calls of a work that fail in the fast test, evenly spread over all."""
 
-SLOW = {"film": 20, "mcap": 1000, "bag": 1000, "glb": 200}
+SLOW = {"film": 20, "mcap": 60, "bag": 60, "glb": 60}
 """Calls that fail of works that take long. A film is drawn by another process; a bag has 160,000
 calls, most of them in the serializer of messages."""
 
