@@ -75,8 +75,8 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
     """
     # Its name differs from that of an unfinished file for the same path.
     folder = _unfinished(Path(f"{path}.parts"))
-    folder.mkdir()
     with _removed_at_the_end(folder):
+        folder.mkdir()
         yield folder
 
 
@@ -195,18 +195,25 @@ def locked(path: Path, target: Path) -> Iterator[Lock]:
             os.close(file)
             raise
         os.close(file)
-    lock = Lock(file, left)
+    lock = None
     try:
+        lock = Lock(file, left)
         lock.note(**{name: value for name, value in left.items() if name not in _HOLDER})
         yield lock
     finally:
-        with suppress(OSError):
-            if not lock.keep:
-                path.unlink()
-            # Closing is not enough: forked children have the file open, too.
-            if fcntl is not None:
-                fcntl.flock(file, fcntl.LOCK_UN)
-        os.close(file)
+        # The lock is released even if an interrupt comes in between.
+        try:
+            if lock is None or not lock.keep:
+                with suppress(OSError):
+                    path.unlink()
+        finally:
+            try:
+                # Closing is not enough: forked children have the file open, too.
+                if fcntl is not None:
+                    with suppress(OSError):
+                        fcntl.flock(file, fcntl.LOCK_UN)
+            finally:
+                os.close(file)
 
 
 def lock_of(path: Path) -> Path:

@@ -186,14 +186,17 @@ def _failed(name: str, error: BaseException) -> int:
         _discard_output(sys.stdout, sys.stderr)
         return 0
     if isinstance(error, Lrf3dError):
-        _say(name, str(error))
+        message = str(error)
     elif isinstance(error, OSError):
-        _say(name, _system_error(error, "standard output" if _discard_output(sys.stdout) else ""))
+        message = _system_error(error, "standard output" if _discard_output(sys.stdout) else "")
     elif isinstance(error, MemoryError):
         why = f" ({error})" if str(error) else ""
-        _say(name, f"out of memory{why}; ask for less at once, or use a machine with more memory")
+        message = f"out of memory{why}; ask for less at once, or use a machine with more memory"
     else:
         raise error
+    # Where the machine is to blame, what is kept can be gone on with.
+    kept = notes(error) if isinstance(error, OSError | MemoryError) else []
+    _say(name, "; ".join([message, *kept]))
     return 1
 
 

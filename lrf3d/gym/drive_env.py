@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.gym.task import GOAL_RADIUS, DriveTask
+from lrf3d.render.window import Window
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
@@ -18,6 +19,7 @@ from lrf3d.scenario_file import load_scenario
 
 MAX_STEPS = 500
 """Default number of steps after which an episode is truncated."""
+
 
 Observation = dict[str, NDArray[np.float32]]
 
@@ -36,16 +38,18 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             radius and speed, and the time between two steps.
         sigma: Noise of the ranges [m] at range_max; the noise of the scenario if not given.
         max_steps: Steps after which an episode is truncated.
-        render_mode: ``rgb_array`` for pictures by `render`, or None.
+        render_mode: ``rgb_array`` for pictures by `render`, ``human`` for a window that shows each
+            step, or None.
         size: Width and height of the pictures [pixels].
         view: Their camera: ``chase``, ``first``, ``orbit`` or ``top``.
 
     Raises:
         InputError: An argument is invalid.
         WorldError: There is no such world.
+        MissingLibraryError: No window can be opened.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 5}  # noqa: RUF012
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 5}  # noqa: RUF012
 
     def __init__(
         self,
@@ -58,7 +62,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         view: str = "chase",
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError(f"render_mode {render_mode!r}: expected 'rgb_array' or None")
+            raise InputError(f"render_mode {render_mode!r}: expected 'human', 'rgb_array' or None")
         if max_steps < 1:
             raise InputError(f"max_steps {max_steps}: expected at least 1")
         scenario = world if isinstance(world, Scenario) else load_scenario(world)
@@ -68,6 +72,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.render_mode, self.max_steps = render_mode, max_steps
         self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / self.task.dt))}
         self._size, self._view = size, view
+        self._window = Window("lrf3d") if render_mode == "human" else None
         self._steps = 0
         self._film: list[tuple[Float, ...]] = []
 
@@ -88,7 +93,9 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if "goal" in options:
             self.task.goals[0] = options["goal"]
         self._steps, self._film = 0, []
-        return self._observe(), self._info()
+        observation = self._observe()
+        self._show()
+        return observation, self._info()
 
     def step(
         self, action: NDArray[np.float32]
@@ -100,16 +107,27 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         info = {**self._info(), "reached": reached, "collided": collided}
         ended = reached or collided
         cut = self._steps >= self.max_steps and not ended
-        return self._observe(), float(outcome.rewards[0]), ended, cut, info
+        observation = self._observe()
+        self._show()
+        return observation, float(outcome.rewards[0]), ended, cut, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A picture (h, w, 3) uint8 of the current state and the goal; None without a mode.
+        """A picture (h, w, 3) uint8 of the current state, as in a film, with the goal.
 
-        Raises:
-            MissingLibraryError: OpenGL is missing.
+        None without a render_mode, and with ``human``, where the window shows it.
         """
-        if self.render_mode is None or not self._film:
-            return None
+        return self._picture() if self.render_mode == "rgb_array" and self._film else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+
+    def _show(self) -> None:
+        if self._window is not None:
+            self._window.show(self._picture(), self.task.dt)
+
+    def _picture(self) -> NDArray[np.uint8]:
         from lrf3d.render.video import frame
 
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))

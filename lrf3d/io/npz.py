@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.lib import format as npy
@@ -140,18 +141,30 @@ def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
     """
     with replacing(path) as unfinished, unfinished.open("wb") as file:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
-            for column in columns:
-                member = zipfile.ZipInfo(f"{column.name}.npy", EPOCH)
-                taken = file.tell() + _LOCAL_HEADER + len(member.filename) + _ZIP64 + _PADDING
-                padding = -taken % ALIGNED
-                # An extra field of an unknown kind, which readers skip.
-                member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
-                with archive.open(member, "w", force_zip64=True) as stream:
-                    stream.write(_header(column))
-                    for block in _checked(column, path):
-                        stream.write(np.ascontiguousarray(block).reshape(-1).view(np.uint8).data)
+            try:
+                for column in columns:
+                    _write_member(archive, file, column, path)
+            except BaseException:
+                # Closing an archive would complete it, which fails as well and hides the error.
+                archive.fp = None
+                raise
         file.flush()
         os.fsync(file.fileno())
+
+
+def _write_member(
+    archive: zipfile.ZipFile, file: IO[bytes], column: Column, path: str | Path
+) -> None:
+    """Write an array to an archive, aligned in its file."""
+    member = zipfile.ZipInfo(f"{column.name}.npy", EPOCH)
+    taken = file.tell() + _LOCAL_HEADER + len(member.filename) + _ZIP64 + _PADDING
+    padding = -taken % ALIGNED
+    # An extra field of an unknown kind, which readers skip.
+    member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
+    with archive.open(member, "w", force_zip64=True) as stream:
+        stream.write(_header(column))
+        for block in _checked(column, path):
+            stream.write(np.ascontiguousarray(block).reshape(-1).view(np.uint8).data)
 
 
 def _checked(column: Column, path: str | Path) -> Iterator[Array]:

@@ -65,9 +65,15 @@ def write_folder(run: Run, path: Path) -> None:
         raise OutputError(f"{path}: exists and is not a bag; choose another place")
     with _bag_of(run, path) as folder:
         old = Path(folder.parent, "old")
-        if path.exists():
-            path.rename(old)
-        folder.rename(path)
+        try:
+            if path.exists():
+                path.rename(old)
+            folder.rename(path)
+        except BaseException:
+            # Until the new bag is in its place, the older one is kept.
+            if old.exists() and not path.exists():
+                old.rename(path)
+            raise
 
 
 @contextmanager

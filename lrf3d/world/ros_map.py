@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.input import opened, own_name, read_text
-from lrf3d.output import replacing, write_text
+from lrf3d.output import replacing
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.outlines import BAND
@@ -280,15 +280,16 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     cells, (x, y) = map_cells(world, resolution, path, margin=margin)
     picture = path.with_suffix(".pgm")
     rows, columns = cells.shape
-    with replacing(picture) as unfinished:
-        unfinished.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + cells[::-1].tobytes())
-    write_text(
-        path,
-        # A JSON string is valid YAML for any name.
+    # A JSON string is valid YAML for any name.
+    text = (
         f"image: {json.dumps(picture.name)}\nresolution: {resolution!r}\n"
         f"origin: [{x!r}, {y!r}, 0.0]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n",
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n"
     )
+    # Both are complete before either replaces an older one, which it would not match.
+    with replacing(path) as described, replacing(picture) as drawn:
+        drawn.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + cells[::-1].tobytes())
+        described.write_text(text, encoding="utf-8")
 
 
 def cell_size(world: World, least: float = RESOLUTION) -> float:

@@ -185,6 +185,41 @@ def test_pictures_show_the_goal(renderer, monkeypatch):
     assert green[0] > 40 and green[1] == 0
 
 
+def test_the_goal_is_a_disc_in_the_pictures_alone():
+    pictures, observed = [], []
+    env = DriveEnv("paper_room", render_mode="rgb_array", size=(160, 90), view="top", sigma=0.0)
+    for goal in ((5.5, 2.4), (3.0, 1.2)):
+        observation, _ = env.reset(seed=3, options={"pose": (2.0, 2.0, 0.2), "goal": goal})
+        pictures.append(env.render().astype(int))
+        observed.append(observation["ranges"])
+    changed = (np.abs(pictures[0] - pictures[1]).max(axis=2) > 30).sum()
+    # Two discs, and their marks in the inset.
+    assert 20 < changed < 1500
+    assert np.array_equal(*observed)
+
+
+def test_each_step_is_shown_in_a_window(monkeypatch):
+    shown = []
+
+    class Fake:
+        def __init__(self, title):
+            shown.append(title)
+
+        def show(self, picture, seconds):
+            shown.append((picture.shape, seconds))
+
+        def close(self):
+            shown.append("closed")
+
+    monkeypatch.setattr("lrf3d.gym.drive_env.Window", Fake)
+    env = DriveEnv("paper_room", render_mode="human", size=(160, 90))
+    env.reset(seed=3)
+    env.step(np.array([0.1, 0.0]))
+    assert env.render() is None
+    env.close()
+    assert shown == ["lrf3d", *[((90, 160, 3), env.task.dt)] * 2, "closed"]
+
+
 def test_the_benchmark_of_robots_tells_its_rate():
     from benchmarks.robots import bench_robots
 
@@ -201,7 +236,7 @@ def test_without_gymnasium_the_line_to_run_is_told(monkeypatch):
 
 
 def test_settings_that_make_no_sense_are_refused():
-    for settings in ({"sigma": -1.0}, {"max_steps": 0}, {"render_mode": "human"}):
+    for settings in ({"sigma": -1.0}, {"max_steps": 0}, {"render_mode": "ansi"}):
         for made in (DriveEnv, lambda **settings: DriveVectorEnv(2, **settings)):
             with pytest.raises(lrf3d.InputError, match=next(iter(settings))):
                 made(world=CORRIDOR, **settings)

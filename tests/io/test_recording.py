@@ -12,6 +12,7 @@ import lrf3d
 from lrf3d import (
     InputError,
     LaserRangeFinder,
+    LaserScan,
     LineMap,
     LineMapper,
     OutputError,
@@ -239,6 +240,17 @@ def test_what_a_mapper_has_learnt_is_taken_back_to_the_last_bit():
                 other.update(step.scan)
         assert np.array_equal(one.map.segments, other.map.segments)
         assert all(np.array_equal(one.state()[key], value) for key, value in other.state().items())
+
+
+@pytest.mark.parametrize("mode", ["robust", "paper"])
+def test_a_mapper_that_has_no_segment_yet_is_restored(mode):
+    one, other = LineMapper(mode, sigma=0.1), LineMapper(mode, sigma=0.1)
+    far = LaserScan((0, 0, 0), LRF.angles, np.full(61, np.inf))
+    one.update(far)
+    other.restore(one.state())
+    assert len(other.map) == 0
+    steps = simulation(mode, mapper=other, scans=3)
+    assert [len(step.map) > 0 for step in steps] == [True] * 3
 
 
 KILLED = """

@@ -1,4 +1,5 @@
 import json
+import math
 import sys
 from dataclasses import replace
 from itertools import pairwise
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from bags import STORE, mounted, odometry, pose, rosbag2, scan, transform, write
+from estimates import estimated
 from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
@@ -18,6 +20,7 @@ from lrf3d.io import load_log
 from lrf3d.io.bag_messages import ODOMETRY, POSE, SCAN, TRANSFORMS, bounded_unpacking
 from lrf3d.laser import LaserRangeFinder, LaserScan, Stamp
 from lrf3d.mapping import LineMapper
+from lrf3d.pose import Pose
 
 TURNS = {"upright": (0, 0, 0, 1), "upside down": (1, 0, 0, 0), "left": (0, 0, 0.5**0.5, 0.5**0.5)}
 
@@ -154,6 +157,38 @@ def test_the_lines_of_a_bag_are_the_map_snapshots_in_their_colours(run, mcap, tm
     colours = [(each.r, each.g, each.b) for each in marker.colors[::2]]
     assert len(set(colours)) == run.map.object_count
     assert len(marker.colors) == len(marker.points)
+
+
+def test_a_bag_of_a_run_with_an_estimate_moves_the_map_over_the_odometry(run, tmp_path):
+    drift = np.linspace(0.0, 0.4, len(run))
+    wheels = run.trajectory.poses + np.column_stack([drift, -drift, 0.2 * drift])
+    believed = estimated(run, shift=(0.3, 0.4, 0.05))
+    estimate = replace(believed.estimate, odometry=wheels)
+    export_run(replace(believed, estimate=estimate), "mcap", tmp_path / "run.mcap")
+    [fixed] = messages_of(tmp_path / "run.mcap", "/tf_static")
+    assert [each.child_frame_id for each in fixed.transforms] == ["laser"]
+    moves = messages_of(tmp_path / "run.mcap", "/tf")
+    measured = messages_of(tmp_path / "run.mcap", "/odom")
+    truth = messages_of(tmp_path / "run.mcap", "/ground_truth")
+    assert len(moves) == len(measured) == len(truth) == len(run)
+    for number, moved in enumerate(moves):
+        edges = {(each.header.frame_id, each.child_frame_id): each for each in moved.transforms}
+        assert set(edges) == {("map", "odom"), ("odom", "base_link")}
+        odom_from_base = planar(edges["odom", "base_link"])
+        map_from_base = planar(edges["map", "odom"]) @ odom_from_base
+        for base, expected in ((odom_from_base, wheels), (map_from_base, estimate.poses)):
+            x, y, theta = expected[number]
+            assert base[:2] == pytest.approx((x, y), abs=1e-9)
+            assert wrap_angle(base.theta - theta) == pytest.approx(0.0, abs=1e-9)
+        places = [each[number].pose.pose.position for each in (measured, truth)]
+        assert (places[0].x, places[0].y) == pytest.approx(tuple(wheels[number, :2]))
+        assert (places[1].x, places[1].y) == pytest.approx(tuple(run.trajectory.poses[number, :2]))
+
+
+def planar(moved):
+    """The pose in the plane of a stamped transform."""
+    shift, turn = moved.transform.translation, moved.transform.rotation
+    return Pose(shift.x, shift.y, 2.0 * math.atan2(turn.z, turn.w))
 
 
 def test_layouts_for_other_programs_show_topics_that_a_bag_has(mcap):

@@ -132,7 +132,7 @@ class ObjectGroups:
         order = np.argsort(labels, kind="stable")
         rows, labels = rows[order], labels[order]
         begins = np.flatnonzero(np.diff(labels, prepend=-1))
-        ends = [*begins[1:].tolist(), len(rows)]
+        ends = np.append(begins, len(rows))[1:].tolist()
         for label, begin, end in zip(labels[begins].tolist(), begins.tolist(), ends, strict=True):
             self._members[label] = rows[begin:end]
 

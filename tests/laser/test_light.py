@@ -1,0 +1,74 @@
+"""The light of a laser beam: shares at glass and mirrors, brightness of surfaces, intensity."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrf3d.laser.light import brightness, intensity, shares
+
+cosines = st.floats(0.0, 1.0)
+unit = st.floats(0.0, 1.0)
+
+
+@given(cosines, unit, st.floats(1.01, 3.0))
+def test_glass_splits_all_light_that_it_does_not_scatter(cos, diffuse, index):
+    mirrored, passed = shares(cos, diffuse, 0.0, 0.0, index)
+    assert 0.0 <= mirrored <= 1.0 and -1e-12 <= passed <= 1.0
+    assert mirrored + passed == pytest.approx(1.0 - diffuse)
+
+
+@given(st.floats(1.01, 3.0))
+def test_glass_at_a_right_angle_mirrors_after_fresnel_at_both_faces(index):
+    face = ((index - 1.0) / (index + 1.0)) ** 2
+    mirrored, _ = shares(1.0, 0.0, 0.0, 0.0, index)
+    assert mirrored == pytest.approx(2.0 * face / (1.0 + face))
+
+
+@given(st.floats(1.2, 2.5))
+def test_glass_mirrors_one_polarisation_alone_at_brewsters_angle(index):
+    cos = 1.0 / math.hypot(1.0, index)
+    inside = math.sqrt(1.0 - (1.0 - cos * cos) / index**2)
+    face = ((cos - index * inside) / (cos + index * inside)) ** 2
+    mirrored, _ = shares(cos, 0.0, 0.0, 0.0, index)
+    assert mirrored == pytest.approx(face / (1.0 + face), rel=1e-9)
+
+
+def test_glass_that_is_grazed_is_a_mirror():
+    assert shares(0.0, 0.0, 0.0, 0.0, 1.5) == pytest.approx((1.0, 0.0))
+
+
+def test_without_an_index_the_shares_are_those_of_the_material():
+    assert shares(0.3, 0.1, 0.6, 0.2, 0.0) == (0.6, 0.2)
+
+
+@given(cosines, unit, unit)
+def test_a_surface_without_a_lobe_is_as_bright_as_its_cosine(cos, diffuse, retro):
+    sin = math.sqrt(1.0 - cos * cos)
+    expected = (diffuse + retro) * cos
+    assert brightness(cos, sin, diffuse, retro, 0.5, 0.0) == pytest.approx(expected)
+    assert brightness(cos, sin, diffuse, retro, 0.0, 0.1) == pytest.approx(expected)
+
+
+def test_the_lobe_of_a_glossy_surface_is_a_gaussian_of_twice_the_angle():
+    lobe, angle = 0.2, 0.1
+    head_on = brightness(1.0, 0.0, 0.0, 0.0, 0.8, lobe)
+    assert head_on == pytest.approx(0.8 / (2.0 * lobe**2))
+    tilted = brightness(math.cos(angle), math.sin(angle), 0.0, 0.0, 0.8, lobe)
+    assert tilted == pytest.approx(head_on * math.exp(-0.5 * (2.0 * angle / lobe) ** 2))
+
+
+@given(st.floats(0.1, 80.0), unit)
+def test_intensity_falls_with_the_square_of_the_distance(distance, bright):
+    assert intensity(bright, distance, 0.0) == pytest.approx(bright / distance**2)
+    assert intensity(bright, 1.0, 2.0) == pytest.approx(bright)
+
+
+def test_the_near_field_is_darker_and_the_far_field_is_not():
+    length = 2.0
+    caught = -math.expm1(-2.0 / length**2)
+    assert intensity(1.0, 50.0, length) == pytest.approx(1.0 / 50.0**2 / caught)
+    near = [intensity(1.0, 0.01 * count, length) for count in (1, 2, 4)]
+    # Close by, the share that is caught makes up for the square of the distance.
+    assert near == pytest.approx([2.0 / length**2 / caught] * 3, rel=1e-2)
