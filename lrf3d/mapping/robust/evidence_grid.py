@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.blocks import SIDE, Blocks, rehashed, take_open, take_solid
+from lrf3d.mapping.robust.blocks import SIDE, Blocks, rehashed
 from lrf3d.mapping.robust.cells import Cells, NewEvidence, add_beams
 from lrf3d.mapping.robust.constants import PASS_DIRECTIONS
 
@@ -48,16 +48,21 @@ class EvidenceGrid:
         self, beams: Beams, place: tuple[float, float], fresh: NewEvidence | None = None
     ) -> None:
         """Add the beams of a scan from a place [m], and count them for the walls they concern."""
-        units, ranges, deviations = beams
         if fresh is None:
-            fresh = NewEvidence.of_no_walls(len(ranges))
-        x, y = place
+            fresh = NewEvidence.of_no_walls(len(beams.ranges))
+        done, short = add_beams(self.cells, 0, place, beams, fresh)
+        while done < len(beams.ranges):
+            self._grow(short)
+            done, short = add_beams(self.cells, done, place, beams, fresh)
+
+    def _grow(self, short: int) -> None:
+        """Have room for twice as many open blocks (0), solid blocks (1) or clusters (2)."""
         cells = self.cells
-        while not take_open(cells.open, x, y, units, ranges):
+        if short == 0:
             cells = cells._replace(open=rehashed(cells.open), passes=_doubled(cells.passes, 0))
-        while not take_solid(cells.solid, x, y, units, ranges):
+        elif short == 1:
             cells = cells._replace(solid=rehashed(cells.solid), heads=_doubled(cells.heads, -1))
-        while cells.used[0] + len(ranges) > len(cells.moments):
+        else:
             cells = cells._replace(
                 following=_doubled(cells.following, -1),
                 ways=_doubled(cells.ways, 0),
@@ -69,7 +74,6 @@ class EvidenceGrid:
                 misses=_doubled(cells.misses, 0),
             )
         self.cells = cells
-        add_beams(cells, x, y, units, ranges, deviations, fresh)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that the grid is, as plain arrays by their names; `restore` takes them back."""
