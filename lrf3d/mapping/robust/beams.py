@@ -12,9 +12,7 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.robust.constants import CELL, LEAST_LOST, LOSS_ODDS, MOST_LOST
-from lrf3d.mapping.segment_table import SegmentTable
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
 """[m] Where the first scan was taken in the map's frame: off the edges of the cells, on which
@@ -52,14 +50,6 @@ class Frame(NamedTuple):
         cos, sin = np.cos(self.theta), np.sin(self.theta)
         place = float(cos * dx + sin * dy + SHIFT[0]), float(cos * dy - sin * dx + SHIFT[1])
         return place, float(scan.pose.theta - self.theta)
-
-    def map_of(self, table: SegmentTable) -> LineMap:
-        """The map in the world of a table in this frame."""
-        cos, sin = np.cos(self.theta), np.sin(self.theta)
-        turn = np.array([[cos, sin], [-sin, cos]])
-        ends = (table.ends.reshape(-1, 2) - SHIFT) @ turn
-        turned = SegmentTable(ends.reshape(-1, 4), table.moments, table.points, table.unions)
-        return turned.as_map(np.array([self.x, self.y]))
 
 
 class Beams(NamedTuple):

@@ -75,7 +75,8 @@ def take_block(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
     if blocks.keys[slot] == EMPTY:
         blocks.keys[slot], blocks.numbers[slot] = (x << 31) + y, blocks.used[0]
         blocks.used[0] += 1
-    return blocks.numbers[slot]
+    number: int = blocks.numbers[slot]
+    return number
 
 
 @inner

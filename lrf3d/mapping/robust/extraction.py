@@ -324,4 +324,3 @@ class LikelihoodExtractor:
         """The local map of a scan, in the world's directions around the laser's place."""
         ends, moments, labels = self.walls(scan, float(scan.pose.theta), self.noise(scan))
         return SegmentTable(ends, moments, labels[:, 0], labels[:, 1])
-

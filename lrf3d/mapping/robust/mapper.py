@@ -61,6 +61,7 @@ class RobustMapper:
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._refine(fresh, noise)
+        self._refined.publish(self._frame)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
 
@@ -122,8 +123,7 @@ class RobustMapper:
     def map(self) -> LineMap:
         """The global map as it is now."""
         if self._map is None:
-            table = self._refined.table()
-            self._map = LineMap.empty() if self._frame is None else self._frame.map_of(table)
+            self._map = self._refined.map
         return self._map
 
     def state(self) -> dict[str, Any]:
@@ -146,11 +146,11 @@ class RobustMapper:
         self._walls.restore(state)
         self._grid.restore(state)
         self._noise.restore(state)
-        self._refined.restore(state)
         last = state["last_scan"].tolist()
         self._last_scan = last[0] if last else None
         frame = state["frame"]
         self._frame = None if np.isnan(frame).any() else Frame(*frame.tolist())
+        self._refined.restore(state, self._frame or Frame(0.0, 0.0, 0.0))
         self._last_scans = state["wall_last_scans"].copy()
         self._refit = state["refit"].copy()
         self._scans = int(state["scans"][0])

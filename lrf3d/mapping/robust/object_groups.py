@@ -53,7 +53,7 @@ class ObjectGroups:
         moved: Int,
         cells: Cells,
         noise: RangeNoise,
-    ) -> None:
+    ) -> Int:
         """Follow a change of the pool.
 
         Args:
@@ -64,6 +64,9 @@ class ObjectGroups:
             moved: The rows whose segments have changed a little, some of the others too.
             cells: What the beams have shown.
             noise: The noise of the ranges.
+
+        Returns:
+            The rows whose segments, objects or corners have changed, some of them twice.
         """
         while len(self.labels) < len(pool.parents):
             self.closed, self.labels = longer(self.closed), longer(self.labels)
@@ -88,7 +91,8 @@ class ObjectGroups:
             changed.append(self._regroup(pool, rows, sorted(near), cells, noise))
         ends, points = pool.walls.ends, pool.walls.points
         rows = np.unique(np.concatenate(changed))
-        close_corners(rows, ends, points, self.labels, pool.grid, pool.search, self.closed)
+        around = close_corners(rows, ends, points, self.labels, pool.grid, pool.search, self.closed)
+        return np.concatenate([rows, around])
 
     def _add_links(self, pool: SegmentPool, fresh: Int) -> None:
         """Link fresh rows with what is near them."""

@@ -16,6 +16,8 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import RangeNoise
+from lrf3d.mapping.line_map import LineMap
+from lrf3d.mapping.robust.beams import Frame
 from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
     FOLLOWED,
@@ -32,11 +34,11 @@ from lrf3d.mapping.robust.joining import (
     parts_of,
     tie_rings,
 )
+from lrf3d.mapping.robust.live_map import LiveMap
 from lrf3d.mapping.robust.object_groups import ObjectGroups
 from lrf3d.mapping.robust.refitting import refit_segments
 from lrf3d.mapping.robust.segment_pool import SegmentPool
 from lrf3d.mapping.robust.walls import Rule, longer
-from lrf3d.mapping.segment_table import SegmentTable
 
 LEAST_ROWS = 256
 """Walls that a new refinement has room for."""
@@ -68,6 +70,8 @@ class MapRefinement:
         self._joint = np.zeros(LEAST_ROWS, np.int64)
         self._rings, self._marks = np.arange(LEAST_ROWS), np.zeros(LEAST_ROWS, np.bool_)
         self.groups = ObjectGroups()
+        self._changed: list[Int] = []
+        self._live = LiveMap()
 
     def grow(self, rows: int) -> None:
         """Have room for so many walls."""
@@ -156,7 +160,9 @@ class MapRefinement:
             hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
         gone, fresh, renewed = self.segments.exchange(old, found, moments, hits, parents)
         moved = np.array(self.segments.rows_of(set(parents.tolist())), np.int64)
-        self.groups.update(self.segments, gone, fresh, renewed, moved, cells, noise)
+        self._changed.append(
+            self.groups.update(self.segments, gone, fresh, renewed, moved, cells, noise)
+        )
 
     def _refit(
         self,
@@ -182,16 +188,19 @@ class MapRefinement:
         totals: Float = sums[first[1:] - spare] - sums[first[:-1] + spare]
         return found[real], moments[real], labels[real], totals
 
-    def table(self) -> SegmentTable:
-        """The segments of the map as they are now."""
-        rows = self.segments.rows()
-        walls = self.segments.walls
-        return SegmentTable(
-            self.groups.closed[rows],
-            walls.moments[rows],
-            walls.points[rows],
-            self.groups.labels[rows],
-        )
+    def publish(self, frame: Frame) -> None:
+        """Bring the map in the world up to date."""
+        if self._changed:
+            self._live.update(np.concatenate(self._changed), *self._shown(), frame)
+            self._changed.clear()
+
+    def _shown(self) -> tuple[Float, Int, Int]:
+        return self.groups.closed, self.segments.walls.points, self.groups.labels
+
+    @property
+    def map(self) -> LineMap:
+        """The map in the world, as it was published last."""
+        return self._live.value()
 
     def state(self) -> dict[str, Any]:
         """All that was worked out, as plain arrays by their names; `restore` takes them back."""
@@ -199,6 +208,7 @@ class MapRefinement:
             **self._stretches.state("stretch"),
             **self.segments.state("segment"),
             **self.groups.state(),
+            **self._live.state(),
             "refit_stamps": self.stamps.copy(),
             "new_evidence": self.new_evidence.copy(),
             "refit_evidence": self.evidence.copy(),
@@ -206,11 +216,13 @@ class MapRefinement:
             "joints": self._joint.copy(),
         }
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any], frame: Frame) -> None:
         """Go on from what was worked out."""
         self._stretches.restore(state, "stretch")
         self.segments.restore(state, "segment")
         self.groups.restore(state, self.segments)
+        self._live.restore(state, *self._shown(), frame)
+        self._changed.clear()
         self.stamps, self.evidence = state["refit_stamps"].copy(), state["refit_evidence"].copy()
         self.new_evidence = state["new_evidence"].copy()
         self._joint_new = np.zeros(len(state["joints"]))
