@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.geometry import Float, Int
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.robust.beams import Frame
@@ -24,10 +24,8 @@ from lrf3d.mapping.robust.constants import (
     FORSAKEN,
     OPEN_WEIGHT,
     PIECE,
-    SHORT_WALL,
     VIOLATION_WEIGHT,
 )
-from lrf3d.mapping.robust.evidence import Round, gather_evidence
 from lrf3d.mapping.robust.joining import (
     join_stretches,
     neighbours_of,
@@ -36,7 +34,7 @@ from lrf3d.mapping.robust.joining import (
 )
 from lrf3d.mapping.robust.live_map import LiveMap
 from lrf3d.mapping.robust.object_groups import ObjectGroups
-from lrf3d.mapping.robust.refitting import refit_segments
+from lrf3d.mapping.robust.refitting import Refit, refit_walls
 from lrf3d.mapping.robust.segment_pool import SegmentPool
 from lrf3d.mapping.robust.walls import Rule, longer
 
@@ -105,12 +103,12 @@ class MapRefinement:
         parts = parts[self._stretches.walls.points[parts] > 0]
         contradicted: list[int] = []
         if len(walls):
-            found, moments, labels, totals = self._refit(
-                0, walls, followed(ends, FOLLOWED), self.stamps, self.new_evidence, cells, FOLLOWED
-            )
+            refit = Refit(
+                0, walls, ends, FOLLOWED, FOLLOWED, self._rule.distance, self._least,
+                self.stamps, self.new_evidence,
+            )  # fmt: skip
+            found, moments, hits, parents, totals = refit_walls(refit, cells)
             self.evidence[walls] = totals @ (1.0, OPEN_WEIGHT)
-            hits = labels[:, 1].astype(np.int64)
-            parents = walls[labels[:, 0].astype(np.int64)]
             fresh = self._stretches.add(found, moments, hits, parents)
             while len(self._joint) < len(self._stretches.parents):
                 self._joint = longer(self._joint)
@@ -152,41 +150,17 @@ class MapRefinement:
             self._joint[rows[changed]] = rows[roots[changed]]
             tie_rings(rows[changed], self._joint, self._rings)
             kept = np.flatnonzero(changed & (walls.points > 0))
-            found, moments, labels, _ = self._refit(
+            refit = Refit(
                 # They end at hits, which a little less would miss.
-                1, rows[kept], followed(walls.ends[kept], 0.1 * PIECE), self._joint_stamps,
-                self._joint_new, cells, 0.0,
+                1, rows[kept], walls.ends[kept], 0.1 * PIECE, 0.0, self._rule.distance,
+                self._least, self._joint_stamps, self._joint_new,
             )  # fmt: skip
-            hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
+            found, moments, hits, parents, _ = refit_walls(refit, cells)
         gone, fresh, renewed = self.segments.exchange(old, found, moments, hits, parents)
         moved = np.array(self.segments.rows_of(set(parents.tolist())), np.int64)
         self._changed.append(
             self.groups.update(self.segments, gone, fresh, renewed, moved, cells, noise)
         )
-
-    def _refit(
-        self,
-        number: int,
-        walls: Int,
-        ends: Float,
-        stamps: Any,
-        lost: Float,
-        cells: Cells,
-        margin: float,
-    ) -> tuple[Float, Float, Float, Float]:
-        """The real segments of walls: ends, moments, labels; and evidence (walls, 2) of each."""
-        pieces = np.maximum(np.ceil(lengths(ends) / PIECE).astype(np.int64), 1)
-        first = np.concatenate([[0], np.cumsum(pieces)])
-        turn = Round(number, walls, ends, first, stamps, lost)
-        counts, sums = gather_evidence(turn, cells, self._rule.distance, margin)
-        found, moments, labels = refit_segments(ends, first, counts, sums)
-        hits, violations = labels[:, 1], labels[:, 2]
-        factor = np.where(lengths(found) < SHORT_WALL, 2, 1)
-        real = (hits >= factor * self._least) & (factor * violations <= hits)
-        spare = int(margin / PIECE)
-        sums = np.concatenate([np.zeros((1, 2)), np.cumsum(counts[:, :2], axis=0)])
-        totals: Float = sums[first[1:] - spare] - sums[first[:-1] + spare]
-        return found[real], moments[real], labels[real], totals
 
     def publish(self, frame: Frame) -> None:
         """Bring the map in the world up to date."""
@@ -230,11 +204,3 @@ class MapRefinement:
         self._marks = np.zeros(len(self._joint), np.bool_)
         self._rings = np.arange(len(self._joint))
         tie_rings(self._stretches.rows(), self._joint, self._rings)
-
-
-def followed(ends: Float, farther: float) -> Float:
-    """Walls (m, 4), longer by so much [m] at both ends."""
-    units = ends[:, 2:] - ends[:, :2]
-    units = farther * units / lengths(ends)[:, None]
-    longer_ends: Float = ends + np.hstack([-units, units])
-    return longer_ends
