@@ -68,7 +68,7 @@ class ObjectGroups:
         Returns:
             The rows whose segments, objects or corners have changed, some of them twice.
         """
-        while len(self.labels) < len(pool.parents):
+        while len(self.labels) < pool.size:
             self.closed, self.labels = longer(self.closed), longer(self.labels)
             heads = np.concatenate([self._links.heads, np.full_like(self._links.heads, -1)])
             self._links = self._links._replace(heads=heads)

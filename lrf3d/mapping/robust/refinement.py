@@ -26,12 +26,7 @@ from lrf3d.mapping.robust.constants import (
     PIECE,
     VIOLATION_WEIGHT,
 )
-from lrf3d.mapping.robust.joining import (
-    join_stretches,
-    neighbours_of,
-    parts_of,
-    tie_rings,
-)
+from lrf3d.mapping.robust.joining import Joints, loosen_walls, rejoin_stretches, tie_rings
 from lrf3d.mapping.robust.live_map import LiveMap
 from lrf3d.mapping.robust.object_groups import ObjectGroups
 from lrf3d.mapping.robust.refitting import Refit, refit_walls
@@ -61,12 +56,8 @@ class MapRefinement:
         self._rule, self._least = rule, least
         self.stamps = np.zeros(LEAST_ROWS, np.int32)
         self.new_evidence, self.evidence = np.zeros(LEAST_ROWS), np.zeros(LEAST_ROWS)
-        self._joint_stamps = np.zeros(LEAST_ROWS, np.int32)
-        self._joint_new = np.zeros(LEAST_ROWS)
         self._stretches, self.segments = SegmentPool(), SegmentPool()
-        # The joined wall that each stretch is a part of is named by one of them.
-        self._joint = np.zeros(LEAST_ROWS, np.int64)
-        self._rings, self._marks = np.arange(LEAST_ROWS), np.zeros(LEAST_ROWS, np.bool_)
+        self._joints = Joints.of_size(LEAST_ROWS)
         self.groups = ObjectGroups()
         self._changed: list[Int] = []
         self._live = LiveMap()
@@ -92,75 +83,43 @@ class MapRefinement:
         Returns:
             Those of them that the beams went through and that have nothing real.
         """
-        self.stamps[gone] += 1
-        if not len(walls) and not self._stretches.rows_of(gone.tolist()):
-            return []
-        changed = [*walls.tolist(), *gone.tolist()]
-        old = np.array(self._stretches.rows_of(changed), np.int64)
-        parts = parts_of(old, self._rings, self._marks)
-        affected = set(self._joint[parts].tolist())
-        self._stretches.drop(changed)
-        parts = parts[self._stretches.walls.points[parts] > 0]
-        contradicted: list[int] = []
-        if len(walls):
-            refit = Refit(
-                0, walls, ends, FOLLOWED, FOLLOWED, self._rule.distance, self._least,
-                self.stamps, self.new_evidence,
-            )  # fmt: skip
-            found, moments, hits, parents, totals = refit_walls(refit, cells)
-            self.evidence[walls] = totals @ (1.0, OPEN_WEIGHT)
-            fresh = self._stretches.add(found, moments, hits, parents)
-            while len(self._joint) < len(self._stretches.parents):
-                self._joint = longer(self._joint)
-                self._marks = np.zeros(len(self._joint), np.bool_)
-                self._rings = np.concatenate([self._rings, np.empty_like(self._rings)])
-                self._joint_stamps = longer(self._joint_stamps)
-                self._joint_new = longer(self._joint_new)
-            weak = VIOLATION_WEIGHT * totals[:, 1] > FORSAKEN * totals[:, 0]
-            weak[np.isin(walls, parents)] = False
-            contradicted = walls[weak].tolist()
-            parts = np.concatenate([parts, fresh])
         stretches = self._stretches
-        neighbours = neighbours_of(
-            parts,
-            stretches.walls,
-            stretches.grid,
-            stretches.search,
-            self._rings,
-            self._marks,
-            self._rule,
-        )
-        self._rejoin(np.sort(parts), neighbours, affected, cells, noise)
-        return contradicted
+        self.stamps[gone] += 1
+        changed = np.concatenate([walls, gone])
+        stretches.make_room(0, len(self.stamps))
+        loose, broken = loosen_walls(changed, stretches.pool, stretches.grid, self._joints)
+        if not len(walls) and not len(broken):
+            return []
+        refit = Refit(
+            0, walls, ends, FOLLOWED, FOLLOWED, self._rule.distance, self._least,
+            self.stamps, self.new_evidence,
+        )  # fmt: skip
+        found, totals = refit_walls(refit, cells)
+        self.evidence[walls] = totals[:, 0] + OPEN_WEIGHT * totals[:, 1]
+        contradicted = VIOLATION_WEIGHT * totals[:, 1] > FORSAKEN * totals[:, 0]
+        contradicted &= totals[:, 2] == 0.0
+        fresh = stretches.add(found, len(self.stamps))
+        while len(self._joints.names) < stretches.size:
+            self._joints = self._joints.doubled()
+        self._rejoin(np.concatenate([loose, fresh]), broken, cells, noise)
+        gone_through: list[int] = walls[contradicted].tolist()
+        return gone_through
 
-    def _rejoin(
-        self, loose: Int, others: Int, affected: set[int], cells: Cells, noise: RangeNoise
-    ) -> None:
+    def _rejoin(self, loose: Int, broken: Int, cells: Cells, noise: RangeNoise) -> None:
         """Join loose stretches with each other or with others, and find the segments they make."""
-        rows = np.concatenate([loose, others])
-        walls = self._stretches.walls.take(rows)
-        roots, changed = join_stretches(walls, len(loose), self._joint[rows], self._rule, cells)
-        affected.update(self._joint[others[changed[len(loose) :]]].tolist())
-        old = sorted(affected)
-        self._joint_stamps[old] += 1
-        found, moments = np.empty((0, 4)), np.empty((0, 6))
-        hits = parents = np.zeros(0, np.int64)
-        if len(rows):
-            # Walls that stayed as they were keep their names.
-            self._joint[rows[changed]] = rows[roots[changed]]
-            tie_rings(rows[changed], self._joint, self._rings)
-            kept = np.flatnonzero(changed & (walls.points > 0))
-            refit = Refit(
-                # They end at hits, which a little less would miss.
-                1, rows[kept], walls.ends[kept], 0.1 * PIECE, 0.0, self._rule.distance,
-                self._least, self._joint_stamps, self._joint_new,
-            )  # fmt: skip
-            found, moments, hits, parents, _ = refit_walls(refit, cells)
-        gone, fresh, renewed = self.segments.exchange(old, found, moments, hits, parents)
-        moved = np.array(self.segments.rows_of(set(parents.tolist())), np.int64)
-        self._changed.append(
-            self.groups.update(self.segments, gone, fresh, renewed, moved, cells, noise)
+        stretches, joints = self._stretches, self._joints
+        old, walls, ends = rejoin_stretches(
+            *(loose, broken, stretches.pool, stretches.grid, stretches.search),
+            *(joints, self._rule, cells),
         )
+        refit = Refit(
+            # They end at hits, which a little less would miss.
+            1, walls, ends, 0.1 * PIECE, 0.0, self._rule.distance, self._least,
+            joints.stamps, joints.lost,
+        )  # fmt: skip
+        found, _ = refit_walls(refit, cells)
+        changes = self.segments.exchange(old, found, stretches.size)
+        self._changed.append(self.groups.update(self.segments, *changes, cells, noise))
 
     def publish(self, frame: Frame) -> None:
         """Bring the map in the world up to date."""
@@ -186,8 +145,8 @@ class MapRefinement:
             "refit_stamps": self.stamps.copy(),
             "new_evidence": self.new_evidence.copy(),
             "refit_evidence": self.evidence.copy(),
-            "joint_stamps": self._joint_stamps.copy(),
-            "joints": self._joint.copy(),
+            "joint_stamps": self._joints.stamps.copy(),
+            "joints": self._joints.names.copy(),
         }
 
     def restore(self, state: Mapping[str, Any], frame: Frame) -> None:
@@ -199,8 +158,8 @@ class MapRefinement:
         self._changed.clear()
         self.stamps, self.evidence = state["refit_stamps"].copy(), state["refit_evidence"].copy()
         self.new_evidence = state["new_evidence"].copy()
-        self._joint_new = np.zeros(len(state["joints"]))
-        self._joint_stamps, self._joint = state["joint_stamps"].copy(), state["joints"].copy()
-        self._marks = np.zeros(len(self._joint), np.bool_)
-        self._rings = np.arange(len(self._joint))
-        tie_rings(self._stretches.rows(), self._joint, self._rings)
+        names = state["joints"].copy()
+        self._joints = Joints.of_size(len(names))._replace(
+            names=names, stamps=state["joint_stamps"].copy()
+        )
+        tie_rings(self._stretches.rows(), names, self._joints.rings)

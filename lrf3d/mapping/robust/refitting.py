@@ -29,6 +29,7 @@ from lrf3d.mapping.robust.constants import (
     WALL_COST,
 )
 from lrf3d.mapping.robust.evidence import Round, gather_evidence
+from lrf3d.mapping.robust.segment_pool import NewSegments
 
 
 class Refit(NamedTuple):
@@ -58,14 +59,11 @@ class Refit(NamedTuple):
 
 
 @compiled
-def refit_walls(
-    refit: Refit, cells: Cells
-) -> tuple[Float, Float, Int, Int, Float]:  # pragma: no cover
+def refit_walls(refit: Refit, cells: Cells) -> tuple[NewSegments, Float]:  # pragma: no cover
     """The real parts of walls.
 
     Returns:
-        (k, 4) their ends [m], (k, 6) their moments, (k,) their hits, (k,) the number of the wall
-        that each is of; and (m, 2) hits and free-space violations of each wall.
+        These parts; and (m, 3) hits, free-space violations and number of parts of each wall.
     """
     count = len(refit.ends)
     ends, first = np.empty((count, 4)), np.zeros(count + 1, np.int64)
@@ -81,7 +79,7 @@ def refit_walls(
     turn = Round(refit.number, refit.walls, ends, first, refit.stamps, refit.lost)
     counts, sums = gather_evidence(turn, cells, refit.near, refit.margin)
     parts, moments, labels = refit_segments(ends, first, counts, sums)
-    found = 0
+    found, spare, totals = 0, int(refit.margin / PIECE), np.zeros((count, 3))
     hits, parents = np.empty(len(parts), np.int64), np.empty(len(parts), np.int64)
     for part in range(len(parts)):
         length = np.hypot(parts[part, 2] - parts[part, 0], parts[part, 3] - parts[part, 1])
@@ -91,14 +89,16 @@ def refit_walls(
                 parts[found, k] = parts[part, k]
             for k in range(6):
                 moments[found, k] = moments[part, k]
-            hits[found], parents[found] = labels[part, 1], refit.walls[int(labels[part, 0])]
+            wall = int(labels[part, 0])
+            hits[found], parents[found] = labels[part, 1], refit.walls[wall]
+            totals[wall, 2] += 1.0
             found += 1
-    spare, totals = int(refit.margin / PIECE), np.zeros((count, 2))
     for wall in range(count):
         for piece in range(first[wall] + spare, first[wall + 1] - spare):
             totals[wall, 0] += counts[piece, 0]
             totals[wall, 1] += counts[piece, 1]
-    return parts[:found], moments[:found], hits[:found], parents[:found], totals
+    new = NewSegments(parts[:found], moments[:found], hits[:found], parents[:found])
+    return new, totals
 
 
 @inner
