@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, Search, near
 from lrf3d.mapping.robust.constants import (
@@ -134,27 +134,23 @@ def reach_before(wall: Float, link: Float) -> float:  # pragma: no cover
     return before
 
 
-@compiled
+@inner
 def add_links(
-    links: Links, fresh: Int, begin: int, places: Int, walls: Walls, grid: Grid, search: Search
-) -> int:  # pragma: no cover
+    links: Links, fresh: Int, places: Int, walls: Walls, grid: Grid, search: Search
+) -> None:  # pragma: no cover
     """Add the links of some walls to all others near them.
 
     Args:
-        links: Is written.
+        links: Is written; there is room for all that may come.
         fresh: (n,) the rows of the walls, which have no links.
-        begin: The first of them whose links are to be added.
         places: (rows,) at each of them its place among them; −1 at all other walls.
         walls: All walls.
         grid: Where they are, in cells of MERGE_CELL.
         search: Is written.
-
-    Returns:
-        The first of them that there was no room for; its links are to be dropped.
     """
     others, lines = np.empty(MOST_LINKS, np.int64), np.empty((MOST_LINKS + 1, 6))
     ends = walls.ends
-    for k in range(begin, len(fresh)):
+    for k in range(len(fresh)):
         wall = fresh[k]
         search.number[0] += 1
         stamp = search.number[0]
@@ -184,11 +180,9 @@ def add_links(
             link = links.used[1]
             if link >= 0:
                 links.used[1] = links.following[link, 0]
-            elif links.used[0] < len(links.kinds):
+            else:
                 link = links.used[0]
                 links.used[0] += 1
-            else:
-                return k
             links.kinds[link] = UNASKED
             for place in range(6):
                 links.lines[link, place] = line[place]
@@ -200,7 +194,6 @@ def add_links(
                 if head >= 0:
                     links.preceding[head >> 1, head & 1] = entry
                 links.heads[row] = entry
-    return len(fresh)
 
 
 @inner
@@ -218,7 +211,7 @@ def drop_link(links: Links, link: int) -> None:  # pragma: no cover
     links.used[1] = link
 
 
-@compiled
+@inner
 def drop_links(links: Links, walls: Int) -> None:  # pragma: no cover
     """Take all links of some walls (n,) out."""
     for k in range(len(walls)):
@@ -226,7 +219,7 @@ def drop_links(links: Links, walls: Int) -> None:  # pragma: no cover
             drop_link(links, links.heads[walls[k]] >> 1)
 
 
-@compiled
+@inner
 def renew_links(links: Links, walls: Int, ends: Float) -> None:  # pragma: no cover
     """Measure the links of some walls (n,) anew, and have the beams asked about them again."""
     for k in range(len(walls)):
@@ -239,19 +232,3 @@ def renew_links(links: Links, walls: Int, ends: Float) -> None:  # pragma: no co
                 links.kinds[link] = UNASKED
             else:
                 drop_link(links, link)
-
-
-@compiled
-def linked_labels(links: Links, walls: Int, labels: Int) -> Int:  # pragma: no cover
-    """The labels of what some walls (n,) are linked with; few of them more than once."""
-    found = np.empty(2 * links.used[0] + 1, np.int64)
-    count = 0
-    for k in range(len(walls)):
-        entry = links.heads[walls[k]]
-        while entry >= 0:
-            label = labels[links.pairs[entry >> 1, 1 - (entry & 1)]]
-            if count == 0 or label != found[count - 1]:
-                found[count] = label
-                count += 1
-            entry = links.following[entry >> 1, entry & 1]
-    return found[:count]

@@ -118,8 +118,8 @@ class MapRefinement:
             joints.stamps, joints.lost,
         )  # fmt: skip
         found, _ = refit_walls(refit, cells)
-        changes = self.segments.exchange(old, found, stretches.size)
-        self._changed.append(self.groups.update(self.segments, *changes, cells, noise))
+        change = self.segments.exchange(old, found, stretches.size)
+        self._changed.append(self.groups.update(self.segments, change, cells, noise))
 
     def publish(self, frame: Frame) -> None:
         """Bring the map in the world up to date."""
@@ -153,7 +153,7 @@ class MapRefinement:
         """Go on from what was worked out."""
         self._stretches.restore(state, "stretch")
         self.segments.restore(state, "segment")
-        self.groups.restore(state, self.segments)
+        self.groups.restore(state)
         self._live.restore(state, *self._shown(), frame)
         self._changed.clear()
         self.stamps, self.evidence = state["refit_stamps"].copy(), state["refit_evidence"].copy()

@@ -64,6 +64,22 @@ class NewSegments(NamedTuple):
     parents: Int
 
 
+class Change(NamedTuple):
+    """Rows that an exchange of segments changed.
+
+    Args:
+        gone: The rows whose segments are gone.
+        fresh: Those that have new ones.
+        renewed: Those whose segments have many more points than when they were new.
+        moved: Those whose segments may have changed a little, the others among them.
+    """
+
+    gone: Int
+    fresh: Int
+    renewed: Int
+    moved: Int
+
+
 class SegmentPool:
     """Segments, each of a wall that has a number.
 
@@ -104,21 +120,17 @@ class SegmentPool:
         """Drop all segments of some walls."""
         drop_rows(self.pool, self.grid, walls)
 
-    def exchange(self, walls: Int, new: NewSegments, most: int) -> tuple[Int, Int, Int, Int]:
+    def exchange(self, walls: Int, new: NewSegments, most: int) -> Change:
         """Put segments in the place of those of some walls.
 
         One that hardly differs from where another was when it was new keeps its row. When it has
         many more points it is renewed. Numbers of walls are less than the most.
-
-        Returns:
-            The rows whose segments are gone, those that have new ones, those that are renewed,
-            and all of the walls that the segments are of.
         """
         self.make_room(len(new.ends), most)
-        gone, fresh, renewed, moved, done = exchange_rows(self.pool, self.grid, walls, new)
+        change, done = exchange_rows(self.pool, self.grid, walls, new)
         if done < len(new.ends):
             self._regrid()
-        return gone, fresh, renewed, moved
+        return change
 
     def make_room(self, count: int, most: int) -> None:
         """Have room for so many more segments, of walls whose numbers are less than the most."""
@@ -196,7 +208,7 @@ def drop_rows(pool: Pool, grid: Grid, walls: Int) -> None:  # pragma: no cover
 @compiled
 def exchange_rows(
     pool: Pool, grid: Grid, walls: Int, new: NewSegments
-) -> tuple[Int, Int, Int, Int, int]:  # pragma: no cover
+) -> tuple[Change, int]:  # pragma: no cover
     """See `SegmentPool.exchange`; returns the first that the grid had no room for as well."""
     ends, points, count = new.ends, new.points, len(new.ends)
     old = _pop(pool, grid, walls)
@@ -229,7 +241,7 @@ def exchange_rows(
                 pool.known[row] = points[k]
     done = _put(pool, grid, rows, new)
     moved = rows_of(pool, new.parents)
-    return gone, fresh[:added], renewed[:grown], moved, done
+    return Change(gone, fresh[:added], renewed[:grown], moved), done
 
 
 @inner
@@ -289,7 +301,8 @@ def _take(pool: Pool) -> int:  # pragma: no cover
         row: int = pool.free[pool.used[1]]
         return row
     pool.used[0] += 1
-    return pool.used[0] - 1
+    row = pool.used[0] - 1
+    return row
 
 
 @inner
