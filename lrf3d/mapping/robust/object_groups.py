@@ -21,7 +21,7 @@ from lrf3d.mapping.robust.links import (
     linked_labels,
     renew_links,
 )
-from lrf3d.mapping.robust.object_association import Sight, associate_objects
+from lrf3d.mapping.robust.object_association import Sight, associate_objects, recheck_links
 from lrf3d.mapping.robust.segment_pool import LEAST_ROWS, SegmentPool
 from lrf3d.mapping.robust.walls import longer
 
@@ -76,6 +76,9 @@ class ObjectGroups:
         self._add_links(pool, fresh)
         renew_links(self._links, renewed, pool.walls.ends)
         broken.update(self.labels[renewed].tolist())
+        deviation = float(np.sqrt(noise.variance(np.array(LONGEST_LINK))))
+        sight = Sight(*pool.walls[::2], pool.grid, cells, LINK_DEVIATIONS * deviation, pool.search)
+        broken.update(self.labels[recheck_links(self._links, sight)].tolist())
         near: set[int] = set()
         for rows in (fresh, renewed):
             near.update(linked_labels(self._links, rows, self.labels).tolist())
@@ -85,7 +88,7 @@ class ObjectGroups:
         rows = rows[pool.walls.points[rows] > 0]
         changed = [gone, moved]
         if len(rows):
-            changed.append(self._regroup(pool, rows, sorted(near), cells, noise))
+            changed.append(self._regroup(rows, sorted(near), sight))
         ends, points = pool.walls.ends, pool.walls.points
         rows = np.unique(np.concatenate(changed))
         close_corners(rows, ends, points, self.labels, pool.grid, pool.search, self.closed)
@@ -103,12 +106,8 @@ class ObjectGroups:
                 self._links = _doubled(self._links)
         self._places[fresh] = -1
 
-    def _regroup(
-        self, pool: SegmentPool, loose: Int, near: list[int], cells: Cells, noise: RangeNoise
-    ) -> Int:
+    def _regroup(self, loose: Int, near: list[int], sight: Sight) -> Int:
         """Find the objects of loose rows, some of those near or new ones; returns what changed."""
-        deviation = float(np.sqrt(noise.variance(np.array(LONGEST_LINK))))
-        sight = Sight(*pool.walls[::2], pool.grid, cells, LINK_DEVIATIONS * deviation, pool.search)
         rows = np.concatenate([loose, *(self._members[label] for label in near)])
         before = self.labels[rows]
         roots = associate_objects(rows, len(loose), before, self._links, self._places, sight)
@@ -157,6 +156,6 @@ class ObjectGroups:
 def _doubled(links: Links) -> Links:
     """The same links with room for twice as many."""
     grown = Links.of_size(2 * len(links.kinds), len(links.heads))
-    for name in ("pairs", "lines", "kinds", "following", "preceding"):
+    for name in ("pairs", "lines", "kinds", "bearing", "following", "preceding"):
         getattr(grown, name)[: len(links.kinds)] = getattr(links, name)
     return grown._replace(heads=links.heads, used=links.used)
