@@ -66,7 +66,7 @@ def test_faces_beside_a_niche_that_was_looked_into_need_what_was_seen_in_it():
     assert objects(faces, niche, [(-6.0, 0.05, 0.0)]) == 1
 
 
-@pytest.mark.parametrize("pose, number", [((-2, 1, -0.2), 2), ((8, 1, np.pi + 0.2), 2),
+@pytest.mark.parametrize("pose, number", [((-2, 0.6, -0.15), 2), ((8, 0.6, np.pi + 0.15), 2),
                                           ((-2, 0.06, 0), 1), ((8, 0.06, np.pi), 1)])  # fmt: skip
 def test_beams_that_cross_a_link_at_a_small_angle_part_what_it_joins(pose, number):
     # Those that run before it go through its cells, too.

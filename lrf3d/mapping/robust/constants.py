@@ -310,7 +310,7 @@ what joins there was seen too."""
 NICHE_DEPTH = 0.5
 """[share] How deep such a corner may be, as a part of the link's length."""
 
-LINKS_A_TURN = 4
+LINKS_A_TURN = 8
 """[links] How many links that hold objects together an update checks again, for beams that have
 crossed them since. It changes how soon objects come apart that are two."""
 

@@ -346,6 +346,8 @@ def is_crossed_aslant(
             place = end + (step + 0.5) * length / steps
             x, y = x1 + place * ux, y1 + place * uy
             middle = _passes(cells, x, y, way)
+            for aside in (-0.5 * FLANK, 0.5 * FLANK):
+                middle = max(middle, _passes(cells, x - aside * uy, y + aside * ux, way))
             one = _passes(cells, x - FLANK * uy, y + FLANK * ux, way)
             other = _passes(cells, x + FLANK * uy, y - FLANK * ux, way)
             if min(from_right, one) > spare or min(from_left, other) > spare:
