@@ -33,16 +33,19 @@ class Links(NamedTuple):
         lines: (links, 6) see `measure_link`.
         kinds: (links,) what each is, as far as it was asked. One that beams have crossed is
             dropped.
+        bearing: (links,) whether each has joined two objects that no other link had joined before.
         following: (links, 2) the next entry of the list of either wall, −1 at the end; entry
             2·link + side stands for a link in the list of the wall on that side of its pair.
         preceding: (links, 2) the entry before, −1 at the beginning.
         heads: (walls,) the first entry of each wall's list.
-        used: (2,) links that were taken, and the first that was given back.
+        used: (3,) links that were taken, the first that was given back, and the next whose beams
+            are looked at again.
     """
 
     pairs: Int
     lines: Float
     kinds: NDArray[np.int8]
+    bearing: NDArray[np.bool_]
     following: Int
     preceding: Int
     heads: Int
@@ -53,8 +56,8 @@ class Links(NamedTuple):
         """No links, with room for some."""
         return cls(
             np.zeros((links, 2), np.int64), np.zeros((links, 6)), np.zeros(links, np.int8),
-            np.full((links, 2), -1), np.full((links, 2), -1), np.full(walls, -1),
-            np.array([0, -1]),
+            np.zeros(links, np.bool_), np.full((links, 2), -1), np.full((links, 2), -1),
+            np.full(walls, -1), np.array([0, -1, 0]),
         )  # fmt: skip
 
 
@@ -183,7 +186,7 @@ def add_links(
             else:
                 link = links.used[0]
                 links.used[0] += 1
-            links.kinds[link] = UNASKED
+            links.kinds[link], links.bearing[link] = UNASKED, False
             for place in range(6):
                 links.lines[link, place] = line[place]
             links.pairs[link, 0], links.pairs[link, 1] = wall, other
@@ -207,6 +210,7 @@ def drop_link(links: Links, link: int) -> None:  # pragma: no cover
             links.following[before >> 1, before & 1] = after
         if after >= 0:
             links.preceding[after >> 1, after & 1] = before
+    links.bearing[link] = False
     links.following[link, 0] = links.used[1]
     links.used[1] = link
 

@@ -45,6 +45,7 @@ class RobustMapper:
         self._last_scans = np.zeros(LEAST_ROWS, np.int64)
         self._refit = np.full((LEAST_ROWS, 4), np.inf)
         self._scans = 0
+        self._following = np.zeros(1, np.int64)
 
     def update(self, scan: LaserScan) -> None:
         """Unite the map with a scan; the same scan once more changes nothing."""
@@ -99,8 +100,9 @@ class RobustMapper:
         )
         chosen = np.empty(rows, np.int64)
         count = choose_walls(
-            fresh, store.changed, store.walls, self._refit, self._refined.evidence, chosen
-        )
+            fresh, store.changed, store.walls, self._refit, self._refined.evidence,
+            self._following, chosen,
+        )  # fmt: skip
         if not count:
             return
         chosen = np.sort(chosen[:count])
@@ -139,6 +141,7 @@ class RobustMapper:
             "wall_last_scans": self._last_scans.copy(),
             "refit": self._refit.copy(),
             "scans": np.array([self._scans]),
+            "following_wall": self._following.copy(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -154,4 +157,5 @@ class RobustMapper:
         self._last_scans = state["wall_last_scans"].copy()
         self._refit = state["refit"].copy()
         self._scans = int(state["scans"][0])
+        self._following = state["following_wall"].copy()
         self._map = None

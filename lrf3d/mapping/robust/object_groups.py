@@ -14,10 +14,10 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.grid import order_of
 from lrf3d.mapping.robust.cells import Cells
-from lrf3d.mapping.robust.constants import LINK_DEVIATIONS, LONGEST_LINK, MOST_LINKS
+from lrf3d.mapping.robust.constants import LINK_DEVIATIONS, LINKS_A_TURN, LONGEST_LINK, MOST_LINKS
 from lrf3d.mapping.robust.corners import close_corners
 from lrf3d.mapping.robust.links import Links, add_links, drop_links, renew_links
-from lrf3d.mapping.robust.object_association import Sight, associate_objects
+from lrf3d.mapping.robust.object_association import Sight, associate_objects, recheck_links
 from lrf3d.mapping.robust.segment_pool import LEAST_ROWS, Change, Pool, SegmentPool
 
 LEAST_LINKS = 1 << 12
@@ -125,7 +125,7 @@ def regroup(groups: Groups, pool: Pool, change: Change, sight: Sight) -> Int:  #
     """See `ObjectGroups.update`."""
     labels, links, places, marks = groups.labels, groups.links, groups.places, groups.marks
     gone, fresh, renewed = change.gone, change.fresh, change.renewed
-    broken, count = np.empty(len(gone) + len(renewed), np.int64), 0
+    broken, count = np.empty(len(gone) + len(renewed) + LINKS_A_TURN, np.int64), 0
     for k in range(len(gone)):
         count = _add(marks, broken, count, labels[gone[k]])
     drop_links(links, gone)
@@ -138,6 +138,9 @@ def regroup(groups: Groups, pool: Pool, change: Change, sight: Sight) -> Int:  #
     renew_links(links, renewed, pool.walls.ends)
     for k in range(len(renewed)):
         count = _add(marks, broken, count, labels[renewed[k]])
+    parted = recheck_links(links, sight)
+    for k in range(len(parted)):
+        count = _add(marks, broken, count, labels[parted[k]])
     near = _linked_labels(groups, fresh, renewed)
     loose = _members(groups, broken[:count], fresh, pool.walls.points)
     for k in range(count):
@@ -239,15 +242,16 @@ def _associate(groups: Groups, loose: Int, near: Int, sight: Sight) -> Int:  # p
     grown = np.zeros(count, np.bool_)
     for k in range(len(loose)):
         grown[roots[k]] = True
+    names = rows.copy()
     for k in range(len(loose), count):
+        # An object that grows keeps its name.
+        names[roots[k]] = before[k]
         if grown[roots[k]]:
             heads[before[k]] = -1
     renamed = 0
     for k in range(count):
-        root, row = roots[k], rows[k]
-        if grown[root]:
-            # An object that grows keeps its name.
-            name = rows[root] if root < len(loose) else before[root]
+        row, name = rows[k], names[roots[k]]
+        if grown[roots[k]]:
             if heads[name] < 0:
                 heads[name] = row
             else:
@@ -264,6 +268,6 @@ def _associate(groups: Groups, loose: Int, near: Int, sight: Sight) -> Int:  # p
 def _doubled(links: Links) -> Links:
     """The same links with room for twice as many."""
     grown = Links.of_size(2 * len(links.kinds), len(links.heads))
-    for name in ("pairs", "lines", "kinds", "following", "preceding"):
+    for name in ("pairs", "lines", "kinds", "bearing", "following", "preceding"):
         getattr(grown, name)[: len(links.kinds)] = getattr(links, name)
     return grown._replace(heads=links.heads, used=links.used)
