@@ -53,7 +53,9 @@ class Cells(NamedTuple):
 
     Args:
         open: The blocks of cells that beams went through.
-        passes: (blocks, directions × cells) numbers of beams that went through each.
+        planes: (blocks, directions) which plane counts the beams of each direction; 0 where none
+            went.
+        passes: (planes, cells) numbers of beams that went through each; plane 0 stays empty.
         solid: The blocks of cells that beams ended in.
         heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
         following: (clusters,) the next of the same cell, or of those given back; −1 at the end.
@@ -68,11 +70,13 @@ class Cells(NamedTuple):
             the owner has another stamp by now.
         apart: (clusters, 2) how far each lies off its owner [m].
         misses: (clusters,) beams that went on the way that its beams came, since the last hit.
-        used: (3,) clusters that were taken, the first that was given back, and scans.
+        used: (4,) clusters that were taken, the first that was given back, scans, and planes that
+            were taken.
         widest: (1,) greatest deviation [m] of a return.
     """
 
     open: Blocks
+    planes: NDArray[np.int32]
     passes: NDArray[np.uint8]
     solid: Blocks
     heads: NDArray[np.int32]
@@ -136,11 +140,11 @@ def add_beams(
 
     Returns:
         The first beam that there is no room for, and what is too small for it: the open blocks (0),
-        the solid ones (1) or the clusters (2).
+        the solid ones (1), the clusters (2) or the planes (3).
     """
     x, y = place
     units, ranges, deviations = beams
-    blocks, solid, passes = cells.open, cells.solid, cells.passes
+    blocks, solid, planes, passes = cells.open, cells.solid, cells.planes, cells.passes
     if begin == 0:
         cells.used[2] += 1
     for beam in range(begin, len(ranges)):
@@ -155,26 +159,31 @@ def add_beams(
             return beam, 1
         if cells.used[1] < 0 and cells.used[0] == len(cells.moments):
             return beam, 2
+        if cells.used[3] + most > len(passes):
+            return beam, 3
         turn = np.arctan2(dy, dx) / (2.0 * np.pi)
         free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
         way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
-        # A beam stays in the plane of its direction, so that what it counts lies together.
-        plane = way * SIDE * SIDE
         scale = (1 << REACH_BITS) / (abs(reading) / CELL + 2.0)
         cell, right, ahead, wide, high, across, up = enter_cells(x, y, dx, dy, scale)
         entered, left, last = 0, min(across, up), int(2.0 * free * scale)
-        block, inside = -1, cell ^ LEAVES
+        plane, inside = 0, cell ^ LEAVES
         # The middle of the beam's way through a cell decides.
         while entered + left <= last:
             if (cell ^ inside) & LEAVES:
                 inside = cell
-                block = take_block(blocks, *unpacked(cell, SIDE_BITS))
-            at = plane + (((cell >> (ROW_BITS - SIDE_BITS)) & ROW_MASK) | (cell & (SIDE - 1)))
-            passed = passes[block, at]
+                at_x, at_y = unpacked(cell, SIDE_BITS)
+                block = take_block(blocks, at_x, at_y)
+                # What beams of one direction count lies together.
+                plane = planes[block, way]
+                if plane == 0:
+                    plane = _take_plane(cells, block, way, block_at(solid, at_x, at_y))
+            at = ((cell >> (ROW_BITS - SIDE_BITS)) & ROW_MASK) | (cell & (SIDE - 1))
+            passed = passes[plane, at]
             if passed & SOLID:
-                _contradict(cells, block, at, cell, dx, dy, fresh)
+                _contradict(cells, plane, cell, dx, dy, fresh)
             elif passed < MOST_PASSES:
-                passes[block, at] = passed + 1
+                passes[plane, at] = passed + 1
             entered = left
             # Choices instead of a branch, which no processor could predict.
             crosses = across < up
@@ -192,6 +201,19 @@ def add_beams(
 
 
 @inner
+def _take_plane(cells: Cells, block: int, way: int, solid: int) -> int:  # pragma: no cover
+    """A new plane for the beams of a direction in an open block, which may be a solid one too."""
+    plane: int = cells.used[3]
+    cells.used[3] += 1
+    cells.planes[block, way] = plane
+    if solid >= 0:
+        for cell in range(SIDE * SIDE):
+            if cells.heads[solid, cell] >= 0:
+                cells.passes[plane, cell] = SOLID
+    return plane
+
+
+@inner
 def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:  # pragma: no cover
     """Add a beam of a weight [hits] to the new evidence of a wall."""
     fresh.counts[wall] += weight
@@ -204,8 +226,7 @@ def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:  # pra
 @inner
 def _contradict(
     cells: Cells,
-    block: int,
-    place: int,
+    plane: int,
     packed_cell: int,
     dx: float,
     dy: float,
@@ -213,14 +234,14 @@ def _contradict(
 ) -> None:  # pragma: no cover
     """Count a beam that goes on through a cell where others ended."""
     column, row = unpacked(packed_cell, 0)
-    if cells.passes[block, place] < SOLID + MOST_PASSES:
-        cells.passes[block, place] += 1
+    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    if cells.passes[plane, cell] < SOLID + MOST_PASSES:
+        cells.passes[plane, cell] += 1
     else:
         _forget(cells, column, row)
     solid = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
     if solid < 0:
         return
-    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     moments, misses = cells.moments, cells.misses
     before, cluster = -1, cells.heads[solid, cell]
     while cluster >= 0:
@@ -245,8 +266,9 @@ def _contradict(
             before = cluster
         cluster = after
     if before < 0:
+        block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
         for way in range(PASS_DIRECTIONS):
-            cells.passes[block, way * SIDE * SIDE + cell] &= MOST_PASSES
+            cells.passes[cells.planes[block, way], cell] &= MOST_PASSES
 
 
 @inner
@@ -278,9 +300,10 @@ def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
     if block >= 0:
-        for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
-            passed = cells.passes[block, place]
-            cells.passes[block, place] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
+        for way in range(PASS_DIRECTIONS):
+            plane = cells.planes[block, way]
+            passed = cells.passes[plane, cell]
+            cells.passes[plane, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
     block = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
     if block >= 0:
         cluster = cells.heads[block, cell]
@@ -308,8 +331,10 @@ def _add_hit(
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     if cells.heads[block, cell] < 0:
         open_block = take_block(cells.open, at_x, at_y)
-        for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
-            cells.passes[open_block, place] |= SOLID
+        for passed in range(PASS_DIRECTIONS):
+            plane = cells.planes[open_block, passed]
+            if plane > 0:
+                cells.passes[plane, cell] |= SOLID
     cluster = cells.heads[block, cell]
     while cluster >= 0 and cells.ways[cluster] != way:
         cluster = cells.following[cluster]

@@ -58,7 +58,7 @@ def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no co
     if block < 0:
         return 0
     place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    passed: int = cells.passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+    passed: int = cells.passes[cells.planes[block, way], place] & MOST_PASSES
     return passed
 
 
@@ -70,7 +70,7 @@ def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma
     length = np.hypot(x2 - x1, y2 - y1)
     ux, uy = (x2 - x1) / length, (y2 - y1) / length
     ways = _ways_across(ux, uy, WALL_SINE)
-    passes = cells.passes
+    planes, passes = cells.planes, cells.passes
     at_x, at_y, block = 1 << 40, 0, -1
     for piece in range(pieces):
         along = (piece + 0.5) * length / pieces
@@ -85,7 +85,7 @@ def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma
             count = 0
             for way in range(PASS_DIRECTIONS):
                 if (ways >> way) & 1:
-                    count += passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+                    count += passes[planes[block, way], place] & MOST_PASSES
             counts[piece, 1] += count * (PIECE / CELL)
 
 
@@ -271,7 +271,7 @@ def is_crossed(
     length -= 2.0 * end
     steps = int(length / CELL) + 1
     ways = _ways_across(ux, uy, sine)
-    passes, deeper = cells.passes, depth - FREE_DEPTH
+    planes, passes, deeper = cells.planes, cells.passes, depth - FREE_DEPTH
     at_x, at_y, block = 1 << 40, 0, -1
     # Most lines are crossed in wide open space, which long steps away from their ends find first.
     for turn in range(STRIDE):
@@ -287,7 +287,7 @@ def is_crossed(
             place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
             for way in range(PASS_DIRECTIONS):
                 if (ways >> way) & 1:
-                    passed = passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+                    passed = passes[planes[block, way], place] & MOST_PASSES
                     if passed and deeper > 0.0:
                         dx, dy = COSINES[way], SINES[way]
                         passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
@@ -321,7 +321,7 @@ def is_crossed_aslant(
     length -= 2.0 * end
     steps = int(length / CELL) + 1
     across, along = _ways_across(ux, uy, sine), 0
-    passes = cells.passes
+    planes, passes = cells.planes, cells.passes
     at_x, at_y, block = 1 << 40, 0, -1
     # Few lines have such beams at all.
     for step in range(steps):
@@ -335,7 +335,7 @@ def is_crossed_aslant(
             cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
             for way in range(PASS_DIRECTIONS):
                 if not (across >> way) & 1:
-                    if passes[block, way * SIDE * SIDE + cell] & MOST_PASSES > spare:
+                    if passes[planes[block, way], cell] & MOST_PASSES > spare:
                         along |= 1 << way
     for way in range(PASS_DIRECTIONS):
         if not (along >> way) & 1:
