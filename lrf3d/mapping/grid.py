@@ -173,13 +173,6 @@ def insert_rows(
 
 
 @compiled
-def remove_rows(grid: Grid, rows: Int, segments: Float, cell: float) -> None:  # pragma: no cover
-    """Take rows (n,) of segments out of the grid."""
-    for k in range(len(rows)):
-        remove(grid, rows[k], segments[rows[k]], cell)
-
-
-@compiled
 def find(
     grid: Grid, segment: Float, reach: float, cell: float, stamps: Int, stamp: int, found: Int
 ) -> int:  # pragma: no cover
@@ -223,7 +216,7 @@ def near(
 
 
 @inner
-def order_of(values: Float) -> Int:  # pragma: no cover
+def order_of(values: Float | Int) -> Int:  # pragma: no cover
     """The rows of values (n,) by rising value, equal ones in their order: a merge sort.
 
     Numba's own takes longer to compile than most mappers run.

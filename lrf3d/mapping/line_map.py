@@ -57,6 +57,13 @@ class LineMap(Value, Pictured):
             )
 
     @classmethod
+    def unchecked(cls, segments: Float, objects: Int, points: Int) -> "LineMap":
+        """The map of read-only arrays of a mapper: they are neither checked nor copied."""
+        line_map = object.__new__(cls)
+        line_map.__dict__.update(segments=segments, objects=objects, points=points)
+        return line_map
+
+    @classmethod
     def empty(cls) -> "LineMap":
         """The map before the first scan."""
         return cls(np.empty((0, 4)), np.empty(0, np.int64), np.empty(0, np.int64))

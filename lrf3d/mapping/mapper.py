@@ -97,8 +97,8 @@ class LineMapper:
             self._extract = SplitMergeExtractor(gap, split)
             self._mapper = PaperMapper(self._extract, EndPointMerging(length, distance), least)
         else:
-            self._extract = LikelihoodExtractor(gap, sigma, floor)
             # Compiled code is made for floats alone.
+            self._extract = LikelihoodExtractor(float(gap), sigma, floor)
             length, distance = float(length), float(distance)
             rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
             self._mapper = RobustMapper(self._extract, rule, least)

@@ -4,7 +4,7 @@ import numpy as np
 
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.object_groups import ObjectGroups
-from lrf3d.mapping.robust.segment_pool import SegmentPool
+from lrf3d.mapping.robust.segment_pool import Change, NewSegments, SegmentPool
 
 
 def objects_of(walls, cells):
@@ -13,6 +13,8 @@ def objects_of(walls, cells):
     count = len(walls)
     pool, groups = SegmentPool(), ObjectGroups()
     points = np.full(count, 9)
-    rows = pool.add(walls, np.ones((count, 6)), points, np.arange(count))
-    groups.update(pool, rows[:0], rows, rows[:0], rows[:0], cells, RangeNoise(0.01, 0.0))
+    new = NewSegments(walls, np.ones((count, 6)), points, np.arange(count))
+    rows = pool.add(new, count)
+    change = Change(rows[:0], rows, rows[:0], rows[:0])
+    groups.update(pool, change, cells, RangeNoise(0.01, 0.0))
     return groups.labels[rows]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lrf3d.mapping.grid import Grid, Search, insert_rows, remove_rows
+from lrf3d.mapping.grid import Grid, Search, insert_rows, remove
 from lrf3d.mapping.robust.constants import MERGE_CELL
 from lrf3d.mapping.robust.corners import close_corners
 
@@ -41,7 +41,8 @@ def test_what_an_update_closes_is_what_closing_all_corners_gives(seed):
     objects = rng.integers(0, 3, 80)
     closed, points, grid, search = closed_of(ends, objects)
     moved = np.sort(rng.choice(80, 9, replace=False))
-    remove_rows(grid, moved, ends, MERGE_CELL)
+    for row in moved:
+        remove(grid, row, ends[row], MERGE_CELL)
     ends[moved] += rng.uniform(-0.4, 0.4, (9, 4))
     assert insert_rows(grid, moved, 0, ends, MERGE_CELL) == 9
     close_corners(moved, ends, points, objects, grid, search, closed)

@@ -7,7 +7,7 @@ from map_objects import objects_of
 from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
 from lrf3d.geometry import lengths
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import Beams, free_ranges
+from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.evidence import Round, gather_evidence
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 from lrf3d.mapping.robust.refitting import real_pieces
@@ -92,7 +92,7 @@ def test_what_is_kept_does_not_grow_where_all_was_seen():
 
 def test_beams_that_return_nothing_are_free_as_far_as_they_reach():
     scan = PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0))
-    ranges = free_ranges(scan.ranges, scan.range_max)
+    ranges = Beams.of(scan, 0.0, RangeNoise(1e-4, 0.0)).ranges
     assert set(ranges[ranges < 0]) == {-30.0} and (ranges[ranges > 0] < 5.2).all()
 
 
@@ -100,7 +100,7 @@ def test_a_beam_lost_between_two_that_returned_says_nothing():
     scan = PlanarCaster(World(np.array([[5, -9, 5, 9.0]]))).cast(LRF, (0, 0, 0))
     ranges = scan.ranges.copy()
     ranges[85:95:2] = np.inf
-    free = free_ranges(ranges, scan.range_max)
+    free = Beams.of(replace(scan, ranges=ranges), 0.0, RangeNoise(1e-4, 0.0)).ranges
     assert (free[85:95:2] == 0.0).all()
     assert np.array_equal(free == -30.0, np.isinf(scan.ranges))
 

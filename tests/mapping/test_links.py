@@ -6,6 +6,8 @@ from lrf3d import LaserRangeFinder, PlanarCaster, World
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
+from lrf3d.mapping.robust.object_groups import ObjectGroups
+from lrf3d.mapping.robust.segment_pool import SegmentPool
 
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 
@@ -16,12 +18,19 @@ FAR_OFF = ([[90.0, 50.0, 90.0, 51.0]], [(80.0, 50.0, 0.0)])
 """Walls and poses whose beams tell nothing of what lies near the origin."""
 
 
-def objects(walls, world, poses):
-    grid, noise = EvidenceGrid(), RangeNoise(0.01, 0.0)
+NOISE = RangeNoise(0.01, 0.0)
+
+
+def look(grid, world, poses, lrf=CIRCLE):
     caster = PlanarCaster(World(np.array(world, dtype=np.float64)))
     for pose in poses:
-        scan = caster.cast(CIRCLE, pose)
-        grid.add(Beams.of(scan, scan.pose.theta, noise), pose[:2])
+        scan = caster.cast(lrf, pose)
+        grid.add(Beams.of(scan, scan.pose.theta, NOISE), pose[:2])
+
+
+def objects(walls, world, poses, lrf=CIRCLE):
+    grid = EvidenceGrid()
+    look(grid, world, poses, lrf)
     return len(set(objects_of(walls, grid.cells)))
 
 
@@ -55,3 +64,26 @@ def test_faces_beside_a_niche_that_was_looked_into_need_what_was_seen_in_it():
     assert objects(niche, niche, poses) == 1
     # Nobody looked, so that it may as well be a wall.
     assert objects(faces, niche, [(-6.0, 0.05, 0.0)]) == 1
+
+
+@pytest.mark.parametrize("pose, number", [((-2, 0.6, -0.15), 2), ((8, 0.6, np.pi + 0.15), 2),
+                                          ((-2, 0.06, 0), 1), ((8, 0.06, np.pi), 1)])  # fmt: skip
+def test_beams_that_cross_a_link_at_a_small_angle_part_what_it_joins(pose, number):
+    # Those that run before it go through its cells, too.
+    walls = [[-5, 0, 0, 0], [6, 0, 12, 0]]
+    fan = LaserRangeFinder(angle_min=-0.001, angle_max=0.001, beams=5, range_max=30.0)
+    room = [[20, -9, 20, 9], [-20, -9, -20, 9]]
+    assert objects(walls, room, [pose], fan) == number
+
+
+def test_objects_come_apart_when_beams_cross_the_link_that_held_them_together():
+    walls = np.array([[-5, 0, 0, 0], [6, 0, 12, 0.0]])
+    pool, groups, grid = SegmentPool(), ObjectGroups(), EvidenceGrid()
+    rows = pool.add(walls, np.ones((2, 6)), np.full(2, 9), np.arange(2))
+    none = rows[:0]
+    groups.update(pool, none, rows, none, none, grid.cells, NOISE)
+    assert len(set(groups.labels[rows])) == 1
+    look(grid, [[-9, -3, 15, -3]], [(3, 3, 0)])
+    # Nothing is new of the walls themselves.
+    groups.update(pool, none, none, none, none, grid.cells, NOISE)
+    assert len(set(groups.labels[rows])) == 2

@@ -9,12 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import inner
+from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.robust.constants import CELL, LEAST_LOST, LOSS_ODDS, MOST_LOST
-from lrf3d.mapping.segment_table import SegmentTable
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
 """[m] Where the first scan was taken in the map's frame: off the edges of the cells, on which
@@ -53,14 +51,6 @@ class Frame(NamedTuple):
         place = float(cos * dx + sin * dy + SHIFT[0]), float(cos * dy - sin * dx + SHIFT[1])
         return place, float(scan.pose.theta - self.theta)
 
-    def map_of(self, table: SegmentTable) -> LineMap:
-        """The map in the world of a table in this frame."""
-        cos, sin = np.cos(self.theta), np.sin(self.theta)
-        turn = np.array([[cos, sin], [-sin, cos]])
-        ends = (table.ends.reshape(-1, 2) - SHIFT) @ turn
-        turned = SegmentTable(ends.reshape(-1, 4), table.moments, table.points, table.unions)
-        return turned.as_map(np.array([self.x, self.y]))
-
 
 class Beams(NamedTuple):
     """The beams of a scan in the map's frame.
@@ -81,12 +71,12 @@ class Beams(NamedTuple):
         """The beams of a scan that was taken at a heading [rad]."""
         angles, measured = in_order(scan)
         headings = angles + heading
-        units = np.empty((len(headings), 2))
-        np.cos(headings, out=units[:, 0])
-        np.sin(headings, out=units[:, 1])
-        ranges = free_ranges(measured, scan.range_max)
-        variances = noise.variance(ranges) + pose_variance(scan, ranges)
-        return cls(units, ranges, np.sqrt(variances))
+        count = len(headings)
+        beams = cls(np.empty((count, 2)), np.empty(count), np.empty(count))
+        np.cos(headings, out=beams.units[:, 0])
+        np.sin(headings, out=beams.units[:, 1])
+        measure_beams(plain(measured), float(scan.range_max), noise, pose_spread(scan), beams)
+        return beams
 
 
 def in_order(scan: LaserScan) -> tuple[Float, Float]:
@@ -98,53 +88,81 @@ def in_order(scan: LaserScan) -> tuple[Float, Float]:
     return angles, ranges
 
 
-def longest_loss(ranges: Float, range_max: float) -> int:
+def plain(values: Float) -> Float:
+    """The values as an array of the one kind that the compiled code is made for."""
+    if values.flags.c_contiguous and values.flags.writeable:
+        return values
+    return np.array(values)
+
+
+@inner
+def longest_loss(ranges: Float, range_max: float) -> int:  # pragma: no cover
     """How many beams beside each other that return nothing are put down to beams that are lost.
 
     Each gap in a scan is taken for a lost beam to learn how often one is lost, at worst: of a scan
     without losses the gaps are few.
     """
-    returned = (ranges > 0.0) & (ranges <= range_max) & (ranges < np.inf)
-    hits = np.count_nonzero(returned)
-    gaps = np.count_nonzero(returned[:-1] & ~returned[1:])
+    hits = gaps = 0
+    returned = False
+    for beam in range(len(ranges)):
+        before, reach = returned, ranges[beam]
+        returned = reach > 0.0 and reach <= range_max and reach < np.inf
+        hits += returned
+        gaps += before and not returned
     if gaps == 0 or gaps >= hits:
         return MOST_LOST if gaps else LEAST_LOST
     run = int(np.ceil(np.log(LOSS_ODDS) / np.log(gaps / hits)))
     return min(max(run, LEAST_LOST), MOST_LOST)
 
 
-def free_ranges(measured: Float, range_max: float) -> Float:
-    """Ranges (beams,) [m] of those measured, by rising angle, as `Beams` has them.
+@compiled
+def measure_beams(
+    measured: Float,
+    range_max: float,
+    noise: RangeNoise,
+    spread: tuple[float, float],
+    beams: Beams,
+) -> None:  # pragma: no cover
+    """Find how far beams were free, and how far off the places may be where they ended.
 
     A beam that is lost between two that returned says nothing: only where more beside each other
     return nothing, nothing is there.
+
+    Args:
+        measured: (n,) measured ranges [m], by rising angle.
+        range_max: Farthest range [m] that was measured.
+        noise: The noise of the ranges.
+        spread: See `pose_spread`.
+        beams: Ranges and deviations are written.
     """
-    ranges: Float = measured.copy()
-    # Nothing is known before what is too near.
-    ranges[~(ranges > 0.0)] = 0.0
-    missed = ranges > range_max
-    if np.isinf(range_max):
-        ranges[np.isinf(ranges)] = 0.0
-    elif missed.any():
-        lost = longest_loss(measured, range_max)
-        edges = np.flatnonzero(np.diff(missed, prepend=False, append=False))
-        free = missed.copy()
-        for first, last in edges.reshape(-1, 2).tolist():
+    ranges = beams.ranges
+    count, missed, lost = len(measured), 0, longest_loss(measured, range_max)
+    for beam in range(count + 1):
+        if beam < count and measured[beam] > range_max:
+            missed += 1
+            continue
+        if missed:
             # At the rim of the field of view there is no neighbour to lose it from.
-            if last - first <= lost and first > 0 and last < len(ranges):
-                free[first:last] = False
-        ranges[missed] = 0.0
-        ranges[free] = -range_max
-    return ranges
+            alone = missed <= lost and missed < beam < count
+            for other in range(beam - missed, beam):
+                ranges[other] = 0.0 if alone else -range_max
+            missed = 0
+        if beam < count:
+            # Nothing is known before what is too near, nor where any range may be measured.
+            known = 0.0 < measured[beam] < np.inf
+            ranges[beam] = measured[beam] if known else 0.0
+    for beam in range(count):
+        reach = ranges[beam]
+        variance = noise.floor * noise.floor + (noise.growth * reach) * (noise.growth * reach)
+        beams.deviations[beam] = np.sqrt(variance + (spread[0] + spread[1] * (reach * reach)))
 
 
-def pose_variance(scan: LaserScan, ranges: Float) -> Float | float:
-    """Variance [m²] that the pose's error leaves of places so far [m] from the laser."""
+def pose_spread(scan: LaserScan) -> tuple[float, float]:
+    """What the pose's error adds to the variance of places: at no distance, and by its square."""
     covariance = scan.pose_covariance
     if covariance is None:
-        return 0.0
-    spread: Float = 0.5 * (covariance[0, 0] + covariance[1, 1]) + covariance[2, 2] * ranges**2
-    return spread
+        return 0.0, 0.0
+    return float(0.5 * (covariance[0, 0] + covariance[1, 1])), float(covariance[2, 2])
 
 
 def widen(moments: Float, scan: LaserScan) -> None:
@@ -152,8 +170,11 @@ def widen(moments: Float, scan: LaserScan) -> None:
 
     All points of a scan share it, so that it does not average out.
     """
-    reach = np.hypot(moments[:, 1], moments[:, 2])
-    moments[:, [0, 3, 4, 5]] /= (1.0 + moments[:, 0] * pose_variance(scan, reach))[:, None]
+    if scan.pose_covariance is None:
+        return
+    own, turn = pose_spread(scan)
+    variance = own + turn * np.hypot(moments[:, 1], moments[:, 2]) ** 2
+    moments[:, [0, 3, 4, 5]] /= (1.0 + moments[:, 0] * variance)[:, None]
 
 
 def fingerprint(scan: LaserScan) -> int:

@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.blocks import (
+    ROW_BITS,
     SIDE,
     SIDE_BITS,
     Blocks,
     block_at,
     enter_cells,
+    take_block,
+    unpacked,
 )
 from lrf3d.mapping.robust.constants import (
     CELL,
@@ -36,13 +40,22 @@ from lrf3d.mapping.robust.constants import (
 SOLID = np.uint8(128)
 """Bit of the numbers of passes of a cell in which beams ended."""
 
+REACH_BITS = 52
+"""A beam's way through the cells is measured in so small parts of its reach."""
+
+ROW_MASK = (SIDE - 1) << SIDE_BITS
+LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
+"""The bits of a packed cell that change when a step leaves a block."""
+
 
 class Cells(NamedTuple):
     """The cells, as compiled code takes them.
 
     Args:
         open: The blocks of cells that beams went through.
-        passes: (blocks, directions × cells) numbers of beams that went through each.
+        planes: (blocks, directions) which plane counts the beams of each direction; 0 where none
+            went.
+        passes: (planes, cells) numbers of beams that went through each; plane 0 stays empty.
         solid: The blocks of cells that beams ended in.
         heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
         following: (clusters,) the next of the same cell, or of those given back; −1 at the end.
@@ -57,11 +70,13 @@ class Cells(NamedTuple):
             the owner has another stamp by now.
         apart: (clusters, 2) how far each lies off its owner [m].
         misses: (clusters,) beams that went on the way that its beams came, since the last hit.
-        used: (3,) clusters that were taken, the first that was given back, and scans.
+        used: (4,) clusters that were taken, the first that was given back, scans, and planes that
+            were taken.
         widest: (1,) greatest deviation [m] of a return.
     """
 
     open: Blocks
+    planes: NDArray[np.int32]
     passes: NDArray[np.uint8]
     solid: Blocks
     heads: NDArray[np.int32]
@@ -109,68 +124,93 @@ class NewEvidence(NamedTuple):
 @compiled
 def add_beams(
     cells: Cells,
-    x: float,
-    y: float,
-    units: Float,
-    ranges: Float,
-    deviations: Float,
+    begin: int,
+    place: tuple[float, float],
+    beams: Beams,
     fresh: NewEvidence,
-) -> None:  # pragma: no cover
-    """Add the beams of a scan from a place [m]; there is room for all that they bring.
+) -> tuple[int, int]:  # pragma: no cover
+    """Add the beams of a scan, from one on.
 
     Args:
         cells: The cells; are written.
-        x: Where the laser is [m].
-        y: Where the laser is [m].
-        units: (n, 2) unit vectors of the beams.
-        ranges: (n,) ranges [m]; where nothing returned, minus the range that is free.
-        deviations: (n,) standard deviations of the places where they end [m].
+        begin: The first of the beams that are not added yet.
+        place: Where the laser is [m].
+        beams: The beams.
         fresh: Is written.
+
+    Returns:
+        The first beam that there is no room for, and what is too small for it: the open blocks (0),
+        the solid ones (1), the clusters (2) or the planes (3).
     """
-    mask = SIDE - 1
-    blocks, passes = cells.open, cells.passes
-    cells.used[2] += 1
-    for beam in range(len(ranges)):
+    x, y = place
+    units, ranges, deviations = beams
+    blocks, solid, planes, passes = cells.open, cells.solid, cells.planes, cells.passes
+    if begin == 0:
+        cells.used[2] += 1
+    for beam in range(begin, len(ranges)):
         reading = ranges[beam]
         if reading == 0.0:
             continue
         dx, dy = units[beam, 0], units[beam, 1]
+        most = int(abs(reading) * (abs(dx) + abs(dy)) / (CELL * SIDE)) + 4
+        if 2 * (blocks.used[0] + most) > len(blocks.keys):
+            return beam, 0
+        if 2 * solid.used[0] == len(solid.keys):
+            return beam, 1
+        if cells.used[1] < 0 and cells.used[0] == len(cells.moments):
+            return beam, 2
+        if cells.used[3] + most > len(passes):
+            return beam, 3
         turn = np.arctan2(dy, dx) / (2.0 * np.pi)
         free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
         way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
-        # A beam stays in the plane of its direction, so that what it counts lies together.
-        plane = way * SIDE * SIDE
-        column, row, right, ahead, wide, high, across, up = enter_cells(x, y, dx, dy, CELL)
-        entered = 0.0
-        block, at_x, at_y = -1, 1 << 40, 0
-        while True:
-            left = min(across, up)
-            # The middle of the beam's way through the cell decides.
-            if 0.5 * (entered + left) > free:
-                break
-            if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
-                at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-                block = block_at(blocks, at_x, at_y)
-            if block >= 0:
-                place = plane + ((row & mask) << SIDE_BITS) + (column & mask)
-                passed = passes[block, place]
-                if passed & SOLID:
-                    _contradict(cells, block, place, column, row, dx, dy, fresh)
-                elif passed < MOST_PASSES:
-                    passes[block, place] = passed + 1
+        scale = (1 << REACH_BITS) / (abs(reading) / CELL + 2.0)
+        cell, right, ahead, wide, high, across, up = enter_cells(x, y, dx, dy, scale)
+        entered, left, last = 0, min(across, up), int(2.0 * free * scale)
+        plane, inside = 0, cell ^ LEAVES
+        # The middle of the beam's way through a cell decides.
+        while entered + left <= last:
+            if (cell ^ inside) & LEAVES:
+                inside = cell
+                at_x, at_y = unpacked(cell, SIDE_BITS)
+                block = take_block(blocks, at_x, at_y)
+                # What beams of one direction count lies together.
+                plane = planes[block, way]
+                if plane == 0:
+                    plane = _take_plane(cells, block, way, block_at(solid, at_x, at_y))
+            at = ((cell >> (ROW_BITS - SIDE_BITS)) & ROW_MASK) | (cell & (SIDE - 1))
+            passed = passes[plane, at]
+            if passed & SOLID:
+                _contradict(cells, plane, cell, dx, dy, fresh)
+            elif passed < MOST_PASSES:
+                passes[plane, at] = passed + 1
             entered = left
-            if across < up:
-                column += right
-                across += wide
-            else:
-                row += ahead
-                up += high
+            # Choices instead of a branch, which no processor could predict.
+            crosses = across < up
+            cell += right if crosses else ahead
+            across += wide if crosses else 0
+            up += 0 if crosses else high
+            left = min(across, up)
         if reading > 0.0:
             way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
             cells.widest[0] = max(cells.widest[0], deviations[beam])
             _add_hit(
                 cells, x + reading * dx, y + reading * dy, dx, dy, deviations[beam], way, fresh
             )
+    return len(ranges), -1
+
+
+@inner
+def _take_plane(cells: Cells, block: int, way: int, solid: int) -> int:  # pragma: no cover
+    """A new plane for the beams of a direction in an open block, which may be a solid one too."""
+    plane: int = cells.used[3]
+    cells.used[3] += 1
+    cells.planes[block, way] = plane
+    if solid >= 0:
+        for cell in range(SIDE * SIDE):
+            if cells.heads[solid, cell] >= 0:
+                cells.passes[plane, cell] = SOLID
+    return plane
 
 
 @inner
@@ -186,23 +226,22 @@ def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:  # pra
 @inner
 def _contradict(
     cells: Cells,
-    block: int,
-    place: int,
-    column: int,
-    row: int,
+    plane: int,
+    packed_cell: int,
     dx: float,
     dy: float,
     fresh: NewEvidence,
 ) -> None:  # pragma: no cover
     """Count a beam that goes on through a cell where others ended."""
-    if cells.passes[block, place] < SOLID + MOST_PASSES:
-        cells.passes[block, place] += 1
+    column, row = unpacked(packed_cell, 0)
+    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    if cells.passes[plane, cell] < SOLID + MOST_PASSES:
+        cells.passes[plane, cell] += 1
     else:
         _forget(cells, column, row)
     solid = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
     if solid < 0:
         return
-    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     moments, misses = cells.moments, cells.misses
     before, cluster = -1, cells.heads[solid, cell]
     while cluster >= 0:
@@ -227,8 +266,9 @@ def _contradict(
             before = cluster
         cluster = after
     if before < 0:
+        block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
         for way in range(PASS_DIRECTIONS):
-            cells.passes[block, way * SIDE * SIDE + cell] &= MOST_PASSES
+            cells.passes[cells.planes[block, way], cell] &= MOST_PASSES
 
 
 @inner
@@ -260,9 +300,10 @@ def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
     if block >= 0:
-        for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
-            passed = cells.passes[block, place]
-            cells.passes[block, place] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
+        for way in range(PASS_DIRECTIONS):
+            plane = cells.planes[block, way]
+            passed = cells.passes[plane, cell]
+            cells.passes[plane, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
     block = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
     if block >= 0:
         cluster = cells.heads[block, cell]
@@ -286,13 +327,14 @@ def _add_hit(
     """Add a return at a place [m] to the moments of its cell."""
     column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
     at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-    block = block_at(cells.solid, at_x, at_y)
+    block = take_block(cells.solid, at_x, at_y)
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     if cells.heads[block, cell] < 0:
-        open_block = block_at(cells.open, at_x, at_y)
-        if open_block >= 0:
-            for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
-                cells.passes[open_block, place] |= SOLID
+        open_block = take_block(cells.open, at_x, at_y)
+        for passed in range(PASS_DIRECTIONS):
+            plane = cells.planes[open_block, passed]
+            if plane > 0:
+                cells.passes[plane, cell] |= SOLID
     cluster = cells.heads[block, cell]
     while cluster >= 0 and cells.ways[cluster] != way:
         cluster = cells.following[cluster]

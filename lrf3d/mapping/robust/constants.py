@@ -310,6 +310,13 @@ what joins there was seen too."""
 NICHE_DEPTH = 0.5
 """[share] How deep such a corner may be, as a part of the link's length."""
 
+LINKS_A_TURN = 8
+"""[links] How many links that hold objects together an update checks again, for beams that have
+crossed them since. It changes how soon objects come apart that are two."""
+
+SLOTS_A_TURN = 1024
+"""[links] Among how many it looks for them, so that the cost of an update has a bound."""
+
 SIGHT_PLACES = (0.1, 0.5, 0.9)
 """[share] Where on two walls the lines of sight between them begin and end, as parts of their
 lengths."""

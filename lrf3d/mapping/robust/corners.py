@@ -15,7 +15,7 @@ from lrf3d.mapping.robust.constants import CORNER_REACH, CORNER_SINE, CORNER_TRI
 @compiled
 def close_corners(
     rows: Int, ends: Float, points: Int, objects: Int, grid: Grid, search: Search, closed: Float
-) -> None:  # pragma: no cover
+) -> Int:  # pragma: no cover
     """Close the corners of some walls anew, and of those that they meet or have met.
 
     Args:
@@ -26,6 +26,9 @@ def close_corners(
         grid: Where the walls are, in cells of MERGE_CELL.
         search: Is written by searches of the grid.
         closed: (rows, 4) the walls with closed corners [m]; is written.
+
+    Returns:
+        (m,) the walls whose corners were closed.
     """
     around, place = np.empty(len(points), np.int64), np.empty(4)
     count = 0
@@ -55,6 +58,7 @@ def close_corners(
             other = _partner(end, ends, points, objects, grid, search, corner)
             if other >= 0 and _partner(other, ends, points, objects, grid, search, back) == end:
                 closed[row, 2 * side], closed[row, 2 * side + 1] = corner[0], corner[1]
+    return around[:count]
 
 
 @inner

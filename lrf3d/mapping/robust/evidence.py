@@ -33,6 +33,9 @@ COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 """The directions by which the beams through a cell are told apart."""
 
+FLANK = 1.5 * CELL
+"""[m] How far beside a line its sides begin: no cell there reaches the line."""
+
 STRIDE = 8
 """Steps from one to the next where a line is first searched for beams that cross it."""
 
@@ -55,7 +58,7 @@ def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no co
     if block < 0:
         return 0
     place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    passed: int = cells.passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+    passed: int = cells.passes[cells.planes[block, way], place] & MOST_PASSES
     return passed
 
 
@@ -67,7 +70,7 @@ def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma
     length = np.hypot(x2 - x1, y2 - y1)
     ux, uy = (x2 - x1) / length, (y2 - y1) / length
     ways = _ways_across(ux, uy, WALL_SINE)
-    passes = cells.passes
+    planes, passes = cells.planes, cells.passes
     at_x, at_y, block = 1 << 40, 0, -1
     for piece in range(pieces):
         along = (piece + 0.5) * length / pieces
@@ -82,7 +85,7 @@ def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma
             count = 0
             for way in range(PASS_DIRECTIONS):
                 if (ways >> way) & 1:
-                    count += passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+                    count += passes[planes[block, way], place] & MOST_PASSES
             counts[piece, 1] += count * (PIECE / CELL)
 
 
@@ -268,7 +271,7 @@ def is_crossed(
     length -= 2.0 * end
     steps = int(length / CELL) + 1
     ways = _ways_across(ux, uy, sine)
-    passes, deeper = cells.passes, depth - FREE_DEPTH
+    planes, passes, deeper = cells.planes, cells.passes, depth - FREE_DEPTH
     at_x, at_y, block = 1 << 40, 0, -1
     # Most lines are crossed in wide open space, which long steps away from their ends find first.
     for turn in range(STRIDE):
@@ -284,11 +287,75 @@ def is_crossed(
             place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
             for way in range(PASS_DIRECTIONS):
                 if (ways >> way) & 1:
-                    passed = passes[block, way * SIDE * SIDE + place] & MOST_PASSES
+                    passed = passes[planes[block, way], place] & MOST_PASSES
                     if passed and deeper > 0.0:
                         dx, dy = COSINES[way], SINES[way]
                         passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
                     spare -= passed
             if spare < 0:
                 return True
+    return False
+
+
+@inner
+def is_crossed_aslant(
+    line: Float, cells: Cells, spare: int, sine: float
+) -> bool:  # pragma: no cover
+    """Whether more beams than are to spare have crossed a line (4,) at a small angle.
+
+    Beams that run along the line go through its cells, too. One that crosses it is on its one side
+    before it is on the line, and then on its other side.
+
+    Args:
+        line: The line [m].
+        cells: The cells.
+        spare: How many beams may cross it.
+        sine: That of the angle up to which they cross it.
+    """
+    x1, y1, x2, y2 = line
+    length = np.hypot(x2 - x1, y2 - y1)
+    if length == 0.0:
+        return False
+    ux, uy = (x2 - x1) / length, (y2 - y1) / length
+    end = min(LINK_END, 0.25 * length)
+    length -= 2.0 * end
+    steps = int(length / CELL) + 1
+    across, along = _ways_across(ux, uy, sine), 0
+    planes, passes = cells.planes, cells.passes
+    at_x, at_y, block = 1 << 40, 0, -1
+    # Few lines have such beams at all.
+    for step in range(steps):
+        place = end + (step + 0.5) * length / steps
+        column = int(np.floor((x1 + place * ux) / CELL))
+        row = int(np.floor((y1 + place * uy) / CELL))
+        if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
+            at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+            block = block_at(cells.open, at_x, at_y)
+        if block >= 0:
+            cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+            for way in range(PASS_DIRECTIONS):
+                if not (across >> way) & 1:
+                    if passes[planes[block, way], cell] & MOST_PASSES > spare:
+                        along |= 1 << way
+    for way in range(PASS_DIRECTIONS):
+        if not (along >> way) & 1:
+            continue
+        # The most beams so far: on either side, and of each of them on the line after that.
+        left = right = from_left = from_right = 0
+        for step in range(steps):
+            place = end + (step + 0.5) * length / steps
+            x, y = x1 + place * ux, y1 + place * uy
+            middle = _passes(cells, x, y, way)
+            for aside in (-0.5 * FLANK, 0.5 * FLANK):
+                middle = max(middle, _passes(cells, x - aside * uy, y + aside * ux, way))
+            one = _passes(cells, x - FLANK * uy, y + FLANK * ux, way)
+            other = _passes(cells, x + FLANK * uy, y - FLANK * ux, way)
+            if min(from_right, one) > spare or min(from_left, other) > spare:
+                return True
+            if middle == 0 and one == 0 and other == 0:
+                left = right = from_left = from_right = 0
+                continue
+            left, right = max(left, one), max(right, other)
+            from_left = max(from_left, min(left, middle))
+            from_right = max(from_right, min(right, middle))
     return False

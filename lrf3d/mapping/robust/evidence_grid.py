@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.blocks import SIDE, Blocks, rehashed, take_open, take_solid
+from lrf3d.mapping.robust.blocks import SIDE, Blocks, rehashed
 from lrf3d.mapping.robust.cells import Cells, NewEvidence, add_beams
 from lrf3d.mapping.robust.constants import PASS_DIRECTIONS
 
 Number = TypeVar("Number", bound=np.generic)
 
-LEAST_BLOCKS, LEAST_CLUSTERS = 256, 4096
+LEAST_BLOCKS, LEAST_PLANES, LEAST_CLUSTERS = 256, 1024, 4096
 """How much a new grid has room for."""
 
 
@@ -29,7 +29,8 @@ class EvidenceGrid:
     def __init__(self) -> None:
         self.cells = Cells(
             Blocks.of_size(LEAST_BLOCKS),
-            np.zeros((LEAST_BLOCKS, SIDE * SIDE * PASS_DIRECTIONS), np.uint8),
+            np.zeros((LEAST_BLOCKS, PASS_DIRECTIONS), np.int32),
+            np.zeros((LEAST_PLANES, SIDE * SIDE), np.uint8),
             Blocks.of_size(LEAST_BLOCKS),
             np.full((LEAST_BLOCKS, SIDE * SIDE), -1, np.int32),
             np.full(LEAST_CLUSTERS, -1, np.int32),
@@ -40,7 +41,7 @@ class EvidenceGrid:
             np.zeros((LEAST_CLUSTERS, 2), np.int32),
             np.zeros((LEAST_CLUSTERS, 2)),
             np.zeros(LEAST_CLUSTERS, np.int32),
-            np.array([0, -1, 0]),
+            np.array([0, -1, 0, 1]),
             np.zeros(1),
         )
 
@@ -48,16 +49,23 @@ class EvidenceGrid:
         self, beams: Beams, place: tuple[float, float], fresh: NewEvidence | None = None
     ) -> None:
         """Add the beams of a scan from a place [m], and count them for the walls they concern."""
-        units, ranges, deviations = beams
         if fresh is None:
-            fresh = NewEvidence.of_no_walls(len(ranges))
-        x, y = place
+            fresh = NewEvidence.of_no_walls(len(beams.ranges))
+        done, short = add_beams(self.cells, 0, place, beams, fresh)
+        while done < len(beams.ranges):
+            self._grow(short)
+            done, short = add_beams(self.cells, done, place, beams, fresh)
+
+    def _grow(self, short: int) -> None:
+        """Have room for twice as many open blocks (0), solid blocks, clusters or planes (3)."""
         cells = self.cells
-        while not take_open(cells.open, x, y, units, ranges):
-            cells = cells._replace(open=rehashed(cells.open), passes=_doubled(cells.passes, 0))
-        while not take_solid(cells.solid, x, y, units, ranges):
+        if short == 0:
+            cells = cells._replace(open=rehashed(cells.open), planes=_doubled(cells.planes, 0))
+        elif short == 1:
             cells = cells._replace(solid=rehashed(cells.solid), heads=_doubled(cells.heads, -1))
-        while cells.used[0] + len(ranges) > len(cells.moments):
+        elif short == 3:
+            cells = cells._replace(passes=_doubled(cells.passes, 0))
+        else:
             cells = cells._replace(
                 following=_doubled(cells.following, -1),
                 ways=_doubled(cells.ways, 0),
@@ -69,7 +77,6 @@ class EvidenceGrid:
                 misses=_doubled(cells.misses, 0),
             )
         self.cells = cells
-        add_beams(cells, x, y, units, ranges, deviations, fresh)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that the grid is, as plain arrays by their names; `restore` takes them back."""
@@ -89,10 +96,11 @@ class EvidenceGrid:
             # Free rows are as those of a new grid.
             free = np.repeat(column[-1:], rows - len(kept), axis=0)
             columns.append(np.concatenate([kept, free]))
-        self.cells = Cells(Blocks(*columns[:3]), columns[3], Blocks(*columns[4:7]), *columns[7:])
+        beams_through, beams_at = Blocks(*columns[:3]), Blocks(*columns[5:8])
+        self.cells = Cells(beams_through, columns[3], columns[4], beams_at, *columns[8:])
         # Blocks have room for half as many as their hash tables.
-        while 2 * len(self.cells.passes) < len(self.cells.open.keys):
-            self.cells = self.cells._replace(passes=_doubled(self.cells.passes, 0))
+        while 2 * len(self.cells.planes) < len(self.cells.open.keys):
+            self.cells = self.cells._replace(planes=_doubled(self.cells.planes, 0))
         while 2 * len(self.cells.heads) < len(self.cells.solid.keys):
             self.cells = self.cells._replace(heads=_doubled(self.cells.heads, -1))
 
@@ -112,8 +120,9 @@ def _columns(cells: Cells) -> list[tuple[str, NDArray[Any], int]]:
         elif name in COUNTERS:
             columns.append((name, column, len(column)))
         else:
-            used = {"passes": cells.open.used, "heads": cells.solid.used}.get(name, cells.used)
-            columns.append((name, column, int(used[0])))
+            taken = {"planes": cells.open.used[0], "heads": cells.solid.used[0]}
+            taken["passes"] = cells.used[3]
+            columns.append((name, column, int(taken.get(name, cells.used[0]))))
     return columns
 
 

@@ -16,7 +16,7 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.mapping.grid import order_of
-from lrf3d.mapping.robust.beams import in_order, longest_loss, range_deviation
+from lrf3d.mapping.robust.beams import longest_loss, plain, range_deviation
 from lrf3d.mapping.robust.constants import (
     CLUSTER_DEVIATIONS,
     END_DEVIATIONS,
@@ -55,7 +55,6 @@ def sorted_returns(
     range_max: float,
     noise: RangeNoise,
     gap: float,
-    lost: int,
 ) -> tuple[Float, Float, Float, Bool]:  # pragma: no cover
     """Beams, ranges and deviations of the returns by rising angle, and which hang together.
 
@@ -68,6 +67,10 @@ def sorted_returns(
             rising = False
             break
     order = np.arange(count) if rising else order_of(angles)
+    in_turn = np.empty(count)
+    for place in range(count):
+        in_turn[place] = ranges[order[place]]
+    lost = longest_loss(in_turn, range_max)
     circle = False
     if count >= 3:
         # A scan of 360° whose last beam looks where its first does gives that beam once.
@@ -126,7 +129,6 @@ def extract_walls(
     range_max: float,
     noise: RangeNoise,
     gap: float,
-    lost: int,
     local: LocalWalls,
 ) -> int:  # pragma: no cover
     """Find the walls of a scan.
@@ -138,7 +140,6 @@ def extract_walls(
         range_max: Farthest range [m] that counts.
         noise: The noise of the ranges.
         gap: The gap [m] that parts two clusters however far they are.
-        lost: How many lost beams beside each other part no cluster.
         local: (≥ n // 3 rows) is filled with the walls.
 
     Returns:
@@ -146,7 +147,7 @@ def extract_walls(
     """
     ends, moments, labels = local
     beams, reaches, deviations, joined = sorted_returns(
-        theta, angles, ranges, range_max, noise, gap, lost
+        theta, angles, ranges, range_max, noise, gap
     )
     count = len(reaches)
     found = clusters = 0
@@ -314,16 +315,8 @@ class LikelihoodExtractor:
         ends, moments = np.empty((most, 4)), np.empty((most, 6))
         local = LocalWalls(ends, moments, np.empty((most, 2), np.int64))
         range_max = float(scan.range_max)
-        angles, ranges = _plain(scan.angles), _plain(scan.ranges)
         count = extract_walls(
-            heading,
-            angles,
-            ranges,
-            range_max,
-            noise,
-            float(self.gap),
-            longest_loss(in_order(scan)[1], range_max),
-            local,
+            heading, plain(scan.angles), plain(scan.ranges), range_max, noise, self.gap, local
         )
         return LocalWalls(ends[:count], moments[:count], local.labels[:count])
 
@@ -331,10 +324,3 @@ class LikelihoodExtractor:
         """The local map of a scan, in the world's directions around the laser's place."""
         ends, moments, labels = self.walls(scan, float(scan.pose.theta), self.noise(scan))
         return SegmentTable(ends, moments, labels[:, 0], labels[:, 1])
-
-
-def _plain(values: Float) -> Float:
-    """The values as an array of the one kind that the compiled code is made for."""
-    if values.flags.c_contiguous and values.flags.writeable:
-        return values
-    return np.array(values)

@@ -4,6 +4,8 @@ Enter the real stretches of walls; leave the walls that they make. Stretches on 
 wall also where a gap was never looked into, so that no beam has crossed it.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,144 @@ from lrf3d.mapping.grid import Grid, Search, near, order_of
 from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, MERGE_CELL, WALL_SINE
 from lrf3d.mapping.robust.evidence import is_crossed
+from lrf3d.mapping.robust.segment_pool import Pool, drop_rows, rows_of
 from lrf3d.mapping.robust.walls import Rule, Walls, may_fit, merge, misfit, partner
+
+
+class Joints(NamedTuple):
+    """The walls that stretches are joined to, each named by one of its stretches.
+
+    Args:
+        names: (rows,) the wall that each stretch is of.
+        rings: (rows,) the next stretch of the same wall, in a ring.
+        marks: (rows,) False; is written, and restored.
+        stamps: (rows,) the stamp of each wall; see `Cells`.
+        lost: (rows,) what each wall lost to others; is written.
+    """
+
+    names: Int
+    rings: Int
+    marks: NDArray[np.bool_]
+    stamps: NDArray[np.int32]
+    lost: Float
+
+    @classmethod
+    def of_size(cls, rows: int) -> "Joints":
+        """No walls yet."""
+        return cls(
+            np.zeros(rows, np.int64), np.arange(rows), np.zeros(rows, np.bool_),
+            np.zeros(rows, np.int32), np.zeros(rows),
+        )  # fmt: skip
+
+    def doubled(self) -> "Joints":
+        """The same with room for twice as many stretches."""
+        columns: tuple[NDArray[Any], ...] = self
+        grown: tuple[NDArray[Any], ...] = Joints.of_size(2 * len(self.names))
+        for own, column in zip(columns, grown, strict=True):
+            column[: len(own)] = own
+        return Joints(*grown)
+
+
+@compiled
+def loosen_walls(
+    walls: Int, pool: Pool, grid: Grid, joints: Joints
+) -> tuple[Int, Int]:  # pragma: no cover
+    """Take the stretches of some walls (n,) out.
+
+    Returns:
+        The other stretches of what they were joined to, and the names of that.
+    """
+    parts = parts_of(rows_of(pool, walls), joints.rings, joints.marks)
+    names = np.empty(len(parts), np.int64)
+    count = 0
+    for k in range(len(parts)):
+        count = _add_name(joints, parts[k], names, count)
+    for k in range(count):
+        joints.marks[names[k]] = False
+    drop_rows(pool, grid, walls)
+    left = 0
+    for k in range(len(parts)):
+        if pool.walls.points[parts[k]] > 0:
+            parts[left] = parts[k]
+            left += 1
+    return parts[:left], names[:count]
+
+
+@inner
+def _add_name(joints: Joints, row: int, names: Int, count: int) -> int:  # pragma: no cover
+    """Add the name of the wall of a stretch to a list, once, and mark it; returns its length."""
+    name = joints.names[row]
+    if joints.marks[name]:
+        return count
+    joints.marks[name] = True
+    names[count] = name
+    return count + 1
+
+
+@compiled
+def rejoin_stretches(
+    loose: Int,
+    broken: Int,
+    pool: Pool,
+    grid: Grid,
+    search: Search,
+    joints: Joints,
+    rule: Rule,
+    cells: Cells,
+) -> tuple[Int, Int, Float]:  # pragma: no cover
+    """Join loose stretches (n,) with each other or with others.
+
+    Args:
+        loose: Their rows.
+        broken: The names of walls that some of them were of.
+        pool: The stretches.
+        grid: Where they are, in cells of MERGE_CELL.
+        search: Is written by searches of the grid.
+        joints: The walls that they are joined to; is written.
+        rule: What one wall is.
+        cells: The cells.
+
+    Returns:
+        The names of all walls that are no more as they were, the names of those that there are
+        now, and where these are (m, 4) [m].
+    """
+    loose = loose[order_of(loose)]
+    others = neighbours_of(loose, pool.walls, grid, search, joints.rings, joints.marks, rule)
+    count = len(loose) + len(others)
+    rows, names = np.empty(count, np.int64), np.empty(count, np.int64)
+    walls = Walls(np.empty((count, 4)), np.empty((count, 6)), np.empty(count, np.int64))
+    for k in range(count):
+        row = rows[k] = loose[k] if k < len(loose) else others[k - len(loose)]
+        names[k], walls.points[k] = joints.names[row], pool.walls.points[row]
+        for side in range(4):
+            walls.ends[k, side] = pool.walls.ends[row, side]
+        for place in range(6):
+            walls.moments[k, place] = pool.walls.moments[row, place]
+    roots, changed = join_stretches(walls, len(loose), names, rule, cells)
+    old, touched = np.empty(len(broken) + count, np.int64), np.empty(count, np.int64)
+    kept = moved = 0
+    for k in range(len(broken)):
+        old[k] = broken[k]
+        joints.marks[broken[k]] = True
+    number = len(broken)
+    for k in range(count):
+        if changed[k]:
+            if k >= len(loose):
+                number = _add_name(joints, rows[k], old, number)
+            # Walls that stayed as they were keep their names.
+            joints.names[rows[k]] = rows[roots[k]]
+            if walls.points[k] > 0:
+                names[kept] = rows[k]
+                for side in range(4):
+                    walls.ends[kept, side] = walls.ends[k, side]
+                kept += 1
+            touched[moved] = rows[k]
+            moved += 1
+    for k in range(number):
+        joints.marks[old[k]] = False
+        joints.stamps[old[k]] += 1
+    tie_rings(touched[:moved], joints.names, joints.rings)
+    return old[:number], names[:kept], walls.ends[:kept]
 
 
 @inner
@@ -26,7 +165,7 @@ def _straight(rule: Rule) -> Rule:  # pragma: no cover
     return Rule(LONGEST_GAP, rule.bend, rule.bend, rule.distance)
 
 
-@compiled
+@inner
 def parts_of(rows: Int, rings: Int, marks: NDArray[np.bool_]) -> Int:  # pragma: no cover
     """All stretches (m,) of the walls that some stretches (n,) are of, each once.
 
@@ -49,7 +188,7 @@ def parts_of(rows: Int, rings: Int, marks: NDArray[np.bool_]) -> Int:  # pragma:
     return parts[:count]
 
 
-@compiled
+@inner
 def neighbours_of(
     rows: Int,
     walls: Walls,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, Search, near
 from lrf3d.mapping.robust.constants import (
@@ -33,16 +33,19 @@ class Links(NamedTuple):
         lines: (links, 6) see `measure_link`.
         kinds: (links,) what each is, as far as it was asked. One that beams have crossed is
             dropped.
+        bearing: (links,) whether each has joined two objects that no other link had joined before.
         following: (links, 2) the next entry of the list of either wall, −1 at the end; entry
             2·link + side stands for a link in the list of the wall on that side of its pair.
         preceding: (links, 2) the entry before, −1 at the beginning.
         heads: (walls,) the first entry of each wall's list.
-        used: (2,) links that were taken, and the first that was given back.
+        used: (3,) links that were taken, the first that was given back, and the next whose beams
+            are looked at again.
     """
 
     pairs: Int
     lines: Float
     kinds: NDArray[np.int8]
+    bearing: NDArray[np.bool_]
     following: Int
     preceding: Int
     heads: Int
@@ -53,8 +56,8 @@ class Links(NamedTuple):
         """No links, with room for some."""
         return cls(
             np.zeros((links, 2), np.int64), np.zeros((links, 6)), np.zeros(links, np.int8),
-            np.full((links, 2), -1), np.full((links, 2), -1), np.full(walls, -1),
-            np.array([0, -1]),
+            np.zeros(links, np.bool_), np.full((links, 2), -1), np.full((links, 2), -1),
+            np.full(walls, -1), np.array([0, -1, 0]),
         )  # fmt: skip
 
 
@@ -134,27 +137,23 @@ def reach_before(wall: Float, link: Float) -> float:  # pragma: no cover
     return before
 
 
-@compiled
+@inner
 def add_links(
-    links: Links, fresh: Int, begin: int, places: Int, walls: Walls, grid: Grid, search: Search
-) -> int:  # pragma: no cover
+    links: Links, fresh: Int, places: Int, walls: Walls, grid: Grid, search: Search
+) -> None:  # pragma: no cover
     """Add the links of some walls to all others near them.
 
     Args:
-        links: Is written.
+        links: Is written; there is room for all that may come.
         fresh: (n,) the rows of the walls, which have no links.
-        begin: The first of them whose links are to be added.
         places: (rows,) at each of them its place among them; −1 at all other walls.
         walls: All walls.
         grid: Where they are, in cells of MERGE_CELL.
         search: Is written.
-
-    Returns:
-        The first of them that there was no room for; its links are to be dropped.
     """
     others, lines = np.empty(MOST_LINKS, np.int64), np.empty((MOST_LINKS + 1, 6))
     ends = walls.ends
-    for k in range(begin, len(fresh)):
+    for k in range(len(fresh)):
         wall = fresh[k]
         search.number[0] += 1
         stamp = search.number[0]
@@ -184,12 +183,10 @@ def add_links(
             link = links.used[1]
             if link >= 0:
                 links.used[1] = links.following[link, 0]
-            elif links.used[0] < len(links.kinds):
+            else:
                 link = links.used[0]
                 links.used[0] += 1
-            else:
-                return k
-            links.kinds[link] = UNASKED
+            links.kinds[link], links.bearing[link] = UNASKED, False
             for place in range(6):
                 links.lines[link, place] = line[place]
             links.pairs[link, 0], links.pairs[link, 1] = wall, other
@@ -200,7 +197,6 @@ def add_links(
                 if head >= 0:
                     links.preceding[head >> 1, head & 1] = entry
                 links.heads[row] = entry
-    return len(fresh)
 
 
 @inner
@@ -214,11 +210,12 @@ def drop_link(links: Links, link: int) -> None:  # pragma: no cover
             links.following[before >> 1, before & 1] = after
         if after >= 0:
             links.preceding[after >> 1, after & 1] = before
+    links.bearing[link] = False
     links.following[link, 0] = links.used[1]
     links.used[1] = link
 
 
-@compiled
+@inner
 def drop_links(links: Links, walls: Int) -> None:  # pragma: no cover
     """Take all links of some walls (n,) out."""
     for k in range(len(walls)):
@@ -226,7 +223,7 @@ def drop_links(links: Links, walls: Int) -> None:  # pragma: no cover
             drop_link(links, links.heads[walls[k]] >> 1)
 
 
-@compiled
+@inner
 def renew_links(links: Links, walls: Int, ends: Float) -> None:  # pragma: no cover
     """Measure the links of some walls (n,) anew, and have the beams asked about them again."""
     for k in range(len(walls)):
@@ -239,19 +236,3 @@ def renew_links(links: Links, walls: Int, ends: Float) -> None:  # pragma: no co
                 links.kinds[link] = UNASKED
             else:
                 drop_link(links, link)
-
-
-@compiled
-def linked_labels(links: Links, walls: Int, labels: Int) -> Int:  # pragma: no cover
-    """The labels of what some walls (n,) are linked with; few of them more than once."""
-    found = np.empty(2 * links.used[0] + 1, np.int64)
-    count = 0
-    for k in range(len(walls)):
-        entry = links.heads[walls[k]]
-        while entry >= 0:
-            label = labels[links.pairs[entry >> 1, 1 - (entry & 1)]]
-            if count == 0 or label != found[count - 1]:
-                found[count] = label
-                count += 1
-            entry = links.following[entry >> 1, entry & 1]
-    return found[:count]

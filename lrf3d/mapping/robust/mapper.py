@@ -45,6 +45,7 @@ class RobustMapper:
         self._last_scans = np.zeros(LEAST_ROWS, np.int64)
         self._refit = np.full((LEAST_ROWS, 4), np.inf)
         self._scans = 0
+        self._following = np.zeros(1, np.int64)
 
     def update(self, scan: LaserScan) -> None:
         """Unite the map with a scan; the same scan once more changes nothing."""
@@ -61,6 +62,7 @@ class RobustMapper:
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._refine(fresh, noise)
+        self._refined.publish(self._frame)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
 
@@ -98,8 +100,9 @@ class RobustMapper:
         )
         chosen = np.empty(rows, np.int64)
         count = choose_walls(
-            fresh, store.changed, store.walls, self._refit, self._refined.evidence, chosen
-        )
+            fresh, store.changed, store.walls, self._refit, self._refined.evidence,
+            self._following, chosen,
+        )  # fmt: skip
         if not count:
             return
         chosen = np.sort(chosen[:count])
@@ -122,8 +125,7 @@ class RobustMapper:
     def map(self) -> LineMap:
         """The global map as it is now."""
         if self._map is None:
-            table = self._refined.table()
-            self._map = LineMap.empty() if self._frame is None else self._frame.map_of(table)
+            self._map = self._refined.map
         return self._map
 
     def state(self) -> dict[str, Any]:
@@ -139,6 +141,7 @@ class RobustMapper:
             "wall_last_scans": self._last_scans.copy(),
             "refit": self._refit.copy(),
             "scans": np.array([self._scans]),
+            "following_wall": self._following.copy(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -146,12 +149,13 @@ class RobustMapper:
         self._walls.restore(state)
         self._grid.restore(state)
         self._noise.restore(state)
-        self._refined.restore(state)
         last = state["last_scan"].tolist()
         self._last_scan = last[0] if last else None
         frame = state["frame"]
         self._frame = None if np.isnan(frame).any() else Frame(*frame.tolist())
+        self._refined.restore(state, self._frame or Frame(0.0, 0.0, 0.0))
         self._last_scans = state["wall_last_scans"].copy()
         self._refit = state["refit"].copy()
         self._scans = int(state["scans"][0])
+        self._following = state["following_wall"].copy()
         self._map = None

@@ -25,16 +25,18 @@ from lrf3d.mapping.robust.constants import (
     FACING_SINE,
     FREE_DEPTH,
     LINK_SINE,
+    LINKS_A_TURN,
     MERGE_CELL,
     NICHE_DEPTH,
     SECOND_LINK,
     SEVERAL_WALLS,
     SHORT_LINK,
     SIGHT_PLACES,
+    SLOTS_A_TURN,
     STRAY_BEAMS,
     TOUCH,
 )
-from lrf3d.mapping.robust.evidence import is_crossed
+from lrf3d.mapping.robust.evidence import is_crossed, is_crossed_aslant
 from lrf3d.mapping.robust.links import UNASKED, Links, drop_link, reach_before
 
 CROSSED, JOINS, BLOCKED, OPEN, BEFORE = 1, 2, 3, 4, 5
@@ -82,6 +84,11 @@ def associate_objects(
     sizes = np.ones(len(rows), np.int64)
     for k in range(len(rows)):
         places[rows[k]] = k
+        if k < loose:
+            entry = links.heads[rows[k]]
+            while entry >= 0:
+                links.bearing[entry >> 1] = False
+                entry = links.following[entry >> 1, entry & 1]
         if k > loose and objects[k] == objects[k - 1]:
             _unite(parents, sizes, k - 1, k)
     chosen = np.empty(links.used[0], np.int64)
@@ -95,7 +102,9 @@ def associate_objects(
             if across >= loose or 0 <= across < k:
                 # Short links that join walls do so in any order.
                 if links.kinds[link] == JOINS and links.lines[link, 4] <= SHORT_LINK:
-                    _unite(parents, sizes, k, across)
+                    if _root(parents, k) != _root(parents, across):
+                        links.bearing[link] = True
+                        _unite(parents, sizes, k, across)
                 elif links.kinds[link] != BEFORE:
                     chosen[number] = link
                     number += 1
@@ -147,6 +156,8 @@ def associate_objects(
                     # All sight is blocked at one of the two; the other is about as long.
                     if blocked or (strong[entry >> 1] and lengths[before] >= least):
                         seconded = _root(parents, pairs[before, 1 - (entry & 1)]) == many
+                        if seconded:
+                            links.bearing[chosen[before]] = True
                     entry = following[entry]
                 if not seconded:
                     waiting[count], strong[count] = place, blocked
@@ -160,6 +171,7 @@ def associate_objects(
                         counts[root] += 1
                     count += 1
                     continue
+        links.bearing[link] = True
         kept, gone = _unite(parents, sizes, one, other)
         counts[kept] += counts[gone]
         if heads[gone] >= 0:
@@ -173,6 +185,39 @@ def associate_objects(
     return parents
 
 
+@compiled
+def recheck_links(links: Links, sight: Sight) -> Int:  # pragma: no cover
+    """Check some links that hold objects together again: evidence may have come since.
+
+    Each call takes the next `LINKS_A_TURN` of them, so that all have their turn.
+
+    Args:
+        links: Is written.
+        sight: What decides on links.
+
+    Returns:
+        (k,) one of the two walls of each link that is something else now.
+    """
+    found = np.empty(LINKS_A_TURN, np.int64)
+    count, asked = 0, 0
+    for _ in range(min(links.used[0], SLOTS_A_TURN)):
+        link = links.used[2]
+        links.used[2] = (link + 1) % links.used[0]
+        if links.bearing[link] and links.lines[link, 4] > TOUCH:
+            asked += 1
+            one, other = links.pairs[link]
+            kind = _kind(links.lines[link], one, other, sight)
+            if kind != links.kinds[link]:
+                links.kinds[link] = kind
+                found[count] = one
+                count += 1
+                if kind == CROSSED:
+                    drop_link(links, link)
+            if asked == LINKS_A_TURN:
+                break
+    return found[:count]
+
+
 @inner
 def _kind(link: Float, wall: int, across: int, sight: Sight) -> int:  # pragma: no cover
     """What a link (6,) of two walls is."""
@@ -180,11 +225,7 @@ def _kind(link: Float, wall: int, across: int, sight: Sight) -> int:  # pragma: 
     if link[4] <= TOUCH:
         return JOINS
     # Most links are crossed, which is asked first.
-    if link[4] <= SHORT_LINK:
-        crossed = _is_separated(link, cells)
-    else:
-        crossed = is_crossed(link[:4], cells, FREE_DEPTH, 0, LINK_SINE)
-    if crossed:
+    if _is_separated(link, cells):
         return CROSSED
     if link[4] > ABUTS and _goes_before(link, wall, across, sight):
         return BEFORE
@@ -266,15 +307,23 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no c
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])
             length = np.hypot(line[2] - line[0], line[3] - line[1])
             if max(reach_before(one, line), reach_before(other, line)) <= BEHIND_SINE * length:
-                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
+                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE) or is_crossed_aslant(
+                    line, cells, 0, LINK_SINE
+                ):
                     return False
     return True
 
 
 @inner
 def _is_separated(link: Float, cells: Cells) -> bool:  # pragma: no cover
-    """Whether beams have crossed a short link (6,): many of them, or deeper than into a corner."""
+    """Whether beams have crossed a link (6,), a short one many of them or deeper than a corner."""
+    if link[4] > SHORT_LINK:
+        return is_crossed(link[:4], cells, FREE_DEPTH, 0, LINK_SINE) or is_crossed_aslant(
+            link[:4], cells, 0, LINK_SINE
+        )
     depth = max(FREE_DEPTH, NICHE_DEPTH * link[4]) if link[5] > 0.0 else FREE_DEPTH
-    return is_crossed(link[:4], cells, depth, STRAY_BEAMS, LINK_SINE) or is_crossed(
-        link[:4], cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE
+    return (
+        is_crossed(link[:4], cells, depth, STRAY_BEAMS, LINK_SINE)
+        or is_crossed(link[:4], cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE)
+        or is_crossed_aslant(link[:4], cells, STRAY_BEAMS, LINK_SINE)
     )

@@ -14,29 +14,24 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.geometry import Float, Int
 from lrf3d.laser import RangeNoise
+from lrf3d.mapping.line_map import LineMap
+from lrf3d.mapping.robust.beams import Frame
 from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
     FOLLOWED,
     FORSAKEN,
     OPEN_WEIGHT,
     PIECE,
-    SHORT_WALL,
     VIOLATION_WEIGHT,
 )
-from lrf3d.mapping.robust.evidence import Round, gather_evidence
-from lrf3d.mapping.robust.joining import (
-    join_stretches,
-    neighbours_of,
-    parts_of,
-    tie_rings,
-)
+from lrf3d.mapping.robust.joining import Joints, loosen_walls, rejoin_stretches, tie_rings
+from lrf3d.mapping.robust.live_map import LiveMap
 from lrf3d.mapping.robust.object_groups import ObjectGroups
-from lrf3d.mapping.robust.refitting import refit_segments
+from lrf3d.mapping.robust.refitting import Refit, refit_walls
 from lrf3d.mapping.robust.segment_pool import SegmentPool
 from lrf3d.mapping.robust.walls import Rule, longer
-from lrf3d.mapping.segment_table import SegmentTable
 
 LEAST_ROWS = 256
 """Walls that a new refinement has room for."""
@@ -61,13 +56,11 @@ class MapRefinement:
         self._rule, self._least = rule, least
         self.stamps = np.zeros(LEAST_ROWS, np.int32)
         self.new_evidence, self.evidence = np.zeros(LEAST_ROWS), np.zeros(LEAST_ROWS)
-        self._joint_stamps = np.zeros(LEAST_ROWS, np.int32)
-        self._joint_new = np.zeros(LEAST_ROWS)
         self._stretches, self.segments = SegmentPool(), SegmentPool()
-        # The joined wall that each stretch is a part of is named by one of them.
-        self._joint = np.zeros(LEAST_ROWS, np.int64)
-        self._rings, self._marks = np.arange(LEAST_ROWS), np.zeros(LEAST_ROWS, np.bool_)
+        self._joints = Joints.of_size(LEAST_ROWS)
         self.groups = ObjectGroups()
+        self._changed: list[Int] = []
+        self._live = LiveMap()
 
     def grow(self, rows: int) -> None:
         """Have room for so many walls."""
@@ -90,108 +83,57 @@ class MapRefinement:
         Returns:
             Those of them that the beams went through and that have nothing real.
         """
-        self.stamps[gone] += 1
-        if not len(walls) and not self._stretches.rows_of(gone.tolist()):
-            return []
-        changed = [*walls.tolist(), *gone.tolist()]
-        old = np.array(self._stretches.rows_of(changed), np.int64)
-        parts = parts_of(old, self._rings, self._marks)
-        affected = set(self._joint[parts].tolist())
-        self._stretches.drop(changed)
-        parts = parts[self._stretches.walls.points[parts] > 0]
-        contradicted: list[int] = []
-        if len(walls):
-            found, moments, labels, totals = self._refit(
-                0, walls, followed(ends, FOLLOWED), self.stamps, self.new_evidence, cells, FOLLOWED
-            )
-            self.evidence[walls] = totals @ (1.0, OPEN_WEIGHT)
-            hits = labels[:, 1].astype(np.int64)
-            parents = walls[labels[:, 0].astype(np.int64)]
-            fresh = self._stretches.add(found, moments, hits, parents)
-            while len(self._joint) < len(self._stretches.parents):
-                self._joint = longer(self._joint)
-                self._marks = np.zeros(len(self._joint), np.bool_)
-                self._rings = np.concatenate([self._rings, np.empty_like(self._rings)])
-                self._joint_stamps = longer(self._joint_stamps)
-                self._joint_new = longer(self._joint_new)
-            weak = VIOLATION_WEIGHT * totals[:, 1] > FORSAKEN * totals[:, 0]
-            weak[np.isin(walls, parents)] = False
-            contradicted = walls[weak].tolist()
-            parts = np.concatenate([parts, fresh])
         stretches = self._stretches
-        neighbours = neighbours_of(
-            parts,
-            stretches.walls,
-            stretches.grid,
-            stretches.search,
-            self._rings,
-            self._marks,
-            self._rule,
-        )
-        self._rejoin(np.sort(parts), neighbours, affected, cells, noise)
-        return contradicted
+        self.stamps[gone] += 1
+        changed = np.concatenate([walls, gone])
+        stretches.make_room(0, len(self.stamps))
+        loose, broken = loosen_walls(changed, stretches.pool, stretches.grid, self._joints)
+        if not len(walls) and not len(broken):
+            return []
+        refit = Refit(
+            0, walls, ends, FOLLOWED, FOLLOWED, self._rule.distance, self._least,
+            self.stamps, self.new_evidence,
+        )  # fmt: skip
+        found, totals = refit_walls(refit, cells)
+        self.evidence[walls] = totals[:, 0] + OPEN_WEIGHT * totals[:, 1]
+        contradicted = VIOLATION_WEIGHT * totals[:, 1] > FORSAKEN * totals[:, 0]
+        contradicted &= totals[:, 2] == 0.0
+        fresh = stretches.add(found, len(self.stamps))
+        while len(self._joints.names) < stretches.size:
+            self._joints = self._joints.doubled()
+        self._rejoin(np.concatenate([loose, fresh]), broken, cells, noise)
+        gone_through: list[int] = walls[contradicted].tolist()
+        return gone_through
 
-    def _rejoin(
-        self, loose: Int, others: Int, affected: set[int], cells: Cells, noise: RangeNoise
-    ) -> None:
+    def _rejoin(self, loose: Int, broken: Int, cells: Cells, noise: RangeNoise) -> None:
         """Join loose stretches with each other or with others, and find the segments they make."""
-        rows = np.concatenate([loose, others])
-        walls = self._stretches.walls.take(rows)
-        roots, changed = join_stretches(walls, len(loose), self._joint[rows], self._rule, cells)
-        affected.update(self._joint[others[changed[len(loose) :]]].tolist())
-        old = sorted(affected)
-        self._joint_stamps[old] += 1
-        found, moments = np.empty((0, 4)), np.empty((0, 6))
-        hits = parents = np.zeros(0, np.int64)
-        if len(rows):
-            # Walls that stayed as they were keep their names.
-            self._joint[rows[changed]] = rows[roots[changed]]
-            tie_rings(rows[changed], self._joint, self._rings)
-            kept = np.flatnonzero(changed & (walls.points > 0))
-            found, moments, labels, _ = self._refit(
-                # They end at hits, which a little less would miss.
-                1, rows[kept], followed(walls.ends[kept], 0.1 * PIECE), self._joint_stamps,
-                self._joint_new, cells, 0.0,
-            )  # fmt: skip
-            hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
-        gone, fresh, renewed = self.segments.exchange(old, found, moments, hits, parents)
-        moved = np.array(self.segments.rows_of(set(parents.tolist())), np.int64)
-        self.groups.update(self.segments, gone, fresh, renewed, moved, cells, noise)
-
-    def _refit(
-        self,
-        number: int,
-        walls: Int,
-        ends: Float,
-        stamps: Any,
-        lost: Float,
-        cells: Cells,
-        margin: float,
-    ) -> tuple[Float, Float, Float, Float]:
-        """The real segments of walls: ends, moments, labels; and evidence (walls, 2) of each."""
-        pieces = np.maximum(np.ceil(lengths(ends) / PIECE).astype(np.int64), 1)
-        first = np.concatenate([[0], np.cumsum(pieces)])
-        turn = Round(number, walls, ends, first, stamps, lost)
-        counts, sums = gather_evidence(turn, cells, self._rule.distance, margin)
-        found, moments, labels = refit_segments(ends, first, counts, sums)
-        hits, violations = labels[:, 1], labels[:, 2]
-        factor = np.where(lengths(found) < SHORT_WALL, 2, 1)
-        real = (hits >= factor * self._least) & (factor * violations <= hits)
-        spare = int(margin / PIECE)
-        sums = np.concatenate([np.zeros((1, 2)), np.cumsum(counts[:, :2], axis=0)])
-        totals: Float = sums[first[1:] - spare] - sums[first[:-1] + spare]
-        return found[real], moments[real], labels[real], totals
-
-    def table(self) -> SegmentTable:
-        """The segments of the map as they are now."""
-        rows = self.segments.rows()
-        walls = self.segments.walls
-        return SegmentTable(
-            self.groups.closed[rows],
-            walls.moments[rows],
-            walls.points[rows],
-            self.groups.labels[rows],
+        stretches, joints = self._stretches, self._joints
+        old, walls, ends = rejoin_stretches(
+            *(loose, broken, stretches.pool, stretches.grid, stretches.search),
+            *(joints, self._rule, cells),
         )
+        refit = Refit(
+            # They end at hits, which a little less would miss.
+            1, walls, ends, 0.1 * PIECE, 0.0, self._rule.distance, self._least,
+            joints.stamps, joints.lost,
+        )  # fmt: skip
+        found, _ = refit_walls(refit, cells)
+        change = self.segments.exchange(old, found, stretches.size)
+        self._changed.append(self.groups.update(self.segments, change, cells, noise))
+
+    def publish(self, frame: Frame) -> None:
+        """Bring the map in the world up to date."""
+        if self._changed:
+            self._live.update(np.concatenate(self._changed), *self._shown(), frame)
+            self._changed.clear()
+
+    def _shown(self) -> tuple[Float, Int, Int]:
+        return self.groups.closed, self.segments.walls.points, self.groups.labels
+
+    @property
+    def map(self) -> LineMap:
+        """The map in the world, as it was published last."""
+        return self._live.value()
 
     def state(self) -> dict[str, Any]:
         """All that was worked out, as plain arrays by their names; `restore` takes them back."""
@@ -199,30 +141,25 @@ class MapRefinement:
             **self._stretches.state("stretch"),
             **self.segments.state("segment"),
             **self.groups.state(),
+            **self._live.state(),
             "refit_stamps": self.stamps.copy(),
             "new_evidence": self.new_evidence.copy(),
             "refit_evidence": self.evidence.copy(),
-            "joint_stamps": self._joint_stamps.copy(),
-            "joints": self._joint.copy(),
+            "joint_stamps": self._joints.stamps.copy(),
+            "joints": self._joints.names.copy(),
         }
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any], frame: Frame) -> None:
         """Go on from what was worked out."""
         self._stretches.restore(state, "stretch")
         self.segments.restore(state, "segment")
-        self.groups.restore(state, self.segments)
+        self.groups.restore(state)
+        self._live.restore(state, *self._shown(), frame)
+        self._changed.clear()
         self.stamps, self.evidence = state["refit_stamps"].copy(), state["refit_evidence"].copy()
         self.new_evidence = state["new_evidence"].copy()
-        self._joint_new = np.zeros(len(state["joints"]))
-        self._joint_stamps, self._joint = state["joint_stamps"].copy(), state["joints"].copy()
-        self._marks = np.zeros(len(self._joint), np.bool_)
-        self._rings = np.arange(len(self._joint))
-        tie_rings(self._stretches.rows(), self._joint, self._rings)
-
-
-def followed(ends: Float, farther: float) -> Float:
-    """Walls (m, 4), longer by so much [m] at both ends."""
-    units = ends[:, 2:] - ends[:, :2]
-    units = farther * units / lengths(ends)[:, None]
-    longer_ends: Float = ends + np.hstack([-units, units])
-    return longer_ends
+        names = state["joints"].copy()
+        self._joints = Joints.of_size(len(names))._replace(
+            names=names, stamps=state["joint_stamps"].copy()
+        )
+        tie_rings(self._stretches.rows(), names, self._joints.rings)

@@ -5,10 +5,14 @@ real where the beams that hit it outweigh those that went through it or hit a ne
 split where its points bend by more than a map can be trusted.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
     CHANGE_COST,
     DUPLICATE_WEIGHT,
@@ -17,12 +21,84 @@ from lrf3d.mapping.robust.constants import (
     MAP_DEVIATION,
     OPEN_WEIGHT,
     PIECE,
+    SHORT_WALL,
     TAKEN_TURNS,
     TRANSIENT_WEIGHT,
     UNSEEN_COST,
     VIOLATION_WEIGHT,
     WALL_COST,
 )
+from lrf3d.mapping.robust.evidence import Round, gather_evidence
+from lrf3d.mapping.robust.segment_pool import NewSegments
+
+
+class Refit(NamedTuple):
+    """Walls that are refit in one round of the refinement; see `Round`.
+
+    Args:
+        number: Which of the two rounds it is.
+        walls: (m,) the numbers of the walls.
+        ends: (m, 4) where they are [m].
+        farther: How much longer they are followed at both ends [m].
+        margin: How much of that only continues what was seen [m].
+        near: How far from a wall [m] a return may lie, beside what noise explains.
+        least: Walls with fewer hits are left out.
+        stamps: (≥ all walls,) the stamp of each wall by its number; is written.
+        lost: (≥ all walls,) new evidence of each wall; is written.
+    """
+
+    number: int
+    walls: Int
+    ends: Float
+    farther: float
+    margin: float
+    near: float
+    least: int
+    stamps: NDArray[np.int32]
+    lost: Float
+
+
+@compiled
+def refit_walls(refit: Refit, cells: Cells) -> tuple[NewSegments, Float]:  # pragma: no cover
+    """The real parts of walls.
+
+    Returns:
+        These parts; and (m, 3) hits, free-space violations and number of parts of each wall.
+    """
+    count = len(refit.ends)
+    ends, first = np.empty((count, 4)), np.zeros(count + 1, np.int64)
+    for wall in range(count):
+        before = refit.ends[wall]
+        dx, dy = before[2] - before[0], before[3] - before[1]
+        size = np.hypot(dx, dy)
+        dx, dy = refit.farther * dx / size, refit.farther * dy / size
+        ends[wall, 0], ends[wall, 1] = before[0] - dx, before[1] - dy
+        ends[wall, 2], ends[wall, 3] = before[2] + dx, before[3] + dy
+        length = np.hypot(ends[wall, 2] - ends[wall, 0], ends[wall, 3] - ends[wall, 1])
+        first[wall + 1] = first[wall] + max(int(np.ceil(length / PIECE)), 1)
+    turn = Round(refit.number, refit.walls, ends, first, refit.stamps, refit.lost)
+    counts, sums = gather_evidence(turn, cells, refit.near, refit.margin)
+    parts, moments, labels = refit_segments(ends, first, counts, sums)
+    found, spare, totals = 0, int(refit.margin / PIECE), np.zeros((count, 3))
+    hits, parents = np.empty(len(parts), np.int64), np.empty(len(parts), np.int64)
+    for part in range(len(parts)):
+        length = np.hypot(parts[part, 2] - parts[part, 0], parts[part, 3] - parts[part, 1])
+        factor = 2 if length < SHORT_WALL else 1
+        if labels[part, 1] >= factor * refit.least and factor * labels[part, 2] <= labels[part, 1]:
+            for k in range(4):
+                parts[found, k] = parts[part, k]
+            for k in range(6):
+                moments[found, k] = moments[part, k]
+            wall = int(labels[part, 0])
+            hits[found], parents[found] = labels[part, 1], refit.walls[wall]
+            totals[wall, 2] += 1.0
+            found += 1
+    for wall in range(count):
+        for piece in range(first[wall] + spare, first[wall + 1] - spare):
+            totals[wall, 0] += counts[piece, 0]
+            totals[wall, 1] += counts[piece, 1]
+    new = NewSegments(parts[:found], moments[:found], hits[:found], parents[:found])
+    return new, totals
 
 
 @inner

@@ -60,7 +60,13 @@ def _reaches(ends: Float, x: float, y: float, off: float) -> bool:  # pragma: no
 
 @compiled
 def choose_walls(
-    fresh: NewEvidence, changed: Int, walls: Walls, refit: Float, evidence: Float, chosen: Int
+    fresh: NewEvidence,
+    changed: Int,
+    walls: Walls,
+    refit: Float,
+    evidence: Float,
+    following: Int,
+    chosen: Int,
 ) -> int:  # pragma: no cover
     """Choose the walls that are to be refined again.
 
@@ -70,6 +76,7 @@ def choose_walls(
         walls: The walls of the store.
         refit: (rows, 4) where each wall was when it was refit last; infinite where it never was.
         evidence: (rows,) hits and violations that it had then.
+        following: (1,) the wall from which on the next is looked for whose turn it is; is written.
         chosen: (rows,) is filled with their rows.
 
     Returns:
@@ -106,7 +113,28 @@ def choose_walls(
             refit[stale, side] = walls.ends[stale, side]
         chosen[count] = stale
         count += 1
+    # What a wall lost to its neighbours, it has not noticed: all walls have their turn.
+    for _ in range(len(refit)):
+        wall = following[0]
+        following[0] = (wall + 1) % len(refit)
+        if walls.points[wall] > 0 and not np.isinf(refit[wall, 0]):
+            if not _contains(chosen, count, wall):
+                fresh.counts[wall] = 0.0
+                for side in range(4):
+                    refit[wall, side] = walls.ends[wall, side]
+                chosen[count] = wall
+                count += 1
+            break
     return count
+
+
+@inner
+def _contains(chosen: Int, count: int, wall: int) -> bool:  # pragma: no cover
+    """Whether a wall is among the first of those chosen."""
+    for k in range(count):
+        if chosen[k] == wall:
+            return True
+    return False
 
 
 @inner
