@@ -203,6 +203,10 @@ TAKEN_TURNS = 0.3
 """[share] … and they take turns where for each scan that hit so many beams went through before the
 next one did. More takes legs of furniture out, less keeps more of slow obstacles."""
 
+TURNS_SHARE = 0.1
+"""[share] They take turns only where no fewer of the violations than this came between two scans
+that hit; all others came before the first or after the last."""
+
 FORSAKEN = 4.0
 """[share] A wall without a real part is given up, and found anew if it comes back, where its
 violations outweigh its hits by this. Less takes time to find weak walls again and again."""
