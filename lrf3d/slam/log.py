@@ -24,8 +24,9 @@ from lrf3d.slam.slam import Slam, bent
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.world import World
 
-FASTEST, FASTEST_TURN = 3.0, 3.0
-"""A robot that moves farther [m] or turns more [rad] between two lines of a log has jumped."""
+FASTEST, FASTEST_TURN, FASTER = 3.0, 3.0, 3.0
+"""A robot that moves farther [m] or turns more [rad] between two lines of a log has jumped, unless
+the first is less than so many times what it usually moves: some logs have few lines."""
 
 STILL = 1e-3
 """What a line without motion counts as between two scans [m], so that none counts nothing."""
@@ -256,7 +257,9 @@ def solve_log(
 def without_jumps(wheels: Float) -> tuple[Float, tuple[int, ...]]:
     """Odometry poses (n, 3) without jumps, and where they were; there the robot stands still."""
     steps = between(wheels[:-1], wheels[1:])
-    jumped = (np.hypot(steps[:, 0], steps[:, 1]) > FASTEST) | (np.abs(steps[:, 2]) > FASTEST_TURN)
+    ways = np.hypot(steps[:, 0], steps[:, 1])
+    usual = float(np.quantile(ways, 0.95)) if len(ways) else 0.0
+    jumped = (ways > max(FASTEST, FASTER * usual)) | (np.abs(steps[:, 2]) > FASTEST_TURN)
     if not jumped.any():
         return wheels, ()
     mended = wheels.copy()

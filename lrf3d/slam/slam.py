@@ -133,8 +133,8 @@ class Slam:
             self._front.resolution = self._resolution
             self._closer = LoopCloser(self._resolution)
         surface = surface_of_scan(scan, self._laser, sparse=self._resolution.sparse)
-        self._wheel_covariance += self._front.wheels.covariance(increment)
         self._tracked.append(self._front.track(surface, increment))
+        self._wheel_covariance += self._tracked[-1].covariance
         if self._front.key_due():
             self._add_key(scan, *self._front.add_key(surface))
 
@@ -302,7 +302,8 @@ class Slam:
             self._room = np.concatenate([self._room, np.empty_like(self._room)])
         self._room[self._key_count] = new
         self._key_count += 1
-        self._closer.add_key(key)
+        first = keys[-1].scan + 1 if keys else 0
+        self._closer.add_key(key, sum(not scan.matched for scan in self._tracked[first:]))
         closures = self._closer.search(self._key_poses) if len(keys) > 1 else []
         if closures:
             more = closure_edges(closures)
