@@ -218,6 +218,39 @@ def drive(
     _measure("drive", partial(bench_drive, seconds=seconds), json, figure)
 
 
+@app.command(epilog="Example: scripts/bench slam --figure slam.png")
+def slam(
+    log: Annotated[
+        Path | None, typer.Option(help="A recorded log; a simulated drive if not given.")
+    ] = None,
+    relations: Annotated[
+        Path | None, typer.Option(help="Relations of the log: lines a b dx dy dtheta.")
+    ] = None,
+    scans: Annotated[int, typer.Option(min=20, help="Scans of the simulated drive.")] = 900,
+    spacings: Annotated[
+        str, typer.Option(metavar="M,M,…", help="Distances between key scans [m].")
+    ] = "0.25,0.35,0.5,0.7,1",
+    figure: Figure = None,
+    json: options.Json = False,
+) -> None:
+    """Solve a drive by SLAM step by step: how far off it is after each, and how long it takes."""
+    from benchmarks.slam import Drive, bench_slam
+    from lrf3d.errors import InputError
+    from lrf3d.io import load_log
+    from lrf3d.io.trajectory_files import load_relations
+
+    if (log is None) != (relations is None):
+        raise InputError("--log and --relations: the one needs the other; give both or none")
+    metres = [float(part) for part in spacings.split(",") if part.replace(".", "", 1).isdigit()]
+    if len(metres) != len(spacings.split(",")) or not min(metres, default=0.0) > 0.0:
+        raise InputError(f"--spacings {spacings}: expected distances in metres, such as 0.25,0.5")
+    if log is None or relations is None:
+        drive = Drive.simulated(scans)
+    else:
+        drive = Drive.recorded(load_log(log), load_relations(relations))
+    _measure("slam", partial(bench_slam, drive, metres), json, figure)
+
+
 def _measure(
     part: str, bench: "Callable[..., Result]", json: bool, figure: Path | None = None
 ) -> None:

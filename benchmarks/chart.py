@@ -18,8 +18,8 @@ from matplotlib.transforms import Bbox
 
 from benchmarks.result import Row, duration, figure_of
 from benchmarks.timing import Timing
-from lrf3d.render.chart import HEAD, SPINE, Sheet
-from lrf3d.render.page import FAINT, INK, plain
+from lrf3d.render.chart import HEAD, Sheet
+from lrf3d.render.page import FAINT, INK, SPINE, plain
 
 OWN = "#d6361f"
 """Colour of what lrf3d does by default."""

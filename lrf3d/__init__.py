@@ -9,6 +9,7 @@ from lrf3d.lazy import loading
 # Importing it from typing would take as long as all that is needed to handle Ctrl-C.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from lrf3d import plot
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
     from lrf3d.errors import (
@@ -34,7 +35,14 @@ if TYPE_CHECKING:
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
     from lrf3d.pose import Pose
     from lrf3d.render.video import render_video
-    from lrf3d.robot import Trajectory, Unicycle, check_drive, drive, follow_route
+    from lrf3d.robot import (
+        EstimatedTrajectory,
+        Trajectory,
+        Unicycle,
+        check_drive,
+        drive,
+        follow_route,
+    )
     from lrf3d.robot.planner import plan_route
     from lrf3d.run import Run
     from lrf3d.scenario import Scenario
@@ -51,6 +59,7 @@ else:
             "__version__": "version",
             "CollisionError": "errors",
             "EmbreeCaster": "casting",
+            "EstimatedTrajectory": "robot",
             "InputError": "errors",
             "KnownLines": "localization",
             "LaserRangeFinder": "laser",
@@ -89,6 +98,7 @@ else:
             "localise": "localization",
             "odometry_increments": "localization",
             "plan_route": "robot.planner",
+            "plot": "",
             "record": "io",
             "render_video": "render.video",
             "save_map": "mapping",
@@ -107,6 +117,7 @@ __all__ = [
     "CollisionError",
     "DynamicObstacle",
     "EmbreeCaster",
+    "EstimatedTrajectory",
     "InputError",
     "KnownLines",
     "LaserRangeFinder",
@@ -144,6 +155,7 @@ __all__ = [
     "localise",
     "odometry_increments",
     "plan_route",
+    "plot",
     "record",
     "render_video",
     "save_map",

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from lrf3d.interrupts import whole
+from lrf3d.interrupts import uninterrupted
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
@@ -27,9 +27,9 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
     from multiprocessing import active_children, get_context
 
     others = active_children()
-    pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_serve)
+    pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_watch)
     try:
-        with whole():
+        with uninterrupted():
             # A process is started for each task for which none is idle.
             for _ in range(processes):
                 pool.submit(os.getpid)
@@ -44,17 +44,17 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
         pool.shutdown(cancel_futures=True)
 
 
-def _serve() -> None:
+def _watch() -> None:
     """End this process when its parent has ended."""
     import multiprocessing
     from threading import Thread
 
     caller = multiprocessing.parent_process()
     assert caller is not None
-    Thread(target=_end_with, args=(caller.sentinel,), daemon=True).start()
+    Thread(target=_end_after, args=(caller.sentinel,), daemon=True).start()
 
 
-def _end_with(caller: int) -> None:
+def _end_after(caller: int) -> None:
     from multiprocessing.connection import wait
 
     wait([caller])

@@ -18,7 +18,7 @@ LONGEST_MESSAGE = 600
 def one_line(text: str, most: int = LONGEST_MESSAGE) -> str:
     r"""A text as one line of a terminal: control characters escaped, the middle left out if long.
 
-    So untrusted text, such as the name of a file, can neither move the cursor nor fake a line.
+    Untrusted text, such as the name of a file, can then neither move the cursor nor fake a line.
 
     >>> one_line("a\nb"), one_line("abcdefghij", most=7)
     ('a\\nb', 'abc…hij')
@@ -114,6 +114,10 @@ class OutputError(Lrf3dError, OSError):
         ...     print(error)
         world.txt: unknown ending; a world is written as .toml, .geojson, .yaml, .glb
     """
+
+
+class Lrf3dWarning(UserWarning):
+    """Something is done in another way than usual; the results are those that were asked for."""
 
 
 class DrawingError(Lrf3dError):

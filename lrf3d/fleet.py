@@ -46,7 +46,7 @@ def simulate_fleet(
         noise: Turns true scans into measured ones; no noise if not given.
         mapper: Makes the mapper of each robot; a LineMapper set up for the noise if not given.
         rng: A generator for the noise, or a seed; each robot has its own noise.
-        progress: Called with the number of scans that are done, and of all.
+        progress: Called with the number of finished scans, and of all.
 
     Raises:
         InputError: A scan takes longer than the interval to the next.
@@ -63,7 +63,7 @@ def simulate_fleet(
     outline = round_outline(radius)
     bodies = [DynamicObstacle(outline, trajectory, height) for trajectory in trajectories]
     total, done, runs = sum(map(len, trajectories)), 0, []
-    for robot, (trajectory, own) in enumerate(
+    for robot, (trajectory, robot_rng) in enumerate(
         zip(trajectories, np.random.default_rng(rng).spawn(len(trajectories)), strict=True)
     ):
         runs.append(
@@ -74,7 +74,7 @@ def simulate_fleet(
                 caster=caster,
                 noise=noise,
                 mapper=None if mapper is None else mapper(),
-                rng=own,
+                rng=robot_rng,
                 obstacles=bodies[:robot] + bodies[robot + 1 :],
                 progress=partial(_report, progress, done, total),
             )

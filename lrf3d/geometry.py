@@ -23,10 +23,11 @@ AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 def sealed(array: AnyArray) -> AnyArray:
     """Mark an array that was just made, and is to be handed out, as read-only; nothing is copied.
 
-    A value that is handed out is shared: were its arrays writeable, a mapper or a noise that
-    works in place would change the truth that it is measured against.
+    Values that are handed out are shared: if their arrays were writeable, a mapper or a noise that
+    works in place would change the truth that it is scored against.
     """
-    array.flags.writeable = False
+    # Half the time of `flags.writeable = False`, and a scan has two such arrays.
+    array.setflags(write=False)
     return array
 
 
@@ -68,7 +69,7 @@ def numbers(values: Any, name: str) -> Any:
 
 
 def is_finite(*values: object) -> bool:
-    """Whether all values from outside are finite numbers; a text is not, and None neither."""
+    """Whether all values from outside are finite numbers; texts and None are not."""
     try:
         return all(math.isfinite(value) for value in values)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
@@ -94,6 +95,11 @@ def _is_read_only(array: Any) -> bool:
             return False
         array = array.base
     return True
+
+
+LATER = {"later": True}
+"""Metadata of a field that a value did not have at first: at its default it is left out of the
+digests of values, which so stay what they were."""
 
 
 class Value:
@@ -177,7 +183,7 @@ def principal_direction(xx: float, xy: float, yy: float) -> Float:
 
 
 def quad_indices(quads: int) -> NDArray[np.uint32]:
-    """Indices (6 · quads,) of two triangles for each four vertices that run round a quad."""
+    """Indices (6 · quads,) of two triangles for each four vertices around a quad."""
     first = np.arange(quads, dtype=np.uint32)[:, None] * 4
     corners = np.array([[0, 1, 2, 0, 2, 3]], dtype=np.uint32)
     return (first + corners).ravel()

@@ -21,7 +21,7 @@ GENERAL = frozenset(
     "building data drawing export floorplan grid journal log map model plan run scan scene"
     " sweep untitled world".split()
 )
-"""Names of files that describe the kind of the file only; the folder's name is added to them."""
+"""File names that say only what kind of file it is; the name of the folder is put before them."""
 
 
 _PACKAGE = Path(__file__).parent
@@ -128,9 +128,9 @@ def own_name(path: str | Path, given: object = None, *, stem: str | None = None)
     """
     if isinstance(given, str) and given.strip():
         return given
-    place = Path(os.path.abspath(path))
-    name = place.stem if stem is None else stem
-    folder = place.parent.name
+    full_path = Path(os.path.abspath(path))
+    name = full_path.stem if stem is None else stem
+    folder = full_path.parent.name
     return f"{folder}_{name}" if folder and name.lower() in GENERAL else name
 
 

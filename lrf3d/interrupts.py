@@ -1,4 +1,4 @@
-"""Interrupts: sections that Ctrl-C does not interrupt, and notes about what an interrupt left.
+"""Interrupts: sections that Ctrl-C does not interrupt, and notes about what an interrupt leaves.
 
 An interrupt, such as Ctrl-C, is an exception that may be raised between any two steps of a program.
 """
@@ -47,7 +47,7 @@ def chain(error: BaseException | None) -> Iterator[BaseException]:
 
 
 @contextmanager
-def whole() -> Iterator[None]:
+def uninterrupted() -> Iterator[None]:
     """Delay Ctrl-C until the block is done, and block it in the processes that it starts.
 
     A terminal sends Ctrl-C to all processes of a program. Starting processes must not stop halfway,
@@ -59,17 +59,17 @@ def whole() -> Iterator[None]:
     if current_thread() is not main_thread() or not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    came: list[int] = []
+    arrived: list[int] = []
 
-    def keep(number: int, where: "FrameType | None") -> None:
-        came.append(number)
+    def note(number: int, where: "FrameType | None") -> None:
+        arrived.append(number)
 
     # Python starts the resource tracker with the first process, which unblocks the signal.
     resource_tracker.ensure_running()
     # Blocking is not enough: another thread of this process may receive the signal.
     before = signal.getsignal(signal.SIGINT)
     if callable(before):
-        signal.signal(signal.SIGINT, keep)
+        signal.signal(signal.SIGINT, note)
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
@@ -78,7 +78,7 @@ def whole() -> Iterator[None]:
             # Unblocking delivers a pending signal, which goes to the same handler.
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             signal.signal(signal.SIGINT, before)
-            if came:
+            if arrived:
                 signal.raise_signal(signal.SIGINT)
         else:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)

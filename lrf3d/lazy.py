@@ -16,7 +16,8 @@ def loading(
 
     Args:
         module_globals: ``globals()`` of the package; a name that was loaded is kept there.
-        modules: For each name the module that defines it, relative to the package.
+        modules: For each name the module that defines it, relative to the package; "" where the
+            name is that of a module.
 
     Examples:
         ``__getattr__, __dir__ = loading(globals(), {"LineMapper": "mapper"})``
@@ -26,7 +27,9 @@ def loading(
     def get(name: str) -> object:
         if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        value = getattr(import_module(f"{package}.{modules[name]}"), name)
+        home = modules[name]
+        module = import_module(f"{package}.{home or name}")
+        value = getattr(module, name) if home else module
         module_globals[name] = value
         return value
 

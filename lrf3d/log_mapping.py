@@ -24,7 +24,7 @@ class MappedLog:
     Args:
         log: The log.
         mode: Mode of the mapper.
-        sigma: The noise [m] that the mapper began with; its default if None.
+        sigma: The initial noise [m] of the mapper; its default if None.
         map: The map.
         score: How well it predicts the odd scans.
         milliseconds: (k,) time of the update with each scan.
@@ -40,7 +40,7 @@ class MappedLog:
     mapped: list[LaserScan]
 
     def free_cells(self) -> FreeCells:
-        """What the scans that the map was built from saw to be free."""
+        """The cells that the mapped scans show to be free."""
         chosen = distinct_poses(np.array([scan.pose for scan in self.mapped]).reshape(-1, 3))
         return free_cells([self.mapped[index] for index in chosen])
 
@@ -66,33 +66,22 @@ class MappedLog:
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """The figures in a few lines for people."""
+        """The figures as a printed table."""
         score = self.score
         beams = counted(len(self.log.scans[0].ranges), "beam")
-        what = self.log.bad_lines[0].kind if self.log.bad_lines else "line"
-        bad = counted(self.log.bad_count, f"bad {what}")
+        kind = self.log.bad_lines[0].kind if self.log.bad_lines else "line"
+        bad = counted(self.log.bad_count, f"bad {kind}")
         rows = [("log", f"{counted(len(self.log), 'scan')} of {beams}, {bad}")]
         rows += [("", str(bad)) for bad in self.log.bad_lines]
         rows.append(("poses", self.log.source))
-        rows += [
-            (
-                "map",
-                f"{self.map.counts}, {score.length:.0f} m long",
-            ),
-        ]
+        rows.append(("map", f"{self.map.counts}, {score.length:.0f} m long"))
         if score.returns:
             explained = f"{_share(score.explained)} of {score.returns} returns explained"
             error = f"median range error {_metres(score.median_range_error)}"
             violated = f"{_share(score.violation)} violated"
             rows.append(("odd scans", f"{explained}, {violated}, {error}"))
-        rows.append(
-            (
-                "time",
-                f"{np.mean(self.milliseconds):.2f} ms a scan,"
-                f" median {np.median(self.milliseconds):.2f} ms",
-            )
-        )
-        return rows
+        mean, median = np.mean(self.milliseconds), np.median(self.milliseconds)
+        return [*rows, ("time", f"{mean:.2f} ms a scan, median {median:.2f} ms")]
 
 
 def map_log(
@@ -108,13 +97,12 @@ def map_log(
     Args:
         log: The log.
         mode: Mode of the mapper.
-        sigma: Noise of the ranges at the farthest that is measured [m]; learnt from the scans if
-            not given.
+        sigma: Noise [m] at the largest range; learnt from the scans if not given.
         all_scans: Build it from all scans instead, and test it on none.
-        progress: Called with the scans that are done and all.
+        progress: Called with the number of finished scans, and of all.
 
     Raises:
-        InputError: The mapper knows no such mode, or the noise makes no sense.
+        InputError: There is no such mode, or the noise is invalid.
     """
     mapper = LineMapper(mode, sigma=sigma)
     even, odd = (log.scans, []) if all_scans else (log.scans[::2], log.scans[1::2])

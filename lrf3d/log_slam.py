@@ -1,7 +1,4 @@
-"""Slam over a recorded log: its poses, its map, the run that they make, and the figures of all.
-
-A log enters; the solution leaves, with what `lrf3d slam` writes to files.
-"""
+"""SLAM on a recorded log: the input is a log, the output its poses, its map and the summary."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,18 +15,19 @@ from lrf3d.run import Run
 from lrf3d.scoring import Relations, TrajectoryScore, score_trajectory
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.log import LogSolution, run_of, solve_recording
+from lrf3d.slam.repair import NAMED
 from lrf3d.text import counted
 from lrf3d.world.free_cells import FreeCells
 
 
 @dataclass(frozen=True, eq=False)
 class SlamLog:
-    """A log and what slam made of it.
+    """A log and the result of SLAM.
 
     Args:
         log: The log.
         solution: The poses.
-        score: How far the trajectory is from known relations; None without any.
+        score: The error of the trajectory against known relations; None without any.
     """
 
     log: LaserLog
@@ -46,14 +44,8 @@ class SlamLog:
         times = self.log.times if self.log.wheels is None else self.log.wheels.times
         return times, self.solution.line_poses
 
-    def closures(self) -> Float:
-        """Lines (c, 4) x1 y1 x2 y2 [m] between the places where loops were closed."""
-        keys = self.solution.scan_poses[self.solution.slam.key_scans, :2]
-        pairs = [np.concatenate([keys[c.old], keys[c.new]]) for c in self.solution.closures]
-        return np.array(pairs).reshape(-1, 4)
-
     def free_cells(self) -> FreeCells:
-        """What the key scans, which the map was built from, saw to be free."""
+        """The cells that the key scans, from which the map was built, show to be free."""
         keys = self.solution.slam.key_scans
         chosen = keys[distinct_poses(self.run.trajectory.poses[keys])]
         return free_cells([self.run.scan(number) for number in chosen.tolist()])
@@ -61,7 +53,9 @@ class SlamLog:
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         solution, tracked = self.solution, self.solution.slam.tracked
-        turn, way, ahead = solution.slam.wheel_biases.tolist()
+        repairs, scale = solution.repairs, solution.wheel_scale
+        # The correction of the whole log, combined with the errors that were estimated after it.
+        biases = (1.0 + solution.slam.wheel_biases[[0, 2]]) * scale - 1.0
         return {
             "name": self.log.name,
             "log": {
@@ -69,21 +63,29 @@ class SlamLog:
                 "beams": len(self.log.scans[0].ranges),
                 "odometry_lines": len(solution.line_poses),
                 "odometry": self._odometry,
-                "odometry_jumps": len(solution.jumps),
-                "first_odometry_jumps": list(solution.jumps[:5]),
-                "stamps_not_rising": solution.stamps_not_rising,
+                "put_in_order": repairs.put_in_order,
+                "doubled_scans": repairs.doubled_scans,
+                "doubled_odometry_lines": repairs.doubled_lines,
+                "odometry_jumps": len(repairs.jumps),
+                "first_odometry_jumps": list(repairs.jumps[:NAMED]),
+                "gaps": len(repairs.gaps),
+                "first_gaps": list(repairs.gaps[:NAMED]),
+                "scans_without_odometry": repairs.scans_without_odometry,
+                "stamps_not_rising": repairs.stamps_not_rising,
                 "bad_lines": self.log.bad_count,
             },
             "wheels": {
                 "lag_lines": solution.lag,
-                "turn_share": turn,
-                "turn_rad_per_m": way,
-                "way_share": ahead,
+                "turn_share": float(biases[0]),
+                "turn_rad_per_m": float(solution.slam.wheel_biases[1]),
+                "way_share": float(biases[1]),
+                "corrected_as_a_whole": scale != (1.0, 1.0),
             },
             "slam": {
                 "length_m": self.run.trajectory.length,
                 "key_scans": len(solution.slam.key_scans),
                 "loop_closures": len(solution.closures),
+                "loop_closures_dropped": len(solution.slam.unconfirmed_closures),
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked[1:]),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked[1:]),
             },
@@ -97,47 +99,35 @@ class SlamLog:
         return "the poses of the scans" if self.log.wheels is None else "ODOM lines"
 
     def rows(self) -> list[tuple[str, str]]:
-        """The figures in a few lines for people."""
-        told = self.summary()
-        log, wheels, slam = told["log"], told["wheels"], told["slam"]
+        """The figures as a printed table."""
+        summary = self.summary()
+        log, wheels, slam = summary["log"], summary["wheels"], summary["slam"]
         scans = f"{counted(log['scans'], 'scan')} of {counted(log['beams'], 'beam')}"
         bad = counted(log["bad_lines"], "bad line")
         rows = [("log", f"{scans}, {counted(log['odometry_lines'], 'pose')} by odometry, {bad}")]
-        if log["odometry_jumps"]:
-            lines = ", ".join(map(str, log["first_odometry_jumps"]))
-            jumps = counted(log["odometry_jumps"], "jump")
-            rows.append(("", f"{jumps} of the odometry left out, at lines {lines};"))
-            rows.append(("", "if the robot drove on there unrecorded, what follows is misplaced"))
-        if log["stamps_not_rising"]:
-            rows.append(("", f"{counted(log['stamps_not_rising'], 'stamp')} run backwards"))
-        rows.append(
-            (
-                "wheels",
-                f"lag {wheels['lag_lines']:.2f} lines, turn {wheels['turn_rad_per_m']:+.4f} rad/m",
-            )
-        )
+        rows += [("", f"first bad {line}") for line in self.log.bad_lines[:1]]
+        rows += [("", sentence) for sentence in self.solution.repairs.sentences()]
+        text = f"lag {wheels['lag_lines']:.2f} lines, turn {wheels['turn_rad_per_m']:+.4f} rad/m"
+        rows.append(("wheels", text))
+        if wheels["corrected_as_a_whole"]:
+            turn, distance = 1.0 + wheels["turn_share"], 1.0 + wheels["way_share"]
+            text = f"scans show {turn:.2f} times their turns and {distance:.2f} times their way"
+            rows.append(("", f"{text}: corrected, and solved once more"))
         closed = counted(slam["loop_closures"], "loop closure")
-        rows.append(
-            (
-                "drive",
-                f"{slam['length_m']:.0f} m, {counted(slam['key_scans'], 'key scan')}, {closed}",
-            )
-        )
+        if slam["loop_closures_dropped"]:
+            closed += f", {slam['loop_closures_dropped']} more dropped"
+        text = f"{slam['length_m']:.0f} m, {counted(slam['key_scans'], 'key scan')}, {closed}"
+        rows.append(("drive", text))
         if slam["scans_by_odometry_alone"]:
             lost = counted(slam["scans_by_odometry_alone"], "scan")
             rows.append(("", f"{lost} matched nothing and stand where odometry has them"))
         rows.append(("map", self.run.map.counts))
         if self.score is not None:
             score = self.score
-            rows.append(
-                (
-                    "relations",
-                    f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"
-                    f" {score.rotation_mean:.2f} ± {score.rotation_std:.2f}°"
-                    f" over {score.relations}",
-                )
-            )
-        rows.append(("time", f"{told['milliseconds_a_scan']:.2f} ms a scan"))
+            text = f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"
+            text += f" {score.rotation_mean:.2f} ± {score.rotation_std:.2f}° over {score.relations}"
+            rows.append(("relations", text))
+        rows.append(("time", f"{summary['milliseconds_a_scan']:.2f} ms a scan"))
         return rows
 
 
@@ -148,13 +138,13 @@ def slam_log(
     relations: Relations | None = None,
     progress: Progress = lambda done, total: None,
 ) -> SlamLog:
-    """Find poses and map of a recorded drive from its scans and its odometry.
+    """Find the poses and the map of a recorded drive from its scans and its odometry.
 
     Args:
         log: The log.
-        key_distance: Way from one key scan to the next [m].
+        key_distance: Distance driven from one key scan to the next [m].
         relations: Known relative poses between odometry lines, to score by.
-        progress: Called with the scans that are done and all.
+        progress: Called with the number of finished scans, and of all.
 
     Raises:
         InputError: The log is too short, its scans differ in their beams, or the relations are of
@@ -165,7 +155,7 @@ def slam_log(
     return SlamLog(log, solution, score)
 
 
-def draw_slam_log(done: SlamLog, path: Path) -> None:
+def draw_slam_log(solved: SlamLog, path: Path) -> None:
     """Draw the map over the points of its key scans, the path and the closures, to a file.
 
     Raises:
@@ -173,12 +163,12 @@ def draw_slam_log(done: SlamLog, path: Path) -> None:
     """
     from lrf3d.render.figures import draw_map
 
-    keys = done.solution.slam.key_scans
+    keys = solved.solution.slam.key_scans
     draw_map(
-        done.run.map,
+        solved.run.map,
         path,
-        points=np.vstack([done.run.scan(number).points() for number in keys.tolist()]),
-        poses=done.solution.scan_poses,
-        closures=done.closures(),
-        title=done.log.name,
+        points=np.vstack([solved.run.scan(number).points() for number in keys.tolist()]),
+        poses=solved.run.trajectory.poses,
+        estimate=solved.run.estimate,
+        title=solved.log.name,
     )

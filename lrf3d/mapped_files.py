@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 Number = TypeVar("Number", bound=np.generic)
 
-ROWS = 2048
-"""Rows of a part."""
+ROWS, SCATTERED_ROWS = 2048, 256
+"""Rows of a part: consecutive ones, and single ones, each of which loads whole pages."""
 
 
 def in_parts(array: NDArray[Number], rows: int = ROWS) -> Iterator[NDArray[Number]]:
@@ -25,7 +25,7 @@ def some_rows(array: NDArray[Number], chosen: NDArray[Any]) -> NDArray[Number]:
     if not len(chosen):
         return array[:0].copy()
     taken = []
-    for part in np.array_split(chosen, max(1, len(chosen) // 256)):
+    for part in np.array_split(chosen, max(1, len(chosen) // SCATTERED_ROWS)):
         taken.append(array[part])
         _release(array)
     return np.concatenate(taken)

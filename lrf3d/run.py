@@ -1,19 +1,24 @@
-"""Run: what entered a simulation and what came out of it."""
+"""Run: the input and the results of a simulation."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Value
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapped_files import some_rows
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
+from lrf3d.notebook import Pictured, Video
 from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 from lrf3d.world.free_cells import FreeCells
@@ -23,13 +28,13 @@ if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
 MAP_SNAPSHOTS = 100
-"""Most map snapshots that a run keeps: enough for a film, and each takes the mapper some hundredths
-of a second."""
+"""Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
+some hundredths of a second."""
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Value):
-    """What entered a simulation and what came out: all that pictures and films need.
+class Run(Value, Pictured):
+    """The input and the results of a simulation: all that pictures and films need.
 
     Args:
         world: The walls.
@@ -42,7 +47,9 @@ class Run(Value):
             scan. Empty if the mapper makes no LineMap.
         maps: The map snapshots: the map after each of these scans.
         obstacles: The dynamic obstacles.
-        film: How the run is filmed if nothing else is given.
+        film: The default settings of its film.
+        estimate: The trajectory that the robot estimated; None if its poses were given. In a
+            recorded drive, whose truth is unknown, the trajectory has the poses of the estimate.
 
     Examples:
         >>> import lrf3d
@@ -64,6 +71,7 @@ class Run(Value):
     maps: tuple[LineMap, ...]
     obstacles: "tuple[DynamicObstacle, ...]" = ()
     film: FilmPlan = USUAL_FILM
+    estimate: EstimatedTrajectory | None = None
 
     def __post_init__(self) -> None:
         self._hold("ranges", "truth")
@@ -81,6 +89,20 @@ class Run(Value):
         return len(self.trajectory)
 
     @property
+    def knows_truth(self) -> bool:
+        """Whether the trajectory is the true one rather than the estimate of a recorded drive."""
+        estimate = self.estimate
+        return estimate is None or not np.array_equal(estimate.poses, self.trajectory.poses)
+
+    @property
+    def odometry(self) -> Float:
+        """Poses (k, 3) at the scans by odometry alone; those of the trajectory if it is exact."""
+        estimate = self.estimate
+        if estimate is None or not len(estimate.odometry):
+            return self.trajectory.poses
+        return estimate.odometry
+
+    @property
     def map(self) -> LineMap:
         """The map after the last scan; an empty one where the mapper makes no LineMap."""
         return self.maps[-1] if self.maps else LineMap.empty()
@@ -96,9 +118,9 @@ class Run(Value):
 
     @cached_property
     def lasting_objects(self) -> tuple[Int, ...]:
-        """For each map snapshot the object (m,) of each segment, numbered alike in all of them.
+        """For each map snapshot the object (m,) of each segment, with one number in all snapshots.
 
-        An object keeps its number in all snapshots of the run. If the last map shows a true object,
+        If the last map shows a true object,
         the number is that object's: pictures and films choose colours and names by it.
         """
         tracker = ObjectTracker()
@@ -123,6 +145,7 @@ class Run(Value):
             walls=some_rows(self.walls, scans),
             snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
+            estimate=None if self.estimate is None else self.estimate.part(scans),
         )
         # Its map is that of the whole run, and so are the numbers of the objects in it.
         part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
@@ -146,12 +169,88 @@ class Run(Value):
         return replace(self.scan(index), ranges=self.truth[index])
 
     def free_cells(self) -> FreeCells:
-        """What the measured scans saw to be free, as :func:`save_map` keeps it beside the map."""
+        """The cells that the measured scans show to be free, for `save_map`."""
         # Reading a world needs no compiled code.
         from lrf3d.laser.free_space import distinct_poses, free_cells
 
         chosen = distinct_poses(self.trajectory.poses)
         return free_cells([self.scan(index) for index in chosen.tolist()])
+
+    def frame(
+        self,
+        time: float,
+        *,
+        size: tuple[int, int] = (1280, 720),
+        view: str | None = None,
+        samples: int = 4,
+        playback: float | None = None,
+        renderer: str | None = None,
+    ) -> NDArray[np.uint8]:
+        """One picture of the run's film.
+
+        Args:
+            time: Time of the run [s].
+            size: Width and height [pixels].
+            view: Name of the camera; the run's own if not given.
+            samples: Samples a pixel against jagged edges: 4, or 0 for none.
+            playback: Seconds of the run in a second of the film, by which cameras move; the run's
+                own if not given.
+            renderer: ``gl`` or ``embree``; OpenGL where it is there if not given.
+
+        Returns:
+            The picture (h, w, 3) uint8: red, green, blue, row 0 at the top.
+
+        Raises:
+            InputError: An argument is out of its range.
+            MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
+
+        Examples:
+            >>> import lrf3d
+            >>> room = lrf3d.load_world("paper_room")
+            >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+            >>> run.frame(0.5, size=(64, 36), renderer="embree").shape
+            (36, 64, 3)
+        """
+        # Films are made layers above this one, and loaded when they are asked for.
+        picture: NDArray[np.uint8] = import_module("lrf3d.render.video").frame(
+            self,
+            time,
+            size=size,
+            view=view,
+            samples=samples,
+            playback=playback,
+            renderer=renderer,
+        )
+        return picture
+
+    def video(
+        self,
+        *,
+        size: tuple[int, int] = (640, 360),
+        fps: float = 25.0,
+        playback: float | None = None,
+        view: str | None = None,
+        workers: int | None = None,
+        renderer: str | None = None,
+    ) -> Video:
+        """The run's film, as a value that a notebook plays in its page.
+
+        :func:`lrf3d.render_video` writes a film to a file; what it raises and its arguments are
+        the same.
+        """
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "run.mp4"
+            import_module("lrf3d.render.video").render_video(
+                self,
+                file,
+                size=size,
+                fps=fps,
+                playback=playback,
+                view=view,
+                workers=workers,
+                renderer=renderer,
+            )
+            return Video(file.read_bytes(), size)
 
     @property
     def scans(self) -> Iterator[LaserScan]:
@@ -178,5 +277,6 @@ class SnapshotSchedule:
 
 
 def run_bytes(scans: int, beams: int) -> int:
-    """How many bytes the scans of a run take on disk."""
+    """Bytes that the scans of a run take on disk: float64 and int64 numbers."""
+    # A time and a pose for each scan; a range, a true range and a wall for each beam.
     return 8 * scans * (4 + 3 * beams)

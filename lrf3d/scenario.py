@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import CollisionError, InputError
@@ -59,7 +60,7 @@ class Scenario(Value):
         obstacles: The dynamic obstacles.
         start: Initial pose x, y [m], theta [rad]; None if not given.
         route: (m, 2) way-points [m], the first at the start; None if it is to be planned.
-        poses: (k, 3) poses x, y [m], theta [rad] to scan from, instead of a drive.
+        poses: (k, 3) poses x, y [m], theta [rad] to scan from instead of driving.
         planned: The side of the walls, inside or outside, on which the route was planned; None
             if it was not planned.
         speed: Speed of the drive [m/s].
@@ -96,7 +97,7 @@ class Scenario(Value):
     lookahead: float = LOOKAHEAD
     radius: float = RADIUS
     mapper: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
-    view: str = "chase"
+    view: str = "story"
     playback: float = PLAYBACK
     name: str = ""
 
@@ -139,10 +140,10 @@ class Scenario(Value):
                 hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
                 raise InputError(f"scenario: there is no {name}; {hint}")
         if {"world", "route", "poses"} & set(changes):
-            gone = dict.fromkeys(("route", "poses", "planned", "start"))
+            reset = dict.fromkeys(("route", "poses", "planned", "start"))
             if "route" in changes and changes["route"] is not None:
-                gone["start"] = start_of(np.asarray(changes["route"], dtype=np.float64))
-            changes = {**gone, **changes}
+                reset["start"] = start_of(np.asarray(changes["route"], dtype=np.float64))
+            changes = {**reset, **changes}
         return replace(self, **changes) if changes else self
 
     def with_route(self, *, where: Side | None = None) -> "Scenario":
@@ -196,16 +197,16 @@ class Scenario(Value):
             raise InputError(f"{self.name}: neither poses nor a route to drive")
         # Steering, and checking for collisions, is finer than the interval between scans.
         commands = max(1, round(self.scan_interval / CONTROL_STEP))
-        how: dict[str, Any] = {
+        settings: dict[str, Any] = {
             "speed": self.speed,
             "lookahead": self.lookahead,
             "dt": self.scan_interval / commands,
         }
         if scans is None:
-            laps: tuple[Trajectory, ...] = (follow_route(self.route, start=self.start, **how),)
+            laps: tuple[Trajectory, ...] = (follow_route(self.route, start=self.start, **settings),)
         else:
             most = (scans - 1) * commands + 1
-            laps = drive_laps(self.route, start=self.start, most=most, **how)
+            laps = drive_laps(self.route, start=self.start, most=most, **settings)
         try:
             for lap in laps:
                 check_drive(lap, self.world, self.radius)
@@ -219,7 +220,7 @@ class Scenario(Value):
     def simulation(
         self,
         *,
-        drive: "Trajectory | Float | Controller | None" = None,
+        drive: "Trajectory | ArrayLike | Controller | None" = None,
         controller: "Controller | None" = None,
         rng: np.random.Generator | int | None = None,
         sigma: float | None = None,
@@ -258,35 +259,36 @@ class Scenario(Value):
         if isinstance(mapper, Mapping):
             mapper, changes = None, {**changes, "mapper": mapper}
         scenario = self.changed(**changes)
-        way: Any = controller if drive is None else drive
-        how: dict[str, Any] = {}
-        if callable(getattr(way, "command", None)):
+        driven: Any = controller if drive is None else drive
+        arguments: dict[str, Any] = {}
+        if callable(getattr(driven, "command", None)):
             start = (0.0, 0.0, 0.0) if scenario.poses is None else scenario.poses[0]
-            how = {
+            arguments = {
                 "start": start if scenario.start is None else scenario.start,
                 "scan_interval": scenario.scan_interval,
                 "scans": CONTROLLED_SCANS if scans is None else scans,
                 "radius": scenario.radius if on_collision is None else None,
             }
-            scenario._check_number(how["scans"])
-        elif way is None:
+            scenario._check_number(arguments["scans"])
+        elif driven is None:
             scenario = scenario.with_route()
-            way = scenario.trajectory(scans=scans, on_collision=on_collision)
+            driven = scenario.trajectory(scans=scans, on_collision=on_collision)
         else:
-            how = {"scans": scans}
-        own = scenario.noise if sigma is None else at_sigma(scenario.noise, sigma)
-        known = own if noise is None or sigma is not None or not spread_of(noise) else noise
+            arguments = {"scans": scans}
+        usual = scenario.noise if sigma is None else at_sigma(scenario.noise, sigma)
+        # The mapper is set up for the noise whose spread is known: that of the sigma, if given.
+        known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
         settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
         made = Simulation(
             scenario.world,
-            way,
+            driven,
             scenario.lrf,
             caster=caster,
-            noise=own if noise is None else noise,
+            noise=usual if noise is None else noise,
             mapper=line_mapper(known, **settings) if mapper is None else mapper,
             rng=rng,
             obstacles=scenario.obstacles,
-            **how,
+            **arguments,
         )
         made.film = FilmPlan(scenario.view, scenario.playback)
         return made
@@ -302,7 +304,7 @@ class Scenario(Value):
 
         Args:
             snapshots: Largest number of map snapshots that the run keeps; see `simulate`.
-            progress: Called with the number of scans that are done, and of all.
+            progress: Called with the number of finished scans, and of all.
             **changes: Changes for this run: all arguments of `simulation`.
 
         Raises:

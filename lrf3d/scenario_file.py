@@ -123,7 +123,7 @@ def _obstacles(file: WorldFile, radius: float) -> tuple[DynamicObstacle, ...]:
 def _film(file: WorldFile) -> Mapping[str, Any]:
     values = file.tables.get("film", {})
     try:
-        check_view(values.get("view", "chase"), file.world.cameras)
+        check_view(values.get("view", "story"), file.world.cameras)
     except InputError as error:
         file.refuse(("film", "view"), str(error))
     return values

@@ -25,11 +25,11 @@ class Sensor:
     Args:
         world: The walls.
         lrf: The laser range finder.
-        caster: What casts the beams: ``embree``, ``planar``, or an object with ``cast``.
+        caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
         noise: Turns true scans into measured ones.
         obstacles: The dynamic obstacles.
-        path: The path of the robot during its scans; if not given, all beams of a scan are sent at
-            once.
+        path: The path of the robot during its scans; if not given, all beams of a scan are cast
+            from one pose.
 
     Raises:
         InputError: There is no such caster, or a scan takes longer than the interval to the next.
@@ -46,10 +46,9 @@ class Sensor:
         path: Trajectory | None = None,
     ) -> None:
         self.lrf, self.caster, self.noise = lrf, caster_of(caster, world), noise
-        # A caster of the user's need not cast scans together.
-        self._together: Any = (
-            None if obstacles or path else getattr(self.caster, "scan_batch", None)
-        )
+        # A user's caster need not cast scans in batches, and noises may need intensities.
+        alone = obstacles or path or world.materials
+        self._cast_batch: Any = None if alone else getattr(self.caster, "scan_batch", None)
         self._cast = timed(self.caster, lrf, path, obstacles)
 
     def measure(
@@ -73,8 +72,8 @@ class Sensor:
         They equal those of `measure`; without dynamic obstacles and motion the beams of all scans
         are cast in one batch.
         """
-        if self._together is not None:
-            truth, walls = self._together(self.lrf, poses)
+        if self._cast_batch is not None:
+            truth, walls = self._cast_batch(self.lrf, poses)
             if self.noise == ProportionalNoise(0.0):
                 return truth, truth, walls
             scans = [

@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster
@@ -19,7 +20,7 @@ from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.sensor import Sensor
@@ -32,7 +33,8 @@ class Mapper(Protocol):
     """Anything that builds a map from scans.
 
     The map after a scan is the mapper's attribute ``map``, a LineMap or anything else. A mapper
-    without it returns the map from `update`.
+    without it returns the map from `update`. A mapper that estimates the poses may have the
+    attribute ``estimate``, an EstimatedTrajectory, which pictures and films show beside the truth.
     """
 
     def update(self, scan: LaserScan) -> Any:
@@ -125,7 +127,7 @@ class Simulation:
     def __init__(
         self,
         world: World,
-        drive: Trajectory | Float | Controller,
+        drive: Trajectory | ArrayLike | Controller,
         lrf: LaserRangeFinder | None = None,
         *,
         caster: Caster | str = "embree",
@@ -164,7 +166,8 @@ class Simulation:
             self.drive = RecordedDrive(path)
             end = float(path.times[-1])
             scans = len(path) if scans is None else min(scans, len(path))
-        # What is kept of a run holds the paths as poses; a drive without an end keeps nothing.
+        # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
+        # stored.
         self.obstacles = tuple(
             obstacles if end is None else (obstacle.until(end) for obstacle in obstacles)
         )
@@ -172,7 +175,7 @@ class Simulation:
             world, self.lrf, caster=caster, noise=noise, obstacles=self.obstacles, path=path
         )
         self.film: FilmPlan = USUAL_FILM
-        """How the run is filmed if nothing else is given."""
+        """The default settings of the film."""
         self.updates, self._seconds = 0, 0.0
         self.scans = scans
         self.done = 0
@@ -183,6 +186,12 @@ class Simulation:
         """The map after all scans so far, of whatever kind; None if the mapper makes none."""
         return getattr(self.mapper, "map", None) if self._returned is None else self._returned
 
+    @property
+    def estimate(self) -> EstimatedTrajectory | None:
+        """The trajectory that the mapper estimates, if it does."""
+        estimate = getattr(self.mapper, "estimate", None)
+        return estimate if isinstance(estimate, EstimatedTrajectory) else None
+
     def __iter__(self) -> Iterator[Step]:
         """The remaining steps.
 
@@ -190,7 +199,7 @@ class Simulation:
             CollisionError: A controller drives a robot with a radius into a wall.
         """
         while (self.scans is None or self.done < self.scans) and self.drive.goes_on:
-            index, (time, pose) = self.done, self.drive.place(self.done)
+            index, (time, pose) = self.done, self.drive.scan_pose(self.done)
             true_scan, scan = self.sensor.measure(pose, time, self.rng)
             self.take(scan)
             yield Step(index, time, true_scan.pose, scan, true_scan, self, self._returned)
@@ -212,6 +221,13 @@ class Simulation:
             self.updates += 1
         self.drive.after(scan)
         self.done += 1
+
+    def skip(self, scans: int) -> None:
+        """Continue after a number of scans without taking them.
+
+        Only a drive along a trajectory can skip scans: a controller needs each of them.
+        """
+        self.done = scans
 
     @property
     def total(self) -> int:
@@ -240,7 +256,7 @@ class Runnable(Protocol):
 
 def simulate(
     world: World | Runnable,
-    drive: Trajectory | Float | Controller | None = None,
+    drive: Trajectory | ArrayLike | Controller | None = None,
     lrf: LaserRangeFinder | None = None,
     *,
     caster: Caster | str | None = None,
@@ -280,7 +296,7 @@ def simulate(
             it drives through walls.
         snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
             With 1 only the final map is computed, which is faster.
-        progress: Called with the number of scans that are done, and of all.
+        progress: Called with the number of finished scans, and of all.
 
     Raises:
         InputError: The drive or the noise is invalid, a scan takes longer than the interval to the
@@ -357,6 +373,7 @@ def collect(
         tuple(maps.values()),
         simulation.obstacles,
         simulation.film,
+        simulation.estimate,
     )
 
 
@@ -364,8 +381,8 @@ def line_mapper(noise: object, **settings: Any) -> LineMapper:
     """The default mapper: a LineMapper set up for the noise of the ranges.
 
     Args:
-        noise: What its σ and its floor follow from; see `spread_of`.
-        **settings: Arguments of the LineMapper, which hold instead.
+        noise: Gives its σ and its floor; see `spread_of`.
+        **settings: Arguments of the LineMapper that override them.
     """
     constant, sigma = spread_of(noise) or (0.0, SIGMA)
     usual = {"sigma": sigma}

@@ -37,8 +37,8 @@ class Drive(Protocol):
         """Whether the drive has a next scan."""
         ...
 
-    def place(self, index: int) -> tuple[float, Float]:
-        """Time [s] and pose (3,) of the next scan, given its number."""
+    def scan_pose(self, index: int) -> tuple[float, Float]:
+        """Time [s] and pose (3,) of the next scan, given its index."""
         ...
 
     def after(self, scan: LaserScan) -> None:
@@ -54,7 +54,7 @@ class RecordedDrive:
     def __init__(self, trajectory: Trajectory) -> None:
         self.trajectory = trajectory
 
-    def place(self, index: int) -> tuple[float, Float]:
+    def scan_pose(self, index: int) -> tuple[float, Float]:
         """Time [s] and pose (3,) of a scan."""
         return float(self.trajectory.times[index]), self.trajectory.poses[index]
 
@@ -96,7 +96,7 @@ class ControlledDrive:
         self._checker = None if radius is None else CollisionChecker(world)
         self._index = 0
 
-    def place(self, index: int) -> tuple[float, Float]:
+    def scan_pose(self, index: int) -> tuple[float, Float]:
         """Time [s] and pose (3,) of the next scan."""
         return index * self.interval, np.array(self.pose)
 
@@ -124,12 +124,12 @@ class ControlledDrive:
             )
         before, self.pose = self.pose, self._robot.move(self.pose, v, omega, self.interval)
         if self._checker is not None and self.radius is not None:
-            way = self._way(time, before, v, omega)
-            collision = self._checker.first(way, self.radius)
+            path = self._chords(time, before, v, omega)
+            collision = self._checker.first(path, self.radius)
             if collision is not None:
                 raise CollisionError(f"{collision}; the controller drove it there")
 
-    def _way(self, time: float, start: Pose, v: float, omega: float) -> Trajectory:
+    def _chords(self, time: float, start: Pose, v: float, omega: float) -> Trajectory:
         """The arc up to the next scan as chords within `CHORD_ERROR` of it."""
         # The sagitta of a chord over a time t is |v·ω|·t²/8.
         chords = self.interval * np.sqrt(abs(v) * abs(omega) / (8.0 * CHORD_ERROR))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lrf3d import load_map, load_run, load_world
+from lrf3d.scene.overview import CLOSING, OPENING
 
 WORLD = """\
 name = "yard"
@@ -68,7 +69,8 @@ def test_one_command_makes_film_map_and_summary(tmp_path):
         stream = film.streams.video[0]
         pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(stream)]
         assert stream.codec_context.name == "h264"
-    expected = run.trajectory.duration / 4.0 * 5.0
+    # The story opens with the whole world and ends with the finished map.
+    expected = (OPENING + run.trajectory.duration / 4.0 + CLOSING) * 5.0
     assert abs(len(pictures) - expected) <= 2
     assert pictures[0].shape == (180, 320, 3)
     assert all(picture.std() > 10.0 for picture in pictures)

@@ -1,8 +1,9 @@
 """``scripts/bench map``: what error does a map have, and what does it cost to make and to keep?
 
-Four questions: accuracy over thresholds, beams and noise; updates by the size of the map; numbers
-to store; line pairs for localisation. One thing at a time is varied from what is usual, along the
-drive through the built-in city, in both modes of the mapper.
+Six questions: accuracy over thresholds, beams and noise; updates by the size of the map, and on a
+drive without end; what dynamic obstacles leave; numbers to store; line pairs for localisation. In
+the first, one thing at a time is varied from what is usual, along the drive through the built-in
+city, in both modes of the mapper.
 """
 
 import time
@@ -13,6 +14,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from benchmarks.chart import Panel, bars, draw, scatter
+from benchmarks.map.drives import OBSTACLES, ROUNDS, measure_obstacles, measure_rounds
 from benchmarks.map.pairs import PAIRS, TOWNS, measure_pairs, measure_town
 from benchmarks.map.settings import (
     EVERY,
@@ -37,8 +39,17 @@ SECONDS = 125.0
 SEEDS = 2
 """Seeds of the noise for each setting, if not given."""
 
-ACCURACY_SHARE = 0.63
-"""Part of the time for the settings of the mapper; the rest is for sizes, memory and pairs."""
+ACCURACY_SHARE = 0.5
+"""Part of the time for the settings of the mapper; the rest is for the other questions."""
+
+ROUNDS_SHARE = 0.08
+"""Part of the time for the drive round the city with each number of beams."""
+
+ROUNDS_BEAMS = (USUAL_BEAMS, 721)
+"""Beams on the drive round the city."""
+
+MOST_ROUNDS = 20_000
+"""Scans of it, if the time suffices."""
 
 UPDATE_SHARE = 0.015
 """Part of the time for the updates of one map of some size; building it comes on top."""
@@ -73,7 +84,7 @@ SETTINGS = Table(
         "seeds": "seeds",
     },
     f"city; {USUAL_BEAMS} beams, σ = {SIGMA:g} m and the mapper's own thresholds where nothing else"
-    " is said;\nthe mapper knows σ. ratio: segments by visible walls. purity: unions against true"
+    " is said;\nthe mapper knows σ. ratio: segments by visible walls. purity: objects against true"
     " objects. RMS:\nperpendicular distance from the true walls. update: the median, with the seed"
     " that was disturbed\nleast. map: making the value of the final map.",
     names=("varied", "value", "mode"),
@@ -137,7 +148,7 @@ def bench_map(
             "scans_of_each_setting": len(drive.trajectory),
         },
         chart,
-        {table: [] for table in (SETTINGS, UPDATES_BY_SIZE, MEMORY, PAIRS)},
+        {table: [] for table in (SETTINGS, UPDATES_BY_SIZE, ROUNDS, OBSTACLES, MEMORY, PAIRS)},
     )
     chosen = settings(sweeps)
     city = whole.scenario
@@ -152,6 +163,13 @@ def bench_map(
         (f"line pairs, town of {walls:,} walls", partial(measure_town, result, walls, scans=scans))
         for walls in towns
     ]
+    rest += [
+        (f"the city driven round, {beams} beams", partial(
+            measure_rounds, result, beams, scans or MOST_ROUNDS, seconds=ROUNDS_SHARE * seconds
+        ))
+        for beams in ROUNDS_BEAMS
+    ]  # fmt: skip
+    rest.append(("dynamic obstacles", partial(measure_obstacles, result, seeds=seeds, scans=scans)))
     done, total = 0, seeds * len(chosen) + len(rest) + 2 * len(sizes)
 
     def step() -> None:

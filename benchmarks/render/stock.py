@@ -16,7 +16,7 @@ from lrf3d.render.primitives import Mesh
 from lrf3d.render.renderer import context
 from lrf3d.run import Run
 from lrf3d.scene.bodies import robot_mesh, world_from_robot
-from lrf3d.scene.camera import make_camera
+from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.look import SUN
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline

@@ -8,9 +8,11 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.casting.causes import AGREEMENT, EDGES, Answers, Cause, explain, resolution
 from lrf3d.casting.embree import EmbreeCaster
+from lrf3d.casting.embree_library import require_embreex
 from lrf3d.casting.planar import PlanarCaster
 from lrf3d.casting.raw_embree import RawEmbreeCaster
 from lrf3d.geometry import Bool, Float
@@ -115,7 +117,7 @@ class CrossCheck:
 def crosscheck(
     world: World,
     lrf: LaserRangeFinder,
-    poses: Float,
+    poses: ArrayLike,
     progress: Progress = silent,
     *,
     raw: bool = False,
@@ -129,6 +131,9 @@ def crosscheck(
         progress: Called with the number of scans that are done, and of all.
         raw: Compare with trimesh and bare Embree in float32, not with ``EmbreeCaster``.
 
+    Raises:
+        MissingLibraryError: Embree is not installed.
+
     Examples:
         >>> import lrf3d
         >>> world = lrf3d.load_world("paper_room")
@@ -136,6 +141,7 @@ def crosscheck(
         >>> result.beams, len(result.differences)
         (362, 0)
     """
+    require_embreex("a cross-check")
     poses = as_poses(poses)
     planar = PlanarCaster(world)
     other = RawEmbreeCaster(world) if raw else EmbreeCaster(world)

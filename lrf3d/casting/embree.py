@@ -7,14 +7,13 @@ lasers are cast in 3D, in float64.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.batch_caster import BatchCaster, limited
+from lrf3d.casting.batch_caster import BatchCaster, Kernels, limited
 from lrf3d.casting.exact import RationalCaster
 from lrf3d.casting.kernels.scans import BEYOND_WALLS
 from lrf3d.casting.mesh_scene import MeshScene, level_cut
@@ -51,21 +50,23 @@ class EmbreeCaster(BatchCaster):
         self._walls = world if isinstance(world, World) else None
         self._rationals = RationalCaster(World(np.empty((0, 4))) if self._walls is None else world)
         self._levels = np.empty(0) if self._walls is None else np.unique(self._walls.heights)
+        if self._walls is not None and self._walls.materials:
+            from lrf3d.casting.lighting import Lighting
+            from lrf3d.casting.planar import PlanarCaster
+
+            # Embree finds the first walls; behind mirrors and glass the float64 walls are cast at.
+            self._lights = Lighting(self._walls, PlanarCaster(self._walls).tree)
         self._scenes: dict[tuple[int, int], WallScene] = {}
-        self._latest: tuple[LaserRangeFinder | None, WallScene | None] = None, None
         self._mesh: MeshScene | None = None
         self._cuts: dict[float, tuple[EmbreeCaster, Int]] = {}
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose; for a mesh, ``walls`` holds indices of triangles."""
-        pose = as_pose(pose)
-        if self._walls is None:
-            caster, faces = self._cut(lrf.height)
-            scan = caster.cast(lrf, pose)
-            return replace(scan, walls=_named(faces, scan.walls))
-        if self._rationals.needed(lrf, *pose):
-            return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
-        return LaserScan.unchecked(lrf, pose, *self._scene(lrf).cast(lrf, pose))
+        if self._walls is not None:
+            return super().cast(lrf, pose)
+        caster, faces = self._cut(lrf.height)
+        scan = caster.cast(lrf, pose)
+        return replace(scan, walls=_named(faces, scan.walls))
 
     def cast_layers(
         self,
@@ -129,9 +130,6 @@ class EmbreeCaster(BatchCaster):
 
     def _scene(self, lrf: LaserRangeFinder) -> WallScene:
         """The scene for beams of this height and range: built once for each level and range."""
-        latest, scene = self._latest
-        if latest is lrf and scene is not None:
-            return scene
         assert self._walls is not None
         level = int(self._levels.searchsorted(lrf.height))
         key = level, math.frexp(min(lrf.range_max, BEYOND_WALLS))[1]
@@ -139,11 +137,10 @@ class EmbreeCaster(BatchCaster):
             tall = np.flatnonzero(self._walls.heights >= lrf.height).astype(np.int32)
             segments = self._walls.segments[tall]
             self._scenes[key] = build_wall_scene(segments, tall, math.ldexp(1.0, key[1]))
-        self._latest = lrf, self._scenes[key]
         return self._scenes[key]
 
-    def _kernel(self, lrf: LaserRangeFinder) -> Callable[[Float, Float, Int], None]:
-        return partial(self._scene(lrf).cast_many, lrf)
+    def _kernels(self, lrf: LaserRangeFinder) -> Kernels:
+        return self._scene(lrf).kernels(lrf)
 
     def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
         if self._walls is not None:

@@ -3,10 +3,13 @@
 embreex hands rays to Embree one by one, from arrays of its own. Compiled code that knows where
 the function ``rtcIntersect8`` lies hands over eight at a time, in half the time. Whether the
 library is there, of the right version and in working order is tried out once; where it is not,
-casters go on with embreex.
+casters go on with embreex. Where embreex is missing too, as on Linux with an ARM processor, for
+which it has no wheel, they go on with compiled code of their own, which gives the same ranges.
 """
 
 import ctypes
+import multiprocessing
+import warnings
 import weakref
 from collections.abc import Iterator
 from functools import cache
@@ -17,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.packets import find_faces
+from lrf3d.errors import Lrf3dWarning, MissingLibraryError
 
 MAJOR_VERSION = 4
 """The version of Embree whose packets `kernels.packets` builds."""
@@ -124,8 +128,41 @@ class EmbreeLibrary:
 
 
 @cache
+def embreex_installed() -> bool:
+    """Whether embreex is installed; if it is not, a warning says once what is done instead."""
+    try:
+        import embreex.rtcore_scene  # noqa: F401
+    except ImportError:
+        # The processes that a program starts would each say the same again.
+        if multiprocessing.parent_process() is None:
+            warnings.warn(
+                "embreex is not installed: beams are cast without Embree, to the same ranges",
+                Lrf3dWarning,
+                stacklevel=2,
+            )
+        return False
+    return True
+
+
+def require_embreex(task: str) -> None:
+    """See that embreex is there for a task that makes no sense without it.
+
+    Raises:
+        MissingLibraryError: It is not.
+    """
+    try:
+        import embreex.rtcore_scene  # noqa: F401
+    except ImportError:
+        raise MissingLibraryError(
+            f"{task} needs Embree: pip install embreex (for Linux on ARM it has no wheel)"
+        ) from None
+
+
+@cache
 def embree_library() -> EmbreeLibrary | None:
     """The library, loaded and tried out once a process; None where it is not to be used."""
+    if not embreex_installed():
+        return None
     for file in _candidates():
         try:
             library = EmbreeLibrary(ctypes.CDLL(str(file)))

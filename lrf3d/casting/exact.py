@@ -107,14 +107,17 @@ class RationalCaster:
         # Where the walls themselves are beyond it, no scan can be cast by compiled code.
         self.everywhere = not bool(_inside(world.segments).all())
 
-    def needed(self, lrf: LaserRangeFinder, x: float, y: float, theta: float) -> bool:
-        """Whether a scan from this pose needs rationals; plain floats keep this check fast."""
+    def needed(self, x: float, y: float, theta: float) -> bool:
+        """Whether a pose needs rationals; plain floats keep this check fast."""
         return (
-            self.for_all(lrf)
-            or not (x == 0.0 or SMALLEST_NUMBER <= abs(x) <= LARGEST_NUMBER)
+            not (x == 0.0 or SMALLEST_NUMBER <= abs(x) <= LARGEST_NUMBER)
             or not (y == 0.0 or SMALLEST_NUMBER <= abs(y) <= LARGEST_NUMBER)
             or not (theta == 0.0 or abs(theta) >= SMALLEST_NUMBER)
         )
+
+    def all_needed(self, poses: Float) -> Bool:
+        """Which of the poses (k, 3) need rationals."""
+        return np.asarray(~_inside(poses).all(axis=1))
 
     def for_all(self, lrf: LaserRangeFinder) -> bool:
         """Whether all scans of a range finder need rationals."""
@@ -142,8 +145,7 @@ class RationalCaster:
 
         The walls are left out if the array is empty.
         """
-        beyond = ~_inside(poses).all(axis=1) | self.for_all(lrf)
-        for k in np.flatnonzero(beyond).tolist():
+        for k in np.flatnonzero(self.all_needed(poses) | self.for_all(lrf)).tolist():
             x, y, theta = poses[k].tolist()
             ranges[k], hit = self.cast(lrf, (x, y, theta))
             walls[k : k + 1] = hit

@@ -41,14 +41,15 @@ class MeshScene:
         triangles = np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3)
         return cls(triangles, np.arange(len(triangles)))
 
-    def cast(self, origin: Float, directions: Float, reach: float) -> tuple[Float, Int]:
-        """Cast rays (n, 3) from one origin (3,), no farther than about a reach [m].
+    def cast(self, origins: Float, directions: Float, reach: float) -> tuple[Float, Int]:
+        """Cast rays (n, 3) from origins (n, 3) or from one (3,), no farther than about a reach [m].
 
         Returns:
             Distances (n,) [m], +inf for a miss, and what was hit (n,), −1 for a miss.
         """
         distances, hits = np.empty(len(directions)), np.empty(len(directions), np.int64)
-        cast_solid(self._tree, self._corners, origin, directions, reach, distances, hits)
+        starts = np.atleast_2d(origins)
+        cast_solid(self._tree, self._corners, starts, directions, reach, distances, hits)
         return distances, self._owners[hits]
 
 

@@ -1,17 +1,14 @@
 """PlanarCaster: exact ranges among the walls of a world, in the plane (section 2.3)."""
 
-from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
-from lrf3d.casting.batch_caster import BatchCaster
+from lrf3d.casting.batch_caster import BatchCaster, Kernels
 from lrf3d.casting.exact import RationalCaster
 from lrf3d.casting.kernels.scans import cast_scan, cast_scans, laser_of
 from lrf3d.casting.kernels.tree import Tree, build_tree
-from lrf3d.geometry import Float, Int
-from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.pose import as_pose
+from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 
 
@@ -35,6 +32,10 @@ class PlanarCaster(BatchCaster):
         self._levels = np.unique(world.heights)
         self._trees: dict[int, Tree] = {}
         self._rationals = RationalCaster(world)
+        if world.materials:
+            from lrf3d.casting.lighting import Lighting
+
+            self._lights = Lighting(world, self.tree)
 
     def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]; built once for each level."""
@@ -44,13 +45,11 @@ class PlanarCaster(BatchCaster):
             self._trees[level] = build_tree(self.world.segments[tall], tall)
         return self._trees[level]
 
-    def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
-        """The true scan from a pose."""
-        pose = as_pose(pose)
-        if self._rationals.needed(lrf, *pose):
-            return LaserScan.unchecked(lrf, pose, *self._rationals.cast(lrf, pose))
-        scan = cast_scan(self.tree(lrf.height)[:], laser_of(lrf), *pose)
-        return LaserScan.unchecked(lrf, pose, *scan)
+    def _kernels(self, lrf: LaserRangeFinder) -> Kernels:
+        return planar_kernels(self.tree(lrf.height), lrf)
 
-    def _kernel(self, lrf: LaserRangeFinder) -> Callable[[Float, Float, Int], None]:
-        return partial(cast_scans, self.tree(lrf.height)[:], laser_of(lrf))
+
+def planar_kernels(tree: Tree, lrf: LaserRangeFinder) -> Kernels:
+    """The compiled code that casts the scans of a range finder at the walls of a tree."""
+    fixed = tree[:], laser_of(lrf)
+    return Kernels(partial(cast_scan, *fixed), partial(cast_scans, *fixed))

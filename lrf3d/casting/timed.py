@@ -24,6 +24,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
+from lrf3d.world.materials import BUILT_IN
 
 
 class Caster(Protocol):
@@ -55,19 +56,30 @@ class StillCaster:
 
 @dataclass(frozen=True, slots=True)
 class ObstacleCaster:
-    """Adds dynamic obstacles to the scans of another caster; their wall index is −1."""
+    """Adds dynamic obstacles to the scans of another caster; their wall index is −1.
+
+    In a world with materials they are of dark cloth, and the world is needed.
+    """
 
     caster: TimedCaster
     obstacles: tuple[DynamicObstacle, ...]
+    world: World | None = None
 
     def cast_at(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
         """The scan, in which each beam ends at the nearer of wall and obstacle."""
         scan = self.caster.cast_at(lrf, pose, time)
-        met = [obstacle for obstacle in self.obstacles if obstacle.may_meet(lrf, pose, time)]
+        # Mirrors show obstacles that no beam could meet by itself.
+        met = [
+            obstacle
+            for obstacle in self.obstacles
+            if scan.intensities is not None or obstacle.may_meet(lrf, pose, time)
+        ]
         if not met:
             return scan
         sides = [obstacle.walls(time) for obstacle in met]
         heights = np.repeat([obstacle.height for obstacle in met], [len(part) for part in sides])
+        if scan.intensities is not None:
+            return self._among_materials(lrf, pose, np.concatenate(sides), heights).at_time(time)
         moving = PlanarCaster(World(np.concatenate(sides), heights=heights)).cast(lrf, pose).ranges
         # If both ranges are below range_min, −inf, neither is nearer; the wall is −1 in any case.
         nearer = moving < scan.ranges
@@ -76,6 +88,22 @@ class ObstacleCaster:
             ranges=np.where(nearer, moving, scan.ranges),
             walls=np.where(nearer, -1, scan.walls),
         )
+
+    def _among_materials(
+        self, lrf: LaserRangeFinder, pose: Float, sides: Float, heights: Float
+    ) -> LaserScan:
+        """The scan of the walls with the sides (n, 4) of obstacles: mirrors show these as well."""
+        world = self.world
+        assert world is not None
+        objects = np.full(len(sides), world.object_count)
+        among = World(
+            np.concatenate([world.segments, sides]),
+            np.concatenate([world.objects, objects]),
+            np.concatenate([world.heights, heights]),
+            materials=[*world.materials, BUILT_IN["dark cloth"]],
+        )
+        scan = PlanarCaster(among).cast(lrf, pose)
+        return replace(scan, walls=np.where(scan.walls < len(world.segments), scan.walls, -1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +134,15 @@ class SweepCaster:
             first,
             np.concatenate([beam.ranges for beam in beams]),
             np.concatenate([beam.walls for beam in beams]),
+            *(_joined(beams, name) for name in ("intensities", "echoes", "echo_intensities")),
         )
         return scan.at_time(time)
+
+
+def _joined(beams: Sequence[LaserScan], name: str) -> Float | None:
+    """An attribute of the scans of single beams as that of the whole scan."""
+    parts = [getattr(beam, name) for beam in beams]
+    return None if parts[0] is None else np.concatenate(parts)
 
 
 def timed(
@@ -127,7 +162,7 @@ def timed(
     """
     cast: TimedCaster = StillCaster(caster)
     if obstacles:
-        cast = ObstacleCaster(cast, tuple(obstacles))
+        cast = ObstacleCaster(cast, tuple(obstacles), getattr(caster, "world", None))
     if path is None or lrf.time_increment == 0.0:
         return cast
     between = float(np.diff(path.times[:-1]).min(initial=np.inf))

@@ -1,12 +1,14 @@
 """WallScene: the walls of a world, in float64 and as triangles for Embree, to cast scans at."""
 
 import math
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.embree_library import EmbreeLibrary, embree_library
+from lrf3d.casting.batch_caster import Kernels
+from lrf3d.casting.embree_library import EmbreeLibrary, embree_library, embreex_installed
 from lrf3d.casting.embree_walls import (
     all_clear_parts,
     ends_of,
@@ -16,8 +18,9 @@ from lrf3d.casting.embree_walls import (
 )
 from lrf3d.casting.kernels.embree_proof import Local, ProvedWalls
 from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
-from lrf3d.casting.kernels.scans import laser_of
+from lrf3d.casting.kernels.scans import PlainLaser, laser_of
 from lrf3d.casting.kernels.tree import build_tree
+from lrf3d.casting.planar import planar_kernels
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder
 
@@ -30,21 +33,19 @@ Faces32 = tuple[NDArray[np.float32], NDArray[np.int32]]
 class WallScene(Protocol):
     """Walls that scans are cast at, exactly."""
 
-    def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls (beams,) of a scan."""
-        ...
-
-    def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
-        """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
+    def kernels(self, lrf: LaserRangeFinder) -> Kernels:
+        """The code that casts the scans of a range finder."""
         ...
 
 
 def build_wall_scene(segments: Float, index: NDArray[np.int32], distance: float) -> WallScene:
     """The scene of segments (n, 4), with their indices (n,), for ranges up to a distance [m].
 
-    Embree is called from compiled code if its library can be used, and otherwise through embreex;
-    the scans are the same.
+    Embree is called from compiled code if its library can be used, and otherwise through embreex.
+    Where that is missing, the walls are searched in their tree; the scans are the same.
     """
+    if not embreex_installed():
+        return TreeScene(segments, index)
     prepared = _prepare(segments, index, distance)
     library = embree_library()
     return RunScene(*prepared) if library is None else PacketScene(*prepared, library)
@@ -74,6 +75,17 @@ def _prepare(
     return known, (vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
 
 
+class TreeScene:
+    """Casts as `PlanarCaster` does, without Embree."""
+
+    def __init__(self, segments: Float, index: NDArray[np.int32]) -> None:
+        self._tree = build_tree(segments, index)
+
+    def kernels(self, lrf: LaserRangeFinder) -> Kernels:
+        """The code that casts the scans of a range finder."""
+        return planar_kernels(self._tree, lrf)
+
+
 class PacketScene:
     """Casts by compiled code that calls Embree directly, packet by packet."""
 
@@ -83,13 +95,17 @@ class PacketScene:
         plain = known.tree[:], known.clear, known.owners, known.local[:]
         self._fixed = self._scene.intersect, self._scene.address, plain
 
-    def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls (beams,) of a scan."""
-        return cast_scan(*self._fixed, laser_of(lrf), *pose)
+    def kernels(self, lrf: LaserRangeFinder) -> Kernels:
+        """The code that casts the scans of a range finder."""
+        # Bound methods keep this scene, and with it Embree's, while another thread replaces it.
+        laser = laser_of(lrf)
+        return Kernels(partial(self._scan, laser), partial(self._scans, laser))
 
-    def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
-        """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
-        cast_scans(*self._fixed, laser_of(lrf), poses, ranges, walls)
+    def _scan(self, laser: PlainLaser, x: float, y: float, theta: float) -> tuple[Float, Int]:
+        return cast_scan(*self._fixed, laser, x, y, theta)
+
+    def _scans(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
+        cast_scans(*self._fixed, laser, poses, ranges, walls)
 
 
 class RunScene:
@@ -103,15 +119,19 @@ class RunScene:
         self._embree = EmbreeScene()
         self._kept = TriangleMesh(self._embree, *mesh) if len(known.tree.walls) else None
 
-    def cast(self, lrf: LaserRangeFinder, pose: tuple[float, float, float]) -> tuple[Float, Int]:
-        """The ranges and walls (beams,) of a scan."""
-        ranges, walls = np.empty((1, lrf.beams)), np.empty((1, lrf.beams), np.int64)
-        self.cast_many(lrf, np.array([pose]), ranges, walls)
+    def kernels(self, lrf: LaserRangeFinder) -> Kernels:
+        """The code that casts the scans of a range finder."""
+        laser = laser_of(lrf)
+        return Kernels(partial(self._scan, laser), partial(self._scans, laser))
+
+    def _scan(self, laser: PlainLaser, x: float, y: float, theta: float) -> tuple[Float, Int]:
+        beams = laser[0].shape[1]
+        ranges, walls = np.empty((1, beams)), np.empty((1, beams), np.int64)
+        self._scans(laser, np.array([[x, y, theta]]), ranges, walls)
         return ranges[0], walls[0]
 
-    def cast_many(self, lrf: LaserRangeFinder, poses: Float, ranges: Float, walls: Int) -> None:
-        """Cast scans at poses (k, 3); fill the ranges (k, beams), and the walls unless empty."""
-        laser, known = laser_of(lrf), self._known
+    def _scans(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
+        known = self._known
         reach = (laser[-1] + known.local.beyond) * known.local.unit
         for k in range(0, len(poses), POSES_SENT):
             part = slice(k, k + POSES_SENT)

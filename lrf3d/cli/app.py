@@ -26,9 +26,9 @@ app = typer.Typer(
 )
 
 
-def print_version(asked: bool) -> None:
-    """Print the version and exit, if asked for."""
-    if asked:
+def print_version(wanted: bool) -> None:
+    """Print the version and exit, if ``--version`` is given."""
+    if wanted:
         import lrf3d
 
         print(f"lrf3d {lrf3d.__version__}")

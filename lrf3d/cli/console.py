@@ -6,9 +6,9 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TextIO
 
-from lrf3d.errors import one_line
+from lrf3d.errors import Lrf3dWarning, one_line
 from lrf3d.progress import Progress, silent
 
 
@@ -49,12 +49,29 @@ def progress_bar(title: str) -> Iterator[Progress]:
 
 
 def quiet_libraries() -> None:
-    """Silence the warnings of libraries, which the user cannot fix.
+    """Silence the warnings of libraries, which the user cannot fix; our own are shown in one line.
 
-    ``python -W default -m lrf3d`` shows them.
+    ``python -W default -m lrf3d`` shows all.
     """
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
+        warnings.simplefilter("default", Lrf3dWarning)
+        usual = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if issubclass(category, Lrf3dWarning):
+                warn(str(message))
+            else:
+                usual(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
     # Without a handler, Python prints log messages of libraries from warnings on.
     logging.lastResort = logging.NullHandler()
 

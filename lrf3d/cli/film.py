@@ -44,7 +44,7 @@ class FilmOptions:
     renderer: str | None
 
     def still(self, renderer: str) -> dict[str, Any]:
-        """What a single picture is drawn with by a renderer."""
+        """Keyword arguments to draw a single picture with a renderer."""
         return {
             "size": self.size or (_LARGE if renderer == "gl" else _SMALL),
             "playback": self.playback,
@@ -54,7 +54,7 @@ class FilmOptions:
         }
 
     def moving(self, ending: str, renderer: str) -> dict[str, Any]:
-        """What a film of an ending is drawn with by a renderer."""
+        """Keyword arguments to draw a film, in the format of an ending, with a renderer."""
         usual = _SMALL if ending in _ANIMATIONS else None
         return {
             **replace(self, size=self.size or usual).still(renderer),
@@ -63,7 +63,11 @@ class FilmOptions:
         }
 
 
-def make_film(run: Run, path: Path, options: FilmOptions) -> str:
+Part = tuple[float | None, float | None]
+"""From when to when a film shows its run [s]; None for its start and its end."""
+
+
+def make_film(run: Run, path: Path, options: FilmOptions, part: Part = (None, None)) -> str:
     """Write the film of a run, in the format of the path's ending, and print how long it took."""
     from lrf3d.render.video import render_video
 
@@ -78,7 +82,7 @@ def make_film(run: Run, path: Path, options: FilmOptions) -> str:
                 frames = total
                 progress(done, total)
 
-            render_video(run, path, **arguments, progress=count)
+            render_video(run, path, **arguments, part=part, progress=count)
         seconds = perf_counter() - began
         width, height = arguments["size"]
         by = "OpenGL" if renderer == "gl" else "Embree"
@@ -88,14 +92,14 @@ def make_film(run: Run, path: Path, options: FilmOptions) -> str:
     return drawn_by(options.renderer, draw)
 
 
-def make_frames(run: Run, folder: Path, options: FilmOptions) -> int:
+def make_frames(run: Run, folder: Path, options: FilmOptions, part: Part = (None, None)) -> int:
     """Write the frames of the film of a run as pictures; returns their number."""
     from lrf3d.render.video import render_frames
 
     def draw(renderer: str) -> int:
         arguments = options.moving(".png", renderer)
         with progress_bar("frames") as progress:
-            return render_frames(run, folder, **arguments, progress=progress)
+            return render_frames(run, folder, **arguments, part=part, progress=progress)
 
     return drawn_by(options.renderer, draw)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from lrf3d.cli import options
-from lrf3d.cli.console import json_text, print_json, print_table, progress_bar
+from lrf3d.cli.console import progress_bar
 
 
 class Poses(StrEnum):
@@ -57,15 +57,12 @@ def map_(
     from functools import partial
 
     from lrf3d.cli.folder import results_folder
-    from lrf3d.errors import DrawingError
     from lrf3d.io import load_log
     from lrf3d.log_mapping import draw_mapped_log, map_log
     from lrf3d.mapping import save_map
-    from lrf3d.output import draw_all, write_text
 
     drive = load_log(log, largest_range=largest_range, poses=poses.value, scan_topic=scan_topic)
-    place = results_folder(context, [log], drive.name, out)
-    folder = place.path
+    output = results_folder(context, [log], drive.name, out)
     with progress_bar("scans") as progress:
         mapped = map_log(
             drive,
@@ -74,25 +71,13 @@ def map_(
             all_scans=all_scans,
             progress=progress,
         )
-    # All data are written, and results printed, before anything is drawn.
-    files = {"map": folder / "map.geojson", "summary": folder / "summary.json"}
-    drawings = {"map picture": (folder / "map.png", partial(draw_mapped_log, mapped))}
-    width = len("map picture")
-
-    def summary() -> dict[str, object]:
-        names = {name: path.name for name, path in files.items()}
-        return {**mapped.summary(), "made_by": place.made_by, "files": names}
-
+    files = {"map": output.path / "map.geojson"}
     save_map(mapped.map, files["map"], free=mapped.free_cells())
-    write_text(files["summary"], json_text(summary()))
-    if not json:
-        print_table(mapped.rows(), width)
-    drawn, failed = draw_all(drawings, f"{files['map']} holds the map")
-    files = {**files, **drawn}
-    write_text(files["summary"], json_text(summary()))
-    if json:
-        print_json(summary())
-    else:
-        print_table([(name, str(path)) for name, path in files.items()], width)
-    if failed:
-        raise DrawingError(failed)
+    output.finish(
+        mapped.summary(),
+        files,
+        {"map picture": (output.path / "map.png", partial(draw_mapped_log, mapped))},
+        rows=mapped.rows(),
+        kept=f"{files['map']} holds the map",
+        json=json,
+    )

@@ -80,7 +80,9 @@ Out = Annotated[
 ]
 ViewOption = Annotated[
     str | None,
-    typer.Option(help="Camera of the film: chase, first, orbit, top, or one of the world file."),
+    typer.Option(
+        help="Camera of the film: story, chase, first, orbit, overview, top, or one of the world."
+    ),
 ]
 Size = Annotated[
     str | None,
@@ -135,11 +137,11 @@ def read_drive(
     scale: float = 1.0,
     inside: bool | None = None,
 ) -> "Scenario":
-    """Read a world to drive through, and plan a route where it names none.
+    """Read a world to drive through, and plan a route if it has none.
 
     Raises:
         InputError: There is no such world, a setting or the scale is invalid, or there is no room
-            to drive on the side of the walls that is asked for.
+            to drive on the given side of the walls.
     """
     from lrf3d.cli.console import say
     from lrf3d.errors import InputError
@@ -157,7 +159,7 @@ def read_drive(
 
 
 def side_of(inside: bool | None) -> "Side | None":
-    """The side of the walls that --inside or --outside asks for."""
+    """The side of the walls that --inside or --outside names."""
     return None if inside is None else "inside" if inside else "outside"
 
 

@@ -27,7 +27,7 @@ class Plugin:
 
     Args:
         name: ``module:object``.
-        found: A class, which is called without arguments, or an object.
+        found: A class, which is instantiated without arguments, or an object.
         needs: The method that it must have.
         kind: ``mapper``, ``controller`` or ``noise``.
     """
@@ -111,7 +111,7 @@ def load_plugin(kind: str, name: str) -> Plugin:
 
 
 def slam_plugin(seed: int) -> Plugin:
-    """The mapper of ``--slam``, whose wheels draw their noise from a seed."""
+    """The mapper of ``--slam``, with the noise of its odometry from a seed."""
     from lrf3d.slam.simulated import SlamMapper
 
     class SeededSlam(SlamMapper):

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from types import FrameType
     from typing import Any
 
-ENDS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+SIGNALS = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
 """Signals that ask a program to end: Ctrl-C, ``kill``, and a terminal that is closed."""
 
-AGAIN = 0.05
+REPEAT_SECONDS = 0.05
 """Interval [s] at which a lost interrupt is raised again: short for the user, and long compared
 with the check."""
 
-PATIENCE = 10.0
+CLEANUP = 10.0
 """Time for cleaning up [s] before another Ctrl-C ends the program immediately. Cleaning up takes
 two or three seconds; holding the key down must not cut it off."""
 
@@ -85,10 +85,10 @@ def _run(stops: "Stops", program: "Any", name: str) -> None:
 def _keeps_compiled() -> bool:
     """Whether Numba finds a writeable cache: next to the modules, or in the home folder."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    for place in (os.path.dirname(os.path.dirname(__file__)), home):
-        while place and not os.path.exists(place):
-            place = os.path.dirname(place)
-        if os.access(place, os.W_OK | os.X_OK):
+    for folder in (os.path.dirname(os.path.dirname(__file__)), home):
+        while folder and not os.path.exists(folder):
+            folder = os.path.dirname(folder)
+        if os.access(folder, os.W_OK | os.X_OK):
             return True
     return "NUMBA_CACHE_DIR" in os.environ
 
@@ -111,14 +111,14 @@ class Stops:
 
     def begin(self) -> None:
         """Install the handlers."""
-        for number in ENDS:
-            # A program in the background, or under nohup, ignores these signals.
+        for number in SIGNALS:
+            # A program in the background, or under nohup, goes on ignoring these signals.
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, self._ask)
 
     def end(self) -> None:
         """Ignore the signals: only Python itself has to end."""
-        for number in ENDS:
+        for number in SIGNALS:
             signal.signal(number, signal.SIG_IGN)
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, 0.0)
@@ -127,22 +127,22 @@ class Stops:
         if self.over:
             return
         if self.number:
-            if monotonic() > self._asked + PATIENCE:
+            if monotonic() > self._asked + CLEANUP:
                 os._exit(_stopped(self._name, self.number, None))
         else:
             self.number, self._asked = number, monotonic()
-            _be_quiet()
+            _suppress_tracebacks()
             if hasattr(signal, "setitimer"):
                 signal.signal(signal.SIGALRM, self._raise)
-                signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+                signal.setitimer(signal.ITIMER_REAL, REPEAT_SECONDS, REPEAT_SECONDS)
         self._raise(number, where)
 
     def _raise(self, _: int, where: "FrameType | None") -> None:
         """Raise the interrupt, unless it is propagating or modules are being loaded."""
-        on_its_way = any(isinstance(each, KeyboardInterrupt) for each in chain(sys.exc_info()[1]))
+        propagating = any(isinstance(each, KeyboardInterrupt) for each in chain(sys.exc_info()[1]))
         # Half-loaded C libraries fail unpredictably. Loading ends by itself, or is interrupted
         # when it takes too long, as in a user's module that never ends.
-        if self.over or on_its_way or (_loads(where) and monotonic() < self._asked + PATIENCE):
+        if self.over or propagating or (_loads(where) and monotonic() < self._asked + CLEANUP):
             return
         raise KeyboardInterrupt
 
@@ -156,7 +156,7 @@ def _loads(frame: "FrameType | None") -> bool:
     return False
 
 
-def _be_quiet() -> None:
+def _suppress_tracebacks() -> None:
     """Suppress the tracebacks of what an interrupt broke."""
     sys.excepthook = lambda *_: None
     sys.unraisablehook = lambda _: None
@@ -170,10 +170,10 @@ def _stopped(name: str, number: int, error: BaseException | None) -> int:
     """Print that the program was stopped and what is kept; return the exit status."""
     from lrf3d.errors import OutputError
 
-    said = ["stopped", *notes(error)]
+    parts = ["stopped", *notes(error)]
     if isinstance(error, OutputError):
-        said.insert(1, str(error))
-    _say(name, "; ".join(said))
+        parts.insert(1, str(error))
+    _say(name, "; ".join(parts))
     return 128 + number
 
 
@@ -182,13 +182,13 @@ def _failed(name: str, error: BaseException) -> int:
     from lrf3d.errors import Lrf3dError
 
     if isinstance(error, BrokenPipeError):
-        # Whoever read our output has had enough; that is no error.
-        _give_up(sys.stdout, sys.stderr)
+        # The reader of the output has closed it, as `head` does; that is no error.
+        _discard_output(sys.stdout, sys.stderr)
         return 0
     if isinstance(error, Lrf3dError):
         _say(name, str(error))
     elif isinstance(error, OSError):
-        _say(name, _system_error(error, "standard output" if _give_up(sys.stdout) else ""))
+        _say(name, _system_error(error, "standard output" if _discard_output(sys.stdout) else ""))
     elif isinstance(error, MemoryError):
         why = f" ({error})" if str(error) else ""
         _say(name, f"out of memory{why}; ask for less at once, or use a machine with more memory")
@@ -197,15 +197,15 @@ def _failed(name: str, error: BaseException) -> int:
     return 1
 
 
-def _system_error(error: OSError, place: str) -> str:
-    """The error of the system, with the file that it names, or else a place."""
+def _system_error(error: OSError, default: str) -> str:
+    """The error of the system, with the file that it names, or else a default name."""
     reason = error.strerror or str(error) or type(error).__name__
     names = [os.fsdecode(name) for name in (error.filename, error.filename2)
              if isinstance(name, str | bytes)]  # fmt: skip
-    return ": ".join(filter(None, [" to ".join(names) or place, reason]))
+    return ": ".join(filter(None, [" to ".join(names) or default, reason]))
 
 
-def _give_up(*streams: "Any") -> bool:
+def _discard_output(*streams: "Any") -> bool:
     """Drop the output that streams cannot print; otherwise Python would try again when it ends.
 
     Returns:
@@ -226,4 +226,4 @@ def _say(name: str, message: str) -> None:
     try:
         print(f"{name}: {' '.join(message.splitlines())}", file=sys.stderr, flush=True)
     except OSError:
-        _give_up(sys.stderr)
+        _discard_output(sys.stderr)

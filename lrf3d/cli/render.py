@@ -23,6 +23,12 @@ def render(
     frames: Annotated[
         bool, typer.Option("--frames", help="Write each frame of the film as a .png.")
     ] = False,
+    first: Annotated[
+        float | None, typer.Option("--from", help="Begin the film at this time of the run [s].")
+    ] = None,
+    last: Annotated[
+        float | None, typer.Option("--to", help="End the film at this time of the run [s].")
+    ] = None,
     view: options.ViewOption = None,
     size: options.Size = None,
     fps: options.Fps = None,
@@ -37,7 +43,7 @@ def render(
     from lrf3d.io import load_run
     from lrf3d.output import make_folder
 
-    asked = options.film_options(
+    film = options.film_options(
         size=size,
         fps=fps,
         playback=playback,
@@ -46,22 +52,22 @@ def render(
         workers=workers,
         renderer=renderer,
     )
-    path = _place(run, out, at is not None, frames)
+    path = _output_path(run, out, at is not None, frames)
     kept = load_run(run)
     make_folder(path.parent)
     if frames:
-        count = make_frames(kept, path, asked)
+        count = make_frames(kept, path, film, (first, last))
         print_table([("frames", f"{count} in {path}")])
     elif at is not None:
-        make_picture(kept, path, at, asked)
+        make_picture(kept, path, at, film)
         print_table([("picture", str(path))])
     else:
-        drawn = make_film(kept, path, asked)
+        drawn = make_film(kept, path, film, (first, last))
         print_table([("video", str(path)), ("frames", drawn)])
 
 
-def _place(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:
-    """Where to write to; the ending must fit what is asked for."""
+def _output_path(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:
+    """The file or folder to write to; its ending must fit what is drawn."""
     from lrf3d.errors import InputError
 
     if picture and frames:

@@ -71,9 +71,9 @@ class Results:
             settings["drive"] = scenario.trajectory(scans=scans, on_collision=on_collision)
 
         def simulation(sigma: float | None) -> Simulation:
-            own = {kind: plugin.make() for kind, plugin in plugins.items()}
-            how = {"scans": scans, "on_collision": on_collision, **settings, **own}
-            return scenario.simulation(rng=seed, sigma=sigma, caster=caster, **how)
+            made = {kind: plugin.make() for kind, plugin in plugins.items()}
+            arguments = {"scans": scans, "on_collision": on_collision, **settings, **made}
+            return scenario.simulation(rng=seed, sigma=sigma, caster=caster, **arguments)
 
         main = simulation(None if sigmas == scenario.sigmas else sigmas[0])
         mapper: Any = main.mapper

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from lrf3d.cli import options
-from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, warn
+from lrf3d.cli.console import progress_bar, warn
 
 
 def run(
@@ -76,12 +76,10 @@ def run(
     from lrf3d.cli.folder import results_folder
     from lrf3d.cli.plugins import load_plugin, slam_plugin
     from lrf3d.cli.results import KEPT, Results, pictures_of, write_results
-    from lrf3d.errors import DrawingError, InputError
-    from lrf3d.interrupts import noting
-    from lrf3d.output import draw_all, write_text
+    from lrf3d.errors import InputError
     from lrf3d.world.cameras import check_view
 
-    asked = options.film_options(
+    film = options.film_options(
         size=size,
         fps=fps,
         playback=playback,
@@ -103,8 +101,8 @@ def run(
             raise InputError("--inside, --outside: a controller drives, so no route is planned")
         scenario = options.read_world(world, settings, scale=scale)
     check_view(scenario.view if view is None else view, scenario.world.cameras)
-    place = results_folder(context, [world], scenario.name, out)
-    folder = place.path
+    output = results_folder(context, [world], scenario.name, out)
+    folder = output.path
     sigmas = tuple(sigma) if sigma else scenario.sigmas
     results = Results.of(
         scenario,
@@ -119,32 +117,14 @@ def run(
         scans=scans,
         on_collision=warn if ignore_collisions else None,
     )
-    # All data are written, and results printed, before anything is drawn.
-    files = {**write_results(results, folder), "summary": folder / "summary.json"}
     drawings = pictures_of(results, folder)
+    files = write_results(results, folder)
     kept = f"{files['run']} holds the run, "
     if video:
-        drawings["video"] = folder / "run.mp4", lambda path: make_film(results.run, path, asked)
+        drawings["video"] = folder / "run.mp4", lambda path: make_film(results.run, path, film)
         kept += f"`lrf3d render {shlex.quote(str(folder))}` draws its film"
     else:
         kept += "the same command with --resume draws it"
-    rows = results.rows()
-    width = max(len(name) for name in (*dict(rows), *files, *drawings))
-
-    def summary() -> dict[str, object]:
-        names = {name: path.name for name, path in files.items()}
-        return {**results.summary, "made_by": place.made_by, "files": names}
-
-    write_text(files["summary"], json_text(summary()))
-    if not json:
-        print_table(rows, width)
-    with noting(lambda: KEPT):
-        drawn, failed = draw_all(drawings, kept)
-    files = {**drawn, **files}
-    write_text(files["summary"], json_text(summary()))
-    if json:
-        print_json(summary())
-    else:
-        print_table([(name, str(path)) for name, path in files.items()], width)
-    if failed:
-        raise DrawingError(failed)
+    output.finish(
+        results.summary, files, drawings, rows=results.rows(), kept=kept, note=KEPT, json=json
+    )

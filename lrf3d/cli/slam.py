@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from lrf3d.cli import options
-from lrf3d.cli.console import json_text, print_json, print_table, progress_bar
+from lrf3d.cli.console import progress_bar
 
 
 def slam(
@@ -23,7 +23,7 @@ def slam(
         typer.Option(help="Score by known relative poses: lines a b dx dy dtheta of ODOM lines."),
     ] = None,
     key_distance: Annotated[
-        float | None, typer.Option(help="Way [m] from one key scan to the next; 0.5.")
+        float | None, typer.Option(help="Distance [m] from one key scan to the next; 0.5.")
     ] = None,
     largest_range: Annotated[
         float | None, typer.Option(help="CARMEN: readings [m] of this or more are no return.")
@@ -35,61 +35,45 @@ def slam(
 ) -> None:
     """Find the poses and the map of a recorded drive from its scans and its odometry.
 
-    Loops are closed, and what the wheels measure systematically wrong and how far the laser lags
-    behind them is estimated.
+    Loops are closed; the systematic errors of the wheels, and the lag of the laser behind them, are
+    estimated.
 
     Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json.
     """
     from functools import partial
 
     from lrf3d.cli.folder import results_folder
-    from lrf3d.errors import DrawingError
     from lrf3d.io import load_log, save_run
     from lrf3d.io.reading import CARMEN_ENDINGS
     from lrf3d.io.trajectory_files import load_relations, save_tum
     from lrf3d.log_slam import draw_slam_log, slam_log
     from lrf3d.mapping import save_map
-    from lrf3d.output import draw_all, write_text
     from lrf3d.slam.front_end import KEY_DISTANCE
 
     known = None if relations is None else load_relations(relations)
     poses = "auto" if log.name.lower().endswith(CARMEN_ENDINGS) else "odom"
     drive = load_log(log, largest_range=largest_range, poses=poses, scan_topic=scan_topic)
-    place = results_folder(context, [log], drive.name, out)
-    folder = place.path
+    output = results_folder(context, [log], drive.name, out)
     with progress_bar("scans") as progress:
-        done = slam_log(
+        solved = slam_log(
             drive,
             key_distance=KEY_DISTANCE if key_distance is None else key_distance,
             relations=known,
             progress=progress,
         )
-    # All data are written, and results printed, before anything is drawn.
     files = {
-        "run": folder / "run.npz",
-        "map": folder / "map.geojson",
-        "trajectory": folder / "trajectory.tum",
-        "summary": folder / "summary.json",
+        "run": output.path / "run.npz",
+        "map": output.path / "map.geojson",
+        "trajectory": output.path / "trajectory.tum",
     }
-    drawings = {"map picture": (folder / "map.png", partial(draw_slam_log, done))}
-    width = len("map picture")
-
-    def summary() -> dict[str, object]:
-        names = {name: path.name for name, path in files.items()}
-        return {**done.summary(), "made_by": place.made_by, "files": names}
-
-    save_run(done.run, files["run"])
-    save_map(done.run.map, files["map"], free=done.free_cells())
-    save_tum(*done.trajectory(), files["trajectory"])
-    write_text(files["summary"], json_text(summary()))
-    if not json:
-        print_table(done.rows(), width)
-    drawn, failed = draw_all(drawings, f"{files['map']} holds the map")
-    files = {**files, **drawn}
-    write_text(files["summary"], json_text(summary()))
-    if json:
-        print_json(summary())
-    else:
-        print_table([(name, str(path)) for name, path in files.items()], width)
-    if failed:
-        raise DrawingError(failed)
+    save_run(solved.run, files["run"])
+    save_map(solved.run.map, files["map"], free=solved.free_cells())
+    save_tum(*solved.trajectory(), files["trajectory"])
+    output.finish(
+        solved.summary(),
+        files,
+        {"map picture": (output.path / "map.png", partial(draw_slam_log, solved))},
+        rows=solved.rows(),
+        kept=f"{files['map']} holds the map",
+        json=json,
+    )

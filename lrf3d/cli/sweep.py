@@ -56,15 +56,13 @@ def sweep(
 ) -> None:
     """Run every combination of worlds, noises, beams, thresholds and modes with many seeds.
 
-    Results are kept as they come; a sweep that was stopped goes on with --resume, and ends as if
-    it had not been. Writes sweep.parquet, summary.json and a figure for each world and setting.
+    Results are saved as they are made; --resume continues a sweep that was stopped, with the same
+    results. Writes sweep.parquet, summary.json and a figure for each world and setting.
     """
-    from lrf3d.cli.console import json_text, print_json, print_table, progress_bar, say, warn
+    from lrf3d.cli.console import progress_bar, say, warn
     from lrf3d.cli.folder import results_folder
-    from lrf3d.errors import DrawingError, InputError
+    from lrf3d.errors import InputError
     from lrf3d.input import own_name
-    from lrf3d.interrupts import noting
-    from lrf3d.output import draw_all, write_text
     from lrf3d.sweep.cluster import check_address
     from lrf3d.sweep.drawing import figures_of, table_text
     from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, SweepGrid, parse_axis, parse_values, read_grid
@@ -94,33 +92,20 @@ def sweep(
     )
     name = plan.worlds[0] if grid is None else own_name(grid)
     sources = chosen.worlds if grid is None else [grid]
-    place = results_folder(context, sources, f"{name}_sweep", out)
-    folder = place.path
-    with progress_bar("runs") as progress:
+    output = results_folder(context, sources, f"{name}_sweep", out)
+    with progress_bar("runs") as bar:
         result = run(
-            plan, folder, scheduler=scheduler, workers=workers, resume=resume, progress=progress
+            plan, output.path, scheduler=scheduler, workers=workers, resume=resume, progress=bar
         )
-    # All data are written, and results printed, before anything is drawn.
-    files = {"table": result.table, "summary": folder / "summary.json"}
-
-    def summary() -> dict[str, object]:
-        names = {key: path.name for key, path in files.items()}
-        return {**result.summary, "made_by": place.made_by, "files": names}
-
-    write_text(files["summary"], json_text(summary()))
+    made = len(result.rows) - result.resumed
     if not json:
         print(table_text(plan, result.rows), end="\n\n", flush=True)
-    figures = figures_of(plan, result.rows, folder)
-    kept = f"{result.table} holds the runs, the same command with --resume draws them"
-    with noting(lambda: "all runs kept; go on with --resume"):
-        drawn, failed = draw_all(figures, kept)
-    files = {**files, **drawn}
-    write_text(files["summary"], json_text(summary()))
-    if json:
-        print_json(summary())
-    else:
-        made = len(result.rows) - result.resumed
-        rows = [("runs", f"{len(result.rows)}, of them {made} made now in {result.took:.1f} s")]
-        print_table([*rows, *((key, str(path)) for key, path in files.items())])
-    if failed:
-        raise DrawingError(failed)
+    output.finish(
+        result.summary,
+        {"table": result.table},
+        figures_of(plan, result.rows, output.path),
+        rows=[("runs", f"{len(result.rows)}, of them {made} made now in {result.took:.1f} s")],
+        kept=f"{result.table} holds the runs, the same command with --resume draws them",
+        note="all runs kept; go on with --resume",
+        json=json,
+    )

@@ -132,14 +132,14 @@ def _say(report: dict[str, Any], json: bool) -> None:
     (x1, y1), (x2, y2) = report["bounds_m"]
     low, high = report["heights_m"]
     heights = f"{low:g} m" if low == high else f"{low:g} to {high:g} m"
-    told: dict[str, str] = {
+    described: dict[str, str] = {
         "objects": f"{report['objects']:,}",
         "walls": f"{report['walls']:,}, {report['wall_length_m']:.1f} m long, {heights} high",
         "bounds": f"x {x1:.2f} to {x2:.2f} m, y {y1:.2f} to {y2:.2f} m",
     }
     rows: list[tuple[str, str]]
     rows = [(key, str(report[key])) for key in ("kind", "seed", "name", "from") if key in report]
-    rows += list(told.items())
+    rows += list(described.items())
     if report["place"] is not None:
         longitude, latitude = report["place"]
         rows.append(("place", f"(0, 0) is at longitude {longitude:.7f}°, latitude {latitude:.7f}°"))

@@ -14,21 +14,25 @@ import pygltflib
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, quad_indices
-from lrf3d.gltf.document import INDICES, KEYS, VERTICES, Document, linear
+from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
+from lrf3d.gltf.estimate import add_estimate
+from lrf3d.gltf.showing import Showing
 from lrf3d.gltf.stage import (
     add_chase_camera,
-    add_movers,
+    add_obstacles,
     add_robot,
     add_stage,
-    drive_movers,
+    drive_obstacles,
     new_document,
 )
+from lrf3d.gltf.trail import add_trail
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.beams import DrawnBeams, drawn_beams
+from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, scan_times
-from lrf3d.scene.trail_and_map import DrawnMap, straight_pieces
+from lrf3d.scene.trail_and_map import DrawnMap
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -53,10 +57,13 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     add_stage(document, structures)
     keys = drive_keys(timeline)
     _add_robot(document, keys, run, structures)
-    drive_movers(document, timeline)
+    drive_obstacles(document, timeline)
     _add_scans(document, timeline, every)
     _add_maps(document, timeline)
-    _add_trail(document, keys)
+    trail = look.TRAIL_COLOUR, look.TRAIL_WIDTH, look.TRAIL_HEIGHT
+    if run.knows_truth:
+        add_trail(document, keys, "trail", *trail)
+    add_estimate(document, timeline)
     return document.glb()
 
 
@@ -64,39 +71,14 @@ def still_glb(
     name: str,
     structures: Structures,
     laser_height: float,
-    movers: "tuple[DynamicObstacle, ...]" = (),
+    obstacles: "tuple[DynamicObstacle, ...]" = (),
 ) -> bytes:
     """A world as a GLB file, with the robot and dynamic obstacles, all at the frame's origin."""
     document = new_document(name, structures)
     add_stage(document, structures)
     add_robot(document, laser_height)
-    add_movers(document, movers)
+    add_obstacles(document, obstacles)
     return document.glb()
-
-
-class _Showing:
-    """Shows nodes for a while of the animation by giving them a size."""
-
-    def __init__(self, document: Document, start: float, end: float) -> None:
-        self._document, self._start, self._end = document, start, end
-        self._sizes: dict[tuple[int, ...], int] = {}
-
-    def between(self, node: int, begin: float, end: float) -> None:
-        """Show a node from one time to another [s]; all the time if that is all there is."""
-        first, last = begin <= self._start, end >= self._end
-        if first and last:
-            return
-        if not first:
-            # Programs that play nothing show the start.
-            self._document.gltf.nodes[node].scale = [0.0, 0.0, 0.0]
-        sizes = (*([] if first else [0]), 1, *([] if last else [0]))
-        if sizes not in self._sizes:
-            values = np.repeat(np.array(sizes, np.float32)[:, None], 3, axis=1)
-            self._sizes[sizes] = self._document.array(values, KEYS)
-        times = [self._start, *([] if first else [begin]), *([] if last else [end])]
-        keys = np.array(times) - self._start
-        inputs = self._document.array(keys.astype(np.float32), KEYS, bounded=True)
-        self._document.animate(node, "scale", inputs, self._sizes[sizes], step=True)
 
 
 def _add_robot(document: Document, keys: DriveKeys, run: Run, structures: Structures) -> None:
@@ -111,7 +93,7 @@ def _add_scans(document: Document, timeline: Timeline, every: int) -> None:
     run = timeline.run
     begins, ends = scan_times(timeline, every)
     meshes = ScanMeshes(document, timeline)
-    showing = _Showing(document, timeline.start, timeline.end)
+    showing = Showing(document, timeline.start, timeline.end)
     group = document.node("beams", document.root)
     scans = range(0, len(run), every)
     for scan, begin, end in zip(scans, begins.tolist(), ends.tolist(), strict=True):
@@ -124,15 +106,16 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
     """Each map snapshot as bands along the walls, each object in its colour."""
     run = timeline.run
     material = document.glowing("map")
-    showing = _Showing(document, timeline.start, timeline.end)
+    showing = Showing(document, timeline.start, timeline.end)
     group = document.node("map", document.root)
     begins = run.trajectory.times[list(run.snapshot_scans)].tolist()
     times = pairwise([*begins, timeline.end])
+    tops = WallTops(run.world.segments - np.tile(timeline.origin, 2), run.world.heights)
     for stage, objects, (begin, end) in zip(run.maps, run.lasting_objects, times, strict=True):
         if not len(stage):
             continue
         drawn = DrawnMap.from_map(stage, objects, timeline.origin)
-        positions = drawn.bands().reshape(-1, 3)
+        positions = drawn.bands(tops.bands(drawn.segments)).reshape(-1, 3)
         colours = np.full((len(stage), 4), 255, np.uint8)
         colours[:, :3] = np.round(255.0 * linear(drawn.colours))
         colours = np.repeat(colours, len(positions) // len(stage), axis=0)
@@ -144,33 +127,6 @@ def _add_maps(document: Document, timeline: Timeline) -> None:
         mesh = document.mesh("map", [document.part(material, attributes, indices)])
         node = document.node(f"map of {len(stage)} segments", group, mesh=mesh)
         showing.between(node, begin, end)
-
-
-def _add_trail(document: Document, keys: DriveKeys) -> None:
-    """The way that was driven, as straight pieces that grow with the robot."""
-    material = document.glowing(
-        "trail", colour=linear(np.array(look.TRAIL_COLOUR)).astype(np.float64)
-    )
-    half = 0.5 * look.TRAIL_WIDTH
-    strip = np.array([[0, -half, 0], [1, -half, 0], [1, half, 0], [0, half, 0]], np.float32)
-    attributes = {"POSITION": document.array(strip, VERTICES, bounded=True)}
-    part = document.part(material, attributes, document.array(quad_indices(1), INDICES))
-    mesh = document.mesh("trail", [part])
-    group = document.node("trail", document.root)
-    for begin, end, start, way in straight_pieces(keys):
-        half_turn = 0.5 * float(np.arctan2(way[1], way[0]))
-        node = document.node(
-            f"trail from {begin:.1f} s",
-            group,
-            mesh=mesh,
-            translation=[*start.tolist(), look.TRAIL_HEIGHT],
-            rotation=[0.0, 0.0, float(np.sin(half_turn)), float(np.cos(half_turn))],
-            scale=[0.0, 0.0, 0.0],
-        )
-        times = document.array(np.array([begin, end], np.float32), KEYS, bounded=True)
-        # Its width is there at once: a strip that widens as it grows would be a wedge.
-        grown = np.array([[0, 1, 1], [np.hypot(*way), 1, 1]], np.float32)
-        document.animate(node, "scale", times, document.array(grown, KEYS))
 
 
 _BEAM = look.BEAM_COLOUR, look.BEAM_STRENGTH, 1.0
@@ -200,15 +156,15 @@ class ScanMeshes:
         place = np.array(scan.pose) - [*self._origin, 0.0]
         local = replace(scan, pose=place)
         beams = DrawnBeams.from_scan(local, self._walls, run.world.objects, place[:2])
-        fan = beams.fan(height).reshape(-1, 3, 4)[:, 1:].reshape(-1, 4).astype(np.float64)
+        fan = beams.fan(height).reshape(-1, 3, 5)[:, 1:].reshape(-1, 5).astype(np.float64)
         ends, ranges = fan[:, :2] - beams.apex, fan[:, 3]
         single, reached = beams.ends[self._chosen] - beams.apex, beams.ranges[self._chosen]
         trace, quads = self._trace(beams)
         rows = [
             self._rows(np.zeros((1, 2)), np.zeros(1), *_BEAM),
-            self._rows(single, reached, *_BEAM),
+            self._rows(single, reached, *_BEAM, beams.shares[self._chosen]),
             self._rows(np.zeros((1, 2)), np.zeros(1), *_FAN),
-            self._rows(ends, ranges, *_FAN),
+            self._rows(ends, ranges, *_FAN, fan[:, 4]),
             trace,
         ]
         # Two ends for each triangle of the fan, and one apex before them all.
@@ -237,14 +193,18 @@ class ScanMeshes:
         colour: tuple[float, float, float],
         strength: float,
         curve: float,
+        shares: Float | float = 1.0,
     ) -> Float:
-        """Vertices (n, 7), place and colour, of beam ends that fade with their ranges [m]."""
+        """Vertices (n, 7), place and colour, of beam ends that fade with their ranges [m].
+
+        Shares (n,) are what of their opacity is left.
+        """
         share = np.minimum(1.0, self._reach / np.maximum(ranges, 1e-9))
         left = np.clip(1.0 - ranges / self._reach, 0.0, 1.0)
         rows = np.zeros((len(ends), 7))
         rows[:, :2] = ends * share[:, None]
         rows[:, 3:6] = linear(np.array(colour))
-        rows[:, 6] = strength * left**curve
+        rows[:, 6] = strength * shares * left**curve
         return rows
 
     def _trace(

@@ -14,14 +14,15 @@ from PIL import Image
 
 from lrf3d.geometry import Single, quad_indices
 from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
-from lrf3d.scene.bodies import mover_bodies, robot_mesh
+from lrf3d.scene.bodies import obstacle_bodies, robot_mesh
 from lrf3d.scene.camera import Look
 from lrf3d.scene.facades import BAYS, BLANK, ROWS, layers
 from lrf3d.scene.ground import paint_ground
+from lrf3d.scene.light import Light, open_light, screen
 from lrf3d.scene.look import PLASTER, SUN
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline, mover_keys
-from lrf3d.scene.walls import paint_walls
+from lrf3d.scene.timeline import Timeline, obstacle_keys
+from lrf3d.scene.walls import Faces, paint_walls
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -42,6 +43,9 @@ _FINER = 2
 _SUNLIGHT = 3.0
 """Strength of the sun [lux]: such as bring viewers that map no tones to full white."""
 
+_HIDDEN = 0.6
+"""How much of the sky's light counts in the colours of walls: the other part is the sun's."""
+
 _DULL = {"metallicFactor": 0.0, "roughnessFactor": 0.95}
 
 
@@ -52,19 +56,20 @@ def new_document(name: str, structures: Structures) -> Document:
 
 def add_stage(document: Document, structures: Structures) -> None:
     """Add ground, walls and sun to a document."""
-    _add_ground(document, structures)
-    _add_walls(document, structures)
+    faces, light = paint_walls(structures, shadows=False)
+    _add_ground(document, structures, light)
+    _add_walls(document, structures, faces)
     _add_sun(document)
 
 
-def _add_ground(document: Document, structures: Structures) -> None:
+def _add_ground(document: Document, structures: Structures, light: Light) -> None:
     """The painted ground, and a plain one round it as far as one sees."""
-    ground = paint_ground(structures)
+    ground = paint_ground(structures, light)
     file = io.BytesIO()
     # In glTF the first row of a picture lies at v = 0, here at the smallest y.
     # Sides that are powers of two spare old graphics cards a copy.
     height, width = (2 ** round(np.log2(side)) for side in ground.picture.shape[:2])
-    picture = Image.fromarray(ground.picture).resize((width, height), Image.Resampling.LANCZOS)
+    picture = Image.fromarray(ground.coloured()).resize((width, height), Image.Resampling.LANCZOS)
     land = Image.new(
         "RGB", picture.size, tuple(np.round(255 * np.array(ground.beyond)).astype(int))
     )
@@ -117,15 +122,17 @@ def _rectangle(x0: float, y0: float, x1: float, y1: float) -> Single:
     return np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]], np.float32)
 
 
-def _add_walls(document: Document, structures: Structures) -> None:
+def _add_walls(document: Document, structures: Structures, walls: Faces) -> None:
     """Walls and roofs: of each layer of the texture that is used, one part of the mesh."""
-    walls = paint_walls(structures, shadows=False)
-    quads = walls.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16)
+    quads = walls.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 19)
     corners = np.concatenate([quads, walls.roofs])
+    # Players have a sky that shines on all alike; what of it is hidden darkens the colours.
+    full = screen(open_light(indoor=structures.indoor))
+    corners[..., 9:12] *= np.minimum(corners[..., 16:19] / full, 1.0) ** _HIDDEN
     picture = layers(structures.indoor)[0]
     parts = []
     for layer in np.unique(corners[:, 0, 8]).astype(int).tolist():
-        rows = corners[corners[:, 0, 8] == layer].reshape(-1, 16)
+        rows = corners[corners[:, 0, 8] == layer].reshape(-1, 19)
         look: dict[str, Any] = {}
         if layer != BLANK:
             look["baseColorTexture"] = {"index": _layer(document, layer, picture[layer])}
@@ -217,17 +224,17 @@ def add_chase_camera(document: Document, robot: int, structures: Structures) -> 
     document.node("chase camera", robot, camera=0, matrix=look.pose.T.ravel().tolist())
 
 
-def add_movers(document: Document, movers: "tuple[DynamicObstacle, ...]") -> list[int]:
+def add_obstacles(document: Document, obstacles: "tuple[DynamicObstacle, ...]") -> list[int]:
     """Add bodies at the origin that face along x; returns the numbers of their nodes."""
     nodes = []
     material = (
         document.material(
-            "mover", pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 0.7}
+            "obstacle", pbrMetallicRoughness={"metallicFactor": 0.0, "roughnessFactor": 0.7}
         )
-        if movers
+        if obstacles
         else 0
     )
-    for number, rows in enumerate(mover_bodies(movers)):
+    for number, rows in enumerate(obstacle_bodies(obstacles)):
         normals = rows[:, 3:6] / np.linalg.norm(rows[:, 3:6], axis=1, keepdims=True)
         attributes = {
             "POSITION": document.array(rows[:, 0:3], VERTICES, bounded=True),
@@ -241,8 +248,8 @@ def add_movers(document: Document, movers: "tuple[DynamicObstacle, ...]") -> lis
     return nodes
 
 
-def drive_movers(document: Document, timeline: Timeline) -> None:
+def drive_obstacles(document: Document, timeline: Timeline) -> None:
     """Add the dynamic obstacles of a run, each on its path."""
     run = timeline.run
-    for number, mover in zip(add_movers(document, run.obstacles), run.obstacles, strict=True):
-        document.drive(number, *mover_keys(mover, timeline))
+    for number, obstacle in zip(add_obstacles(document, run.obstacles), run.obstacles, strict=True):
+        document.drive(number, *obstacle_keys(obstacle, timeline))

@@ -21,7 +21,7 @@ from lrf3d.gym.task import DriveTask
 __all__ = ["DriveEnv", "DriveTask", "DriveVectorEnv"]
 
 ID = "lrf3d/Drive-v0"
-"""By what Gymnasium knows the environment."""
+"""The identifier of the environment in Gymnasium."""
 
 if ID not in gymnasium.registry:
     gymnasium.register(

@@ -88,7 +88,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if "goal" in options:
             self.task.goals[0] = options["goal"]
         self._steps, self._film = 0, []
-        return self._look(), self._info()
+        return self._observe(), self._info()
 
     def step(
         self, action: NDArray[np.float32]
@@ -100,7 +100,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         info = {**self._info(), "reached": reached, "collided": collided}
         ended = reached or collided
         cut = self._steps >= self.max_steps and not ended
-        return self._look(), float(outcome.rewards[0]), ended, cut, info
+        return self._observe(), float(outcome.rewards[0]), ended, cut, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """A picture (h, w, 3) uint8 of the current state, as in a film; None without a render_mode.
@@ -119,12 +119,11 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         run = Run(world, self.task.lrf, path, ranges, truth, walls, (), (), obstacles)
         return frame(run, float(times[-1]), size=self._size, view=self._view)
 
-    def _look(self) -> Observation:
+    def _observe(self) -> Observation:
         ranges, truth, walls = self.task.scan(self.np_random)
         if self.render_mode is not None:
             self._film.append((self.task.poses[0].copy(), ranges[0], truth[0], walls[0]))
-        seen = self.task.observe(ranges)
-        return {name: value[0] for name, value in seen.items()}
+        return {name: value[0] for name, value in self.task.observe(ranges).items()}
 
     def _info(self) -> dict[str, Any]:
         return {"pose": self.task.poses[0].copy(), "goal": self.task.goals[0].copy()}

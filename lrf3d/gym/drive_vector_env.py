@@ -21,18 +21,18 @@ Array = NDArray[Any]
 class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
     """Robots that each drive to a goal, as in DriveEnv, in one world without seeing each other.
 
-    A robot whose episode has ended is set down anew in the step after (autoreset ``NextStep``);
+    A robot whose episode has ended is placed anew in the step after (autoreset ``NextStep``);
     its action in that step is ignored.
 
     Args:
-        num_envs: How many robots.
+        num_envs: Number of robots.
         world: A built-in world or a world file, or a Scenario.
         sigma: Noise of the ranges [m] at range_max; the noise of the scenario if not given.
         max_steps: Steps after which an episode is cut off.
         render_mode: None; pictures are DriveEnv's.
 
     Raises:
-        InputError: An argument makes no sense.
+        InputError: An argument is invalid.
         WorldError: There is no such world.
     """
 
@@ -70,7 +70,7 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
         super().reset(seed=seed)
         self.task.place(np.arange(self.num_envs), self.np_random)
         self._steps[:], self._ended[:] = 0, False
-        return self._look(), {}
+        return self._observe(), {}
 
     def step(self, actions: Array) -> tuple[Observations, Array, Array, Array, dict[str, Any]]:
         """Drive with actions (num_envs, 2)."""
@@ -85,10 +85,11 @@ class DriveVectorEnv(VectorEnv[Observations, Array, Array]):
             self._steps[anew] = 0
         self._ended = ended | cut
         rewards = np.where(anew, 0.0, outcome.rewards)
-        told = np.ones(self.num_envs, np.bool_)
-        infos = {"reached": reached, "_reached": told, "collided": collided, "_collided": told}
-        return self._look(), rewards, ended, cut, infos
+        # Gymnasium's vector infos mark by a second array which environments have a value.
+        valid = np.ones(self.num_envs, np.bool_)
+        infos = {"reached": reached, "_reached": valid, "collided": collided, "_collided": valid}
+        return self._observe(), rewards, ended, cut, infos
 
-    def _look(self) -> Observations:
+    def _observe(self) -> Observations:
         ranges, _, _ = self.task.scan(self.np_random)
         return self.task.observe(ranges)

@@ -1,7 +1,7 @@
 """DriveTask: robots that each drive to a goal without collisions.
 
-The input is the commands of all robots; the output is their observations, their rewards and who has
-finished. The robots are in one world but do not see each other: each is a separate attempt.
+The input is the commands of all robots; the output is their observations and rewards, and which
+have finished. The robots are in one world but do not see each other: each is a separate attempt.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from lrf3d.scenario import Scenario
 from lrf3d.sensor import Sensor
 
 GOAL_NEAR, GOAL_FAR = 5.0, 20.0
-"""Least and largest distance of a goal from the start [m], if the world has room."""
+"""Least and largest distance of a goal from the start [m], in a world large enough."""
 
 CANDIDATES = 32
-"""Number of random places for a goal, of which the first at such a distance is used."""
+"""Number of random candidates for a goal, of which the first at such a distance is used."""
 
 GOAL_RADIUS = 0.5
 """Distance from its goal at which a robot has arrived [m]."""
@@ -45,9 +45,9 @@ class Outcome:
     """The outcome of a step for each of k robots.
 
     Args:
-        rewards: (k,) what they earned: metres nearer to the goal, and what the end is worth.
-        reached: (k,) who is at its goal.
-        collided: (k,) who ran into a wall or a dynamic obstacle; it stays at its previous pose.
+        rewards: (k,) metres nearer to the goal, with the rewards of the step and of its end.
+        reached: (k,) which are at their goal.
+        collided: (k,) which hit a wall or a dynamic obstacle; these stay at their previous pose.
     """
 
     rewards: Float
@@ -61,7 +61,7 @@ class DriveTask:
     Args:
         scenario: The world and its dynamic obstacles, the range finder and its noise, the robot's
             radius and speed, and its pace.
-        count: How many robots.
+        count: Number of robots.
         sigma: Another standard deviation of the ranges [m] at range_max (Eq. 7); that of the
             scenario if not given. With 0 the ranges are true.
 
@@ -92,7 +92,7 @@ class DriveTask:
         cells = self._cells[rng.integers(len(self._cells), size=(len(robots), CANDIDATES + 1))]
         starts, goals = cells[:, 0], cells[:, 1:]
         distances = np.hypot(*np.moveaxis(goals - starts[:, None], 2, 0))
-        # How far off the wished distance each is; of those that fit the first is taken.
+        # Distance of each candidate from the limits; argmin takes the first of those within them.
         misfit = np.maximum(GOAL_NEAR - distances, distances - GOAL_FAR).clip(min=0.0)
         self.goals[robots] = goals[np.arange(len(robots)), misfit.argmin(axis=1)]
         headings = rng.uniform(-np.pi, np.pi, len(robots))
@@ -104,15 +104,15 @@ class DriveTask:
 
         Args:
             actions: (k, 2) shares of the scenario's speed and of the fastest turn, left positive;
-                what lies beyond −1 to 1 is cut off. They are held up to the next scan.
+                they are clipped to −1 to 1, and held until the next scan.
         """
         shares = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0)
         v, omega = self.scenario.speed * shares[:, 0], ACTION_TURN_RATE * shares[:, 1]
         before = self.distances()
         moved = arcs(self.poses, v, omega, np.full(self.count, self.dt))
-        ways, _ = self._checker.hit(self.poses[:, :2], moved[:, :2], self.scenario.radius)
+        hits, _ = self._checker.hit(self.poses[:, :2], moved[:, :2], self.scenario.radius)
         collided = np.zeros(self.count, np.bool_)
-        collided[ways] = True
+        collided[hits] = True
         moved[:, 2] = wrap_angle(moved[:, 2])
         self.times += self.dt
         for obstacle in self.scenario.obstacles:
@@ -135,8 +135,8 @@ class DriveTask:
     def observe(self, ranges: Float) -> dict[str, NDArray[np.float32]]:
         """The observations of the robots, in finite float32 numbers.
 
-        A beam without return reads range_max, one that is too near reads 0; both are at the
-        limits of what can be measured, so that they say as much as the infinities of REP 117.
+        A beam without return has range_max, one below range_min has 0: the limits of what can be
+        measured.
         """
         away = self.goals - self.poses[:, :2]
         bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]

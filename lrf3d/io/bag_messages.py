@@ -1,8 +1,8 @@
 """The messages of a ROS 2 bag: a .mcap or .db3 file, or the folder of a bag with its metadata.
 
-Reading is rosbags' work (extra ``ros``). Only the types named here are ever read, by the
-definitions that rosbags brings along: those in a file are not followed. What a bag may unpack to is
-bounded, for a few kilobytes can hold gigabytes of zeros.
+The files are read by rosbags (extra ``ros``). Only messages of the types named here are read, by
+rosbags' own definitions: definitions in a file are ignored. The unpacked size of a bag is limited,
+because a few kilobytes can unpack to gigabytes of zeros.
 """
 
 from collections.abc import Iterator
@@ -24,16 +24,16 @@ TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
 """The types of messages that are read."""
 
 STATIC_FRAMES = "/tf_static"
-"""The topic of transforms that hold at all times."""
+"""The topic of constant transforms."""
 
-FOREIGN = 90
-"""Letters of another's message that are passed on."""
+LONGEST_REASON = 90
+"""Characters of a library's error message that are reported."""
 
 LARGEST_CHUNK = 1 << 27
-"""Bytes that a chunk of an MCAP file may unpack to: recorders write chunks of some megabytes."""
+"""Largest unpacked chunk of an MCAP file [bytes]: recorders write chunks of some megabytes."""
 
 LONGEST_METADATA = 1 << 17
-"""Bytes of metadata that are read: those of a bag cut into a thousand files, in two seconds."""
+"""Largest metadata that are read [bytes]: those of a bag of a thousand files, in two seconds."""
 
 
 class Message(NamedTuple):
@@ -42,7 +42,7 @@ class Message(NamedTuple):
     number: int
     topic: str
     kind: str
-    said: Any
+    content: Any
 
 
 class Bag:
@@ -65,11 +65,11 @@ class Bag:
         ]
         for number, (connection, _, data) in enumerate(self._messages(wanted), 1):
             try:
-                said = self._typestore.deserialize_cdr(data, connection.msgtype)
+                content = self._typestore.deserialize_cdr(data, connection.msgtype)
             except Exception as error:
                 yield BadLine(number, _short(error), "message")
                 continue
-            yield Message(number, connection.topic, connection.msgtype, said)
+            yield Message(number, connection.topic, connection.msgtype, content)
 
     def _messages(self, wanted: list[Any]) -> Iterator[Any]:
         if not wanted:
@@ -104,7 +104,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
     else:
         check_ordinary(path, what="a ROS 2 bag")
     typestore = get_typestore(Stores.ROS2_HUMBLE)
-    # What a damaged file does to a reader is anyone's guess: any exception says that it is one.
+    # A damaged file may raise any exception in the reader.
     with bounded_unpacking():
         try:
             check_metadata(path)
@@ -126,7 +126,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
 
 
 def missing_rosbags(path: Path) -> MissingLibraryError:
-    """The error that says how to get rosbags."""
+    """The error that explains how to install rosbags."""
     return MissingLibraryError(f"{path}: ROS bags need rosbags; pip install 'lrf3d[ros]'")
 
 
@@ -135,17 +135,17 @@ def _damaged(path: Path, error: Exception) -> InputError:
 
 
 def _short(error: Exception) -> str:
-    """What another's error says, in one line."""
+    """The message of a library's error in one line."""
     text = " ".join(str(error).split()) or type(error).__name__
-    return text if len(text) <= FOREIGN else text[: FOREIGN - 1] + "…"
+    return text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 1] + "…"
 
 
 @contextmanager
 def bounded_unpacking() -> Iterator[None]:
-    """Let rosbags unpack a chunk to the size that it is said to have, and no farther.
+    """Limit what rosbags unpacks of a chunk to the size that the file declares.
 
-    rosbags looks at the size only when all is unpacked. Its table of decompressors hands them
-    the size; while this holds, those in it heed it.
+    rosbags checks the size only after it has unpacked everything. Within the block its
+    decompressors are replaced by ones that stop at the declared size.
     """
     from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 
@@ -159,10 +159,10 @@ def bounded_unpacking() -> Iterator[None]:
 
 
 def check_metadata(folder: Path) -> None:
-    """Check that the metadata of a bag are short enough to be read in a second.
+    """Check that the metadata of a bag are short enough to be read in two seconds.
 
     Raises:
-        InputError: It is.
+        InputError: They are not.
     """
     path = folder / "metadata.yaml"
     if path.is_file() and path.stat().st_size > LONGEST_METADATA:
@@ -202,7 +202,7 @@ def _unpack_zstd(data: bytes, size: int) -> bytes:
 def _unpack(decompressor: Any, data: bytes, size: int) -> bytes:
     if size > LARGEST_CHUNK:
         raise ValueError(f"a chunk of {size:,} bytes, at most {LARGEST_CHUNK:,} are read")
-    # A byte more than there should be is enough to see that there are too many.
+    # One byte more than declared is enough to detect that there are too many.
     raw = decompressor.decompress(data, max_length=size + 1)
     parts = [raw]
     while raw and not decompressor.eof and sum(map(len, parts)) <= size:

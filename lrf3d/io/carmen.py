@@ -134,7 +134,17 @@ def load_carmen(
         offset,
     )
     wheels_or_none = record if len(record) else None
-    log = LaserLog(log_name(path), scans, bad, tuple(named), tracks=known, wheels=wheels_or_none)
+    # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
+    mount = Pose(0.0 if wheels else offset, 0.0, 0.0)
+    log = LaserLog(
+        log_name(path),
+        scans,
+        bad,
+        tuple(named),
+        tracks=known,
+        wheels=wheels_or_none,
+        mount=mount,
+    )
     return log if poses == "auto" else _placed_by(log, poses, path)
 
 

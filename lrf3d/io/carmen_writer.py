@@ -1,10 +1,10 @@
 """Runs as CARMEN logs, for tools that read them; :mod:`lrf3d.io.carmen` reads them back.
 
-A run is written as four messages for each scan: the true pose, the odometry (the same, without
-drift), the scan with its angles and range_max, and, if its fan is that of FLASER messages, the scan
-again for tools that read only those. Numbers have all their digits, so a log that is read back is
-the same bit for bit, as far as the format can express it. A beam without return is written as
-range_max, one below range_min as 0.
+A run is written as four messages for each scan: the true pose, the odometry (the same, unless the
+run knows what its wheels measured), the scan with its angles and range_max, and, if its fan is that
+of FLASER messages, the scan again for tools that read only those. Numbers have all their digits, so
+a log that is read back is the same bit for bit, as far as the format can express it. A beam without
+return is written as range_max, one below range_min as 0.
 """
 
 import gzip
@@ -46,11 +46,12 @@ def _lines(run: Run) -> Iterator[str]:
     yield "# ROBOTLASER1 type start fov step max_range accuracy mode n r1 ... rn m s1 ... sm"
     yield "#   x y theta robot_x robot_y robot_theta v w safety safety turn time host logger_time"
     speeds = run.trajectory.speeds.tolist()
-    for scan, (v, w) in zip(run.scans, speeds, strict=True):
-        pose = " ".join(map(repr, scan.pose))
+    wheels = run.odometry.tolist()
+    for scan, measured, (v, w) in zip(run.scans, wheels, speeds, strict=True):
+        pose, odometry = (" ".join(map(repr, each)) for each in (scan.pose, measured))
         end = f"{scan.time!r} {HOST} {scan.time!r}"
-        yield f"TRUEPOS {pose} {pose} {end}"
-        yield f"ODOM {pose} {v!r} {w!r} 0.0 {end}"
+        yield f"TRUEPOS {pose} {odometry} {end}"
+        yield f"ODOM {odometry} {v!r} {w!r} 0.0 {end}"
         ranges = _readings(scan)
         start, stop, count = float(scan.angles[0]), float(scan.angles[-1]), len(scan.angles)
         step = (stop - start) / (count - 1) if count > 1 else 0.0
@@ -59,7 +60,7 @@ def _lines(run: Run) -> Iterator[str]:
             f" {count} {ranges} 0 {pose} {pose} {v!r} {w!r} 0.0 0.0 0.0 {end}"
         )
         if _is_front(scan.angles):
-            yield f"FLASER {count} {ranges} {pose} {pose} {end}"
+            yield f"FLASER {count} {ranges} {pose} {odometry} {end}"
 
 
 def _readings(scan: LaserScan) -> str:

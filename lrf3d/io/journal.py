@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError
+from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.noise import DeterministicNoise
 from lrf3d.mapping import LineMap
 from lrf3d.steering import ControlledDrive, RecordedDrive
@@ -267,8 +268,15 @@ def fingerprint_of(simulation: "Simulation") -> dict[str, str]:
         for part in (obstacle.outline, obstacle.height, obstacle.poses.times, obstacle.poses.poses)
     ]
     return {
-        "world": _digest(world.segments, world.objects, world.heights, world.colours, world.name),
-        "range finder": _digest(simulation.lrf),
+        "world": _digest(
+            world.segments,
+            world.objects,
+            world.heights,
+            world.colours,
+            world.name,
+            *world.materials,
+        ),
+        "range finder": _digest(simulation.lrf, *_light_of(simulation.lrf)),
         "drive": _digest(*drive_parts),
         "scans": str(simulation.scans),
         "dynamic obstacles": _digest(*obstacles),
@@ -277,6 +285,11 @@ def fingerprint_of(simulation: "Simulation") -> dict[str, str]:
         "mapper": _name_of(simulation.mapper),
         "seed": _digest(json.dumps(_plain(simulation.rng), sort_keys=True)),
     }
+
+
+def _light_of(lrf: LaserRangeFinder) -> tuple[Any, ...]:
+    """What a range finder makes of the light, where that is not the default."""
+    return () if lrf.light == LaserRangeFinder().light else lrf.light
 
 
 def _plain(rng: np.random.Generator) -> dict[str, Any]:

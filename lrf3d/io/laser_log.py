@@ -10,11 +10,12 @@ import numpy as np
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.input import own_name
 from lrf3d.laser import LaserScan
+from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 
 LARGEST_RANGE = 50.0
-"""Readings from here on mean that nothing returned [m]: range finders of CARMEN's time write
-some 81.9 m or some 50 m then, and none of them sees as far."""
+"""Least reading [m] that means no return: range finders of CARMEN's time then report about 81.9 m
+or 50 m, and none of them measures as far."""
 
 
 NAMED = 5
@@ -78,6 +79,7 @@ class LaserLog(Value):
         source: Where the poses come from, in words.
         tracks: Other trajectories in the log: ``odom`` from wheels, ``truth``.
         wheels: The raw odometry; None where the log has none.
+        mount: Pose of the laser on the robot's base, where the poses of the scans are the laser's.
     """
 
     name: str
@@ -87,6 +89,7 @@ class LaserLog(Value):
     source: str = "as logged"
     tracks: Mapping[str, Trajectory] = field(default_factory=dict)
     wheels: WheelRecord | None = None
+    mount: Pose = Pose(0.0, 0.0, 0.0)  # noqa: RUF009  It is a value that nothing changes.
 
     def __len__(self) -> int:
         return len(self.scans)

@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,13 @@ from lrf3d.input import check_ordinary
 from lrf3d.interrupts import noting
 from lrf3d.io.journal import COLUMNS, Array, Journal, column_shape, fingerprint_of, read_fingerprint
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
-from lrf3d.io.run_file import head_columns, load_run, map_columns, obstacle_columns
+from lrf3d.io.run_file import (
+    estimate_columns,
+    head_columns,
+    load_run,
+    map_columns,
+    obstacle_columns,
+)
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.output import lock_of, locked
@@ -39,6 +45,9 @@ CHUNK_BYTES = 1 << 22
 
 CHECKPOINT_SCANS = 1 << 14
 """Scans from one checkpoint to the next: mapping them again takes some seconds."""
+
+JOURNAL, CHECKPOINT = ".journal", ".checkpoint"
+"""Endings of the auxiliary files that stand beside a run until it is complete."""
 
 
 def record(
@@ -77,22 +86,26 @@ def record(
         (2, 2)
     """
     path = Path(path)
-    if film is not None:
-        simulation.film = film
     if path.suffix != ".npz":
         raise InputError(f"{path}: expected a name that ends in .npz")
-    total = simulation.total
-    _check_room(path, run_bytes(total, simulation.lrf.beams))
+    _check_room(path, run_bytes(simulation.total, simulation.lrf.beams))
     fingerprint = fingerprint_of(simulation)
+    if film is not None:
+        simulation.film = film
     with _writing(path):
-        return _record(simulation, path, total, fingerprint, resume, progress)
+        if not (resume and _finished(path, fingerprint)):
+            _record(simulation, path, fingerprint, resume=resume, progress=progress)
+        # A program that was stopped may have left them even beside a finished run.
+        for ending in (JOURNAL, CHECKPOINT):
+            path.with_suffix(ending).unlink(missing_ok=True)
+        return load_run(path)
 
 
 @contextmanager
 def _writing(path: Path) -> Iterator[None]:
     """Lock a run and its auxiliary files until it is complete."""
     with locked(lock_of(path), path):
-        for name in (path, path.with_suffix(".journal"), path.with_suffix(".checkpoint")):
+        for name in (path, path.with_suffix(JOURNAL), path.with_suffix(CHECKPOINT)):
             # Files that cannot be replaced are found now, not after hours of work.
             if name.exists():
                 check_ordinary(name, what="a file of an earlier run")
@@ -102,15 +115,14 @@ def _writing(path: Path) -> Iterator[None]:
 def _record(
     simulation: "Simulation",
     path: Path,
-    total: int,
     fingerprint: dict[str, str],
+    *,
     resume: bool,
     progress: Progress,
-) -> Run:
-    journal_path, checkpoint = path.with_suffix(".journal"), path.with_suffix(".checkpoint")
-    if resume and _finished(path, fingerprint):
-        # It may have been stopped before these were removed.
-        return _tidied(path, journal_path, checkpoint)
+) -> None:
+    """Run a simulation, from the end of its journal if resumed, and write the finished run."""
+    total, journal_path = simulation.total, path.with_suffix(JOURNAL)
+    checkpoint = path.with_suffix(CHECKPOINT)
     if resume:
         _check_same(journal_path, fingerprint)
     try:
@@ -131,14 +143,6 @@ def _record(
         raise OutputError(
             f"{journal_path}: cannot be written: {reason}; make room or choose another place"
         ) from error
-    return _tidied(path, journal_path, checkpoint)
-
-
-def _tidied(path: Path, *beside: Path) -> Run:
-    """Remove the auxiliary files, and load the finished run."""
-    for each in beside:
-        each.unlink(missing_ok=True)
-    return load_run(path)
 
 
 def _check_room(path: Path, size: int) -> None:
@@ -159,8 +163,33 @@ def _check_room(path: Path, size: int) -> None:
         )
 
 
+class _Unwritten(NamedTuple):
+    """The scans that are not yet in the journal.
+
+    It is replaced as a whole, so that it is consistent whenever an interrupt comes.
+
+    Attributes:
+        first: Number of the first of them.
+        scans: How many there are.
+        rng: State of the random numbers after the last one.
+    """
+
+    first: int
+    scans: int
+    rng: dict[str, Any]
+
+
 class _Recorder:
-    """Collects scans and writes them in chunks."""
+    """Writes the scans of a simulation to its journal in chunks, and then the finished run.
+
+    `catch_up`, if the run is resumed, `run` and `write` are called once each, in this order.
+
+    Args:
+        simulation: The simulation.
+        journal: The journal of its run.
+        checkpoint: The file for the state of the mapper.
+        schedule: The scans after which the map is kept.
+    """
 
     def __init__(
         self,
@@ -172,18 +201,15 @@ class _Recorder:
         self.simulation, self.journal, self.checkpoint = simulation, journal, checkpoint
         self.schedule = schedule
         beams = simulation.lrf.beams
-        scans = max(1, CHUNK_BYTES // (8 * (4 + 3 * beams)))
-        scans = min(scans, schedule.scans)
+        self._room = min(max(1, CHUNK_BYTES // run_bytes(1, beams)), schedule.scans)
         self._columns: dict[str, Array] = {
-            name: np.empty(column_shape(name, scans, beams), dtype)
+            name: np.empty(column_shape(name, self._room, beams), dtype)
             for name, (dtype, _) in COLUMNS.items()
         }
-        self._room = scans
-        # First scan not yet written, their number, and the state of the random numbers after the
-        # last one: assigned together, so that they are consistent at an interrupt.
-        self._waiting: tuple[int, int, dict[str, Any]] = 0, 0, {}
+        self._unwritten = _Unwritten(0, 0, {})
         self._maps: dict[int, LineMap] = {}
-        self._checked = 0
+        # Number of scans that the mapper had seen at the last checkpoint.
+        self._checkpointed = 0
 
     def run(self, progress: Callable[[int], None]) -> None:
         """Run to the end; scans before an interrupt are written."""
@@ -198,25 +224,33 @@ class _Recorder:
         self._flush()
 
     def catch_up(self) -> None:
-        """Bring the simulation to the end of the journal."""
+        """Bring the simulation to the end of the journal, from the checkpoint if there is one."""
         simulation, journal = self.simulation, self.journal
         if not journal.chunks:
             return
-        self._checked = self._restore_mapper()
-        steered = isinstance(simulation.drive, ControlledDrive)
-        # A trajectory does not depend on scans, so those before the checkpoint are skipped.
-        simulation.done = 0 if steered else self._checked
-        columns = [journal.column(name, first=simulation.done) for name in COLUMNS]
-        for times, poses, ranges, _, walls in zip(*columns, strict=True):
-            first = self._first_of(simulation.done)
-            walls = np.where(np.isfinite(ranges), walls, -1)
-            for row in range(simulation.done - first, len(times)):
-                scan = LaserScan.unchecked(
-                    simulation.lrf, Pose(*poses[row].tolist()), ranges[row].copy(), walls[row]
-                ).at_time(float(times[row]))
-                simulation.take(scan, mapped=simulation.done < self._checked)
+        self._checkpointed = self._restore_mapper()
+        first = 0
+        if not isinstance(simulation.drive, ControlledDrive):
+            # A trajectory does not depend on scans, so those before the checkpoint are skipped.
+            first = self._checkpointed
+            simulation.skip(first)
+        for number, scan in self._recorded_scans(first):
+            simulation.take(scan, mapped=number < self._checkpointed)
         simulation.rng.bit_generator.state = journal.chunks[-1].rng
-        self._waiting = journal.scans, 0, {}
+        self._unwritten = _Unwritten(journal.scans, 0, {})
+
+    def _recorded_scans(self, first: int) -> Iterator[tuple[int, LaserScan]]:
+        """The scans in the journal from a number on, each with its number."""
+        lrf, journal = self.simulation.lrf, self.journal
+        chunks = [chunk for chunk in journal.chunks if chunk.first + chunk.scans > first]
+        columns = zip(*(journal.column(name, first=first) for name in COLUMNS), strict=True)
+        for chunk, (times, poses, ranges, _, walls) in zip(chunks, columns, strict=True):
+            # The journal holds the walls of the true scan; a measured beam without return has none.
+            walls = np.where(np.isfinite(ranges), walls, -1)
+            for row in range(max(first - chunk.first, 0), chunk.scans):
+                pose = Pose(*poses[row].tolist())
+                scan = LaserScan.unchecked(lrf, pose, ranges[row].copy(), walls[row])
+                yield chunk.first + row, scan.at_time(float(times[row]))
 
     def write(self, path: Path, fingerprint: str) -> None:
         """Write the finished run, chunk by chunk."""
@@ -239,65 +273,68 @@ class _Recorder:
                 *obstacle_columns(simulation.obstacles),
                 *columns,
                 *map_columns(maps, list(maps.values())),
+                *estimate_columns(simulation.estimate),
                 Column.of("origin", np.array(fingerprint)),
             ],
         )
 
-    def _first_of(self, scan: int) -> int:
-        """First scan of the chunk that holds a scan."""
-        return next(c.first for c in self.journal.chunks if scan < c.first + c.scans)
-
     def _add(self, step: "Step") -> None:
-        first, row, _ = self._waiting
+        first, row, _ = self._unwritten
         columns = self._columns
         columns["times"][row], columns["poses"][row] = step.time, step.pose
         columns["ranges"][row], columns["truth"][row] = step.scan.ranges, step.true_scan.ranges
         columns["walls"][row] = step.true_scan.walls
         if self.schedule.holds(step.index) and isinstance(line_map := step.map, LineMap):
             self._maps[step.index] = line_map
-        self._waiting = first, row + 1, dict(self.simulation.rng.bit_generator.state)
+        rng = dict(self.simulation.rng.bit_generator.state)
+        self._unwritten = _Unwritten(first, row + 1, rng)
         if row + 1 == self._room:
             self._flush()
-            if self.journal.scans - self._checked >= CHECKPOINT_SCANS:
-                self._keep_mapper()
+            if self.journal.scans - self._checkpointed >= CHECKPOINT_SCANS:
+                self._write_checkpoint()
 
     def _flush(self) -> None:
-        first, count, rng = self._waiting
-        # An interrupt may come when they are in the journal already, and then flushes once more.
+        first, count, rng = self._unwritten
+        # If an interrupt comes when they are in the journal already, this is called once more.
         if count and self.journal.scans == first:
             columns = {name: column[:count] for name, column in self._columns.items()}
             maps = {scan: kept for scan, kept in self._maps.items() if scan < first + count}
             self.journal.add(columns, rng, maps)
-        self._waiting, self._maps = (self.journal.scans, 0, {}), {}
+        self._unwritten, self._maps = _Unwritten(self.journal.scans, 0, {}), {}
 
-    def _keep_mapper(self) -> None:
+    def _write_checkpoint(self) -> None:
         """Write the state of the mapper, if it can return one."""
         state = getattr(self.simulation.mapper, "state", None)
         if not callable(state):
             return
-        self._checked = self.journal.scans
+        self._checkpointed = self.journal.scans
         arrays = {f"mapper_{name}": np.asarray(value) for name, value in state().items()}
-        arrays["scans"] = np.array(self._checked)
-        arrays["journal"] = np.array(self._name())
+        arrays["scans"] = np.array(self._checkpointed)
+        arrays["journal"] = np.array(self._journal_fingerprint())
         write_npz(self.checkpoint, [Column.of(name, array) for name, array in arrays.items()])
 
     def _restore_mapper(self) -> int:
-        """Give the mapper what it had learnt; gives how many scans it knows then."""
+        """Restore the mapper from the checkpoint.
+
+        Returns:
+            The number of scans that it has seen; 0 if there is no checkpoint of this run, or the
+            mapper cannot be restored.
+        """
         mapper: Any = self.simulation.mapper
         if not callable(getattr(mapper, "restore", None)):
             return 0
         try:
             arrays = read_arrays(self.checkpoint)
             scans = int(arrays.pop("scans"))
-            if scans > self.journal.scans or str(arrays.pop("journal")) != self._name():
-                return 0
+            of_another = str(arrays.pop("journal")) != self._journal_fingerprint()
         except (*DAMAGES, KeyError):
-            # Without it, all scans are mapped again.
+            return 0
+        if of_another or scans > self.journal.scans:
             return 0
         mapper.restore({name.removeprefix("mapper_"): value for name, value in arrays.items()})
         return scans
 
-    def _name(self) -> str:
+    def _journal_fingerprint(self) -> str:
         """The fingerprint by which a checkpoint identifies its journal."""
         with self.journal.path.open("rb") as file:
             return json.dumps(read_fingerprint(file), sort_keys=True)

@@ -6,7 +6,8 @@ The poses come from the first of these sources that the bag has, or from the one
 truth     a topic with ``ground_truth`` in its name: Odometry or PoseStamped
 tf        the transforms from the frame of the laser up to the root of its tree, ``map`` where
           a SLAM ran
-odom      a topic of Odometry, ``/odom`` before others
+odom      a topic of Odometry, ``/odom`` before others; where there is none, the transforms up
+          to the frame ``odom``
 ========  ==================================================================================
 
 The transforms give the mounting of the laser: its position, its heading, and whether it is upside
@@ -44,8 +45,8 @@ from lrf3d.world.schema import LARGEST_COORDINATE
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
 """Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane."""
 
-BASE = "base_link"
-"""Frame of the robot for poses that name none."""
+BASE, DRIFTING = "base_link", "odom"
+"""Frames of the robot, for poses that name none, and of its odometry, as REP 105 calls them."""
 
 
 def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = None) -> LaserLog:
@@ -68,8 +69,8 @@ def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = 
         why = f"; first {contents.bad[0]}" if contents.bad else ""
         raise InputError(f"{path}: no scan on {topic} that can be used{why}")
     times = np.array(contents.stamps, dtype=np.int64)
-    source, placed = _placed(path, contents, times, poses)
-    return _log(path, contents, times, placed, source)
+    found = _placed(path, contents, times, poses)
+    return _log(path, contents, times, found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +124,21 @@ class Rows:
         """Add a stamp [ns] with x, y, z [m] and a quaternion x, y, z, w."""
         self.stamps.append(stamp)
         self.values.extend(values)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLaser:
+    """Where the laser was at the scans.
+
+    Args:
+        source: Where the poses come from, in words.
+        laser: The poses of the laser.
+        mount: The laser on the robot's base.
+    """
+
+    source: str
+    laser: Placed
+    mount: Placed
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +262,7 @@ def _read(bag: Bag, scan_topic: str) -> _Contents:
             continue
         try:
             if message.kind == SCAN:
-                _take_scan(contents, message.said)
+                _take_scan(contents, message.content)
                 readings += len(contents.scans[-1].ranges)
             elif message.kind == TRANSFORMS:
                 _take_transforms(contents, message)
@@ -273,7 +289,7 @@ def _take_scan(contents: _Contents, said: Any) -> None:
 
 def _take_transforms(contents: _Contents, message: Message) -> None:
     is_static = message.topic == STATIC_FRAMES
-    for said in message.said.transforms:
+    for said in message.content.transforms:
         child, parent = _frame(said.child_frame_id), _frame(said.header.frame_id)
         known_parent, rows, _ = contents.edges.setdefault(child, (parent, Rows(), is_static))
         row = _row(said.transform.translation, said.transform.rotation)
@@ -283,7 +299,7 @@ def _take_transforms(contents: _Contents, message: Message) -> None:
 
 
 def _take_pose(contents: _Contents, message: Message) -> None:
-    said = message.said
+    said = message.content
     child = _frame(said.child_frame_id) if message.kind == ODOMETRY else ""
     pose = said.pose.pose if hasattr(said.pose, "pose") else said.pose
     row = _row(pose.position, pose.orientation)
@@ -311,7 +327,7 @@ def _frame(name: str) -> str:
     return name.removeprefix("/")
 
 
-def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> tuple[str, Placed]:
+def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> PlacedLaser:
     """The poses of the laser at the times, and the source that they come from."""
     tree = FrameTree(
         {
@@ -322,9 +338,11 @@ def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> tuple[s
     )
     truths = [topic for topic in sorted(contents.rows) if "ground_truth" in topic]
     drives = sorted(set(contents.rows) - set(truths), key=lambda topic: (topic != "/odom", topic))
-    root = tree.chain(contents.frame)[-1]
-    sources = {"truth": truths[:1], "tf": [root] if tree.moves(contents.frame) else []}
-    sources["odom"] = drives[:1]
+    chain = tree.chain(contents.frame)
+    root, moves = chain[-1], tree.moves(contents.frame)
+    sources = {"truth": truths[:1], "tf": [root] if moves else [], "odom": drives[:1]}
+    if not drives and moves and DRIFTING in chain:
+        sources["odom"] = [DRIFTING]
     there = [name for name, topics in sources.items() if topics]
     if wanted not in ("auto", *sources):
         raise InputError(f"poses from {wanted!r}: expected auto, {', '.join(sources)}")
@@ -333,18 +351,23 @@ def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> tuple[s
     if wanted != "auto" and wanted not in there:
         raise InputError(f"{path}: no poses from {wanted} in it; there are {', '.join(there)}")
     chosen = there[0] if wanted == "auto" else wanted
-    if chosen == "tf":
-        source = f"/tf, {contents.frame} in {root}"
-        return source, tree.placed(contents.frame, root, times)
-    topic = sources[chosen][0]
-    base = contents.children[topic]
-    robot = FrameTrack.of(contents.rows[topic]).at(times)
-    if base in tree.chain(contents.frame):
-        return topic, robot @ tree.placed(contents.frame, base, times)
-    return f"{topic}, with the laser in the middle of {base} for want of a transform", robot
+    name = sources[chosen][0]
+    none = Placed.identity(len(times))
+    if name in (root, DRIFTING) and name not in contents.rows:
+        mount = tree.placed(contents.frame, BASE, times) if BASE in chain else none
+        laser = tree.placed(contents.frame, name, times)
+        return PlacedLaser(f"/tf, {contents.frame} in {name}", laser, mount)
+    base = contents.children[name]
+    robot = FrameTrack.of(contents.rows[name]).at(times)
+    if base in chain:
+        mount = tree.placed(contents.frame, base, times)
+        return PlacedLaser(name, robot @ mount, mount)
+    guessed = f"{name}, with the laser in the middle of {base} for want of a transform"
+    return PlacedLaser(guessed, robot, none)
 
 
-def _log(path: Path, contents: _Contents, times: Int, placed: Placed, source: str) -> LaserLog:
+def _log(path: Path, contents: _Contents, times: Int, found: PlacedLaser) -> LaserLog:
+    placed, source = found.laser, found.source
     poses, upright = placed.in_the_plane()
     askew = np.flatnonzero(placed.known & ~(np.abs(upright) >= LEAST_UPRIGHT))
     if len(askew):
@@ -363,4 +386,7 @@ def _log(path: Path, contents: _Contents, times: Int, placed: Placed, source: st
         scans.append(replace(scan, pose=Pose(*poses[number].tolist()), angles=angles))
     if not scans:
         raise InputError(f"{path}: no scan within the time of the poses from {source}")
-    return LaserLog(log_name(path), scans, contents.bad_count, tuple(contents.bad), source)
+    first = int(np.flatnonzero(placed.known)[0])
+    mount = Pose(*found.mount.in_the_plane()[0][first].tolist())
+    bad = tuple(contents.bad)
+    return LaserLog(log_name(path), scans, contents.bad_count, bad, source, mount=mount)

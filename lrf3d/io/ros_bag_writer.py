@@ -2,35 +2,40 @@
 
 A run enters; an MCAP file leaves, or the folder with its metadata that rosbag2 keeps a bag in::
 
+    /clock         rosgraph_msgs/Clock    at each scan
     /scan          sensor_msgs/LaserScan  in laser, stamped with its first beam, float32
-    /odom          nav_msgs/Odometry      base_link in odom, without drift, with its speeds
+    /odom          nav_msgs/Odometry      base_link in odom, with its speeds: as the wheels
+                                          measured it where the run knows that, else without drift
     /ground_truth  nav_msgs/Odometry      base_link in odom, float64
-    /tf            odom → base_link       at each scan
-    /tf_static     base_link → laser      latched, the height of the laser
+    /tf            odom → base_link       at each scan, as in /odom; map → odom, if the run has an
+                                          estimate of the poses
+    /tf_static     base_link → laser      latched, the height of the laser; else also map → odom
+    /map           nav_msgs/OccupancyGrid the finished map, latched, at the start
+    /map_objects   visualization_msgs/MarkerArray the map as it grows, a colour for each object
 
-``map`` is left to whoever maps. Stamps are the run's own times, which begin at 0 where nothing
-else was said; the frame odom is the world's.
+Without a map the last two are left out. Stamps are the run's own times, which begin at 0 where
+nothing else was said; the frames map and odom are the world's.
 """
 
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import cos, sin
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from lrf3d.errors import InputError, OutputError
-from lrf3d.geometry import Float
 from lrf3d.io.bag_messages import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS, missing_rosbags
-from lrf3d.laser import LaserScan, Stamp
+from lrf3d.io.ros_map_messages import MAP_TOPIC, OBJECTS_TOPIC, MapMessages
+from lrf3d.io.ros_messages import BASE, LASER, MAP, WORLD, Messages
+from lrf3d.laser import Stamp
 from lrf3d.output import replacing, unfinished_folder
 from lrf3d.pose import Pose
 from lrf3d.run import Run
 
-WORLD, BASE, LASER = "odom", "base_link", "laser"
-"""The frames: of the world, of the robot, and of its range finder."""
+CLOCK = "/clock"
+"""The topic that programs which run on the bag's own time listen to."""
 
 BAG_VERSION: Literal[8] = 8
 """The version of rosbag2's metadata that both older and newer releases of ROS 2 read."""
@@ -89,7 +94,8 @@ def _fill(run: Run, folder: Path) -> None:
     except ImportError:
         raise missing_rosbags(folder) from None
     typestore = get_typestore(Stores.ROS2_HUMBLE)
-    messages = _Messages(typestore.types)
+    messages = Messages(typestore.types)
+    maps = MapMessages(messages, run, folder)
     bag = Writer(folder, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
     bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with bag:
@@ -99,6 +105,8 @@ def _fill(run: Run, folder: Path) -> None:
             )
             for topic, kind, quality in (
                 (STATIC_FRAMES, TRANSFORMS, [_latched()]),
+                *((topic, kind, [_latched()]) for topic, kind in maps.topics),
+                (CLOCK, "rosgraph_msgs/msg/Clock", []),
                 ("/tf", TRANSFORMS, []),
                 ("/odom", ODOMETRY, []),
                 ("/ground_truth", ODOMETRY, []),
@@ -115,87 +123,35 @@ def _fill(run: Run, folder: Path) -> None:
         steps = np.diff(times, append=times[-1])
         # The last scan is as far from a next one as the others are.
         steps[-1:] = steps[-2:-1] if len(steps) > 1 else 0.0
-        mount = Pose(0.0, 0.0, 0.0)
+        here = Pose(0.0, 0.0, 0.0)
         start = Stamp.of(float(times[0]))
-        write(STATIC_FRAMES, start, messages.transform(start, BASE, LASER, mount, run.lrf.height))
-        for scan, speed, step in zip(run.scans, run.trajectory.speeds, steps.tolist(), strict=True):
-            stamp = Stamp.of(scan.time)
+        mount = messages.transform(start, BASE, LASER, here, run.lrf.height)
+        fixed = [mount]
+        if run.estimate is None:
+            fixed.append(messages.transform(start, MAP, WORLD, here))
+        write(STATIC_FRAMES, start, messages.transforms(*fixed))
+        for message in maps.finished(start):
+            write(MAP_TOPIC, start, message)
+        rows = zip(run.scans, run.odometry, run.trajectory.speeds, steps.tolist(), strict=True)
+        for number, (scan, wheels, speed, step) in enumerate(rows):
+            stamp, measured = Stamp.of(scan.time), Pose(*wheels.tolist())
+            write(CLOCK, stamp, messages.clock(stamp))
             # The pose of the laser comes before what it measured from there.
-            write("/tf", stamp, messages.transform(stamp, WORLD, BASE, scan.pose))
-            odometry = messages.odometry(stamp, scan.pose, speed)
-            write("/odom", stamp, odometry)
-            write("/ground_truth", stamp, odometry)
+            moved = [messages.transform(stamp, WORLD, BASE, measured)]
+            if run.estimate is not None:
+                estimated = Pose(*run.estimate.poses[number].tolist())
+                drift = estimated @ measured.inverse()
+                moved.append(messages.transform(stamp, MAP, WORLD, drift))
+            write("/tf", stamp, messages.transforms(*moved))
+            write("/odom", stamp, messages.odometry(stamp, measured, speed))
+            write("/ground_truth", stamp, messages.odometry(stamp, scan.pose, speed))
             write("/scan", stamp, messages.scan(scan, step))
-
-
-class _Messages:
-    """The messages of a bag, made from lrf3d's own values."""
-
-    def __init__(self, types: dict[str, Any]) -> None:
-        self._types = types
-
-    def _make(self, kind: str, *values: Any) -> Any:
-        return self._types[kind](*values)
-
-    def _header(self, stamp: Stamp, frame: str) -> Any:
-        time = self._make("builtin_interfaces/msg/Time", stamp.sec, stamp.nanosec)
-        return self._make("std_msgs/msg/Header", time, frame)
-
-    def _turn(self, theta: float) -> Any:
-        return self._make(
-            "geometry_msgs/msg/Quaternion", 0.0, 0.0, sin(0.5 * theta), cos(0.5 * theta)
-        )
-
-    def transform(
-        self, stamp: Stamp, parent: str, child: str, pose: Pose, height: float = 0.0
-    ) -> Any:
-        """A frame in another, so high above it [m]."""
-        place = self._make("geometry_msgs/msg/Vector3", pose.x, pose.y, height)
-        moved = self._make("geometry_msgs/msg/Transform", place, self._turn(pose.theta))
-        header = self._header(stamp, parent)
-        stamped = self._make("geometry_msgs/msg/TransformStamped", header, child, moved)
-        return self._make(TRANSFORMS, [stamped])
-
-    def odometry(self, stamp: Stamp, pose: Pose, speed: Float) -> Any:
-        """The robot in the world, and its speed ahead [m/s] and about itself [rad/s]."""
-        certain = np.zeros(36)
-        vector = "geometry_msgs/msg/Vector3"
-        place = self._make("geometry_msgs/msg/Point", pose.x, pose.y, 0.0)
-        where = self._make("geometry_msgs/msg/Pose", place, self._turn(pose.theta))
-        ahead = self._make(vector, float(speed[0]), 0.0, 0.0)
-        about = self._make(vector, 0.0, 0.0, float(speed[1]))
-        return self._make(
-            ODOMETRY,
-            self._header(stamp, WORLD),
-            BASE,
-            self._make("geometry_msgs/msg/PoseWithCovariance", where, certain),
-            self._make(
-                "geometry_msgs/msg/TwistWithCovariance",
-                self._make("geometry_msgs/msg/Twist", ahead, about),
-                certain,
-            ),
-        )
-
-    def scan(self, scan: LaserScan, scan_time: float) -> Any:
-        """The scan as a ROS message."""
-        told = scan.as_ros(LASER, scan_time=scan_time)
-        return self._make(
-            SCAN,
-            self._header(told.header.stamp, told.header.frame_id),
-            told.angle_min,
-            told.angle_max,
-            told.angle_increment,
-            told.time_increment,
-            told.scan_time,
-            told.range_min,
-            told.range_max,
-            told.ranges,
-            told.intensities,
-        )
+            for message in maps.after(number, stamp):
+                write(OBJECTS_TOPIC, stamp, message)
 
 
 def _latched() -> Any:
-    """The quality of service of a topic whose last message reaches those who come late."""
+    """The quality of service of a latched topic: late subscribers receive its last message."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,

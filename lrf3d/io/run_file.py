@@ -7,8 +7,9 @@ version               the version of this format, 1
 world_name            name of the world
 segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
                       object_names (o,) and colours (o, 3) beside them
-camera_names (c,)     names of the cameras that stand in the world; cameras (c, 7) their
-                      position and target x, y, z [m] and angle of view [degrees]
+camera_names (c,)     names of the cameras that stand in the world; cameras (c, 8) their
+                      position and target x, y, z [m], angle of view [degrees] and whether
+                      they turn with the robot; the last is missing in older files
 lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
 film_view             name of the camera that the run is filmed from, and film_playback the seconds
                       of the run in a second of the film, if nothing else is given; missing
@@ -19,6 +20,10 @@ obstacle_corners (m,) number of corners of each outline; obstacle_outlines (…,
                       [m] of all, in their own frames
 obstacle_stops (m,)   number of poses of each path; obstacle_times (…,) [s] and obstacle_poses
                       (…, 3) those of all
+materials (o,)        the material of each object as JSON: the name of a built-in one, a table of
+                      its values, or null; missing where the world has none
+receiver (4,)         threshold, near_field [m], echo (0 first, 1 last, 2 strongest) and echoes of
+                      the laser; missing where all have their defaults
 scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
 times (k,)            time of each scan [s]
 poses (k, 3)          x, y [m], theta [rad] of each scan
@@ -29,9 +34,16 @@ snapshot_scans (s,)   index of the last scan in each map snapshot; empty without
 map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
                       map_points likewise
-origin                what the run was made of, as JSON: for the world, the laser, the drive and
-                      so on a digest or a name each, by which ``--resume`` knows its own; missing
-                      where a run was saved from memory
+estimate_poses (k, 3) estimated pose after each scan; missing, like the next five, if the poses
+                      were given to the robot, and in older files
+estimate_scans (e,)   scans after which the covariance is known; estimate_covariances (e, 3, 3)
+                      the covariances there
+estimate_closures     (c, 2) pairs of scans that closed a loop; estimate_dropped (d, 2) those that
+                      were rejected; estimate_odometry (k, 3), or (0, 3), the poses by the
+                      wheels alone
+origin                the run fingerprint, as JSON: a digest or a name of the world, the laser, the
+                      drive and so on, by which ``--resume`` recognises the run; missing in a run
+                      that was saved from memory
 ====================  =================================================================
 
 The file is a plain .npz, which ``numpy.load`` reads as well. Its arrays are not packed and begin
@@ -39,6 +51,7 @@ at multiples of 64 bytes, so that `load_run` maps the large ones and a run of an
 looked at. Where a program was stopped, a journal lies in its place: see `recording`.
 """
 
+import json
 import os
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -51,11 +64,13 @@ from lrf3d.errors import InputError
 from lrf3d.input import check_ordinary
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.range_finder import ECHO_CHOICES
 from lrf3d.mapping import LineMap
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
+from lrf3d.world.materials import material_of, material_value
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -65,7 +80,9 @@ VERSION = 1
 DTYPE_KINDS = {
     **dict.fromkeys(("version", "objects", "walls", "snapshot_scans", "map_sizes"), "iu"),
     **dict.fromkeys(("map_objects", "map_points", "obstacle_corners", "obstacle_stops"), "iu"),
+    **dict.fromkeys(("estimate_scans", "estimate_closures", "estimate_dropped"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
+    "materials": "U",
 }
 """What kinds of values an array may have, as NumPy names them; all others have floats."""
 
@@ -102,6 +119,7 @@ def save_run(run: Run, path: str | Path) -> None:
             Column.of("truth", run.truth),
             Column.of("walls", run.walls),
             *map_columns(run.snapshot_scans, run.maps),
+            *estimate_columns(run.estimate),
         ],
     )
 
@@ -118,8 +136,9 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
         "colours": world.colours,
         "camera_names": np.array([camera.name for camera in world.cameras], dtype=np.str_),
         "cameras": np.array(
-            [(*c.position, *c.target, c.field_deg) for c in world.cameras], dtype=np.float64
-        ).reshape(-1, 7),
+            [(*c.position, *c.target, c.field_deg, c.track) for c in world.cameras],
+            dtype=np.float64,
+        ).reshape(-1, 8),
         "lrf": np.array(
             [lrf.angle_min, lrf.angle_max, lrf.beams, lrf.range_min, lrf.range_max, lrf.height]
         ),
@@ -127,6 +146,12 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
         "film_view": np.array(film.view),
         "film_playback": np.array(film.playback),
     }
+    if lrf.light != LaserRangeFinder().light:
+        threshold, near_field, echo, echoes = lrf.light
+        arrays["receiver"] = np.array([threshold, near_field, ECHO_CHOICES.index(echo), echoes])
+    if world.materials:
+        values = [one and material_value(one) for one in world.materials]
+        arrays["materials"] = np.array([json.dumps(value) for value in values], dtype=np.str_)
     return [Column.of(name, array) for name, array in arrays.items()]
 
 
@@ -154,6 +179,21 @@ def map_columns(snapshot_scans: Iterable[int], maps: Sequence[LineMap]) -> list[
         "map_segments": np.concatenate([none.segments, *(part.segments for part in maps)]),
         "map_objects": np.concatenate([none.objects, *(part.objects for part in maps)]),
         "map_points": np.concatenate([none.points, *(part.points for part in maps)]),
+    }
+    return [Column.of(name, array) for name, array in arrays.items()]
+
+
+def estimate_columns(estimate: EstimatedTrajectory | None) -> list[Column]:
+    """The columns of the estimate; empty if the poses were given to the robot."""
+    if estimate is None:
+        return []
+    arrays = {
+        "estimate_poses": estimate.poses,
+        "estimate_scans": estimate.known_scans,
+        "estimate_covariances": estimate.covariances,
+        "estimate_closures": estimate.closures,
+        "estimate_dropped": estimate.dropped_closures,
+        "estimate_odometry": estimate.odometry,
     }
     return [Column.of(name, array) for name, array in arrays.items()]
 
@@ -224,11 +264,11 @@ _OTHERS = {
 
 
 def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
-    # Files of earlier versions have no cameras.
-    names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 7)))
+    # Files of earlier versions have no cameras, or none that turn.
+    names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 8)))
     return tuple(
-        FixedCamera(str(name), (x, y, z), (u, v, w), field)
-        for name, (x, y, z, u, v, w, field) in zip(names, rows.tolist(), strict=True)
+        FixedCamera(str(name), (x, y, z), (u, v, w), field, any(track))
+        for name, (x, y, z, u, v, w, field, *track) in zip(names, rows.tolist(), strict=True)
     )
 
 
@@ -256,6 +296,23 @@ def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
     )
 
 
+def _estimate(arrays: dict[str, Any], scans: int) -> EstimatedTrajectory | None:
+    if "estimate_poses" not in arrays:
+        return None
+    parts = ("poses", "scans", "covariances", "closures", "dropped", "odometry")
+    estimate = EstimatedTrajectory(*(arrays[f"estimate_{part}"] for part in parts))
+    if len(estimate) != scans:
+        raise ValueError(f"estimate_poses of {len(estimate)} scans, expected {scans}")
+    return estimate
+
+
+def _receiver(arrays: dict[str, Any]) -> tuple[float, float, str, int]:
+    if "receiver" not in arrays:
+        return LaserRangeFinder().light
+    threshold, near_field, echo, echoes = arrays["receiver"].tolist()
+    return threshold, near_field, ECHO_CHOICES[int(echo)], int(echoes)
+
+
 def _run(arrays: dict[str, Any]) -> Run:
     for name, array in arrays.items():
         # An empty array may have any kind: NumPy takes an empty list of names for floats.
@@ -275,6 +332,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         object_names=tuple(str(name) for name in arrays["object_names"]),
         colours=arrays["colours"],
         cameras=_cameras(arrays),
+        materials=[material_of(json.loads(str(one))) for one in arrays.get("materials", ())],
     )
     angle_min, angle_max, beams, range_min, range_max, height = arrays["lrf"].tolist()
     lrf = LaserRangeFinder(
@@ -285,6 +343,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         range_max,
         height,
         float(arrays.get("scan_duration", 0.0)),
+        *_receiver(arrays),
     )
     bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
     maps = tuple(
@@ -306,4 +365,5 @@ def _run(arrays: dict[str, Any]) -> Run:
         maps,
         _obstacles(arrays),
         _film(arrays),
+        _estimate(arrays, scans[0]),
     )

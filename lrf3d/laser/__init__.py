@@ -4,6 +4,7 @@ from lrf3d.laser.imperfections import AngleNoise, DropOuts, Imperfections, Mixed
 from lrf3d.laser.noise import (
     Chain,
     ConstantNoise,
+    IntensityNoise,
     Limits,
     Noise,
     ProportionalNoise,
@@ -20,6 +21,7 @@ __all__ = [
     "ConstantNoise",
     "DropOuts",
     "Imperfections",
+    "IntensityNoise",
     "LaserRangeFinder",
     "LaserScan",
     "Limits",

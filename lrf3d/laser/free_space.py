@@ -1,4 +1,4 @@
-"""Free space: what scans saw to be free, as a grid that routes are planned through.
+"""Free space: a grid of the cells that scans show to be free, for planning routes.
 
 Scans enter; a :class:`~lrf3d.world.free_cells.FreeCells` leaves.
 """
@@ -16,33 +16,33 @@ CELL = 0.1
 """Side of a cell [m]: a door is several cells wide."""
 
 MOST_CELLS = 4_000_000
-"""Cells of a grid; they are larger where these would not do."""
+"""Largest number of cells of a grid; larger areas have larger cells."""
 
 SIGHT = 15.0
-"""Farthest [m] that a scan shows a cell to be free: beyond, the beams are too far apart."""
+"""Largest range [m] at which a scan shows a cell to be free: beyond, beams are too far apart."""
 
 MARGIN = 0.1
-"""How far before its return a beam is still free [m], beside half of a cell: the noise."""
+"""Distance [m] before a return, beside half of a cell, that is not marked free: the noise."""
 
 DRIVEN = 0.2
-"""Radius [m] around the poses of the scans that is free, for a robot stood there."""
+"""Radius [m] around each pose that is free, because the robot was there."""
 
 MOVED, TURNED = 0.25, np.deg2rad(10.0)
-"""How far apart the poses are [m], [rad] of which one scan each is looked at."""
+"""Cell [m], [rad] of poses from which only the first scan is used: the others add little."""
 
 
 def distinct_poses(poses: Float) -> Int:
-    """The rows of poses (k, 3) of which each is the first in its place and heading."""
+    """Rows of the poses (k, 3) that are the first in their cell of place and heading."""
     cells = np.floor(poses / [MOVED, MOVED, TURNED]).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     return np.sort(first)
 
 
 def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
-    """What scans saw to be free: the room before what their beams met.
+    """The cells that scans show to be free: those before the returns of their beams.
 
-    A cell between two beams is free if both went on behind it. A beam without return says nothing
-    of the cells along it.
+    A cell between two beams is free if both returned from behind it. A beam without return marks
+    nothing.
 
     Args:
         scans: The scans, at their poses in the world.
@@ -82,7 +82,7 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
 def _mark(
     cells: Bool, pose: Float, angles: Float, ranges: Float, size: float
 ) -> None:  # pragma: no cover
-    """Mark the cells (rows, columns) of a side [m] that a scan saw to be free."""
+    """Mark the cells (rows, columns), with sides of size [m], that a scan shows to be free."""
     rows, columns = cells.shape
     beams = len(angles)
     px, py, theta = pose[0], pose[1], pose[2]
@@ -105,7 +105,7 @@ def _mark(
                 continue
             if away > farthest:
                 continue
-            # Into the turn that begins at the first beam.
+            # Within the full turn that begins at the first beam.
             angle = angles[0] + (np.arctan2(y, x) - theta - angles[0]) % (2.0 * np.pi)
             after = np.searchsorted(angles, angle)
             if after == 0 or after == beams:

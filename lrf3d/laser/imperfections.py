@@ -51,14 +51,14 @@ class Imperfections:
 
         Imperfections that are off are left out; if all are off, it is the noise of Eq. 7 alone.
         """
-        lost = self.drop_outs, self.drop_outs_far, self.drop_outs_grazing
+        probabilities = self.drop_outs, self.drop_outs_far, self.drop_outs_grazing
         chain: list[Noise] = []
         if self.angle_deg:
             chain.append(AngleNoise(float(np.radians(self.angle_deg))))
         if self.beam_deg:
             chain.append(MixedPixels(float(np.radians(self.beam_deg))))
-        if any(lost):
-            chain.append(DropOuts(*lost))
+        if any(probabilities):
+            chain.append(DropOuts(*probabilities))
         if self.constant:
             chain.append(ConstantNoise(self.constant))
         chain.append(ProportionalNoise(sigma))
@@ -123,7 +123,7 @@ class DropOuts:
         """The probability (beams,) that each beam is lost.
 
         Raises:
-            InputError: Losses by range are asked for, and the scan has no finite range_max.
+            InputError: Losses grow with the range, and the scan has no finite range_max.
         """
         if self.far and not np.isfinite(scan.range_max):
             raise InputError(
@@ -144,6 +144,7 @@ class DropOuts:
             scan,
             ranges=np.where(lost, np.inf, scan.ranges),
             walls=np.where(lost, -1, scan.walls),
+            intensities=None if scan.intensities is None else np.where(lost, 0.0, scan.intensities),
         )
 
 
@@ -152,7 +153,7 @@ class MixedPixels:
     """Beams with a width of ``divergence`` [rad]: at an edge the two ranges are mixed.
 
     If two neighbouring beams hit different walls, more than ``jump`` [m] apart in range, the edge
-    lies between them at a uniformly random place. A beam whose light falls on both sides of it
+    lies between them at a uniformly random angle. A beam whose light falls on both sides of it
     returns the mean of the two ranges, weighted by the share of the light on each, and its wall
     is −1. Beams that did not return are not mixed.
 
@@ -185,29 +186,29 @@ class MixedPixels:
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the scan with mixed ranges at its edges."""
         gaps = np.abs(np.diff(scan.angles))
-        places = rng.random(len(scan.ranges))[1:] * gaps
+        offsets = rng.random(len(scan.ranges))[1:] * gaps
         edge = np.flatnonzero(self.edges(scan))
         ranges = scan.ranges.copy()
         near, far = scan.ranges[edge], scan.ranges[edge + 1]
         # A beam may have an edge on either side, each with light on the neighbour's surface.
-        ranges[edge] += self._beyond(places[edge]) * (far - near)
-        ranges[edge + 1] += self._beyond((gaps - places)[edge]) * (near - far)
+        ranges[edge] += self._beyond(offsets[edge]) * (far - near)
+        ranges[edge + 1] += self._beyond((gaps - offsets)[edge]) * (near - far)
         walls = np.where(ranges == scan.ranges, scan.walls, -1)
         return replace(scan, ranges=ranges, walls=walls)
 
     def _beyond(self, away: Float) -> Float:
-        """Part of the light of beams that falls beyond an edge so far from their middles [rad]."""
+        """Share of a beam that falls beyond an edge at an angle (n,) from its middle [rad]."""
         return np.clip(0.5 - away / self.divergence, 0.0, 0.5)
 
 
 def on_one_wall(scan: LaserScan) -> Bool:
-    """Which beams (beams − 1,) met the same wall as the next one."""
+    """Which beams (beams − 1,) hit the same wall as the next one."""
     known = scan.walls >= 0
     return np.asarray(known[:-1] & known[1:] & (scan.walls[:-1] == scan.walls[1:]))
 
 
 def incidences(scan: LaserScan) -> Float:
-    """Angles (beams,) [rad] from each beam to the normal of what it met: 0 straight, π/2 grazing.
+    """Angles (beams,) [rad] of the beams to the normal of their wall: 0 straight, π/2 grazing.
 
     A beam that is alone on its wall does not show its incidence, and counts as straight.
     """
@@ -216,7 +217,7 @@ def incidences(scan: LaserScan) -> Float:
     pair = np.flatnonzero(joined)
     near, far = scan.ranges[pair], scan.ranges[pair + 1]
     turn = np.abs(scan.angles[pair + 1] - scan.angles[pair])
-    # From one point to the other: so much along the first beam, and so much across it.
+    # The vector from one point to the other, along and across the beam of the first.
     along, across = far * np.cos(turn) - near, far * np.sin(turn)
     first = np.arctan2(np.abs(along), np.abs(across))
     along, across = near * np.cos(turn) - far, near * np.sin(turn)
@@ -229,9 +230,9 @@ def incidences(scan: LaserScan) -> Float:
 def ranges_between(scan: LaserScan, angles: Float) -> Float:
     """Ranges (n,) [m] that beams at other angles (n,) of the fan would have had.
 
-    Between two beams on one wall it is the exact range to this wall; where the two met different
-    things, that of the nearer beam; beyond the fan, that of its last beam. The angles of the scan
-    rise.
+    Between two beams on one wall it is the exact range to this wall; where the two did not hit
+    one wall, that of the nearer beam; beyond the fan, that of its last beam. The angles of the scan
+    are in ascending order.
     """
     after = np.clip(np.searchsorted(scan.angles, angles), 1, len(scan.angles) - 1)
     before = after - 1
@@ -239,7 +240,7 @@ def ranges_between(scan: LaserScan, angles: Float) -> Float:
     ahead = np.clip(angles - scan.angles[before], 0.0, turn)
     nearest = np.where(2.0 * ahead > turn, after, before)
     ranges = scan.ranges[nearest]
-    # At the beams themselves nothing is to be worked out, and nothing is to be rounded.
+    # At the beams themselves the measured ranges are kept, to the last bit.
     inside = on_one_wall(scan)[before] & (ahead > 0.0) & (ahead < turn)
     near, far = scan.ranges[before[inside]], scan.ranges[after[inside]]
     turn, ahead = turn[inside], ahead[inside]

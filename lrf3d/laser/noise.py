@@ -1,7 +1,7 @@
-"""Noise of the laser range finder: what turns a true scan into a measured one.
+"""Noise of the laser range finder, which turns a true scan into a measured one.
 
 All models are off by default. The imperfections of a range finder are chained in physical order:
-the angle of the beam, what it hits, what returns, what is measured, what is reported::
+the angle of the beam, the surface hit, the loss of beams, the range, its rounding and limits::
 
     Chain([AngleNoise(0.002), MixedPixels(0.01), DropOuts(far=0.1), ConstantNoise(0.01),
            ProportionalNoise(0.04), Quantised(0.01), Limits()])
@@ -36,8 +36,7 @@ SIGMA = 0.04
 """Default standard deviation of a range [m] at range_max: that of the paper's city (Fig. 7)."""
 
 FLOOR = 0.01
-"""Default standard deviation of a range [m] at zero distance: a centimetre, as of common range
-finders."""
+"""Default standard deviation of a range [m] at zero distance: that of common range finders."""
 
 USUAL_RANGE = 80.0
 """The range [m] at which the standard deviation is sigma, for scans without a range_max."""
@@ -87,7 +86,7 @@ class RangeNoise(NamedTuple):
 
 
 AnyNoise = Noise | Callable[[LaserScan], LaserScan]
-"""A noise as users write it; a deterministic one needs no rng."""
+"""A noise written by a user; a deterministic one needs no rng."""
 
 
 NO_SPREAD = (0.0, 0.0)
@@ -128,10 +127,10 @@ class DeterministicNoise:
 
 
 def as_noise(noise: AnyNoise) -> Noise:
-    """A noise as simulations call it, from ``noise(scan, rng)`` or ``noise(scan)``.
+    """A noise of a scan and an rng, from ``noise(scan, rng)`` or ``noise(scan)``.
 
     Raises:
-        InputError: It can be called in neither way.
+        InputError: It accepts neither.
     """
     try:
         signature = inspect.signature(noise)
@@ -218,6 +217,43 @@ class ConstantNoise:
 
 
 @dataclass(frozen=True, slots=True)
+class IntensityNoise:
+    """Gaussian noise that grows as the light fades: d + N(0, σ) / √intensity.
+
+    The photons that are counted have the standard deviation of the square root of their number. σ
+    [m] is that of the intensity 1, a white wall at 1 m; a range below 0 is reported as 0.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> from lrf3d.laser import IntensityNoise
+        >>> world = lrf3d.World([[5, -9, 5, 9]], materials=["dark cloth"])
+        >>> lrf = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1)
+        >>> scan = lrf3d.PlanarCaster(world).cast(lrf, (0, 0, 0))
+        >>> IntensityNoise(0.001)(scan, np.random.default_rng(0)).ranges.round(3).tolist()
+        [5.003]
+    """
+
+    sigma: float
+    spread: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        check_sigma(self.sigma, "metres")
+
+    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """Return the scan with noise on each range; a beam without return stays without.
+
+        Raises:
+            InputError: The scan has no intensities.
+        """
+        if scan.intensities is None:
+            raise InputError("scan without intensities: give the world materials")
+        draws = rng.normal(0.0, self.sigma, len(scan.ranges))
+        root = np.sqrt(np.where(scan.intensities > 0.0, scan.intensities, 1.0))
+        return replace(scan, ranges=not_negative(scan.ranges + draws / root))
+
+
+@dataclass(frozen=True, slots=True)
 class Quantised:
     """Rounds ranges to the nearest multiple of a resolution [m]."""
 
@@ -294,7 +330,7 @@ def at_sigma(noise: Noise, sigma: float) -> Noise:
 
 
 def not_negative(ranges: Float) -> Float:
-    """Noisy ranges as a range finder reports them: at least 0; infinities stay."""
+    """Noisy ranges, raised to at least 0; infinities stay."""
     return np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges)
 
 

@@ -2,17 +2,23 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, Value, is_finite, sealed, whole_number
+from lrf3d.geometry import LATER, Float, Value, is_finite, sealed, whole_number
 
 MOST_BEAMS = 1_000_000
 """Largest number of beams of a scan, some hundred times that of any range finder."""
+
+MOST_ECHOES = 5
+"""Largest number of echoes of a beam that are reported, as of common range finders."""
+
+ECHO_CHOICES = ("first", "last", "strongest")
+"""Which echo of a beam may be its range."""
 
 Number = TypeVar("Number", float, Float)
 
@@ -33,6 +39,12 @@ class LaserRangeFinder(Value):
         height: Height of the beams above the ground [m].
         scan_duration: Time from the first beam of a scan to its last [s]; the robot moves on
             meanwhile. With 0 all beams are sent at once.
+        threshold: Least intensity that is detected; 1 is that of a white wall at 1 m. It counts,
+            like the next three, in worlds with materials.
+        near_field: Length of the near field [m], in which light is lost beside the detector; 0 for
+            none.
+        echo: Which echo of a beam is its range: ``first``, ``last`` or ``strongest``.
+        echoes: Number of echoes that are reported of each beam, the strongest ones, 1 to 5.
 
     Raises:
         InputError: There are no beams or over 1,000,000, or a limit is not finite, out of order,
@@ -54,6 +66,10 @@ class LaserRangeFinder(Value):
     range_max: float = 80.0
     height: float = 0.5
     scan_duration: float = 0.0
+    threshold: float = field(default=0.0, repr=False, metadata=LATER)
+    near_field: float = field(default=0.0, repr=False, metadata=LATER)
+    echo: str = field(default="strongest", repr=False, metadata=LATER)
+    echoes: int = field(default=1, repr=False, metadata=LATER)
 
     def __post_init__(self) -> None:
         beams = whole_number(self.beams, "range finder: beams", most=MOST_BEAMS)
@@ -82,6 +98,24 @@ class LaserRangeFinder(Value):
                 " of seconds, at least 0"
             )
 
+        for name in ("threshold", "near_field"):
+            value = getattr(self, name)
+            if not (is_finite(value) and value >= 0.0):
+                raise InputError(
+                    f"range finder: {name} {shown(value)}, expected a finite number, at least 0"
+                )
+        if self.echo not in ECHO_CHOICES:
+            raise InputError(
+                f"range finder: echo {shown(self.echo)}, expected one of {', '.join(ECHO_CHOICES)}"
+            )
+        echoes = whole_number(self.echoes, "range finder: echoes", most=MOST_ECHOES)
+        object.__setattr__(self, "echoes", echoes)
+
+    @property
+    def light(self) -> tuple[float, float, str, int]:
+        """What it makes of the light: threshold, near_field, echo and echoes."""
+        return self.threshold, self.near_field, self.echo, self.echoes
+
     @cached_property
     def angles(self) -> Float:
         """Angles of the beams (beams,) [rad], 0 ahead; θ_s of the paper is angles + π/2."""
@@ -108,11 +142,21 @@ class LaserRangeFinder(Value):
         """A range finder for each beam, which sends only this beam."""
         singles = []
         for beam, angle in enumerate(self.angles.tolist()):
-            single = LaserRangeFinder(angle, angle, 1, self.range_min, self.range_max, self.height)
+            single = replace(self, angle_min=angle, angle_max=angle, beams=1, scan_duration=0.0)
             # The same numbers, so that the beam is the same to the last bit.
             single.__dict__["fan"] = self.fan[:, beam : beam + 1]
             singles.append(single)
         return tuple(singles)
+
+    @cached_property
+    def from_zero(self) -> "LaserRangeFinder":
+        """The same range finder with a range_min of 0."""
+        if self.range_min == 0.0:
+            return self
+        bare = replace(self, range_min=0.0)
+        # The same numbers, also where a single beam has them from its fan.
+        bare.__dict__["fan"] = self.fan
+        return bare
 
     @cached_property
     def spread(self) -> tuple[float, float]:

@@ -118,7 +118,9 @@ def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan
         float(np.float32(scan.range_min)),
         float(np.float32(scan.range_max)),
         within_limits(scan.ranges, scan.range_min, scan.range_max).astype(np.float32),
-        np.empty(0, np.float32),
+        np.empty(0, np.float32)
+        if scan.intensities is None
+        else scan.intensities.astype(np.float32),
     )
 
 
@@ -137,6 +139,7 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
             for name in "angle_min angle_increment time_increment range_min range_max".split()
         )
         ranges = np.asarray(_field(message, "ranges"), dtype=np.float64)
+        intensities = np.asarray(_intensities(message), dtype=np.float64)
         stamp = _field(_field(message, "header"), "stamp")
         time = Stamp(int(_field(stamp, "sec")), int(_field(stamp, "nanosec"))).seconds
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
@@ -162,11 +165,21 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
         "range_max": range_max,
         "time": time,
         "time_increment": increment if math.isfinite(increment) else 0.0,
+        # Many drivers leave them out, and some send fewer than ranges.
+        "intensities": intensities if intensities.shape == ranges.shape else None,
     }
 
 
 def _field(message: Any, name: str) -> Any:
     return message[name] if isinstance(message, Mapping) else getattr(message, name)
+
+
+def _intensities(message: Any) -> Any:
+    """The intensities of a message, or none: files of some loggers have no such field."""
+    try:
+        return _field(message, "intensities")
+    except (AttributeError, KeyError):
+        return ()
 
 
 def _even_spread(angles: Float) -> tuple[np.float32, np.float32, np.float32]:

@@ -12,11 +12,12 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, Value, read_only, sealed
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions
 from lrf3d.laser.ros_scan import RosScan, make_ros_scan, read_ros_scan
+from lrf3d.notebook import Pictured
 from lrf3d.pose import Pose, as_pose
 
 
 @dataclass(frozen=True, eq=False)
-class LaserScan(Value):
+class LaserScan(Value, Pictured):
     """The ranges of one scan, with the pose that they were measured at.
 
     Args:
@@ -28,10 +29,16 @@ class LaserScan(Value):
             hit no wall.
         range_min: Nearest distance that the range finder measures [m].
         range_max: Farthest distance that the range finder measures [m].
+        intensities: (beams,) brightness of what returned, 0 where nothing did; 1 is that of a white
+            wall at 1 m at a right angle. None in worlds without materials.
+        echoes: (beams, k) ranges [m] of several echoes of each beam, the nearest first, +inf after
+            the last; None where the range finder reports one.
+        echo_intensities: (beams, k) their intensities.
         time: Time of the first beam [s].
         time_increment: Time from one beam to the next [s].
-        pose_covariance: (3, 3) covariance of the pose's x, y [m] and theta [rad]; None where the
-            pose is exact or its error unknown. A mapper accepts the more as one wall.
+        pose_covariance: (3, 3) covariance of the pose's x, y [m] and theta [rad]; None if the pose
+            is exact or its error is unknown. The larger it is, the farther apart two views of one
+            wall may lie for the mapper.
 
     Examples:
         >>> import lrf3d
@@ -53,6 +60,9 @@ class LaserScan(Value):
     time: float
     time_increment: float
     pose_covariance: Float | None
+    intensities: Float | None
+    echoes: Float | None
+    echo_intensities: Float | None
 
     def __init__(
         self,
@@ -66,6 +76,9 @@ class LaserScan(Value):
         time: float = 0.0,
         time_increment: float = 0.0,
         pose_covariance: ArrayLike | None = None,
+        intensities: ArrayLike | None = None,
+        echoes: ArrayLike | None = None,
+        echo_intensities: ArrayLike | None = None,
     ) -> None:
         beams: Float = read_only(angles, "angles")
         measured: Float = read_only(ranges, "ranges")
@@ -94,6 +107,9 @@ class LaserScan(Value):
             time=time,
             time_increment=time_increment,
             pose_covariance=covariance,
+            intensities=_of_beams(intensities, len(beams), "intensities", 1),
+            echoes=_of_beams(echoes, len(beams), "echoes", 2),
+            echo_intensities=_of_beams(echo_intensities, len(beams), "echo_intensities", 2),
         )
 
     def __repr__(self) -> str:
@@ -105,7 +121,16 @@ class LaserScan(Value):
         )
 
     @classmethod
-    def unchecked(cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int) -> "LaserScan":
+    def unchecked(
+        cls,
+        lrf: LaserRangeFinder,
+        pose: Pose,
+        ranges: Float,
+        walls: Int,
+        intensities: Float | None = None,
+        echoes: Float | None = None,
+        echo_intensities: Float | None = None,
+    ) -> "LaserScan":
         """The scan of new arrays of a caster: they are made read-only, not checked or copied."""
         scan = object.__new__(cls)
         scan.__dict__.update(
@@ -118,6 +143,9 @@ class LaserScan(Value):
             time=0.0,
             time_increment=lrf.time_increment,
             pose_covariance=None,
+            intensities=None if intensities is None else sealed(intensities),
+            echoes=None if echoes is None else sealed(echoes),
+            echo_intensities=None if echo_intensities is None else sealed(echo_intensities),
         )
         return scan
 
@@ -156,6 +184,18 @@ class LaserScan(Value):
     def points(self) -> Float:
         """Reflection points (m, 2) in the world of the beams that returned (Eq. 8)."""
         return reflection_points(self.pose, self.angles[self.hits], self.ranges[self.hits])
+
+
+def _of_beams(values: ArrayLike | None, beams: int, name: str, axes: int) -> Float | None:
+    """Values for each beam (beams, …), or None."""
+    if values is None:
+        return None
+    array: Float = read_only(values, name)
+    if array.ndim != axes or len(array) != beams:
+        raise InputError(
+            f"scan with {name} {array.shape}: expected a row for each of {beams} beams"
+        )
+    return array
 
 
 def is_covariance(matrix: Float) -> bool:

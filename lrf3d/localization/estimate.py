@@ -15,8 +15,8 @@ from lrf3d.localization.pairing import GATE, Innovation
 from lrf3d.pose import Pose, as_pose
 
 LEAST_FREE, ROUNDED = 1e-9, 64.0
-"""Least share of a pair's noise that the other pairs determine, for the pair to be tested: a
-constant, plus this multiple of the rounding error of the share."""
+"""A pair is tested if the other pairs determine at least this share of its noise: a constant, plus
+a multiple of the rounding error of the share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +85,8 @@ class PoseEstimate(Value):
             change, covariance = _correct(
                 self.covariance, measured[used], gradient[used], noise[used]
             )
-            left = measured[used] - gradient[used] @ change
-            squares = _disagreement(left, gradient[used], noise[used], self.covariance, covariance)
+            residual = measured[used] - gradient[used] @ change
+            squares = _misfits(residual, gradient[used], noise[used], self.covariance, covariance)
             if squares.max(initial=0.0) <= gate:
                 break
             used[np.flatnonzero(used)[squares.argmax()]] = False
@@ -104,7 +104,7 @@ class Correction(NamedTuple):
     used: Bool
 
 
-def _disagreement(left: Float, gradient: Float, noise: Float, before: Float, after: Float) -> Float:
+def _misfits(residual: Float, gradient: Float, noise: Float, before: Float, after: Float) -> Float:
     """Squared distance (k,) of each pair from the estimate of the prediction and all other pairs.
 
     The covariance of a residual (k, 2) is the noise minus the share that the correction used; in
@@ -112,7 +112,7 @@ def _disagreement(left: Float, gradient: Float, noise: Float, before: Float, aft
     determines the pose, its residual does not vary and cannot contradict anything.
 
     Args:
-        left: Residuals of the measurements after the correction.
+        residual: (k, 2) residuals of the measurements after the correction.
         gradient: (k, 2, 3) their gradients.
         noise: (k, 2, 2) their covariances.
         before: (3, 3) covariance of the pose before the correction.
@@ -120,14 +120,14 @@ def _disagreement(left: Float, gradient: Float, noise: Float, before: Float, aft
     """
     # In units of the noise the used share lies between 0 and 1.
     root = np.linalg.cholesky(noise)
-    left = np.linalg.solve(root, left[:, :, None])[:, :, 0]
+    residual = np.linalg.solve(root, residual[:, :, None])[:, :, 0]
     gradient = np.linalg.solve(root, gradient)
-    turned = gradient.transpose(0, 2, 1)
-    free, across = np.linalg.eigh(np.eye(2) - gradient @ after @ turned)
+    transposed = gradient.transpose(0, 2, 1)
+    free, axes = np.linalg.eigh(np.eye(2) - gradient @ after @ transposed)
     rounded = np.finfo(np.float64).eps * np.einsum("kij,jl,kil->k", gradient, before, gradient)
-    telling = free > LEAST_FREE + ROUNDED * rounded[:, None]
-    parts = (left[:, None, :] @ across)[:, 0, :]
-    squares = np.where(telling, parts**2 / np.where(telling, free, 1.0), 0.0)
+    testable = free > LEAST_FREE + ROUNDED * rounded[:, None]
+    parts = (residual[:, None, :] @ axes)[:, 0, :]
+    squares = np.where(testable, parts**2 / np.where(testable, free, 1.0), 0.0)
     return np.asarray(squares.sum(axis=1), dtype=np.float64)
 
 
@@ -139,8 +139,8 @@ def _correct(
     stacked, spread = gradient.reshape(size, 3), np.zeros((size, size))
     for row in range(len(noise)):
         spread[2 * row : 2 * row + 2, 2 * row : 2 * row + 2] = noise[row]
-    across = stacked @ covariance
-    gain = np.linalg.solve(across @ stacked.T + spread, across).T
+    projected = stacked @ covariance
+    gain = np.linalg.solve(projected @ stacked.T + spread, projected).T
     keep = np.eye(3) - gain @ stacked
     # Joseph's form stays positive under rounding.
     corrected = keep @ covariance @ keep.T + gain @ spread @ gain.T
@@ -149,6 +149,6 @@ def _correct(
 
 def _symmetric(matrix: Float) -> Float:
     """A covariance without asymmetry and negative variances from rounding."""
-    even = 0.5 * (matrix + matrix.T)
-    np.fill_diagonal(even, np.maximum(np.diag(even), 0.0))
-    return np.asarray(even)
+    symmetric = 0.5 * (matrix + matrix.T)
+    np.fill_diagonal(symmetric, np.maximum(np.diag(symmetric), 0.0))
+    return np.asarray(symmetric)

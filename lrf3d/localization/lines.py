@@ -20,7 +20,6 @@ more, the covariance changes by less than a percent."""
 LEAST_INCIDENCE = 0.05
 """Smallest cosine of incidence in a variance: for grazing beams other errors dominate."""
 
-
 LEAST_DEVIATION = 1e-5
 """Least standard deviation of a range [m], so that covariances can be inverted without noise: no
 wall is flat to a hundredth of a millimetre."""
@@ -82,18 +81,18 @@ def line_covariances(
 ) -> Float:
     """Covariances (m, 2, 2) of alpha [rad] and p [m] of lines fitted to the points of a scan.
 
-    The points of a segment were met by beams a constant angle apart. One at the distance t
-    along the line from the foot of the robot's perpendicular sees the line move sideways by
-    t·δα − δp, with the variance of its range times the square of the cosine of incidence; the
-    sum over all points is the information matrix.
+    The points of a segment were measured by beams a constant angle apart. At the distance t along
+    the line from the foot of the robot's perpendicular, a change of the line moves it sideways by
+    t·δα − δp; there a point has the variance of its range times the square of the cosine of
+    incidence. The sum over all points is the information matrix.
 
     Args:
         segments: (m, 4) around the robot [m].
         lines: (m, 2) alpha [rad], p [m] of the segments.
         points: (m,) number of points that each was fitted to.
         noise: The noise of their ranges.
-        spacing: Angle [rad] between two beams; if not given, the ends are taken for points. With
-            it, the extension of a segment to a corner does not count.
+        spacing: Angle [rad] between two beams. With it, a segment that was extended to a corner
+            counts only as far as its points reach; without it, its ends count as points.
     """
     alpha, p = lines[:, :1], lines[:, 1:]
     along = np.stack([-np.sin(alpha[:, 0]), np.cos(alpha[:, 0])], axis=-1)
@@ -128,11 +127,11 @@ def line_covariances(
     spread += evenly * (1.0 / COVARIANCE_BEAMS**2 - 1.0 / points**2)
     # On a wall that points straight at the robot all samples are at one place.
     spread = np.maximum(spread, evenly / points**2)
-    sway = 1.0 / spread
+    angle_variance = 1.0 / spread
     covariances = np.empty((len(lines), 2, 2))
-    covariances[:, 0, 0] = sway
-    covariances[:, 0, 1] = covariances[:, 1, 0] = mean * sway
-    covariances[:, 1, 1] = 1.0 / total + mean**2 * sway
+    covariances[:, 0, 0] = angle_variance
+    covariances[:, 0, 1] = covariances[:, 1, 0] = mean * angle_variance
+    covariances[:, 1, 1] = 1.0 / total + mean**2 * angle_variance
     return covariances
 
 

@@ -27,8 +27,8 @@ ROBOT = Pose(0.0, 0.0, 0.0)
 
 
 LEAST_FLOOR = 0.001
-"""Least floor of the noise [m] when lines are extracted: walls that were drawn in whole millimetres
-are no straighter."""
+"""Least floor of the noise [m] when lines are extracted: walls that are drawn in whole millimetres
+are not straighter than that."""
 
 
 class Extractor(Protocol):
@@ -87,7 +87,7 @@ class Localiser:
         range_noise: The noise of the ranges.
         odometry_noise: The noise of the odometry.
         extractor: Finds the lines of a scan; a LineMapper with this noise if not given.
-        criterion: Decides what is a pair; a MahalanobisGate if not given.
+        criterion: Decides which lines are a pair; a MahalanobisGate if not given.
         strategy: Which lines are compared: ``seen-objects-first`` or ``all``.
 
     Examples:
@@ -141,7 +141,8 @@ class Localiser:
         self.pairs = pair_lines(
             local,
             self.known,
-            *(self.estimate.pose, self.estimate.covariance),
+            self.estimate.pose,
+            self.estimate.covariance,
             criterion=self._criterion,
             strategy=self._strategy,
             seen=None if self.pairs is None else self.pairs.objects,
@@ -182,10 +183,11 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: Float) -> 
         True
     """
     poses, covariances, lines, comparisons = [], [], [], []
-    waiting = chain([None], steps)
+    # The robot moves between scans, so the first one has no increment before it.
+    increments = chain([None], steps)
     for scan in scans:
         try:
-            step = next(waiting)
+            step = next(increments)
         except StopIteration:
             raise InputError(f"{len(steps)} steps of odometry for more scans than that") from None
         if step is not None:

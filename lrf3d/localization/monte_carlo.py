@@ -160,7 +160,7 @@ def score_localisation(
         seeds: Number of seeds, from 0.
         workers: Number of processes; None for one for each core, 1 for this process alone. The
             result does not depend on it.
-        progress: Called with the number of seeds that are done, and of all.
+        progress: Called with the number of finished seeds, and of all.
 
     Raises:
         InputError: The number of seeds is below 1.
@@ -180,9 +180,9 @@ def score_localisation(
             progress(len(tracks), seeds)
     else:
         with process_pool(workers) as pool:
-            waiting = {pool.submit(task.follow, seed): seed for seed in range(seeds)}
-            for done in as_completed(waiting):
-                tracks[waiting[done]] = done.result()
+            futures = {pool.submit(task.follow, seed): seed for seed in range(seeds)}
+            for done in as_completed(futures):
+                tracks[futures[done]] = done.result()
                 progress(len(tracks), seeds)
     truth, ordered = run.trajectory.poses, [tracks[seed] for seed in range(seeds)]
     return LocalisationScore(

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, is_finite, wrap_angle
@@ -46,7 +47,7 @@ class OdometryNoise:
         return steps + rng.normal(size=steps.shape) * deviations
 
 
-def odometry_increments(poses: Float) -> Float:
+def odometry_increments(poses: ArrayLike) -> Float:
     """The increments (k − 1, 3) from pose to pose (k, 3): ahead, to the left [m], turn [rad].
 
     Raises:

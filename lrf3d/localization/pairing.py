@@ -1,10 +1,10 @@
 """Pairing lines of a scan with lines of a known map (end of section 3.1).
 
 The input is local lines, known lines and a predicted pose; the output is pairs, with the number of
-comparisons. A strategy selects the lines to compare, a criterion decides which of them may be a
-pair, by their innovation, the difference of both lines in the robot's frame: the known line is
+comparisons. A strategy selects the lines to compare. A criterion decides which of them may be a
+pair by their innovation, the difference of both lines in the robot's frame: the known line is
 expected at the angle alpha − theta and at the distance p = n·(middle − position). Both are linear
-in the pose and do not depend on the origin of the world.
+in the pose and independent of the world's origin.
 """
 
 from dataclasses import dataclass
@@ -75,8 +75,8 @@ class SquaredDifferences:
 class MahalanobisGate:
     """A gate on the Mahalanobis distance of both lines in the robot's frame.
 
-    The segments must overlap as well, and the robot must be on the side that the known line is seen
-    from. Of collinear walls the best is the one that the local line extends beyond least.
+    The segments must overlap as well, and the robot must be on the visible side of the known
+    line. Of collinear walls the best is the one that the local line extends beyond least.
 
     Args:
         gate: Largest squared distance, with two degrees of freedom.
@@ -88,8 +88,8 @@ class MahalanobisGate:
         self, local: LocalLines, known: KnownLines, rows: Int, pose: Pose, covariance: Float
     ) -> Float:
         """Squared Mahalanobis distances (m, n), and the squared excess of the local line."""
-        every, some = np.arange(len(local))[:, None], rows[None, :]
-        difference = innovation(local, known, pose, rows=every, known_rows=some)
+        every = np.arange(len(local))[:, None]
+        difference = innovation(local, known, pose, rows=every, known_rows=rows[None, :])
         squares = difference.squared_distance(covariance)
         beside, excess = _alongside(local, known, rows, pose, covariance)
         fits = difference.faces & (squares <= self.gate) & beside
@@ -108,9 +108,10 @@ def _alongside(
     # How the middle moves along the wall with the position and the heading of the pose.
     gradient = np.column_stack([unit, unit[:, 1] * middle[:, 0] - unit[:, 0] * middle[:, 1]])
     variance = np.einsum("ij,jk,ik->i", gradient, covariance, gradient)[:, None]
+    # Three standard deviations of the pose, so that hardly any true pair is lost.
     slack = 3.0 * np.sqrt(variance) + END_DEVIATION
-    place = known.middles[rows] - [pose.x, pose.y]
-    apart = np.abs(unit @ place.T - np.einsum("ij,ij->i", unit, middle)[:, None])
+    known_middle = known.middles[rows] - [pose.x, pose.y]
+    apart = np.abs(unit @ known_middle.T - np.einsum("ij,ij->i", unit, middle)[:, None])
     other = known.halves[rows]
     overlap = np.minimum(half + other - apart, 2.0 * np.minimum(half, other))
     beside = overlap + slack >= LEAST_ALONGSIDE * 2.0 * np.minimum(half, other)
@@ -120,7 +121,7 @@ def _alongside(
 
 @dataclass(frozen=True, eq=False)
 class Pairs(Value):
-    """Lines of a scan with the known lines that they show.
+    """Pairs of a line of a scan and a known line.
 
     Args:
         local: (k,) rows of the local lines, in ascending order.
@@ -158,7 +159,7 @@ def pair_lines(
         known: The known map.
         pose: The predicted pose.
         covariance: (3, 3) covariance of the pose, x, y [m], theta [rad].
-        criterion: Decides what is a pair; a MahalanobisGate if not given.
+        criterion: Decides which lines are a pair; a MahalanobisGate if not given.
         strategy: ``all`` compares all lines with all; ``seen-objects-first`` compares first with
             the lines of the objects in ``seen``, and with the others only where that finds no pair.
         seen: Objects that were seen in the previous scan; none if not given.
@@ -178,11 +179,11 @@ def pair_lines(
         partner = _best(criterion.scores(local, known, first, pose, covariance), first)
         comparisons += len(local) * len(first)
         rest = np.delete(rest, first)
-    lonely = np.flatnonzero(partner < 0)
-    if len(lonely):
-        scores = criterion.scores(local.take(lonely), known, rest, pose, covariance)
-        partner[lonely] = _best(scores, rest)
-        comparisons += len(lonely) * len(rest)
+    unpaired = np.flatnonzero(partner < 0)
+    if len(unpaired):
+        scores = criterion.scores(local.take(unpaired), known, rest, pose, covariance)
+        partner[unpaired] = _best(scores, rest)
+        comparisons += len(unpaired) * len(rest)
     paired = np.flatnonzero(partner >= 0)
     return Pairs(paired, partner[paired], comparisons, np.unique(known.objects[partner[paired]]))
 
@@ -207,7 +208,7 @@ class Innovation(NamedTuple):
         variance_angle: Variances [rad², rad·m, m²] of the difference, without the pose's share.
         covariance: See above.
         variance_offset: See above.
-        faces: Whether the robot stands on the side that the known line is seen from.
+        faces: Whether the robot is on the visible side of the known line.
     """
 
     angle: Float

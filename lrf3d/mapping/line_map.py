@@ -10,13 +10,14 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, Value, normal_lines, sealed
 from lrf3d.input import read_text
+from lrf3d.notebook import Pictured
 from lrf3d.output import write_text
 from lrf3d.text import counted
 from lrf3d.world.free_cells import FreeCells
 
 
 @dataclass(frozen=True, eq=False)
-class LineMap(Value):
+class LineMap(Value, Pictured):
     """Line segments of a map, grouped into objects; the paper calls these unions (section 3.1).
 
     Args:

@@ -6,10 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from lrf3d.render.page import DOTS_PER_INCH, FAINT, GRID, INK, LEFT, plain, save_figure
-
-SPINE = "#c9ced6"
-"""Colour of the frame around a panel."""
+from lrf3d.render.page import DOTS_PER_INCH, FAINT, INK, LEFT, dress, plain, save_figure
 
 MODE_COLOURS = {"robust": "#d6361f", "paper": "#2f6fb3"}
 """Colours of the modes of the mapper: the default is warm."""
@@ -38,11 +35,7 @@ class Sheet:
         """Axes at a place, with a light grid below all marks."""
         across, up = self.size
         axes = self.figure.add_axes((left / across, bottom / up, width / across, height / up))
-        axes.tick_params(which="both", colors=FAINT, labelsize=8, length=0)
-        axes.grid(color=GRID, linewidth=0.7)
-        axes.set_axisbelow(True)
-        for spine in axes.spines.values():
-            spine.set(color=SPINE, linewidth=0.8)
+        dress(axes)
         return axes
 
     def text(

@@ -15,8 +15,12 @@ from matplotlib.figure import Figure
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
+from lrf3d.render.estimate_marks import draw_estimate
 from lrf3d.render.marks import (
-    draw_closures,
+    PATH,
+    PATH_WIDTH,
+    WIDTH_UNDER,
+    Colour,
     draw_objects,
     draw_points,
     draw_poses,
@@ -25,7 +29,10 @@ from lrf3d.render.marks import (
     draw_walls,
 )
 from lrf3d.render.page import FAINT, INK, Frame, Page
+from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
+from lrf3d.scene.estimate import BELIEVED, TRUTH
+from lrf3d.scene.look import ESTIMATE_COLOUR
 from lrf3d.scene.structures import Sight
 from lrf3d.text import counted
 from lrf3d.world import World
@@ -84,7 +91,7 @@ def draw_map(
     points: Float | None = None,
     poses: Float | None = None,
     world: World | None = None,
-    closures: Float | None = None,
+    estimate: EstimatedTrajectory | None = None,
     title: str = "",
 ) -> Figure:
     """Draw a map, each object in its colour, over reflection points and true walls (Fig. 7).
@@ -95,7 +102,7 @@ def draw_map(
         points: (n, 2) reflection points [m].
         poses: (k, 3) poses of the scans.
         world: The true walls.
-        closures: (n, 4) lines x1 y1 x2 y2 [m] between places where loops were closed.
+        estimate: The estimated poses, with the loop closures.
         title: The headline; the world's name if not given.
 
     Raises:
@@ -103,6 +110,7 @@ def draw_map(
     """
     if isinstance(source, Run):
         world, poses = Sight.of_run(source).world, source.trajectory.poses
+        estimate = source.estimate
         points, line_map = _reflections(source), source.map
         objects = source.lasting_objects[-1] if source.maps else line_map.objects
     else:
@@ -110,12 +118,18 @@ def draw_map(
     points = np.empty((0, 2)) if points is None else points
     poses = np.empty((0, 3)) if poses is None else poses
     walls = np.empty((0, 4)) if world is None else world.segments
-    frames = Frame.strips([_ends(line_map.segments), _ends(walls), poses[:, :2], _bulk(points)])
+    estimated = poses if estimate is None else estimate.poses
+    places = [_ends(walls), poses[:, :2], estimated[:, :2], _bulk(points)]
+    frames = Frame.strips([_ends(line_map.segments), *places])
     counts = [line_map.counts]
     counts += [counted(len(poses), "scan")] if len(poses) else []
     counts += [counted(len(points), "point")] if len(points) else []
-    loops = np.empty((0, 4)) if closures is None else closures
-    counts += [counted(len(loops), "loop closure")] if len(loops) else []
+    # Of a recorded drive the truth is not known: its poses are the estimate.
+    trail: tuple[str, Colour, float] = "path", PATH, PATH_WIDTH
+    if estimate is not None:
+        counts.append(counted(len(estimate.closures), "loop closure"))
+        known = not np.array_equal(poses, estimate.poses)
+        trail = (TRUTH, PATH, WIDTH_UNDER) if known else (BELIEVED, ESTIMATE_COLOUR, PATH_WIDTH)
     name = title or (world.name if world is not None else "") or "map"
     page = Page(frames, title=(name, "  ·  ".join(counts)))
     signs: list[Artist] = []
@@ -124,8 +138,9 @@ def draw_map(
             signs += draw_walls(axes, frame, world, poses, UNDER_MAP, width=1.0)
         signs += draw_points(axes, frame, points)
         signs += draw_objects(axes, frame, line_map, objects)
-        signs += draw_poses(axes, frame, poses)
-        signs += draw_closures(axes, frame, loops)
+        signs += draw_poses(axes, frame, poses, *trail)
+        if estimate is not None:
+            signs += draw_estimate(axes, frame, estimate)
     page.legend(signs)
     return page.save(path)
 

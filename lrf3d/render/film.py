@@ -9,17 +9,22 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.render.bindings import pyrender
 from lrf3d.render.gl import import_libraries
-from lrf3d.render.hud import Hud, lay_out, scale_of, widest_lines
+from lrf3d.render.hud import Hud, widest_lines
 from lrf3d.render.inset import Inset
+from lrf3d.render.layout import lay_out, scale_of
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Draw, FrameRenderer
 from lrf3d.render.scenery import Frame, Scenery
 from lrf3d.run import Run
-from lrf3d.scene.camera import Look, make_camera
+from lrf3d.scene.camera import Look
+from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline
 
-LAYERS = ("shadow", "trail", "fan", "beams", "trace", "points", "inset", "hud")
+LAYERS = (
+    "shadow", "trail", "estimate", "fan", "beams", "map", "trace", "points", "marker", "inset",
+    "hud",
+)  # fmt: skip
 """What can be left out of a film; what is left out costs nothing."""
 
 Layer = Callable[[Frame], Iterable[Draw]]
@@ -27,6 +32,9 @@ Layer = Callable[[Frame], Iterable[Draw]]
 
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
+
+_SMALL = 0.7
+"""Size of the panel, against its usual one, where the whole picture is a map."""
 
 _SLACK = 0.002
 """By how much the depth of marks gains with their distance [m/m], as depths are coarser far away;
@@ -61,7 +69,8 @@ class Film:
         self.timeline = Timeline(run, playback=playback)
         self.renderer = _renderer(renderer, size, samples)
         self.scenery = Scenery(self.timeline)
-        layout = lay_out(size, widest_lines(run))
+        small = _SMALL if view == "top" else 1.0
+        layout = lay_out(size, widest_lines(run, self.timeline.playback), small)
         self._size = size
         self._solid, self._soft = self._layers(layers)
         covered = layout.covered if "hud" in layers else (0.0, 0.0)
@@ -71,7 +80,8 @@ class Film:
         if "inset" in layers and layout.inset is not None:
             self._inset = Inset(self.scenery, size, layout.inset)
         if "hud" in layers and layout.scale is not None:
-            self._hud = Hud(self.scenery, size, layout.scale, layout.gap)
+            played = self.timeline.playback
+            self._hud = Hud(self.scenery, size, layout.scale, layout.gap, played)
         lens = pyrender.PerspectiveCamera(yfov=1.0, znear=0.2, zfar=SIGHT_DISTANCE)
         self._eye = self.scenery.scene.add(lens)
         self._shown: tuple[Any, ...] | None = None
@@ -82,8 +92,17 @@ class Film:
         moment = self.timeline.moment(time)
         look = self.camera.look(time, self._size[0] / self._size[1])
         words = self._hud.lines(moment) if self._hud is not None else ()
-        moving = time if self.scenery.run.obstacles else 0.0
-        shown = (moment.scan, moment.scanning, moment.pose.tobytes(), look.key, words, moving)
+        run = self.scenery.run
+        moving = moment.time if run.obstacles or run.estimate is not None else 0.0
+        shown = (
+            moment.scan,
+            moment.scanning,
+            moment.pose.tobytes(),
+            look.key,
+            words,
+            moving,
+            self.scenery.grown(moment),
+        )
         if shown == self._shown:
             # Nothing has moved, no word has changed: the last picture is this one.
             return self._picture
@@ -130,8 +149,9 @@ class Film:
         width, height = self._size
         matrix, eye = self._place_camera(look)
         light = self.scenery.light
-        if look.clear:
-            light["haze"] = (*light["haze"][:3], 0.0)
+        *haze, thick = light["haze"]
+        thick = 0.0 if look.clear else min(thick, 1.0 / max(look.air, 1e-9))
+        light["haze"] = (*haze, thick)
         uniforms = {
             **light,
             "view_projection": matrix,
@@ -162,7 +182,8 @@ class Film:
 
         solid: list[Layer] = [
             scenery.draw_robot,
-            scenery.draw_movers,
+            scenery.draw_obstacles,
+            *((scenery.draw_bands,) if "map" in chosen else ()),
             scenery.draw_walls,
             scenery.draw_ground,
             scenery.draw_sky,
@@ -170,13 +191,16 @@ class Film:
         soft: list[tuple[str, Layer]] = [
             ("shadow", scenery.draw_shadows),
             ("trail", scenery.draw_trail),
+            ("map", scenery.draw_glow),
+            ("estimate", scenery.draw_estimate),
             ("fan", scenery.draw_fan),
             ("beams", scenery.draw_beams),
             ("map", draw_map),
             ("trace", scenery.draw_trace),
             ("points", scenery.draw_points),
+            ("marker", scenery.draw_marker),
         ]
-        return solid, [layer for name, layer in soft if name in chosen or name == "map"]
+        return solid, [layer for name, layer in soft if name in chosen]
 
 
 def _renderer(name: str, size: tuple[int, int], samples: int) -> FrameRenderer:

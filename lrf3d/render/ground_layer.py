@@ -13,8 +13,8 @@ import numpy as np
 
 from lrf3d.geometry import Float, Single
 from lrf3d.render.primitives import Draw, Mesh, Primitive, Texture
-from lrf3d.scene.ground import Ground, paint_ground, paint_tile
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.ground import BRIGHTEST, Ground, paint_tile
+from lrf3d.scene.stage import Stage
 
 _LAND_REACH = 3000.0
 """How far the ground goes [m]: to the horizon."""
@@ -34,6 +34,9 @@ _WIDEST = 160.0
 _KEPT = 12
 """Tiles that are kept; each takes some five megabytes."""
 
+_RAMP = 1.0
+"""Width of the change between two paints in a picture [texels]: magnified, it is one pixel wide."""
+
 _BELOW = -0.02
 """Height [m] of what lies under the tiles."""
 
@@ -44,20 +47,23 @@ class _Tile:
 
     primitive: Primitive
     area: tuple[float, ...]
+    texel: float
 
 
 class GroundLayer:
     """Draws the ground.
 
     Args:
-        structures: What stands on it.
+        stage: What stands in the world, and its ground.
         scene: pyrender's scene, which new tiles are put into.
     """
 
-    def __init__(self, structures: Structures, scene: Any) -> None:
-        self._structures = structures
+    def __init__(self, stage: Stage, scene: Any) -> None:
+        structures, walls, whole = stage
+        self._structures, self._light = structures, walls.light
         self._scene = scene
-        whole = paint_ground(structures)
+        mark, bare, kerb, pavement = (BRIGHTEST * whole.brightness).tolist()
+        self._paints = (bare, mark - bare, kerb - bare, pavement - kerb)
         self._low, self._high = whole.corner, whole.corner + whole.size
         indoor = structures.indoor
         self._side = _TILE_INDOOR if indoor else _TILE
@@ -69,18 +75,28 @@ class GroundLayer:
         land = _ring(middle - size, middle + size, self._low, self._high)
         self._land = Primitive("beyond", (2,), land)
         self._whole.texture = self._land.texture = Texture(whole.picture, far=True)
-        self._area = _area(whole)
+        self._all = _Tile(self._whole, _area(whole), _texel(whole))
         self._beyond = (*whole.beyond, 12.0 if indoor else 60.0)
         scene.add(Mesh([self._whole, self._land]))
 
-    def draws(self, eye: Float, reach: float) -> Iterator[Draw]:
-        """What is drawn for an eye (3,) that looks down at so much to each side [m], or ahead."""
+    def draws(self, eye: Float, reach: float, focus: float) -> Iterator[Draw]:
+        """What is drawn for an eye (3,) that looks down at so much to each side [m], or ahead.
+
+        The focus is the number of pixels that a metre takes at a distance of one metre.
+        """
         tiles = self._tiles_round(eye, reach)
         for tile in tiles:
-            yield Draw(tile.primitive, {"area": tile.area, "below": 0.0})
-        under = _BELOW if tiles else 0.0
-        yield Draw(self._whole, {"area": self._area, "below": under})
-        yield Draw(self._land, {"area": self._area, "below": under, "beyond": self._beyond})
+            yield Draw(tile.primitive, self._uniforms(tile, eye, focus, 0.0))
+        whole = self._uniforms(self._all, eye, focus, _BELOW if tiles else 0.0)
+        yield Draw(self._whole, whole)
+        yield Draw(self._land, {**whole, "beyond": self._beyond})
+
+    def _uniforms(self, tile: "_Tile", eye: Float, focus: float, below: float) -> dict[str, Any]:
+        """The uniforms of a tile, or of the whole, at a height [m]."""
+        # On the ground a pixel is as long as the square of its distance, over this, says.
+        long = focus * abs(float(eye[2]))
+        edge = _RAMP * tile.texel * long
+        return {"area": tile.area, "below": below, "paints": self._paints, "edge": edge}
 
     def _tiles_round(self, eye: Float, reach: float) -> list[_Tile]:
         """The tiles round an eye; none where they would show no more than the whole picture."""
@@ -104,10 +120,10 @@ class GroundLayer:
             self._tiles[place] = self._tiles.pop(place)
             return self._tiles[place][0]
         low = self._side * np.array([column, row], dtype=np.float64)
-        ground = paint_tile(self._structures, low, self._side)
+        ground = paint_tile(self._structures, self._light, low, self._side)
         primitive = Primitive("ground", (2,), _square(low, low + self._side))
         primitive.texture = Texture(ground.picture, far=True)
-        tile = _Tile(primitive, _area(ground))
+        tile = _Tile(primitive, _area(ground), _texel(ground))
         self._tiles[place] = tile, self._scene.add(Mesh([primitive]))
         return tile
 
@@ -118,6 +134,11 @@ class GroundLayer:
             self._scene.remove_node(node)
             assert oldest.primitive.texture is not None
             oldest.primitive.texture.delete()
+
+
+def _texel(ground: Ground) -> float:
+    """The size of a texel of a picture [m]."""
+    return float(ground.size[0]) / int(ground.picture.shape[1])
 
 
 def _area(ground: Ground) -> tuple[float, ...]:

@@ -1,8 +1,6 @@
-"""Text panels of a film: drawn with Pillow when their words change, shown as a picture.
+"""Text panels of a film: drawn with Pillow when their words change, shown as a picture."""
 
-Where panel and inset go is found here, too: in pictures of any size they never lie over each other.
-"""
-
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -16,20 +14,19 @@ from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import FrameRenderer, Mesh, Primitive, Texture
 from lrf3d.render.scenery import Scenery
 from lrf3d.run import Run
+from lrf3d.scene import look
+from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.timeline import Moment
 from lrf3d.text import rounded
-
-SMALLEST_SCALE = 0.62
-"""Where there is room, text is not smaller than this times its size at 720 lines."""
-
-GAP = 16
-"""Free border round panels [pixels]."""
 
 _LONGEST_NAME = 24
 """Letters of a world's name that the panel shows at most."""
 
 _TITLE, _TEXT = 26, 19
 """Sizes of the letters [pixels]."""
+
+_RADIUS = 9
+"""Radius of the corners of panels [pixels]: no letter reaches into them."""
 
 _BACK = (13, 17, 25, 168)
 _INK, _PALE, _WARM = (255, 255, 255, 255), (196, 216, 242, 255), (255, 168, 140, 255)
@@ -46,11 +43,28 @@ def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line of text: words, where each starts in units of the letters' size, and a colour."""
+    """A line of text.
+
+    Args:
+        words: Where each word starts, in units of the letters' size, and the word.
+        colour: Red, green, blue and opacity in 0…255.
+        bold: Whether it is a title.
+        ends: Words by where they end: numbers whose digits stand under each other.
+    """
 
     words: tuple[tuple[float, str], ...]
     colour: tuple[int, int, int, int]
     bold: bool = False
+    ends: tuple[tuple[float, str], ...] = ()
+
+    def placed(self, size: int) -> list[tuple[float, str]]:
+        """Where each word starts [pixels], in letters of a size [pixels], and the word."""
+        left = [(start * size, words) for start, words in self.words]
+        right = [(end * size - self._length(words, size), words) for end, words in self.ends]
+        return left + right
+
+    def _length(self, words: str, size: int) -> float:
+        return sum(glyph(letter, size, bold=self.bold)[1] for letter in words)
 
 
 def _sizes(lines: tuple[Line, ...], scale: float) -> list[int]:
@@ -62,9 +76,9 @@ def panel_size(lines: tuple[Line, ...], scale: float) -> tuple[int, int]:
     """Width and height [pixels] of a panel with these lines."""
     sizes, pad = _sizes(lines, scale), round(12 * scale)
     width = max(
-        start * size + font(size, bold=line.bold).getlength(words)
+        start + font(size, bold=line.bold).getlength(words)
         for line, size in zip(lines, sizes, strict=True)
-        for start, words in line.words
+        for start, words in line.placed(size)
     )
     return int(width) + 2 * pad, 2 * pad + sum(round(1.36 * size) for size in sizes)
 
@@ -81,8 +95,7 @@ class Panel:
         self._tops = np.cumsum([self._pad, *(round(1.36 * size) for size in self._sizes)]).tolist()
         self.size = panel_size(lines, scale)
         self._lines: tuple[Line, ...] = ()
-        self._picture: Picture = np.empty((self.size[1], self.size[0], 4), np.uint8)
-        self._picture[:] = back
+        self._picture = rounded_box(self.size, back, _RADIUS * scale)
 
     def draw(self, lines: tuple[Line, ...]) -> Picture:
         """The panel with these lines; only those that changed are drawn."""
@@ -91,8 +104,8 @@ class Panel:
                 continue
             top, bottom = self._tops[row : row + 2]
             cover = np.zeros((bottom - top, self.size[0]), np.uint8)
-            for start, words in line.words:
-                x = self._pad + start * self._sizes[row]
+            for start, words in line.placed(self._sizes[row]):
+                x = self._pad + start
                 for letter in words:
                     mask, advance = glyph(letter, self._sizes[row], bold=line.bold)
                     left = round(x)
@@ -102,6 +115,16 @@ class Panel:
             np.take(_shades(line.colour, self._back), cover, axis=0, out=self._picture[top:bottom])
         self._lines = lines
         return self._picture
+
+
+def rounded_box(size: tuple[int, int], back: tuple[int, ...], radius: float) -> Picture:
+    """A box (h, w, 4) of a width and height and with round corners [pixels]."""
+    x, y = (np.abs(np.arange(side) - 0.5 * (side - 1)) - (0.5 * side - radius) for side in size)
+    away = np.hypot(np.maximum(x, 0.0)[None, :], np.maximum(y, 0.0)[:, None])
+    picture = np.empty((size[1], size[0], 4), np.uint8)
+    picture[:] = back
+    picture[..., 3] = np.round(back[3] * np.clip(radius + 0.5 - away, 0.0, 1.0))
+    return picture
 
 
 @cache
@@ -125,7 +148,40 @@ def glyph(letter: str, size: int, *, bold: bool) -> tuple[Picture, float]:
     return np.asarray(picture), advance
 
 
-class Label:
+class Stamp:
+    """A picture that is laid over the film's.
+
+    Args:
+        scenery: The scenery of the film.
+        picture: (h, w, 4) uint8.
+    """
+
+    def __init__(self, scenery: Scenery, picture: Picture) -> None:
+        self.size = (picture.shape[1], picture.shape[0])
+        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32)
+        self._quad = Primitive("label", (2,), corners, blend=True)
+        self._quad.texture = self._texture = Texture(picture)
+        self._box = (-1.0, -1.0, 1.0, 1.0)
+        scenery.scene.add(Mesh([self._quad]))
+
+    def place(self, picture: tuple[int, int], left: int, top: int) -> None:
+        """Put its upper left corner to a pixel of a picture (width, height)."""
+        right, bottom = left + self.size[0], top + self.size[1]
+        width, height = picture
+        # Row 0 of the picture is OpenGL's lowest, so that y grows downward here too.
+        self._box = (
+            2.0 * left / width - 1.0,
+            2.0 * top / height - 1.0,
+            2.0 * right / width - 1.0,
+            2.0 * bottom / height - 1.0,
+        )
+
+    def draw(self, renderer: FrameRenderer) -> None:
+        """Draw it over the picture."""
+        renderer.draw(self._quad, {"box": self._box})
+
+
+class Label(Stamp):
     """A panel in the picture.
 
     Args:
@@ -143,35 +199,14 @@ class Label:
         back: tuple[int, int, int, int] = _BACK,
     ) -> None:
         self._panel = Panel(lines, scale, back)
-        self.size = self._panel.size
-        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32)
-        self._quad = Primitive("label", (2,), corners, blend=True)
-        self._quad.texture = self._texture = Texture(self._panel.draw(lines))
+        super().__init__(scenery, self._panel.draw(lines))
         self._shown = lines
-        self._box = (-1.0, -1.0, 1.0, 1.0)
-        scenery.scene.add(Mesh([self._quad]))
-
-    def place(self, picture: tuple[int, int], left: int, top: int) -> None:
-        """Put its upper left corner to a pixel of a picture (width, height)."""
-        right, bottom = left + self.size[0], top + self.size[1]
-        width, height = picture
-        # Row 0 of the picture is OpenGL's lowest, so that y grows downward here too.
-        self._box = (
-            2.0 * left / width - 1.0,
-            2.0 * top / height - 1.0,
-            2.0 * right / width - 1.0,
-            2.0 * bottom / height - 1.0,
-        )
 
     def show(self, lines: tuple[Line, ...]) -> None:
         """Change its words."""
         if lines != self._shown:
             self._shown = lines
             self._texture.update(self._panel.draw(lines))
-
-    def draw(self, renderer: FrameRenderer) -> None:
-        """Draw it over the picture."""
-        renderer.draw(self._quad, {"box": self._box})
 
 
 class Hud:
@@ -182,16 +217,20 @@ class Hud:
         size: Width and height of the film's pictures [pixels].
         scale: Size of the letters against their size at 720 lines.
         gap: Free border to the corner [pixels].
+        playback: Seconds of the run in a second of the film.
     """
 
-    def __init__(self, scenery: Scenery, size: tuple[int, int], scale: float, gap: int) -> None:
-        self._run = scenery.run
-        self._label = Label(scenery, widest_lines(self._run), scale)
+    def __init__(
+        self, scenery: Scenery, size: tuple[int, int], scale: float, gap: int, playback: float
+    ) -> None:
+        self._run, self._playback = scenery.run, playback
+        self._label = Label(scenery, widest_lines(self._run, playback), scale)
         self._label.place(size, gap, gap)
 
     def lines(self, moment: Moment) -> tuple[Line, ...]:
         """What it says of a moment."""
-        return hud_lines(self._run, moment, self._run.scan(moment.scan))
+        scan, line_map = self._run.scan(moment.scan), self._run.map_after(moment.scan)
+        return hud_lines(self._run, moment, scan, line_map.counts, self._playback)
 
     def draw(self, renderer: FrameRenderer, lines: tuple[Line, ...]) -> None:
         """Draw it over the picture."""
@@ -200,8 +239,21 @@ class Hud:
         self._label.draw(renderer)
 
 
-def hud_lines(run: Run, moment: Moment, scan: LaserScan) -> tuple[Line, ...]:
-    """What the panel says: the world, time and speed, pose, beams that hit and the nearest."""
+_COLUMN, _WIDER = 5.8, 1.3
+"""Width of a column with its letter and number, and what coordinates of six digits need more."""
+
+_BETWEEN = 1.0
+"""Gap between two columns, like their widths in units of the letters' size."""
+
+
+def hud_lines(
+    run: Run, moment: Moment, scan: LaserScan, counts: str, playback: float
+) -> tuple[Line, ...]:
+    """What the panel says.
+
+    The world and how fast it is played; time and speed; the pose; beams that hit and the nearest;
+    and what the map counts, where there is one.
+    """
     x, y, turn = (
         rounded(value, digits)
         for value, digits in (
@@ -214,29 +266,46 @@ def hud_lines(run: Run, moment: Moment, scan: LaserScan) -> tuple[Line, ...]:
     if len(name) > _LONGEST_NAME:
         name = f"{name[: _LONGEST_NAME - 1]}…"
     # Numbers keep their places: text that trembles cannot be read in a film.
-    wide = 7.5 if np.abs(moment.pose[:2]).max() >= 1000.0 else 5.9
-    beams: tuple[tuple[float, str], ...]
+    corner = np.abs(run.trajectory.poses[:, :2]).max()
+    wide = _COLUMN + (_WIDER if corner >= 1000.0 else 0.0)
+    starts = [number * (wide + _BETWEEN) for number in range(3)]
+    ends = [start + wide for start in starts]
+    full = ends[2] * _TEXT / _TITLE
     if moment.scanning:
         nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"
-        beams = ((0.0, f"{int(scan.hits.sum())} / {len(scan.ranges)} beams hit"), (10.8, nearest))
+        hit = f"{int(scan.hits.sum())} / {len(scan.ranges)} beams hit"
+        beams = Line(((0.0, hit),), _WARM, ends=((ends[2], nearest),))
     else:
-        beams = ((0.0, "driving on, beams off"),)
-    return (
-        Line(((0.0, f"lrf3d  {name}".rstrip()),), _INK, bold=True),
-        Line(((0.0, f"t  {moment.time:.1f} s"), (6.2, f"v  {moment.speed:.2f} m/s")), _PALE),
+        beams = Line(((0.0, "driving on, beams off"),), _WARM)
+    lines = (
+        Line(((0.0, f"lrf3d  {name}".rstrip()),), _INK, True, ((full, f"{playback:g} ×"),)),
         Line(
-            (
-                (0.0, f"x  {x}"),
-                (wide, f"y  {y}"),
-                (2 * wide, f"θ  {turn}°"),
-            ),
+            ((starts[0], "t"), (starts[1], "v")),
             _PALE,
+            ends=((ends[0], f"{moment.time:.1f} s"), (ends[1], f"{moment.speed:.2f} m/s")),
         ),
-        Line(beams, _WARM),
+        Line(
+            ((starts[0], "x"), (starts[1], "y"), (starts[2], "θ")),
+            _PALE,
+            ends=((ends[0], x), (ends[1], y), (ends[2], f"{turn}°")),
+        ),
+        beams,
+        *_legend(run, moment.scan, ends[2]),
     )
+    return (*lines, Line(((0.0, counts),), _PALE)) if run.maps else lines
 
 
-def widest_lines(run: Run) -> tuple[Line, ...]:
+def _legend(run: Run, scan: int, end: float) -> Iterator[Line]:
+    """The names of the two trails in their colours, and how far they are apart."""
+    for name, apart in estimate_words(run, scan):
+        colour = look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR
+        # On a dark panel colours are read more easily when they are paler.
+        red, green, blue = (round(255 * (0.65 * part + 0.35)) for part in colour)
+        ends = ((end, apart),)
+        yield Line(((0.0, f"━ {name}"),), (red, green, blue, 255), ends=ends)
+
+
+def widest_lines(run: Run, playback: float = 1.0) -> tuple[Line, ...]:
     """Lines as wide as any that the run will have, to size the panel by."""
     times = run.trajectory.times
     poses = run.trajectory.poses
@@ -244,84 +313,5 @@ def widest_lines(run: Run) -> tuple[Line, ...]:
     count = len(run.lrf.angles)
     pose = np.array([-corner[0], -corner[1], np.radians(-179.9)])
     scan = LaserScan((0.0, 0.0, 0.0), np.zeros(count), np.full(count, 88.88))
-    return hud_lines(run, Moment(float(times[-1]), pose, 0, 88.88, True), scan)
-
-
-REFERENCE = 720
-"""Shorter side of a picture [pixels] at which sizes of text are as given."""
-
-LEAST_SCALE = 0.47
-"""Letters smaller than this times their size in a picture of that side are not drawn: nobody
-reads them."""
-
-SIDE = 0.36
-"""Side of the inset, as a share of the shorter side of the picture."""
-
-MOST_COVERED = 0.6
-"""Panel and inset, one under the other, take at most this share of the picture's height."""
-
-
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """Where panel and inset go.
-
-    Args:
-        scale: Size of the panel's letters against that at 720 lines; None for no panel.
-        inset: Left, top and side of the inset [pixels]; None for no inset.
-        gap: Free border round both [pixels].
-        covered: Width and height of the corner that the panel takes, in heights of the picture.
-    """
-
-    scale: float | None
-    inset: tuple[int, int, int] | None
-    gap: int
-    covered: tuple[float, float]
-
-
-def scale_of(size: tuple[int, int]) -> float:
-    """How many times their size at 720 lines lines and letters are in a picture [pixels]."""
-    return max(SMALLEST_SCALE, min(size) / REFERENCE)
-
-
-def lay_out(size: tuple[int, int], lines: tuple[Line, ...]) -> Layout:
-    """Find room for a panel of the widest lines that it will have, and for the inset.
-
-    The inset stands beside the panel or, where the picture is too narrow, under it; where there
-    is no room for both the panel goes first, and then the letters are made smaller.
-    """
-    width, height = size
-    usual, side = scale_of(size), round(SIDE * min(size))
-    gap = round(GAP * usual)
-    scales = [float(scale) for scale in np.linspace(usual, LEAST_SCALE, 12)]
-
-    def beside(scale: float) -> Layout | None:
-        wide, high = panel_size(lines, scale)
-        if 3 * gap + wide + side > width or 2 * gap + max(high, side) > height:
-            return None
-        return Layout(scale, (width - gap - side, gap, side), gap, _covered(size, gap, wide, high))
-
-    def under(scale: float) -> Layout | None:
-        wide, high = panel_size(lines, scale)
-        if 2 * gap + wide > width or 3 * gap + high + side > MOST_COVERED * height:
-            return None
-        place = width - gap - side, high + 2 * gap, side
-        return Layout(scale, place, gap, _covered(size, gap, wide, high))
-
-    def alone(scale: float) -> Layout | None:
-        wide, high = panel_size(lines, scale)
-        if 2 * gap + wide > width or 2 * gap + high > MOST_COVERED * height:
-            return None
-        return Layout(scale, None, gap, _covered(size, gap, wide, high))
-
-    # Tall pictures have more room under the panel than beside it.
-    first, second = (under, beside) if height > width else (beside, under)
-    for tried, some in ((beside, scales[:1]), (first, scales), (second, scales), (alone, scales)):
-        for scale in some:
-            found = tried(scale)
-            if found is not None:
-                return found
-    return Layout(None, (width - gap - side, gap, side), gap, (0.0, 0.0))
-
-
-def _covered(size: tuple[int, int], gap: int, wide: int, high: int) -> tuple[float, float]:
-    return (wide + 2 * gap) / size[1], (high + 2 * gap) / size[1]
+    moment = Moment(float(times[-1]), pose, 0, 88.88, True)
+    return hud_lines(run, moment, scan, run.map.counts, playback)

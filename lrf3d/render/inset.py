@@ -6,12 +6,14 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry import Float, Single
-from lrf3d.render.hud import Label, Line, scale_of
+from lrf3d.render.hud import Line, Panel, Stamp, panel_size, rounded_box
+from lrf3d.render.layout import scale_of
+from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Draw, FrameRenderer, Mesh, Primitive
 from lrf3d.render.scenery import Frame, Scenery
 from lrf3d.scene import look
 from lrf3d.scene.beams import LINE_SIZES, line_quads
-from lrf3d.scene.bodies import world_from_robot
+from lrf3d.scene.bodies import robot_arrow, world_from_robot
 
 _LEAST = 4.0
 """Least size [m] that is shown: there may be no wall, and a robot that stands."""
@@ -22,9 +24,11 @@ _MARGIN = 8.0
 _HEIGHT = 1e4
 """Height of its eye, and how much nearer to it marks on walls are [m]: nothing hides them."""
 
-_WALL_WIDTH, _MAP_WIDTH, _TRAIL_HALF_WIDTH, _POINT_SIZE = 1.6, 2.3, 1.1, 3.0
-"""Widths of free walls and of the map, half that of the trail, and diameter of hit points [pixels
-at 720 lines]."""
+_WALL_WIDTH, _MAP_WIDTH, _POINT_SIZE = 1.6, 2.3, 3.0
+"""Widths of free walls and of the map, and diameter of hit points [pixels at 720 lines]."""
+
+_TRAIL_HALF_WIDTH, _HALF_WIDTH_UNDER = 1.1, 2.0
+"""Half the width of the trail, by itself and under that of an estimate [pixels at 720 lines]."""
 
 _FAN_STRENGTH = 0.62
 """Opacity of the fan at the robot: stronger than in the film, as the inset is small."""
@@ -64,12 +68,11 @@ class Inset:
         stone = np.full((len(free), 3), _STONE[:3])
         lines = line_quads(free[:, :2], free[:, 2:], stone, np.ones((len(free), 2)), 0.0)
         self._walls = Primitive("lines", LINE_SIZES, lines, blend=True)
-        self._robot = Primitive("flat", (2, 4), _arrow())
+        self._robot = Primitive("flat", (2, 4), robot_arrow())
         self._middle, self.window = self._place()
         own = (self._paper, self._frame, self._houses, self._walls, self._robot)
         scenery.scene.add(Mesh(list(own)))
-        words = (Line(((0.0, f"{self.window:.0f} m"),), _CAPTION),)
-        self._caption = Label(scenery, words, 0.72 * self._scale, back=_CAPTION_BACK)
+        self._caption = Stamp(scenery, _scale_bar(self.window, side, 0.72 * self._scale))
         self._caption.place(size, left, top + side - self._caption.size[1])
         self._captioned = 2 * self._caption.size[0] <= side
 
@@ -77,6 +80,8 @@ class Inset:
         """Draw it over the picture."""
         scenery, side = self._scenery, float(self._box[2])
         pixel = self.window / side
+        under = scenery.run.estimate is not None
+        half_width = _HALF_WIDTH_UNDER if under else _TRAIL_HALF_WIDTH
         # What it shows otherwise than the film does, whatever layer it is.
         own: dict[str, Any] = {
             "view_projection": self.matrix(frame.pose),
@@ -85,7 +90,7 @@ class Inset:
             "viewport": (side, side),
             "slack": 0.0,
             "nearer": _HEIGHT,
-            "half_width": _TRAIL_HALF_WIDTH * self._scale * pixel,
+            "half_width": half_width * self._scale * pixel,
             "strength": _FAN_STRENGTH,
             # So far from the eye, points have their least size.
             "focus": 1.0,
@@ -97,7 +102,8 @@ class Inset:
             Draw(self._walls, walls),
             *scenery.draw_fan(frame),
             *scenery.draw_trail(frame),
-            *scenery.movers.plans(frame.moment.time, pixel),
+            *scenery.draw_estimate(frame),
+            *scenery.obstacles.plans(frame.moment.time, pixel),
             *scenery.draw_points(frame),
             *(Draw(each, lines) for each, _ in scenery.draw_map(frame)),
             Draw(self._robot, {"place": self._robot_matrix(frame.pose)}),
@@ -145,6 +151,26 @@ class Inset:
         return matrix
 
 
+def _scale_bar(window: float, side: int, scale: float) -> Picture:
+    """A bar of a round length with its number, for a side [pixels] that shows so much [m]."""
+    # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the side.
+    power = 10.0 ** np.floor(np.log10(window / 3.0))
+    metres = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= window / 3.0)
+    words = (Line(((0.0, f"{metres:g} m"),), _CAPTION),)
+    wide, high = panel_size(words, scale)
+    long, thick = round(metres / window * side), max(1, round(1.6 * scale))
+    pad = round(12 * scale)
+    picture = rounded_box((max(wide, long + 2 * pad), high), _CAPTION_BACK, 6 * scale)
+    picture[: high - pad // 2, :wide] = Panel(words, scale, _CAPTION_BACK).draw(words)[
+        : high - pad // 2
+    ]
+    bottom = high - round(0.6 * pad)
+    picture[bottom - thick : bottom, pad : pad + long] = _CAPTION
+    for end in (pad, pad + long - thick):
+        picture[bottom - 4 * thick : bottom, end : end + thick] = _CAPTION
+    return picture
+
+
 def _square(colour: tuple[float, ...]) -> Primitive:
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
     rows = np.concatenate([corners, np.tile(np.array(colour, np.float32), (6, 1))], axis=1)
@@ -159,12 +185,3 @@ def _houses(scenery: Scenery) -> Single:
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(solids))
     corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
     return np.concatenate([corners, np.tile(_STONE, (len(corners), 1))], axis=1).astype(np.float32)
-
-
-def _arrow() -> Single:
-    """An arrow head along x with a dark rim, as triangles (v, 6)."""
-    head = look.DART[[0, 1, 2, 0, 2, 3]]
-    rim = np.concatenate([head * 1.4, np.tile((*look.ROBOT_RIM, 1.0), (6, 1))], axis=1)
-    return np.concatenate(
-        [rim, np.concatenate([head, np.tile((*look.ROBOT, 1.0), (6, 1))], axis=1)]
-    ).astype(np.float32)

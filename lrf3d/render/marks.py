@@ -28,6 +28,12 @@ INSIDE, POINT, BEAM, HIT, PATH, ROBOT = (
 )
 """Colours of buildings, points, beams, beam ends, the robot's way and the robot."""
 
+Colour = str | tuple[float, float, float]
+"""A colour of matplotlib: its name, or red, green, blue in 0…1."""
+
+PATH_WIDTH, WIDTH_UNDER = 1.1, 2.8
+"""Widths of the robot's way [points], by itself and under that of an estimate."""
+
 DASHES = (0.0, (4.0, 2.0))
 """The dashes of a route that is yet to be driven: offset, on and off."""
 
@@ -122,12 +128,13 @@ def draw_scan(
     """Draw a scan beam by beam; with the range finder also the beams that met nothing."""
     points = frame.local(scan.points())
     here = frame.local(np.array([scan.pose[:2]]))
-    axes.add_collection(_fan(here, points, alpha=0.5))
+    # Beams end at returns or at nothing: what is in view is decided by the returns.
+    axes.add_collection(_fan(here, points, alpha=0.5), autolim=False)
     missed = np.isposinf(scan.ranges)
     if lrf is not None and missed.any():
         far = np.full(missed.sum(), lrf.range_max)
         ends = frame.local(reflection_points(scan.pose, scan.angles[missed], far))
-        axes.add_collection(_fan(here, ends, alpha=0.15))
+        axes.add_collection(_fan(here, ends, alpha=0.15), autolim=False)
     axes.scatter(points[:, 0], points[:, 1], s=9.0, color=HIT, linewidths=0, zorder=5)
     signs = []
     if len(points) or (lrf is not None and missed.any()):
@@ -144,23 +151,23 @@ def draw_route(axes: Axes, frame: Frame, way: Float) -> Line2D:
     return Line2D([], [], color=PATH, linewidth=1.2, linestyle=DASHES, label="route")
 
 
-def draw_closures(axes: Axes, frame: Frame, closures: Float) -> list[Line2D]:
-    """Draw loops that were closed (n, 4) as lines x1 y1 x2 y2 between the two places."""
-    if not len(closures):
-        return []
-    axes.add_collection(_lines(frame, closures, HIT, 0.8, zorder=3.5))
-    return [Line2D([], [], color=HIT, linewidth=0.8, label="loop closures")]
-
-
-def draw_poses(axes: Axes, frame: Frame, poses: Float) -> list[Line2D]:
-    """Draw few poses as robots by name, many as a path with the robot at its end."""
+def draw_poses(
+    axes: Axes,
+    frame: Frame,
+    poses: Float,
+    name: str = "path",
+    colour: Colour = PATH,
+    width: float = PATH_WIDTH,
+) -> list[Line2D]:
+    """Draw few poses as robots by name, many as a path of a name with the robot at its end."""
     if not len(poses):
         return []
     signs = []
     places = frame.local(poses[:, :2])
     named = len(poses) <= FEW_POSES
     if not named:
-        signs.append(_draw_path(axes, places, jump=JUMP * float(frame.size.max())))
+        jump = JUMP * float(frame.size.max())
+        signs.append(_draw_path(axes, places, name, colour, width, jump=jump))
     size = DART_SIZE * float(np.sqrt(frame.size.prod()))
     for index in range(len(poses)) if named else [len(poses) - 1]:
         pose = Pose(places[index, 0], places[index, 1], poses[index, 2])
@@ -169,7 +176,7 @@ def draw_poses(axes: Axes, frame: Frame, poses: Float) -> list[Line2D]:
         if named and len(poses) > 1:
             # The name stands behind the robot, where it has no beams.
             behind = pose.apply(np.array([[-2.4 * size, 0.0]]))[0]
-            name = axes.text(
+            label = axes.text(
                 behind[0],
                 behind[1],
                 f"p{index + 1}",
@@ -178,21 +185,23 @@ def draw_poses(axes: Axes, frame: Frame, poses: Float) -> list[Line2D]:
                 zorder=7,
                 clip_on=True,
             )
-            name.set(color=ROBOT, fontsize=10, weight="bold")
-            name.set_path_effects([withStroke(linewidth=3, foreground="white")])
+            label.set(color=ROBOT, fontsize=10, weight="bold")
+            label.set_path_effects([withStroke(linewidth=3, foreground="white")])
     signs.append(Line2D([], [], color=ROBOT, marker=">", linestyle="none", label="robot"))
     return signs
 
 
-def _draw_path(axes: Axes, places: Float, *, jump: float) -> Line2D:
+def _draw_path(
+    axes: Axes, places: Float, name: str, colour: Colour, width: float, *, jump: float
+) -> Line2D:
     """Draw a drive as a line, and places that lie mostly farther apart than a jump [m] as dots."""
     x, y = places.T
     if np.median(np.hypot(np.diff(x), np.diff(y))) > jump:
-        axes.scatter(x, y, s=12, color=PATH, linewidths=0, zorder=3)
-        return Line2D([], [], color=PATH, marker=".", linestyle="none", label="poses")
-    axes.plot(x, y, color=PATH, linewidth=1.1, alpha=0.9, zorder=3)
-    axes.scatter(x[:1], y[:1], s=22, facecolor="white", edgecolor=PATH, zorder=5)
-    return Line2D([], [], color=PATH, linewidth=1.1, label="path")
+        axes.scatter(x, y, s=12, color=colour, linewidths=0, zorder=3)
+        return Line2D([], [], color=colour, marker=".", linestyle="none", label="poses")
+    axes.plot(x, y, color=colour, linewidth=width, alpha=0.9, zorder=3)
+    axes.scatter(x[:1], y[:1], s=22, facecolor="white", edgecolor=colour, zorder=5)
+    return Line2D([], [], color=colour, linewidth=width, label=name)
 
 
 def _lines(

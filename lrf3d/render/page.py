@@ -15,8 +15,8 @@ from lrf3d.errors import OutputError
 from lrf3d.geometry import Float
 from lrf3d.output import replacing
 
-INK, FAINT, GRID = "#20262e", "#68727f", "#e8ebef"
-"""Colours of titles, of what stands back, and of the grid."""
+INK, FAINT, GRID, SPINE = "#20262e", "#68727f", "#e8ebef", "#c9ced6"
+"""Colours of titles, of what stands back, of the grid, and of the frame around a panel."""
 
 DOTS_PER_INCH = 150
 """Sharp on screens and in print, at some 1500 pixels across."""
@@ -73,6 +73,12 @@ class Frame:
         size = np.maximum(size, size.max() / 3.0) * (1.0 + 2.0 * MARGIN)
         middle = 0.5 * (low + high) - origin
         return cls(origin, middle - 0.5 * size, middle + 0.5 * size)
+
+    @classmethod
+    def whole(cls, places: Iterable[Float]) -> "Frame":
+        """The frame around points whose axes count from the world's own origin, however far."""
+        frame = cls.around(places)
+        return cls(np.zeros(2), frame.low + frame.origin, frame.high + frame.origin)
 
     @classmethod
     def strips(cls, places: Iterable[Float]) -> "list[Frame]":
@@ -146,11 +152,7 @@ class Page:
             axis.set_major_formatter(StrMethodFormatter("{x:g}"))
             label = f"{name} [m]" if not frame.origin.any() else f"{name} − {origin:.0f} [m]"
             axis.set_label_text(label, color=FAINT, fontsize=9)
-        axes.tick_params(colors=FAINT, labelsize=8, length=0)
-        axes.grid(color=GRID, linewidth=0.7)
-        axes.set_axisbelow(True)
-        for spine in axes.spines.values():
-            spine.set(color="#c9ced6", linewidth=0.8)
+        dress(axes)
         return axes
 
     def _title(self, title: str, counts: str) -> None:
@@ -184,6 +186,15 @@ class Page:
             OutputError: It cannot be written there, or the ending names no known format.
         """
         return save_figure(self.figure, path)
+
+
+def dress(axes: Axes) -> None:
+    """Give axes the look of all figures: a light grid below all marks, and no strong lines."""
+    axes.tick_params(which="both", colors=FAINT, labelsize=8, length=0)
+    axes.grid(color=GRID, linewidth=0.7)
+    axes.set_axisbelow(True)
+    for spine in axes.spines.values():
+        spine.set(color=SPINE, linewidth=0.8)
 
 
 def plain(words: str) -> str:

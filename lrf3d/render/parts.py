@@ -19,7 +19,7 @@ from lrf3d.geometry import Float, Int, Single, quad_indices
 from lrf3d.render.primitives import Primitive, Texture
 from lrf3d.scene.facades import layers
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import paint_walls
+from lrf3d.scene.walls import PaintedWalls
 
 COLUMNS = 512
 """Columns of the view, over half a turn: a third of a degree each."""
@@ -133,9 +133,10 @@ TILE = 160.0
 _LONGEST = 60.0
 """Side of a square [m] that a part is cut to: a block of a mile is not drawn for its corner."""
 
-_SIZES, _COLUMNS = (3, 3, 3, 3, 1), [0, 1, 2, *range(6, 16)]
-"""What a corner has, position, place on the texture, colour, light and shadow, and where in the
-rows of :func:`~lrf3d.scene.walls.paint_walls` that stands."""
+_SIZES, _COLUMNS = (3, 3, 3, 3, 1, 3), [0, 1, 2, *range(6, 19)]
+"""What a corner has, position, place on the texture, colour, light in the sun, how far under the
+edge of its shadow it lies and light in the shadow, and where in the rows of
+:func:`~lrf3d.scene.walls.paint_walls` that stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,15 +272,15 @@ class PartedWalls:
         self.faces.select(self.parts.seen(matrix, eye))
 
 
-def build_walls(structures: Structures) -> PartedWalls:
+def build_walls(structures: Structures, painted: PaintedWalls) -> PartedWalls:
     """Build the primitive of all walls and roofs, and the parts that it is drawn in."""
-    quads, objects, roofs, roof_objects = paint_walls(structures)
+    quads, objects, roofs, roof_objects = painted.faces
     quad_parts, roof_parts, parts = _parts(structures, quads, objects, roofs, roof_objects)
     corners = 4 * len(quads) + np.arange(3 * len(roofs), dtype=np.uint32)
     faces = PartedPrimitive(
         "walls",
         _SIZES,
-        np.concatenate([quads.reshape(-1, 16), roofs.reshape(-1, 16)])[:, _COLUMNS],
+        np.concatenate([quads.reshape(-1, 19), roofs.reshape(-1, 19)])[:, _COLUMNS],
         np.concatenate([quad_indices(len(quads)), corners]).reshape(-1, 3).astype(np.uint32),
         np.concatenate([np.repeat(quad_parts, 2), roof_parts]),
         len(parts.boxes.low),

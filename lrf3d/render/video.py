@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError
+from lrf3d.geometry import Float
 from lrf3d.output import lock_of, locked, make_folder, replacing, unfinished_folder
 from lrf3d.render.film_parts import FRAMES, Job, draw_parts
 from lrf3d.render.gl import gl_available, require_gl
 from lrf3d.render.pictures import FrameProgress
 from lrf3d.run import Run
+from lrf3d.scene.cameras import margins
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
 
@@ -45,6 +47,7 @@ def render_video(
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
+    part: tuple[float | None, float | None] = (None, None),
     progress: FrameProgress | None = None,
 ) -> None:
     """Draw a run as a film: H.264 in .mp4, or a looping animation in .webp or .gif.
@@ -55,12 +58,13 @@ def render_video(
         size: Width and height [pixels], both even for .mp4.
         fps: Frames a second; a .gif can have up to 50, a .webp up to 200.
         playback: Seconds of the run in a second of the film; the run's own if not given.
-        view: Name of the camera: ``chase``, ``first``, ``orbit``, ``top``, or one of the world's;
-            the run's own if not given.
+        view: Name of the camera: ``story``, ``chase``, ``first``, ``orbit``, ``overview``, ``top``,
+            or one of the world's; the run's own if not given.
         samples: Samples a pixel against jagged edges: 4, or 0 for none.
         workers: Number of processes; as many as there are cores if not given.
         renderer: What draws: ``gl``, or ``embree`` which needs no OpenGL and takes longer; where
             not given, OpenGL where it is there.
+        part: From when to when the run is shown [s]; from its start, to its end if not given.
         progress: Called with frames done and frames in all, as the film grows. A .gif is packed
             when all of it is drawn; then a frame that is drawn counts as a part of one.
 
@@ -79,7 +83,8 @@ def render_video(
 
     path = Path(path)
     kind = format_of(path)
-    job = _job(run, size, fps, playback, view, samples, workers, renderer, path.suffix.lower())
+    ending = path.suffix.lower()
+    job = _job(run, size, fps, playback, view, samples, workers, renderer, ending, part)
     if kind.even and (size[0] % 2 or size[1] % 2):
         raise InputError(f"size {size[0]}x{size[1]}: H.264 needs even numbers")
     if fps > kind.fastest:
@@ -123,6 +128,7 @@ def render_frames(
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
+    part: tuple[float | None, float | None] = (None, None),
     progress: FrameProgress | None = None,
 ) -> int:
     """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.
@@ -139,7 +145,7 @@ def render_frames(
     """
     # The current folder has a name, too, and one above it.
     folder = Path(os.path.abspath(folder))
-    job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES)
+    job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES, part)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder}: not empty; name a new or an empty folder")
     make_folder(folder.parent)
@@ -149,8 +155,8 @@ def render_frames(
             parts, _ = draw_parts(job, place, workers, progress)
             whole = place / "frames"
             whole.mkdir()
-            for part in parts:
-                for picture in part.iterdir():
+            for drawn in parts:
+                for picture in drawn.iterdir():
                     os.replace(picture, whole / picture.name)
             # An empty folder is replaced, one that was filled meanwhile is not.
             os.replace(whole, folder)
@@ -171,21 +177,16 @@ def frame(
     playback: float | None = None,
     renderer: str | None = None,
 ) -> NDArray[np.uint8]:
-    """Draw a run at a time [s] as one picture, as it is in the film of that playback.
-
-    Returns:
-        The picture (h, w, 3) uint8: red, green, blue, row 0 at the top.
-
-    Raises:
-        InputError: An argument is out of its range.
-        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
-    """
+    """The picture (h, w, 3) of a run at a time: see `Run.frame`."""
     view, playback = _view_and_playback(run, view, playback)
     _check(run, size, view, samples)
     if not (math.isfinite(time) and math.isfinite(playback) and playback > 0.0):
         raise InputError(f"time {time} and playback {playback}: expected finite numbers of seconds")
     film = _film(run, size, view, samples, playback, choose_renderer(renderer))
     start, end = film.timeline.start, film.timeline.end
+    # The pictures of the opening and the end can be looked at, too.
+    opening, closing = (playback * margin for margin in margins(view))
+    start, end = start - opening, end + closing
     if not start - _SLACK <= time <= end + _SLACK:
         raise InputError(f"time {time:g} s: the run goes from {start:g} to {end:g} s")
     return np.array(film.draw(time)[:, :, :3])
@@ -211,6 +212,7 @@ def _job(
     workers: int | None,
     renderer: str | None,
     ending: str,
+    part: tuple[float | None, float | None],
 ) -> Job:
     """The film to draw, when all that is asked for can be."""
     view, playback = _view_and_playback(run, view, playback)
@@ -219,11 +221,25 @@ def _job(
         raise InputError(f"fps {fps:g} and playback {playback:g}: expected more than 0")
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}: expected at least 1")
-    times = Timeline(run, playback=playback).frame_times(fps)
+    timeline = Timeline(run, playback=playback)
+    times = _within(timeline, timeline.frame_times(fps, margins(view)), *part)
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
     drawn = choose_renderer(renderer)
     return Job(run, times, size, fps, playback, view, samples, drawn, ending)
+
+
+def _within(timeline: Timeline, times: Float, first: float | None, last: float | None) -> Float:
+    """Those of the frames' times (n,) from a first to a last time of the run [s]."""
+    low = -math.inf if first is None else first
+    high = math.inf if last is None else last
+    chosen = times[(times >= low - _SLACK) & (times <= high + _SLACK)]
+    if not len(chosen):
+        raise InputError(
+            f"part from {low:g} to {high:g} s: the run goes from {timeline.start:g} to"
+            f" {timeline.end:g} s, and no frame lies there"
+        )
+    return np.asarray(chosen)
 
 
 def _view_and_playback(run: Run, view: str | None, playback: float | None) -> tuple[str, float]:

@@ -2,8 +2,17 @@
 
 from lrf3d.robot.collision import check_drive, find_collision
 from lrf3d.robot.driving import drive
+from lrf3d.robot.estimated_trajectory import EstimatedTrajectory
 from lrf3d.robot.following import follow_route
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle
 
-__all__ = ["Trajectory", "Unicycle", "check_drive", "drive", "find_collision", "follow_route"]
+__all__ = [
+    "EstimatedTrajectory",
+    "Trajectory",
+    "Unicycle",
+    "check_drive",
+    "drive",
+    "find_collision",
+    "follow_route",
+]

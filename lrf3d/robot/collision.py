@@ -39,37 +39,37 @@ class CollisionChecker:
         self._tree = shapely.STRtree(self._walls)
 
     def hit(self, starts: Float, ends: Float, radius: float) -> tuple[Int, Int]:
-        """Which straight paths, from (n, 2) to (n, 2), come nearer to walls than a radius [m].
+        """Find paths from starts (n, 2) to ends (n, 2) that come nearer to walls than a radius [m].
 
         Returns:
             Indices of the paths (k,) and of the walls (k,), a row for each pair.
         """
         import shapely
 
-        steps = shapely.linestrings(np.stack([starts, ends], axis=1) - self.world.origin)
+        paths = shapely.linestrings(np.stack([starts, ends], axis=1) - self.world.origin)
         # Shapely finds nothing near a line of zero length, so a robot at rest is a point.
-        stands = (starts == ends).all(axis=1)
-        steps[stands] = shapely.points(starts[stands] - self.world.origin)
-        ways, walls = self._tree.query(steps, predicate="dwithin", distance=radius)
-        return ways, walls
+        at_rest = (starts == ends).all(axis=1)
+        paths[at_rest] = shapely.points(starts[at_rest] - self.world.origin)
+        path, wall = self._tree.query(paths, predicate="dwithin", distance=radius)
+        return path, wall
 
     def first(self, trajectory: Trajectory, radius: float) -> Collision | None:
         """The first collision of a round robot of a radius [m], or None."""
         import shapely
 
         world = self.world
-        places = trajectory.poses[:, :2]
-        ends = np.concatenate([places[1:], places[-1:]])
-        step, wall = self.hit(places, ends, radius)
+        positions = trajectory.poses[:, :2]
+        ends = np.concatenate([positions[1:], positions[-1:]])
+        step, wall = self.hit(positions, ends, radius)
         if not len(step):
             return None
         first = step.min()
         near = wall[step == first]
-        way = shapely.linestrings(np.stack([places[first], ends[first]]) - world.origin)
-        hit = int(near[np.argmin(shapely.distance(self._walls[near], way))])
+        path = shapely.linestrings(np.stack([positions[first], ends[first]]) - world.origin)
+        hit = int(near[np.argmin(shapely.distance(self._walls[near], path))])
         owner = int(world.objects[hit])
         name = f" of {world.object_names[owner]}" if owner < len(world.object_names) else ""
-        x, y = places[first]
+        x, y = positions[first]
         return Collision(float(trajectory.times[first]), float(x), float(y), hit, name)
 
 

@@ -71,6 +71,7 @@ def _function(value: Input) -> Callable[[float], float]:
 
 def _sample_times(duration: float, dt: float) -> Float:
     """Times 0, dt, 2·dt, … and the duration itself [s]."""
+    # Rounding must neither lose the last sample nor add one just before the end.
     count = int(np.floor(duration / dt * (1.0 + 1e-12)))
     times = np.asarray(np.arange(count + 1) * dt, dtype=np.float64)
     if duration - times[-1] > 1e-9 * dt:
@@ -98,7 +99,7 @@ def _integrate(
         start,
         method="RK45",
         t_eval=times,
-        rtol=max(tolerance, 1e-13),
+        rtol=max(tolerance, 1e-13),  # SciPy warns about less, as float64 cannot reach it.
         atol=tolerance,
         max_step=dt,
     )
@@ -122,11 +123,11 @@ def _chain_arcs(
         raise InputError(f"duration {shown(duration)}: expected positive numbers of seconds")
     if not (np.isfinite(v).all() and np.isfinite(omega).all()):
         raise InputError("drive: v and omega must be finite numbers")
-    begins = np.concatenate([[0.0], np.cumsum(durations)])
+    starts = np.concatenate([[0.0], np.cumsum(durations)])
     knots = _knots(start, v, omega, durations)
-    times = _sample_times(float(begins[-1]), dt)
-    piece = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(v) - 1)
-    poses = arcs(knots[piece], v[piece], omega[piece], times - begins[piece])
+    times = _sample_times(float(starts[-1]), dt)
+    piece = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(v) - 1)
+    poses = arcs(knots[piece], v[piece], omega[piece], times - starts[piece])
     return Trajectory(times, poses)
 
 
@@ -135,5 +136,5 @@ def _knots(start: Float, v: Float, omega: Float, durations: Float) -> Float:
     headings = start[2] + np.concatenate([[0.0], np.cumsum(omega * durations)])
     turned = np.column_stack([np.zeros((len(v), 2)), headings[:-1]])
     steps = arcs(turned, v, omega, durations)[:, :2]
-    places = start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    return np.column_stack([places, headings])
+    positions = start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    return np.column_stack([positions, headings])

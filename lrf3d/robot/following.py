@@ -25,10 +25,10 @@ SCAN_INTERVAL = 0.25
 """Time between two scans [s] if none is given."""
 
 MAX_TURN_RATE = 1.5
-"""Fastest turn that the follower asks for [rad/s]."""
+"""Fastest turn that the follower commands [rad/s]."""
 
 TURN_IN_PLACE = np.radians(75.0)
-"""Bearing [rad] of the goal above which the robot turns in place, so that it drives no loop."""
+"""Bearing [rad] of the goal above which the robot turns in place instead of circling it."""
 
 SHARPEST_TURN = np.radians(100.0)
 """Turn of the route [rad] above which the robot drives to the way-point itself and turns there: the
@@ -85,8 +85,7 @@ def follow_route(
     step = dt / per_sample
     reach, poses, times = 0.0, [pose], [0.0]
     stops = path.stops()
-    # After ten times the duration at full speed and a minute for turns, the follower will not
-    # arrive any more.
+    # After ten times the duration at full speed and a minute for turns, it will never arrive.
     limit = int((10.0 * path.length / speed + 60.0) / step)
     straight = path.length / speed / step
     needed = straight if most is None else min(straight, float(most - 1) * per_sample)
@@ -147,6 +146,7 @@ class _Path:
 
     def progress(self, pose: Pose, reach: float, limit: float) -> float:
         """The station nearest to the pose, from the last one up to a limit."""
+        # With a look-ahead of 1 m the samples are 3 cm apart.
         stations = np.linspace(reach, limit, 33)
         near = np.column_stack(
             [np.interp(stations, self.stations, self.points[:, axis]) for axis in (0, 1)]

@@ -1,4 +1,4 @@
-"""Free space: the places between the walls where a robot can be, as a graph of lattice cells.
+"""Free space: where a robot can be between the walls, as a graph of lattice cells.
 
 The cells keep a distance to the walls. They are in the local frame of the world, with the steps
 between neighbouring cells and the costs of these.
@@ -11,7 +11,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int
-from lrf3d.robot.sides import Sides, find_sides
+from lrf3d.robot.sides import Lattice, Sides, find_sides
 from lrf3d.robot.wall_samples import (
     SURROUNDINGS,
     planning_window,
@@ -41,9 +41,8 @@ LARGEST_PARTS = 8
 """Number of the largest parts of the free space that are compared."""
 
 SUBSTANTIAL = 0.7
-"""Length of the walls that stand along the inside, as a share of those along the outside, from
-which on a world is driven through inside. Of a house it is more than 1, and less only where its
-walls are thicker than any wall."""
+"""Least length of the walls along the inside, as a share of those along the outside, for the robot
+to drive inside. For a house it is more than 1, unless its walls are thicker than any real ones."""
 
 BUILDING, OPEN = 0.3, 0.95
 """Weights of walls seen from within a building and from open land: a room is preferred to the land
@@ -86,6 +85,11 @@ class FreeSpace:
     def clearance(self, points: Float) -> Float:
         """Distance (k,) [m] of points (k, 2) of the local frame to the nearest wall."""
         return np.asarray(self.walls.query(points)[0], dtype=np.float64)
+
+    def length(self, path: Int) -> float:
+        """Length [m] of a path of neighbouring cells."""
+        steps = np.diff(self.cells[path], axis=0)
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
     def bars(self, points: Float) -> Bool:
         """Which of the points (k, 2) of the local frame lie in a barred cell."""
@@ -133,26 +137,21 @@ def find_free_space(
     if not len(segments):
         raise InputError(f"{name}: no walls near the start, so no route can be found")
     points, weights = thinned(*sample_walls(segments, spacing_for(segments)))
-    size = float(np.clip(np.sqrt(np.prod(high - low) / CELLS), *CELL_SIZES))
     # The samples do not include the ends of the walls, which protrude the most.
     tree = cKDTree(np.vstack([points, segments.reshape(-1, 2)]))
-    shape = np.ceil((high - low) / size).astype(int)
-    axes = [low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1)]
-    middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=2)
-    distances = np.asarray(tree.query(middles.reshape(-1, 2))[0]).reshape(shape)
-    graph, index = _graph(middles, distances, tree, (least, comfortable, clearance))
-    cells, gaps = middles.reshape(-1, 2)[index], distances.reshape(-1)[index]
+    middles, gaps, size = lattice = _lattice(low, high, tree)
+    graph, free = _graph(lattice, tree, least, comfortable, clearance)
+    cells, clearances = middles.reshape(-1, 2)[free], gaps.reshape(-1)[free]
     if not len(cells):
         raise InputError(
             f"{name}: no place that is {least:g} m away from all walls; give a route or a smaller"
             " radius"
         )
-    lattice = (middles, distances, index, size)
-    sides = find_sides(world, (segments, world.objects[which]), cells, lattice, graph)
+    sides = find_sides(world, segments, world.objects[which], lattice, free, graph)
     known = np.ones(len(cells), dtype=np.bool_)
     if world.free is not None:
         known = world.free.contain(cells + world.origin)
-    worths = _Worths(cells, points, weights, 2.0 * (least + size))
+    walls_along = _WallsAlong(cells, points, weights, 2.0 * (least + size))
     begin = None
     if start is not None:
         begin = _cell_of(start, cells, known, tree, least, size)
@@ -162,7 +161,7 @@ def find_free_space(
                 f"{name}: no room around the start ({x:g}, {y:g}) for a robot that stays"
                 f" {least:g} m away from walls"
             )
-    allowed = known & _allowed(sides, known, where, begin, worths)
+    allowed = known & _allowed(sides, known, where, begin, walls_along)
     if not allowed.any():
         place = "free cell" if where is None else f"place {where} the walls"
         raise InputError(
@@ -171,35 +170,44 @@ def find_free_space(
         )
     if begin is not None and not allowed[begin]:
         raise InputError(f"{name}: the start does not lie {where} the walls")
-    chosen, worth = _best_part(np.flatnonzero(allowed), graph, sides, where, begin, worths)
-    barred = np.zeros(distances.size, dtype=np.bool_)
-    barred[index] = ~allowed
+    chosen, worth = _best_part(np.flatnonzero(allowed), graph, sides, where, begin, walls_along)
+    barred = np.zeros(gaps.size, dtype=np.bool_)
+    barred[free] = ~allowed
     if world.free is not None:
         barred |= ~world.free.contain(middles.reshape(-1, 2) + world.origin)
-    gaps = gaps[chosen]
+    clearances = clearances[chosen]
     return FreeSpace(
         cells[chosen],
-        gaps,
+        clearances,
         graph[chosen][:, chosen],
         size,
         least,
-        gaps >= comfortable,
+        clearances >= comfortable,
         worth,
         tree,
         "outside" if sides.outside[chosen].any() else "inside",
         low,
-        barred.reshape(shape),
+        barred.reshape(gaps.shape),
         None if begin is None else int(np.searchsorted(chosen, begin)),
     )
 
 
+def _lattice(low: Float, high: Float, tree: Any) -> Lattice:
+    """About `CELLS` cells over the box from low to high, with their distances to the walls."""
+    size = float(np.clip(np.sqrt(np.prod(high - low) / CELLS), *CELL_SIZES))
+    shape = np.ceil((high - low) / size).astype(int)
+    axes = [low[axis] + size * (0.5 + np.arange(shape[axis])) for axis in (0, 1)]
+    middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=2)
+    return Lattice(middles, np.asarray(tree.query(middles.reshape(-1, 2))[0]).reshape(shape), size)
+
+
 def _graph(
-    middles: Float, gaps: Float, tree: Any, distances: tuple[float, float, float]
+    lattice: Lattice, tree: Any, least: float, comfortable: float, clearance: float
 ) -> tuple[Any, Int]:
     """The costs of the steps between neighbouring free cells, and which cells are free."""
     from scipy.sparse import coo_array
 
-    least, comfortable, clearance = distances
+    middles, gaps, _ = lattice
     free = gaps >= least
     number = np.cumsum(free).reshape(free.shape) - 1
     width, height = free.shape
@@ -213,12 +221,13 @@ def _graph(
         nearest = np.minimum(gaps[here][both], gaps[there][both])
         # Only steps near a wall need checks between their ends.
         close = np.flatnonzero(nearest < least + 0.5 * length)
-        for place in (0.25, 0.5, 0.75):
-            between = start[close] * (1.0 - place) + end[close] * place
+        for share in (0.25, 0.5, 0.75):
+            between = start[close] * (1.0 - share) + end[close] * share
             nearest[close] = np.minimum(nearest[close], tree.query(between)[0])
         open_ = nearest >= least
         rows.append(number[here][both][open_])
         columns.append(number[there][both][open_])
+        # The lower limit avoids a division by zero without a wider clearance.
         nearness = np.clip((clearance - nearest[open_]) / max(clearance - least, 1e-9), 0.0, 1.0)
         tight = TIGHT_PENALTY * (nearest[open_] < comfortable)
         costs.append(length[open_] * (1.0 + WALL_PENALTY * nearness**2 + tight))
@@ -229,8 +238,8 @@ def _graph(
 
 
 @dataclass(frozen=True)
-class _Worths:
-    """The length of the walls along some of the cells.
+class _WallsAlong:
+    """Measures the walls along cells.
 
     Args:
         cells: (n, 2) the cells [m].
@@ -244,8 +253,8 @@ class _Worths:
     weights: Float
     reach: float
 
-    def of(self, cells: Int | Bool) -> float:
-        """The length [m] of the walls along some cells."""
+    def length(self, cells: Int | Bool) -> float:
+        """Length [m] of the walls along some of the cells."""
         from scipy.spatial import cKDTree
 
         if not len(self.cells[cells]):
@@ -255,7 +264,7 @@ class _Worths:
 
 
 def _allowed(
-    sides: Sides, known: Bool, where: Side | None, begin: int | None, worths: _Worths
+    sides: Sides, known: Bool, where: Side | None, begin: int | None, walls_along: _WallsAlong
 ) -> Bool:
     """Which cells (n,) may be driven through, if they are known to be free."""
     if where is not None:
@@ -263,9 +272,9 @@ def _allowed(
     everywhere = np.ones(len(known), dtype=np.bool_)
     if sides.is_town:
         return everywhere
-    before = known & sides.outside
+    outdoors = known & sides.outside
     rooms = known & ~sides.outside & ~sides.in_building
-    if before.any() and worths.of(rooms) < SUBSTANTIAL * worths.of(before):
+    if outdoors.any() and walls_along.length(rooms) < SUBSTANTIAL * walls_along.length(outdoors):
         # A few walls in the open, which enclose hardly anything.
         return everywhere
     inside = begin is None or not sides.outside[begin]
@@ -283,12 +292,13 @@ def _cell_of(
         return None
     room = min(float(tree.query(start)[0]), least) - 0.25 * size
     away, near = cKDTree(cells[candidates]).query(start, k=min(16, len(candidates)))
-    for distance, place in zip(np.atleast_1d(away), np.atleast_1d(near), strict=True):
+    for distance, candidate in zip(np.atleast_1d(away), np.atleast_1d(near), strict=True):
         if distance > least + 2.0 * size:
             break
-        cell = int(candidates[place])
-        way = np.linspace(0.0, 1.0, int(4.0 * distance / size) + 2)[:, None]
-        if (tree.query(start * (1.0 - way) + cells[cell] * way)[0] >= room).all():
+        cell = int(candidates[candidate])
+        # At least four samples a cell, so that the path does not step over a wall.
+        share = np.linspace(0.0, 1.0, int(4.0 * distance / size) + 2)[:, None]
+        if (tree.query(start * (1.0 - share) + cells[cell] * share)[0] >= room).all():
             return cell
     return None
 
@@ -299,7 +309,7 @@ def _best_part(
     sides: Sides,
     where: Side | None,
     begin: int | None,
-    worths: _Worths,
+    walls_along: _WallsAlong,
 ) -> tuple[Int, float]:
     """The part of the allowed cells along the most walls, and their weighted length."""
     from scipy.sparse.csgraph import connected_components
@@ -311,7 +321,7 @@ def _best_part(
     best, most = allowed, -1.0
     for part in parts:
         cells = allowed[label == part]
-        worth = worths.of(cells)
+        worth = walls_along.length(cells)
         if where is None and sides.in_building[cells[0]]:
             worth *= BUILDING
         elif where is None and sides.outside[cells].any():

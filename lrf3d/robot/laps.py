@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Value, is_finite, numbers
@@ -20,27 +21,27 @@ def drive_laps(
 ) -> tuple[Trajectory, ...]:
     """A first lap along a route, and a second one that ends where it begins, to be repeated.
 
-    A route that does not end where it begins is driven back the way it came. What is not asked
-    for is not driven: the first lap ends after that number of poses, and there is no second.
+    A route that does not end where it begins is driven back the way it came. If the first lap
+    alone has as many poses as are needed, it ends there, and there is no second lap.
 
     Args:
         route: (m, 2) way-points [m].
         start: Pose at time 0; on the first way-point if not given.
         speed: Speed on straight parts [m/s].
-        lookahead: Distance along the route to the point that is steered at [m].
+        lookahead: Distance along the route to the point that the robot steers at [m].
         dt: Time between the poses [s].
-        most: How many poses are asked for.
+        most: Number of poses that are needed.
 
     Raises:
         InputError: The route has fewer than two different points, or the laps are too long.
     """
     closed = (route[0] == route[-1]).all()
-    way = route if closed else np.concatenate([route, route[-2::-1]])
-    how: dict[str, Any] = {"speed": speed, "lookahead": lookahead, "dt": dt}
-    first = follow_route(way, start=start, most=most, **how)
+    lap = route if closed else np.concatenate([route, route[-2::-1]])
+    settings: dict[str, Any] = {"speed": speed, "lookahead": lookahead, "dt": dt}
+    first = follow_route(lap, start=start, most=most, **settings)
     if len(first) >= most:
         return (first,)
-    return first, follow_route(way, start=first.poses[-1], **how)
+    return first, follow_route(lap, start=first.poses[-1], **settings)
 
 
 def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
@@ -51,13 +52,13 @@ def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
     """
     if len(laps[0]) >= scans:
         return Trajectory(laps[0].times[:scans], laps[0].poses[:scans])
-    first, lap = _waited_for(laps[0]), _waited_for(laps[-1])
+    first, lap = _evenly_spaced(laps[0]), _evenly_spaced(laps[-1])
     if len(lap) < 2:
         raise InputError("laps: a lap takes no time; give a route of some length")
     more = scans - len(first)
     number, row = np.divmod(np.arange(more), len(lap) - 1)
     poses = lap.poses[row + 1]
-    # The heading goes on over full turns; the places are the very same in every lap.
+    # The heading is continuous over full turns; positions repeat to the last bit.
     poses[:, 2] += number * (lap.poses[-1, 2] - lap.poses[0, 2])
     times = first.times[-1] + number * lap.duration + lap.times[row + 1]
     return Trajectory(
@@ -66,8 +67,8 @@ def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
     )
 
 
-def _waited_for(lap: Trajectory) -> Trajectory:
-    """The lap with its last pose a whole interval after the one before.
+def _evenly_spaced(lap: Trajectory) -> Trajectory:
+    """The lap with its last pose delayed to a whole interval after the one before.
 
     The robot arrives between two scans and waits for the next, so that scans stay evenly spaced.
     """
@@ -132,11 +133,11 @@ class Patrol(Value):
             leg = (leg + 1) % len(legs)
         return Trajectory(times, poses)
 
-    def at(self, times: Float) -> Float:
+    def at(self, times: ArrayLike) -> Float:
         """Poses (m, 3) at times (m,) [s]; at rest before time 0."""
-        last = float(times.max(initial=0.0))
+        last = float(np.max(times, initial=0.0))
         known: Trajectory | None = self.__dict__.get("_known")
         if known is None or known.times[-1] <= last:
-            # Twice as far as asked, so that a clock that runs on seldom needs another.
+            # Computed to twice the time, so that rising times seldom need another path.
             known = self.__dict__["_known"] = self.until(2.0 * last + 60.0)
         return known.at(times)

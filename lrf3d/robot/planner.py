@@ -26,21 +26,22 @@ SHORTEST_ROUTE = 20.0
 robot also drives to the ends of the free space and back."""
 
 FEW_STEPS = 5.0
-"""Length [m] up to which a route is taken only if no route farther from the walls is longer."""
+"""Length [m] up to which a route is only a fallback: wider margins are tried for a longer one."""
 
 LONGEST_ROUTE = 800.0
 """Longest route [m]: about five minutes at 3 m/s."""
 
 MARGINS = (0.3, 0.6, 0.9)
 """Margins [m] between the robot and walls, for the corners that a follower cuts: the smallest one
-that can be followed is used, because wider ones close doors."""
+with which the route can be followed is used, because wider ones close doors."""
 
-TIGHT_MARGINS = (0.05, 0.12)
-"""Margins [m] in doors that are too narrow for these."""
+DOOR_MARGINS = (0.05, 0.12)
+"""Margins [m] that are tried before `MARGINS`, for doors that are too narrow for those; elsewhere
+the route still prefers the wider margin."""
 
-MORE = 1.1
-"""Least factor by which narrow doors must increase the free space, or the length of its walls, for
-a robot to go through them."""
+DOOR_GAIN = 1.1
+"""Least factor by which narrow doors must enlarge the free space, or the length of the walls along
+it, for the robot to go through them."""
 
 LONGEST_LEG = 30.0
 """Longest straight piece of a route [m]."""
@@ -60,6 +61,11 @@ class PlannedRoute:
     waypoints: Float
     side: Side
 
+    @property
+    def length(self) -> float:
+        """Length [m] of the route."""
+        return float(np.hypot(*np.diff(self.waypoints, axis=0).T).sum())
+
 
 def plan_route(
     world: World,
@@ -75,7 +81,9 @@ def plan_route(
 
     The same world gives the same route. In a world wider than 500 m the route is planned only in
     the part with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a
-    town it runs between the buildings; in a map with free cells it keeps to these.
+    town it runs between the buildings; in a map with free cells it keeps to these. If no route can
+    be followed without touching a wall, the preferred one is returned anyway, and
+    `check_drive` reports where the robot would touch.
 
     Args:
         world: The walls.
@@ -135,32 +143,49 @@ def find_route(
         )
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
-    place = None if start is None else _checked_start(world, start, radius)
-    first, short, refused = None, None, InputError(NO_ROOM)
-    for space in _spaces(world, radius, clearance, where, place):
-        if short is not None and space.side != short.side:
+    position = None if start is None else _checked_start(world, start, radius)
+    few_steps: PlannedRoute | None = None
+    not_followed: PlannedRoute | None = None
+    refused = InputError(NO_ROOM)
+    for space in _spaces(world, radius, clearance, where, position):
+        # A longer route on the other side of the walls is no replacement for a short one.
+        if few_steps is not None and space.side != few_steps.side:
             break
         try:
-            tour = _tour(space, world, range_max)
-            # A tour that shows all walls in a few steps is extended, if that can be followed.
-            longer = _lengthened(space, tour)
-            for legs in [longer, tour] if 0 < len(tour) < len(longer) else [longer]:
-                route = _waypoints(space, world, legs, clearance, place)
-                if not _can_be_followed(route, world, radius, lookahead, start):
+            routes = _routes(space, world, range_max, clearance, position)
+            for route in routes:
+                if not _can_be_followed(route.waypoints, world, radius, lookahead, start):
                     continue
-                found = PlannedRoute(route, space.side)
-                if np.hypot(*np.diff(route, axis=0).T).sum() > FEW_STEPS:
-                    return found
-                short = found if short is None else short
+                if route.length > FEW_STEPS:
+                    return route
+                few_steps = few_steps or route
         except InputError as error:
             refused = error
-            continue
-        first = PlannedRoute(route, space.side) if first is None else first
-    if short is not None:
-        return short
-    if first is None:
+        else:
+            not_followed = not_followed or routes[-1]
+    if few_steps is not None:
+        return few_steps
+    if not_followed is None:
         raise refused
-    return first
+    # The check of the drive reports where the robot touches a wall.
+    return not_followed
+
+
+def _routes(
+    space: FreeSpace, world: World, range_max: float, clearance: float, start: Float | None
+) -> list[PlannedRoute]:
+    """The routes to try in a free space, the preferred one first.
+
+    Raises:
+        InputError: The space has only one cell.
+    """
+    tour = _tour(space, world, range_max)
+    # A tour that shows all walls in a few steps is extended, if that can be followed.
+    longer = _lengthened(space, tour)
+    tours = [longer, tour] if 0 < len(tour) < len(longer) else [longer]
+    return [
+        PlannedRoute(_waypoints(space, world, legs, clearance, start), space.side) for legs in tours
+    ]
 
 
 def _checked_start(world: World, start: Sequence[float] | Float, radius: float) -> Float:
@@ -169,17 +194,17 @@ def _checked_start(world: World, start: Sequence[float] | Float, radius: float) 
     Raises:
         InputError: It is invalid, or in a wall.
     """
-    place = np.asarray(start, dtype=np.float64)
-    if place.shape not in ((2,), (3,)) or not np.isfinite(place).all():
+    position = np.asarray(start, dtype=np.float64)
+    if position.shape not in ((2,), (3,)) or not np.isfinite(position).all():
         raise InputError(f"start {start!r}: expected finite numbers x, y or x, y, theta")
-    place = place[:2]
-    stand = Trajectory([0.0], [[*place, 0.0]])
-    if find_collision(stand, world, radius) is not None:
+    position = position[:2]
+    at_rest = Trajectory([0.0], [[*position, 0.0]])
+    if find_collision(at_rest, world, radius) is not None:
         raise InputError(
-            f"start ({place[0]:g}, {place[1]:g}): nearer to a wall than the robot's radius of"
+            f"start ({position[0]:g}, {position[1]:g}): nearer to a wall than the robot's radius of"
             f" {radius:g} m; move it"
         )
-    return place
+    return position
 
 
 def _spaces(
@@ -187,8 +212,11 @@ def _spaces(
 ) -> Iterator[FreeSpace]:
     """Free spaces to find a route in, the preferred one first.
 
+    Those with narrow doors come first, if the doors lead to more room or more walls; then the usual
+    one; then those with wider margins, in case the follower cuts too many corners.
+
     Raises:
-        InputError: There is no such place.
+        InputError: No margin leaves any room.
     """
 
     def space(least: float, comfortable: float = 0.0) -> FreeSpace:
@@ -207,13 +235,15 @@ def _spaces(
         wide = space(comfortable)
     except InputError as error:
         refused = error
-    for margin in TIGHT_MARGINS:
+    for margin in DOOR_MARGINS:
         try:
             tight = space(radius + margin, comfortable)
         except InputError:
+            # A wider margin leaves no more room.
             break
+        # Cells in the narrow places themselves are not roomy: only what lies behind them counts.
         if wide is not None and not (
-            tight.worth > MORE * wide.worth or tight.roomy.sum() > MORE * len(wide.cells)
+            tight.worth > DOOR_GAIN * wide.worth or tight.roomy.sum() > DOOR_GAIN * len(wide.cells)
         ):
             break
         yield tight
@@ -230,13 +260,13 @@ def _spaces(
 def _tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     """Consecutive paths over the cells of a free space that show most of the walls."""
     views = look_around(space, world, range_max=range_max)
-    places = views.places[views.best_places()]
+    viewpoints = views.viewpoints[views.best_patches()]
     if space.start is not None:
-        places = np.append(space.start, places[places != space.start])
+        viewpoints = np.append(space.start, viewpoints[viewpoints != space.start])
     # With a short range_max no wall may be visible.
-    if not len(places):
+    if not len(viewpoints):
         return []
-    network = Network.between(space, views, places)
+    network = Network.between(space, views, viewpoints)
     order = best_tour(network, longest=LONGEST_ROUTE, from_first=space.start is not None)
     return [network.path(*leg) for leg in pairwise(order)]
 
@@ -265,28 +295,25 @@ def _can_be_followed(
 
 
 def _lengthened(space: FreeSpace, legs: list[Int]) -> list[Int]:
-    """The legs of a tour and, if they are short, paths across the free space after them."""
+    """The legs of a tour; if they are short, paths to the ends of the free space follow them."""
     legs = list(legs)
     if legs:
         end = int(legs[-1][-1])
+    elif space.start is not None:
+        end = space.start
     else:
-        end = int(np.argmin(space.cells.sum(axis=1))) if space.start is None else space.start
-    length = sum(_length(space, leg) for leg in legs)
+        # Any cell would do; the lower left one makes the route repeatable.
+        end = int(np.argmin(space.cells.sum(axis=1)))
+    length = sum(space.length(leg) for leg in legs)
     while not legs or length < SHORTEST_ROUTE:
-        legs.append(_across(space, end))
+        legs.append(_path_to_farthest(space, end))
         end = int(legs[-1][-1])
-        length += _length(space, legs[-1])
+        length += space.length(legs[-1])
     return legs
 
 
-def _length(space: FreeSpace, leg: Int) -> float:
-    """Length [m] of a path over cells."""
-    steps = np.diff(space.cells[leg], axis=0)
-    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-
-
-def _across(space: FreeSpace, start: int) -> Int:
-    """The path from a cell to the one with the longest path from it.
+def _path_to_farthest(space: FreeSpace, start: int) -> Int:
+    """The cheapest path from a cell to the cell that is the most expensive to reach.
 
     Raises:
         InputError: There is no other cell.
@@ -304,7 +331,11 @@ def _across(space: FreeSpace, start: int) -> Int:
 
 
 def _straightened(space: FreeSpace, legs: list[Int], clearance: float) -> Float:
-    """Way-points (m, 2) along the legs, straight as long as the clearance is kept."""
+    """Way-points (m, 2) along the legs, straight as long as the clearance is kept.
+
+    From each way-point the straight line is drawn to cell after cell; the last cell before it is no
+    longer clear is the next way-point. The ends of the legs, which are viewpoints, always stay.
+    """
     waypoints = [space.cells[legs[0][0]]]
     for leg in legs:
         cells, room = space.cells[leg], np.minimum(space.clearances[leg], clearance)
@@ -319,14 +350,16 @@ def _straightened(space: FreeSpace, legs: list[Int], clearance: float) -> Float:
 
 
 def _is_clear(space: FreeSpace, cells: Float, room: Float, here: int, there: int) -> bool:
-    """Whether the straight path has about the clearance of the path that it replaces."""
+    """Whether a straight line between two cells of a path has about the clearance of the path."""
     length = float(np.hypot(*(cells[there] - cells[here])))
     if length > LONGEST_LEG:
         return False
-    place = np.linspace(0.0, 1.0, max(3, int(length / (0.5 * space.size)) + 2))[:, None]
-    straight = cells[here] * (1.0 - place) + cells[there] * place
-    stations = np.linspace(0.0, 1.0, there + 1 - here)
-    kept = np.interp(place[:, 0], stations, room[here : there + 1]) - 0.25 * space.size
-    if space.bars(straight).any():
+    # Two samples a cell, so that the line does not step over a barred one.
+    shares = np.linspace(0.0, 1.0, max(3, int(length / (0.5 * space.size)) + 2))
+    line = cells[here] * (1.0 - shares[:, None]) + cells[there] * shares[:, None]
+    if space.bars(line).any():
         return False
-    return bool((space.clearance(straight) >= np.maximum(kept, space.least)).all())
+    # Compared with the path at the same share of its cells, with a quarter of a cell to spare.
+    shares_of_path = np.linspace(0.0, 1.0, there + 1 - here)
+    kept = np.interp(shares, shares_of_path, room[here : there + 1]) - 0.25 * space.size
+    return bool((space.clearance(line) >= np.maximum(kept, space.least)).all())

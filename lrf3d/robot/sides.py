@@ -6,7 +6,7 @@ of them. In a town of closed outlines the streets are outside.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,8 @@ DIRECTIONS = [
 """Directions of the rays from each cell, in cells; a step is at most 2.3 cells long."""
 
 SURROUNDED = 12
-"""Least number of these directions with a wall for a surrounded place: three quarters. In front of
-a straight façade there are 8 or 9, and one metre behind a garage door of 2 m there are 12."""
+"""Least number of these directions in which a surrounded cell has a wall: three quarters. In front
+of a straight façade there are 8 or 9, and one metre behind a garage door of 2 m there are 12."""
 
 BLOCKING = 1.2
 """Distance to a wall [cells] below which a cell blocks the view: no step skips such a thick
@@ -37,7 +37,7 @@ OPEN_LAND = 5.0
 """Distance to walls [m] at the border of the lattice from where on land is open."""
 
 MOST_PARTS = 300
-"""How many parts of the free space, the largest, are looked at for being buildings."""
+"""Number of parts of the free space, the largest ones, that are tested for being buildings."""
 
 BUILT_UP = 0.5
 """Share of all walls that are those of buildings in a town."""
@@ -58,36 +58,45 @@ class Sides:
     is_town: bool
 
 
+class Lattice(NamedTuple):
+    """Square cells (columns, rows) over a box, in the local frame of the world.
+
+    Attributes:
+        middles: (columns, rows, 2) their middles [m].
+        gaps: (columns, rows) their distances [m] to the nearest wall.
+        size: Side of a cell [m].
+    """
+
+    middles: Float
+    gaps: Float
+    size: float
+
+
 def find_sides(
-    world: World,
-    walls: tuple[Float, Int],
-    cells: Float,
-    lattice: tuple[Float, Float, Int, float],
-    graph: Any,
+    world: World, segments: Float, objects: Int, lattice: Lattice, free: Int, graph: Any
 ) -> Sides:
     """Find on which side of the walls free cells lie.
 
     Args:
         world: The world.
-        walls: The walls (m, 4) of it that count [m], and the object (m,) of each.
-        cells: (n, 2) the middles of the free cells [m], in the local frame of the world.
-        lattice: The middles (columns, rows, 2) [m] of all cells of the lattice, their distance
-            (columns, rows) [m] to the nearest wall, which (n,) of them the free cells are, and
-            the side of a cell [m].
+        segments: (m, 4) its walls that count [m].
+        objects: (m,) the object of each.
+        lattice: The cells.
+        free: (n,) indices of the free cells in the flattened lattice.
         graph: (n, n) the steps between free cells.
     """
     from scipy.sparse.csgraph import connected_components
 
-    middles, gaps, index, size = lattice
+    middles, gaps, size = lattice
+    cells = middles.reshape(-1, 2)[free]
     border = np.ones(gaps.shape, dtype=np.bool_)
     border[1:-1, 1:-1] = False
-    seeds = (border & (gaps >= OPEN_LAND)).reshape(-1)[index]
+    seeds = (border & (gaps >= OPEN_LAND)).reshape(-1)[free]
     _, label = connected_components(graph, directed=False)
     building = np.full(int(label.max()) + 1, -1, dtype=np.int64)
     parts, first = np.unique(label, return_index=True)
     largest = np.argsort(-np.bincount(label), kind="stable")[:MOST_PARTS]
     building[parts[largest]] = buildings_around(world, cells[first[largest]])
-    segments, objects = walls
     built = lengths(segments)[np.isin(objects, building[building >= 0])].sum()
     is_town = bool(built > BUILT_UP * lengths(segments).sum())
     in_building = (building >= 0)[label]
@@ -95,8 +104,8 @@ def find_sides(
         return Sides(np.isin(label, label[seeds]), in_building, is_town)
     near = gaps < BLOCKING * size
     near[near] = _beside_walls(middles[near], segments, objects, BLOCKING * size)
-    around = _walls_around(near).reshape(-1)[index]
-    # From open land on the ground is outside as far as it is not surrounded by walls.
+    around = _walls_around(near).reshape(-1)[free]
+    # Outside is what is connected with open land without passing through surrounded places.
     open_ = np.flatnonzero((around < SURROUNDED) | seeds)
     _, label = connected_components(graph[open_][:, open_], directed=False)
     outside = np.zeros(len(cells), dtype=np.bool_)
@@ -104,14 +113,14 @@ def find_sides(
     return Sides(outside, in_building, is_town)
 
 
-def _beside_walls(places: Float, segments: Float, objects: Int, distance: float) -> Bool:
-    """Which of the places (k, 2) are nearer than a distance [m] to a wall that is no speck."""
+def _beside_walls(positions: Float, segments: Float, objects: Int, distance: float) -> Bool:
+    """Which positions (k, 2) are nearer than a distance [m] to a wall that is not a speck."""
     import shapely
 
     walls = segments[np.bincount(objects, lengths(segments))[objects] >= SPECK]
-    beside = np.zeros(len(places), dtype=np.bool_)
+    beside = np.zeros(len(positions), dtype=np.bool_)
     tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
-    found = tree.query(shapely.points(places), predicate="dwithin", distance=distance)
+    found = tree.query(shapely.points(positions), predicate="dwithin", distance=distance)
     beside[found[0]] = True
     return beside
 
@@ -121,7 +130,8 @@ def _walls_around(blocking: Bool) -> Int:
     columns, rows = blocking.shape
     count = np.zeros(blocking.shape, dtype=np.int64)
     for dx, dy in DIRECTIONS:
-        # Swept along the axis that the direction follows more, against it, row by row.
+        # A cell has a wall ahead if the next cell ahead is a wall or has one ahead itself, so the
+        # lattice is swept against the direction, along the axis that it follows more.
         steep = abs(dy) > abs(dx)
         grid = blocking.T if steep else blocking
         major, minor = (dy, dx) if steep else (dx, dy)

@@ -22,7 +22,7 @@ STARTS = 3
 """Number of places from which tours are grown."""
 
 POSITIONS = 3
-"""Number of positions in the tour, those with the shortest detours, that are tried for a place."""
+"""Number of positions in the tour, those with the cheapest detours, that are tried for a place."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Network:
 
     Args:
         space: The free space.
-        views: What is seen in it.
+        views: What is visible in it.
         places: (k,) the cells of the places.
         costs: (k, k) cost of the path between any two.
         before: (k, cells) the cell before each on the path from each place.
@@ -65,17 +65,16 @@ class Network:
 
     def length(self, start: int, end: int) -> float:
         """Length [m] of the path from one place to another."""
-        steps = np.diff(self.space.cells[self.path(start, end)], axis=0)
-        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+        return self.space.length(self.path(start, end))
 
     def seen(self, start: int, end: int) -> Bool:
-        """Which pieces of wall are seen on the way from one place to another."""
+        """Which pieces of wall are seen along the path from one place to another."""
         if (start, end) not in self.shown:
             self.shown[start, end] = self.views.along(self.space.cells, self.path(start, end))
         return self.shown[start, end]
 
     def tour_length(self, order: list[int]) -> float:
-        """Length [m] of the way through places in an order."""
+        """Length [m] of the path through places in an order."""
         return sum(self.length(*leg) for leg in pairwise(order))
 
 
@@ -86,7 +85,7 @@ def best_tour(network: Network, *, longest: float, from_first: bool = False) -> 
 
     Args:
         network: The places, one or more.
-        longest: Longest way [m].
+        longest: Longest tour [m].
         from_first: Whether the tour begins at the first of the places.
 
     Raises:
@@ -101,15 +100,16 @@ def best_tour(network: Network, *, longest: float, from_first: bool = False) -> 
         return _grown(network, 0, longest, kept=1)
     count = min(STARTS, len(network.places))
     tours = [_grown(network, start, longest) for start in range(count)]
-    both_ways = [way for tour in tours for way in (tour, tour[::-1])]
-    return max(both_ways, key=lambda way: _worth(network, way))
+    # What is visible along a path depends on the direction of the drive.
+    directed = [order for tour in tours for order in (tour, tour[::-1])]
+    return max(directed, key=lambda order: _worth(network, order))
 
 
 def _grown(network: Network, start: int, longest: float, kept: int = 0) -> list[int]:
     """A tour from a first place, to which one place after the other is added.
 
-    It is always the one that shows the most more walls for each metre more. As many places as are
-    kept stay at the beginning.
+    It is always the one that shows the most additional wall for each additional metre. The first
+    ``kept`` places stay at the beginning.
     """
     order = [start]
     while len(order) < len(network.places):
@@ -118,14 +118,14 @@ def _grown(network: Network, start: int, longest: float, kept: int = 0) -> list[
             break
         _, place, position = found
         order.insert(-position, place)
-        order = _turned(network, order, kept)
+        order = _two_opt(network, order, kept)
     return order
 
 
 def _insertions(
     network: Network, order: list[int], longest: float, kept: int
 ) -> Iterator[tuple[float, int, int]]:
-    """Worth for each metre, place and negated position of what may be put into the tour."""
+    """Worth for each metre, place and negated position of each place that may be inserted."""
     views = network.views
     legs = [network.seen(*leg) for leg in pairwise(order)]
     times_seen = np.sum(legs, axis=0, dtype=np.int32) if legs else np.zeros(len(views.weights), int)
@@ -138,23 +138,21 @@ def _insertions(
             for position in range(kept, len(order) + 1)
         ]
         for position in (kept + np.argsort(detours, kind="stable")[:POSITIONS]).tolist():
-            neighbours = order[max(position - 1, 0) : position + 1]
-            others, more = times_seen, length
-            if 0 < position < len(order):
+            before, after = order[max(position - 1, 0) : position], order[position : position + 1]
+            others, new_length = times_seen, length
+            if before and after:
                 others = times_seen - legs[position - 1]
-                more -= network.length(*neighbours)
-            new = [
-                (n, place) if i == 0 and position > 0 else (place, n)
-                for i, n in enumerate(neighbours)
-            ]
-            seen = (others > 0) | np.any([network.seen(*leg) for leg in new], axis=0)
-            more += sum(network.length(*leg) for leg in new)
+                new_length -= network.length(*before, *after)
+            new_legs = list(pairwise([*before, place, *after]))
+            seen = (others > 0) | np.any([network.seen(*leg) for leg in new_legs], axis=0)
+            new_length += sum(network.length(*leg) for leg in new_legs)
             gain = views.worth(np.asarray(seen)) - worth
-            if more <= longest and gain > LEAST_WORTH * (more - length):
-                yield gain / max(more - length, 1.0), place, -position
+            if new_length <= longest and gain > LEAST_WORTH * (new_length - length):
+                yield gain / max(new_length - length, 1.0), place, -position
 
 
 def _detour(costs: Float, order: list[int], position: int, place: int) -> float:
+    """Cost of inserting a place into a tour at a position."""
     detour = 0.0
     if position > 0:
         detour += costs[order[position - 1], place]
@@ -166,12 +164,13 @@ def _detour(costs: Float, order: list[int], position: int, place: int) -> float:
 
 
 def _worth(network: Network, order: list[int]) -> float:
+    """Weight of the walls that are visible along a tour."""
     legs = [network.seen(*leg) for leg in pairwise(order)]
     return network.views.worth(np.any(legs, axis=0)) if legs else 0.0
 
 
-def _turned(network: Network, order: list[int], kept: int) -> list[int]:
-    """2-opt: reverse pieces of an open tour, after the kept places, as long as that is cheaper."""
+def _two_opt(network: Network, order: list[int], kept: int) -> list[int]:
+    """Reverse pieces of an open tour, after the kept places, as long as that is cheaper."""
     costs, tour, count = network.costs, list(order), len(order)
     better = True
     while better:
@@ -183,6 +182,7 @@ def _turned(network: Network, order: list[int], kept: int) -> list[int]:
                     gain += costs[tour[first - 1], tour[first]] - costs[tour[first - 1], tour[last]]
                 if last < count - 1:
                     gain += costs[tour[last], tour[last + 1]] - costs[tour[first], tour[last + 1]]
+                # Rounding alone must not reverse a piece back and forth forever.
                 if gain > 1e-9:
                     tour[first : last + 1] = tour[first : last + 1][::-1]
                     better = True

@@ -78,12 +78,13 @@ class Trajectory(Value):
         kept = np.append(np.arange(0, len(self) - 1, count), len(self) - 1)
         return Trajectory(self.times[kept], self.poses[kept])
 
-    def at(self, times: Float) -> Float:
+    def at(self, times: ArrayLike) -> Float:
         """Poses (m, 3) at times (m,) [s].
 
         Between two poses the robot moves straight and turns the shorter way; before the first and
         after the last it is at rest.
         """
+        times = np.asarray(times, dtype=np.float64)
         if len(self) == 1:
             return np.tile(self.poses, (len(times), 1))
         # Only the neighbouring poses are used, so that long drives take no longer.

@@ -49,7 +49,7 @@ def arcs(poses: Float, v: Float, omega: Float, durations: Float) -> Float:
     """Poses (k, 3) after arcs with v (k,), ω (k,) held for durations (k,) [s] from poses (k, 3).
 
     The chord of an arc has the length v·t·sin(ωt/2)/(ωt/2) and the heading of the arc's middle;
-    written so, a straight line is no special case and small ω loses no digits.
+    in this form a straight line is not a special case, and a small ω loses no digits.
     """
     half_turn = 0.5 * omega * durations
     chord = v * durations * np.sinc(half_turn / np.pi)

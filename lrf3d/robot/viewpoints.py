@@ -1,7 +1,7 @@
 """Visibility in the free space: the pieces of wall that are visible from each patch and heading.
 
-The free space is divided into patches, each with one viewpoint. Places to drive to are chosen among
-them, and what a path shows is the sum over the patches that it passes.
+The free space is divided into patches, each with one viewpoint. A tour visits some of these, and a
+path shows what is visible from the patches that it passes.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ PATCHES = 300
 """Approximate number of patches of the free space."""
 
 RAYS = 360
-"""Directions that are looked in from each place, one to a degree."""
+"""Number of rays from each viewpoint, one for each degree."""
 
 HEADINGS = 8
 """Number of headings for which the view of a laser with 180° is stored."""
@@ -38,23 +38,29 @@ but a post is not worth a long detour."""
 WALL_PIECES = 6000
 """Approximate number of pieces of all walls."""
 
+SHORTEST_PIECE = 0.25
+"""Least length [m] of a piece of wall: about the distance of beams of 1° on a wall 15 m away."""
+
+OPEN = 5.0
+"""Clearance [m] above which more room makes no better viewpoint."""
+
 LEAST_GAIN = 0.004
-"""Least share of the walls that another place must add."""
+"""Least share of the walls that another viewpoint must add."""
 
 
 @dataclass(frozen=True)
 class Views:
-    """What is seen from the patches of a free space.
+    """The pieces of wall that are visible from the patches of a free space.
 
     Args:
         patch_of: (cells,) the patch of each cell.
-        places: (patches,) the cell in each patch that is looked from.
-        seen: (patches, headings, pieces) which pieces of wall are seen with a heading.
-        weights: (pieces,) what each piece counts for, about its length [m].
+        viewpoints: (patches,) the cell in each patch that represents it.
+        seen: (patches, headings, pieces) which pieces are visible with a heading.
+        weights: (pieces,) the weight of each piece, about its length [m].
     """
 
     patch_of: Int
-    places: Int
+    viewpoints: Int
     seen: Bool
     weights: Float
 
@@ -67,11 +73,11 @@ class Views:
         return np.asarray(self.seen[pairs[:, 0], pairs[:, 1]].any(axis=0))
 
     def worth(self, seen: Bool) -> float:
-        """What seen pieces (pieces,) count for."""
+        """Total weight of seen pieces (pieces,)."""
         return float(self.weights[seen].sum())
 
-    def best_places(self) -> Int:
-        """Patches from which all that can be seen is seen, each adding the most to those before."""
+    def best_patches(self) -> Int:
+        """Patches from which nearly all walls are visible, each adding the most to those before."""
         around = np.asarray(self.seen.any(axis=1))
         unseen = np.where(around.any(axis=0), self.weights, 0.0)
         least = LEAST_GAIN * unseen.sum()
@@ -87,27 +93,27 @@ class Views:
 
 
 def look_around(space: FreeSpace, world: World, *, range_max: float) -> Views:
-    """Find what is seen from each patch of a free space.
+    """Find what is visible from each patch of a free space.
 
     Args:
         space: The free space.
         world: The walls.
         range_max: Farthest that the laser measures [m].
     """
-    patch_of, places = _patches(space)
+    patch_of, viewpoints = _patches(space)
     reach = min(range_max, FARTHEST_VIEW)
     low, high = space.cells.min(axis=0) - reach, space.cells.max(axis=0) + reach
     segments, near = walls_within(world.segments - np.tile(world.origin, 2), low, high)
-    size = max(0.25, float(lengths(segments).sum()) / WALL_PIECES)
+    size = max(SHORTEST_PIECE, float(lengths(segments).sum()) / WALL_PIECES)
     _, weights = sample_walls(segments, size)
     pieces = np.ceil(lengths(segments) / size).astype(int)
     rank = np.minimum(lengths(segments) / FULL_WEIGHT, 1.0) * _rarity(segments, world.objects[near])
-    seen = np.array([_seen_from(space.cells[place], segments, pieces, reach) for place in places])
-    return Views(patch_of, places, seen, weights * np.repeat(rank, pieces))
+    seen = np.array([_seen_from(at, segments, pieces, reach) for at in space.cells[viewpoints]])
+    return Views(patch_of, viewpoints, seen, weights * np.repeat(rank, pieces))
 
 
 def _rarity(segments: Float, objects: Int) -> Float:
-    """How much (n,) the walls count for the size of their object: more in small objects."""
+    """Weights (n,) of walls by the size of their object: 1 for the average, more for smaller."""
     if not len(segments):
         return np.empty(0)
     sizes = np.bincount(objects, lengths(segments))
@@ -118,19 +124,19 @@ def _rarity(segments: Float, objects: Int) -> Float:
 def _patches(space: FreeSpace) -> tuple[Int, Int]:
     """The patch of each cell, and in each patch the cell that lies most openly."""
     size = max(np.sqrt(len(space.cells) / PATCHES), 2.0) * space.size
-    place = (space.cells - space.cells.min(axis=0)) / size
-    patch = np.floor(place).astype(np.int64)
+    scaled = (space.cells - space.cells.min(axis=0)) / size
+    patch = np.floor(scaled).astype(np.int64)
     patch_of = np.unique(patch, axis=0, return_inverse=True)[1].reshape(-1)
-    off_middle = np.abs(place - patch - 0.5).max(axis=1)
+    off_middle = np.abs(scaled - patch - 0.5).max(axis=1)
     # Among cells with as much room the one nearest to the middle of the patch comes first.
-    order = np.lexsort((off_middle, -np.round(np.minimum(space.clearances, 5.0)), patch_of))
-    places = order[np.unique(patch_of[order], return_index=True)[1]]
-    return patch_of.astype(np.int64), places.astype(np.int64)
+    order = np.lexsort((off_middle, -np.round(np.minimum(space.clearances, OPEN)), patch_of))
+    viewpoints = order[np.unique(patch_of[order], return_index=True)[1]]
+    return patch_of.astype(np.int64), viewpoints.astype(np.int64)
 
 
-def _seen_from(place: Float, segments: Float, pieces: Int, reach: float) -> Bool:
-    """Which pieces of wall (headings, pieces) are seen from a place (2,) with each heading."""
-    local = segments - np.tile(place, 2)
+def _seen_from(viewpoint: Float, segments: Float, pieces: Int, reach: float) -> Bool:
+    """Which pieces (headings, pieces) are visible from a viewpoint (2,) with each heading."""
+    local = segments - np.tile(viewpoint, 2)
     ends = local.reshape(-1, 2, 2)
     near = np.flatnonzero(((ends.max(axis=1) > -reach) & (ends.min(axis=1) < reach)).all(axis=1))
     marks = np.zeros((HEADINGS, int(pieces.sum()) + 1), dtype=np.int32)
@@ -140,7 +146,8 @@ def _seen_from(place: Float, segments: Float, pieces: Int, reach: float) -> Bool
         first = (np.cumsum(pieces) - pieces)[near][wall]
         count = pieces[near][wall]
         piece = first + np.minimum((share * count).astype(int), count - 1)
-        # Between two neighbouring rays that hit the same wall there is nothing else.
+        # All pieces between two neighbouring rays on one wall are visible. Each such run is marked
+        # with +1 where it begins and −1 behind its end, and the sums along a row count the runs.
         following = np.roll(np.arange(RAYS), -1)
         joined = seen & seen[following] & (wall == wall[following])
         other = np.where(joined, piece[following], piece)
@@ -153,7 +160,7 @@ def _seen_from(place: Float, segments: Float, pieces: Int, reach: float) -> Bool
 
 
 def _first_hits(walls: Float) -> tuple[Int, Float, Float, Float]:
-    """For each ray from the origin: the first wall, the place on it, sine of the angle, range."""
+    """For each ray from the origin: first wall, share of its length, sine of the angle, range."""
     angles = 2.0 * np.pi * np.arange(RAYS) / RAYS
     ray = np.column_stack([np.cos(angles), np.sin(angles)])
     start, span = walls[:, :2], walls[:, 2:] - walls[:, :2]

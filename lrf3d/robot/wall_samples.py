@@ -1,7 +1,8 @@
 """Samples of walls: points along them, and the part of a world that a route is planned in.
 
-Segments enter, of any length and any distance from each other; points with the length of wall
-that each stands for leave. What the samples cost follows what is near, not how far walls reach.
+The input is segments of any length, at any distance from each other; the output is points, each
+with the length of wall that it represents. The cost depends on the walls nearby, not on how far
+walls extend.
 """
 
 import numpy as np
@@ -19,14 +20,14 @@ FARTHEST_APART = 100_000.0
 as long as a country do not show where the town is, and are too long to be sampled."""
 
 WINDOW_BINS = 256
-"""Into how many bins along each axis such a world is cut to count corners."""
+"""Number of bins along each axis in which the corners of such a world are counted."""
 
 SPACING = 0.2
 """Distance [m] between the points of the walls that distances are measured to."""
 
 SAMPLES, MANY_SAMPLES = 4_000_000, 1_000_000
-"""Most samples of all walls together, and from how many on those that lie together count as one:
-800 km and 200 km of walls, of which a window of 500 m shows a part."""
+"""Largest number of samples of all walls, and the number above which samples in one small cell are
+merged: those of 800 km and of 200 km of walls."""
 
 
 def planning_window(segments: Float, around: Float | None = None) -> tuple[Float, Float]:
@@ -36,7 +37,7 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
 
     Args:
         segments: (n, 4) the walls [m].
-        around: A place (2,) [m] that the box must hold.
+        around: A position (2,) [m] that the box must contain.
     """
     from scipy.ndimage import uniform_filter
 
@@ -49,7 +50,8 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
     if (high - low).max() <= WIDEST_WINDOW:
         return low, high
     if around is None:
-        # However long a wall is, it is but one, and no town.
+        # A wall counts for at most the width of the window: one long wall is not a town. The
+        # filter adds up 9 by 9 tiles, a window less the tiles that its border cuts.
         long = np.maximum(lengths(near) / WIDEST_WINDOW, 1.0)
         weights /= np.repeat(long, np.ceil(lengths(near) / spacing).astype(int))
         tile = WIDEST_WINDOW / 10.0
@@ -57,8 +59,8 @@ def planning_window(segments: Float, around: Float | None = None) -> tuple[Float
         edges = [np.linspace(low[axis], high[axis], counts[axis] + 1) for axis in (0, 1)]
         amount, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=edges, weights=weights)
         amount = uniform_filter(amount, size=9, mode="constant")
-        place = np.array(np.unravel_index(int(np.argmax(amount)), amount.shape))
-        around = low + (place + 0.5) * (high - low) / counts
+        best = np.array(np.unravel_index(int(np.argmax(amount)), amount.shape))
+        around = low + (best + 0.5) * (high - low) / counts
     return np.maximum(low, around - WIDEST_WINDOW / 2), np.minimum(high, around + WIDEST_WINDOW / 2)
 
 
@@ -76,7 +78,7 @@ def _detailed(segments: Float) -> Float:
             low, high = low - 1.0, high + 1.0
             continue
         count, _, _ = np.histogram2d(inside[:, 0], inside[:, 1], bins=edges)
-        # Two bins by two overlap, so that no town is lost for standing on the border of bins.
+        # Blocks of two by two bins overlap, so that a town on the border between bins is found.
         fours = count[:-1, :-1] + count[1:, :-1] + count[:-1, 1:] + count[1:, 1:]
         column, row = np.unravel_index(int(np.argmax(fours)), fours.shape)
         low = np.array([edges[0][column], edges[1][row]])
@@ -93,7 +95,7 @@ def walls_within(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:
     start, span = segments[:, :2], segments[:, 2:] - segments[:, :2]
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (low - start) / span, (high - start) / span
-    # Along an axis that it does not go along a wall is inside everywhere or nowhere.
+    # A wall perpendicular to an axis is within the limits of this axis everywhere or nowhere.
     within = np.where((start >= low) & (start <= high), np.inf, -np.inf)
     enter = np.where(span == 0.0, -within, np.minimum(one, other)).max(axis=1)
     leave = np.where(span == 0.0, within, np.maximum(one, other)).min(axis=1)
@@ -104,7 +106,7 @@ def walls_within(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:
     row = kept[cut]
     parts[cut, :2] = start[row] + enter[row, None] * span[row]
     parts[cut, 2:] = start[row] + leave[row, None] * span[row]
-    # A part shorter than the resolution of its place has no length left.
+    # A part shorter than the resolution of its coordinates has no length left.
     long = lengths(parts) > 0.0
     return parts[long], kept[long]
 
@@ -114,13 +116,13 @@ def sample_walls(segments: Float, spacing: float) -> tuple[Float, Float]:
     counts = np.ceil(lengths(segments) / spacing).astype(int)
     wall = np.repeat(np.arange(len(segments)), counts)
     step = np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
-    place = ((step + 0.5) / counts[wall])[:, None]
-    points = segments[wall, :2] * (1.0 - place) + segments[wall, 2:] * place
+    share = ((step + 0.5) / counts[wall])[:, None]
+    points = segments[wall, :2] * (1.0 - share) + segments[wall, 2:] * share
     return points, lengths(segments)[wall] / counts[wall]
 
 
 def spacing_for(segments: Float) -> float:
-    """Distance [m] between samples: no less than lets memory hold those of walls laid on walls."""
+    """Distance [m] between samples, larger where the walls would have more than `SAMPLES`."""
     return max(SPACING, float(lengths(segments).sum()) / SAMPLES)
 
 

@@ -14,6 +14,8 @@ from lrf3d.scene.look import (
     BEAM_COLOUR,
     BEAM_STRENGTH,
     BEAMS_DRAWN,
+    FAN_END_SHARE,
+    FAN_ENDS,
     FARTHEST_COLOUR,
     RANGE_COLOURS,
     TRACE_COLOUR,
@@ -101,7 +103,10 @@ class DrawnBeams:
         return cls(apex, ends, reached, points, measured, joined, scan.hits, sides, step)
 
     def fan(self, height: float) -> Single:
-        """Triangles (3 · n, 4) of the fan: position and range of each corner [m]."""
+        """Triangles (3 · n, 5) of the fan: position and range of each corner [m], and its share.
+
+        The share 0…1 is what of the opacity is left towards the ends of the fan.
+        """
         both_open = ~self.hits[:-1] & ~self.hits[1:]
         # Between two beams that ended on different walls the fan goes as far as the shorter.
         kind = np.where(self.joined, 1, np.where(both_open, 2, 0))
@@ -112,14 +117,22 @@ class DrawnBeams:
         first, second = self.ends[start], self.ends[stop]
         first = np.where(whole, first, self._at(first, near, self.ranges[start]))
         second = np.where(whole, second, self._at(second, near, self.ranges[stop]))
-        rows = np.zeros((len(first), 3, 4), np.float32)
+        rows = np.zeros((len(first), 3, 5), np.float32)
         rows[:, 0, :2] = self.apex
         rows[:, 1, :2] = first
         rows[:, 2, :2] = second
         rows[:, :, 2] = height
         rows[:, 1, 3] = np.hypot(*(first - self.apex).T)
         rows[:, 2, 3] = np.hypot(*(second - self.apex).T)
-        return rows.reshape(-1, 4)
+        shares = self.shares
+        rows[:, 1, 4], rows[:, 2, 4] = shares[start], shares[stop]
+        rows[:, 0, 4] = 0.5 * (rows[:, 1, 4] + rows[:, 2, 4])
+        return rows.reshape(-1, 5)
+
+    @property
+    def shares(self) -> Float:
+        """What of the opacity of each beam (beams,) is left towards the ends of the fan."""
+        return fading_ends(len(self.ends), self.beam_angle)
 
     def lines(self, height: float, reach: float) -> Single:
         """Single beams as line quads, paler with the range [m] and gone at the reach [m]."""
@@ -130,6 +143,7 @@ class DrawnBeams:
         alpha = np.column_stack(
             [np.full(len(ends), BEAM_STRENGTH), BEAM_STRENGTH * (1.0 - ranges / reach)]
         )
+        alpha *= self.shares[chosen, None]
         return line_quads(start, ends, np.full((len(ends), 3), BEAM_COLOUR), alpha, height)
 
     def trace(self, height: float) -> Single:
@@ -158,6 +172,17 @@ class DrawnBeams:
     def _at(self, ends: Float, wanted: Float, ranges: Float) -> Float:
         """Points at wanted ranges (n, 1) on the way from the apex to ends (n, 2)."""
         return self.apex + (ends - self.apex) * (wanted / np.maximum(ranges, 1e-9)[:, None])
+
+
+def fading_ends(count: int, beam_angle: float) -> Float:
+    """What of the opacity of beams (count,) is left that lie at an angle [rad] from each other."""
+    if count < 2 or beam_angle * (count + 1) > 2.0 * np.pi:
+        # All round there is no end.
+        return np.ones(count)
+    place = np.linspace(0.0, 1.0, count)
+    share = np.clip(np.minimum(place, 1.0 - place) / FAN_ENDS, 0.0, 1.0)
+    smooth = share * share * (3.0 - 2.0 * share)
+    return np.asarray(FAN_END_SHARE + (1.0 - FAN_END_SHARE) * smooth)
 
 
 def drawn_beams(count: int) -> Int:

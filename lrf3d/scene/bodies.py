@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Single
 from lrf3d.input import assets_folder
-from lrf3d.scene.look import DART, MOVERS, SHADOW_COLOUR
+from lrf3d.scene.look import DART, OBSTACLE_COLOURS, ROBOT, ROBOT_RIM, SHADOW_COLOUR
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -49,6 +49,15 @@ def world_from_robot(pose: Float) -> Float:
     return matrix
 
 
+def robot_arrow() -> Single:
+    """The robot as an arrow head along x with a dark rim: triangles (v, 6), place and colour."""
+    head = DART[[0, 1, 2, 0, 2, 3]]
+    rim = np.concatenate([head * 1.4, np.tile((*ROBOT_RIM, 1.0), (6, 1))], axis=1)
+    return np.concatenate(
+        [rim, np.concatenate([head, np.tile((*ROBOT, 1.0), (6, 1))], axis=1)]
+    ).astype(np.float32)
+
+
 _BASE, _BEVEL = 0.10, 0.06
 """Height of the dark foot of a body, and width of its slanted upper edge [m]."""
 
@@ -56,16 +65,16 @@ _SHARPEST = 0.77
 """Cosine of the angle between two sides from which on their edge is drawn sharp."""
 
 
-def mover_colours(movers: "tuple[DynamicObstacle, ...]") -> Float:
+def obstacle_colours(obstacles: "tuple[DynamicObstacle, ...]") -> Float:
     """Colours (m, 3) of dynamic obstacles, 0…1."""
-    return np.asarray(MOVERS[np.arange(len(movers)) % len(MOVERS)])
+    return np.asarray(OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(OBSTACLE_COLOURS)])
 
 
-def mover_bodies(movers: "tuple[DynamicObstacle, ...]") -> list[Single]:
+def obstacle_bodies(obstacles: "tuple[DynamicObstacle, ...]") -> list[Single]:
     """Triangles (v, 9) of each body, in its own frame: position [m], normal, colour."""
     return [
-        _body(counter_clockwise(mover.outline), mover.height, colour)
-        for mover, colour in zip(movers, mover_colours(movers), strict=True)
+        _body(counter_clockwise(obstacle.outline), obstacle.height, colour)
+        for obstacle, colour in zip(obstacles, obstacle_colours(obstacles), strict=True)
     ]
 
 

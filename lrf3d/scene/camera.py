@@ -3,7 +3,6 @@
 A camera does not remember frames: every process that draws a part of a film sees the same.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,7 +14,6 @@ from lrf3d.geometry import Float
 from lrf3d.scene.look import FAN_SHARE_AHEAD
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
-from lrf3d.world.cameras import FixedCamera, check_view
 
 _LAND = 2500.0
 """How far the ground reaches at the least [m]."""
@@ -32,6 +30,7 @@ class Look:
         up: (3,) what is up in the picture.
         near: Distance [m] from which on things are drawn.
         clear: Whether the air is without haze, as for bird's-eye cameras.
+        air: Distance [m] at which half of what is seen is haze, at the least.
         fan: How strong the fan of beams is drawn; less where it would cover the picture.
         shows_map: Whether the map is laid over the scene.
     """
@@ -42,6 +41,7 @@ class Look:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     near: float = 0.2
     clear: bool = False
+    air: float = 0.0
     fan: float = 1.0
     shows_map: bool = False
 
@@ -193,8 +193,10 @@ class Top:
     """Largest world [m] that is seen whole."""
     WINDOW = 70.0
     """Shorter side [m] of what is seen of a larger one."""
-    MARGIN = 1.06
-    """What is seen around the world, as a factor."""
+    LONG = 1.2
+    """A world so many times as long as wide is turned where that fits the picture better."""
+    MARGIN, SMALLER = 1.06, 1.18
+    """What is seen around the world, as a factor, at the least and to free the panel's corner."""
 
     def __init__(
         self,
@@ -209,21 +211,25 @@ class Top:
             ends = np.array([[-1.0, -1.0], [1.0, 1.0]])
         self._low: Float = ends.min(axis=0)
         self._high: Float = ends.max(axis=0)
+        sides = self._high - self._low
+        self._longer = float(sides.max() / max(sides.min(), 1e-9))
         self._tallest = float(structures.heights.max(initial=0.0))
         self._path = SmoothPath(timeline)
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
-        size = self._high - self._low
+        size, up = self._high - self._low, (0.0, 1.0, 0.0)
         if float(size.max()) <= self.WHOLE:
-            # The panel stands in a corner: the world goes right of it or below, whichever
-            # leaves it larger.
+            # The world is in the middle, and smaller where that frees the corner for the panel,
+            # but not much smaller.
             wide, high = self._covered
-            right = max(size[1], size[0] / (aspect - wide)) if wide < aspect else np.inf
-            below = max(size[1] / (1.0 - high), size[0] / aspect)
-            window = self.MARGIN * min(right, below)
-            shift = (-wide, 0.0) if right < below else (0.0, high)
-            middle = 0.5 * (self._low + self._high) + 0.5 * window * np.array(shift)
+            turned = (size[0] > size[1]) != (aspect > 1.0) and self._longer > self.LONG
+            size, up = (size[::-1], (1.0, 0.0, 0.0)) if turned else (size, up)
+            whole = max(size[1], size[0] / aspect)
+            beside = size[0] / (aspect - 2.0 * wide) if 2.0 * wide < aspect else np.inf
+            above = size[1] / (1.0 - 2.0 * high) if high < 0.5 else np.inf
+            window = max(self.MARGIN * whole, min(beside, above, self.SMALLER * whole))
+            middle = 0.5 * (self._low + self._high)
         else:
             middle, window = self._path.place(time), self.WINDOW / min(1.0, aspect)
         away = 0.5 * window / np.tan(0.5 * self.FIELD) + self._tallest
@@ -232,7 +238,7 @@ class Top:
             eye,
             np.array([*middle, 0.0]),
             float(self.FIELD),
-            up=(0.0, 1.0, 0.0),
+            up=up,
             near=0.5 * (away - self._tallest),
             clear=True,
             shows_map=True,
@@ -240,9 +246,13 @@ class Top:
 
 
 class Orbit:
-    """Goes slowly round the robot, from high above, and higher where a house is in between."""
+    """Goes slowly round the robot, near it, and higher where a house is in between."""
 
     FIELD = np.radians(42.0)
+    AWAY, AWAY_INDOOR = 15.0, 7.5
+    """How far off the robot it is [m]."""
+    LEAST, LEAST_INDOOR = np.radians(32.0), np.radians(48.0)
+    """How steeply it looks down at the least [rad]."""
     TURN = np.radians(9.0)
     """Angle per second of the film [rad/s]."""
     STEEPEST = np.radians(80.0)
@@ -253,13 +263,9 @@ class Orbit:
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._path = SmoothPath(timeline)
         self._timeline = timeline
-        tallest = float(structures.heights.max(initial=0.0))
-        height = 8.0 if structures.indoor else max(30.0, 1.7 * tallest)
-        # High enough to look down into a street between its houses.
-        level = (0.9 if structures.indoor else 0.62) * height
-        self._away = float(np.hypot(height, level))
-        least = float(np.arctan2(height, level))
-        needed = self._free_angles(structures, level)
+        self._away = self.AWAY_INDOOR if structures.indoor else self.AWAY
+        least = self.LEAST_INDOOR if structures.indoor else self.LEAST
+        needed = self._free_angles(structures, self._away * float(np.cos(least)))
         width = self._path.width
         # The most over the filter's reach comes first: its mean is then never too low.
         most = maximum_filter1d(needed, 2 * int(2.0 * width) + 1, mode="nearest")
@@ -294,9 +300,11 @@ class Orbit:
 
 
 class First:
-    """Looks ahead from the top of the robot."""
+    """Looks ahead from the top of the robot, and a little up: that is where houses are."""
 
     FIELD = np.radians(62.0)
+    UP = 0.09
+    """How much it looks up, as the slope of its way."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._timeline = timeline
@@ -307,57 +315,5 @@ class First:
         x, y, theta = self._timeline.poses(np.array([time]))[0]
         origin = self._timeline.origin
         eye = np.array([x - origin[0], y - origin[1], self._height])
-        ahead = np.array([np.cos(theta), np.sin(theta), -0.10])
+        ahead = np.array([np.cos(theta), np.sin(theta), self.UP])
         return Look(eye, eye + ahead, float(self.FIELD), fan=FAN_SHARE_AHEAD)
-
-
-CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
-    "chase": Chase,
-    "first": First,
-    "orbit": Orbit,
-    "top": Top,
-}
-
-
-class Fixed:
-    """Stands where the world says, and looks where it says."""
-
-    def __init__(self, camera: FixedCamera, origin: Float) -> None:
-        place = np.array([*origin, 0.0])
-        eye, target = np.array(camera.position) - place, np.array(camera.target) - place
-        ahead = target - eye
-        # Straight down or up there is no side that is up but the north.
-        level = np.hypot(ahead[0], ahead[1]) > 1e-6 * abs(ahead[2])
-        up = (0.0, 0.0, 1.0) if level else (0.0, 1.0, 0.0)
-        self._look = Look(eye, target, float(np.radians(camera.field_deg)), up=up)
-
-    def look(self, time: float, aspect: float) -> Look:
-        """The look, at any time."""
-        return self._look
-
-
-def make_camera(
-    view: str,
-    timeline: Timeline,
-    structures: Structures,
-    covered: tuple[float, float] = (0.0, 0.0),
-) -> Camera:
-    """Make the camera of a name.
-
-    Args:
-        view: The name.
-        timeline: The run.
-        structures: What stands in its world.
-        covered: Width and height of the upper left corner that a panel covers, in heights of the
-            picture: from above, the world is shown beside it.
-
-    Raises:
-        InputError: There is no camera of that name.
-    """
-    world = timeline.run.world
-    check_view(view, world.cameras)
-    if view == "top":
-        return Top(timeline, structures, covered)
-    if view in CAMERAS:
-        return CAMERAS[view](timeline, structures)
-    return Fixed(next(c for c in world.cameras if c.name == view), timeline.origin)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single
-from lrf3d.scene.look import SUN
 
 Texels = NDArray[np.uint8]
 
@@ -36,7 +35,7 @@ BLANK, FOOT, PLINTH, WINDOWED = 0, 1, 2, 3
 """Layers: nothing painted, the foot of a plain wall, that of a house, and the first of those with
 windows."""
 
-_STYLES = ((16, 17), (19, 20), (21, 18))
+_STYLES = ((12, 16), (14, 15), (11, 18))
 """Half the width and height of a window [texels], for each style of houses."""
 
 _GROUND, _UPPER = WINDOWED, WINDOWED + SLANTS * len(_STYLES)
@@ -48,8 +47,11 @@ _FRAME = np.array([0.4185, 0.4185, 0.4185, 0.55])
 """Colours of doors by style, of panes, and of frames, which are pale and take on some of the
 wall's colour."""
 
-_MIDDLE, _RIM, _DOOR = 34, 2, (13, 45)
+_MIDDLE, _RIM, _DOOR = 35, 2, (13, 45)
 """Height of a window's middle, width of frames, and half the width and height of doors [texels]."""
+
+_SILL, _SILL_PAINT = (5, 5), np.array([0.56, 0.55, 0.53, 0.25])
+"""How far a sill reaches to both sides of its window and below it [texels], and its colour."""
 
 _PLINTH_HEIGHT, _SKIRTING_HEIGHT = 0.45, 0.09
 """Heights of the darker foot of a house, and of that of a wall in rooms [m]."""
@@ -88,23 +90,16 @@ def _blank() -> Float:
 
 
 def _foot(indoor: bool) -> Float:
-    """The lowest storey of a plain wall: light does not reach into the corner at its foot."""
+    """The lowest storey of a plain wall, with the skirting of one in rooms."""
     layer = _blank()
-    height = (np.arange(len(layer)) + 0.5) / len(layer) * STOREY
-    near = 3.5 * height
-    light = 1.0 - 0.16 / (1.0 + near + 0.5 * near * near)
     if indoor:
-        light[height <= _SKIRTING_HEIGHT] *= 0.62
-    layer[..., 3] = light[:, None]
+        layer[(np.arange(len(layer)) + 0.5) / len(layer) * STOREY <= _SKIRTING_HEIGHT, :, 3] = 0.62
     return layer
 
 
 def _darkened(layer: Float) -> Float:
-    """A layer with the plinth and the darker foot of a house over its lowest storey."""
-    height = (np.arange(TILE) + 0.5) / TILE * STOREY
-    light = 1.0 - 0.22 / (1.0 + 1.1 * height * (1.0 + height))
-    light[height <= _PLINTH_HEIGHT] -= 0.14
-    layer[:TILE] *= light[:, None, None]
+    """A layer with the plinth of a house over its lowest storey."""
+    layer[:TILE][(np.arange(TILE) + 0.5) / TILE * STOREY <= _PLINTH_HEIGHT] *= 0.82
     # What lies under the foot where the layer repeats is seen with it from far away.
     layer[-TILE // 4 :] = layer[:1]
     return layer
@@ -128,8 +123,11 @@ def _windows(style: int, rng: np.random.Generator, *, ground: bool) -> Float:
             pane[..., :3] = _DARK_PANE + share * (_LIGHT_PANE - _DARK_PANE)
             low, high = _MIDDLE - tall, _MIDDLE + tall
             _box(tile, wide + _RIM, low - _RIM, high + _RIM)[:] = _FRAME
+            _box(tile, wide + _SILL[0], low - _SILL[1], low - _RIM)[:] = _SILL_PAINT
             _box(tile, wide, low, high)[:] = pane[low:high]
             _box(tile, 1, low, high)[:] = 0.8 * _FRAME + 0.2 * pane[low:high]
+            bar = low + 2 * (high - low) // 3
+            _box(tile, wide, bar, bar + 1)[:] = 0.8 * _FRAME + 0.2 * pane[bar]
     return _darkened(layer) if ground else layer
 
 
@@ -145,17 +143,6 @@ def _slants(layer: Float) -> list[Float]:
         layer = 0.5 * (layer + np.roll(layer, (-1) ** step * 2**step, axis=1))
         found.append(layer)
     return found
-
-
-def light_on(normals: Float, *, indoor: bool) -> Float:
-    """Light (n, 3) on faces by their normals (n, 3), where nothing hides the sun."""
-    bright = normals @ SUN
-    if indoor:
-        return np.asarray(np.repeat((0.90 + 0.16 * bright)[:, None], 3, axis=1))
-    light = 0.73 + 0.52 * np.maximum(bright, 0.0) + 0.10 * np.minimum(bright, 0.0)
-    # The sun is warm, the sky is not.
-    tint = np.where(bright[:, None] >= 0.0, [1.04, 1.01, 0.96], [0.95, 0.98, 1.06])
-    return np.asarray(light[:, None] * tint)
 
 
 def lay_walls(quads: Single, faces: Int, *, indoor: bool) -> tuple[Single, Int]:
@@ -214,8 +201,7 @@ def lay_walls(quads: Single, faces: Int, *, indoor: bool) -> tuple[Single, Int]:
         # Along the wall, only windows differ from place to place.
         piece[blank, :, 6] = 0.0
         piece[..., 9:12] = bright * quad[..., 10:13]
-        light = light_on(quad[:, 0, 3:6], indoor=indoor)
-        piece[..., 12:15] = np.where(level[..., None], 1.0, light[:, None])
+        piece[..., 12:15] = 1.0
         piece[..., 15] = quad[..., 14] - raised
         pieces.append(piece)
         owners.append(number)
@@ -228,7 +214,9 @@ def lay_roofs(roofs: Single, *, indoor: bool) -> Single:
     rows[..., :6] = roofs[..., :6]
     colour = roofs[..., 10:13].astype(np.float64)
     if not indoor:
-        colour = 1.08 * (colour + _ROOF_SHARE * (ROOF_GREY - colour))
+        grey = 1.08 * (colour + _ROOF_SHARE * (ROOF_GREY - colour))
+        rim = 0.5 * (colour + grey)
+        colour = np.where(np.floor(roofs[..., 13:14]) == CAP, rim, grey)
     rows[..., 9:12] = 1.02 * colour if indoor else colour
     rows[..., 12:15] = 1.0
     rows[..., 15] = roofs[..., 14]

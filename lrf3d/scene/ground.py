@@ -1,6 +1,8 @@
-"""The ground as a picture, painted once: the sun's shadows, contact shadows, pavement and streets.
+"""The ground as a picture, painted once: its light, pavement, streets and floors.
 
-A shadow that is drawn each frame costs a second pass over the city; baked it costs one look-up.
+The world and its light enter; pictures leave whose channels say what covers the ground, and how
+much light is on it. Renderers mix the paints from that: kerbs and marks are then as crisp as the
+screen is fine, however coarse the picture.
 """
 
 from dataclasses import dataclass
@@ -9,18 +11,24 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from PIL import Image, ImageChops, ImageDraw, ImageFilter
-from scipy.spatial import QhullError, Voronoi
+from PIL import Image, ImageChops
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from lrf3d.geometry import Float, directions, lengths
-from lrf3d.scene.look import SUN
+from lrf3d.geometry import Float, Single
+from lrf3d.scene.brush import Brush, as_mask
+from lrf3d.scene.light import Light, open_light, screen
+from lrf3d.scene.look import SUN, SUNSHINE
+from lrf3d.scene.streets import centre_lines, dashes
 from lrf3d.scene.structures import Structures
 
 _PIXELS = 2048
 """Longest side of the picture [pixels]; larger ones take longer to paint than a second."""
 
+_HALVED = 32
+"""Sides of the picture are multiples of this [pixels]."""
+
 _FINEST = 0.06
-"""Smallest size of a pixel [m]: below, a small room would be blown up for nothing."""
+"""Smallest size of a pixel [m]: finer ones show no more of a small room."""
 
 _COARSE = 0.25
 """Size of a pixel [m] above which marks and lines would be too wide, and are left out."""
@@ -29,37 +37,62 @@ _TILE_PIXELS, _OVERLAP = 1024, 16
 """Side of the picture of a tile, and how far it reaches past the tile [pixels]."""
 
 _STREETS = 30.0
-"""Houses up to this far off a tile [m] have a say in where its streets are."""
+"""Houses up to this far off a tile [m] determine where its streets are."""
 
 _MARGIN = 6.0
 """How far the picture reaches past walls and their shadows [m]: farther than pavements go."""
 
-_PAVEMENT = 1.7
-"""Width of the pavement round buildings [m]."""
+_PAVEMENT, _KERB = 1.7, 0.16
+"""Width of the pavement round buildings, and of the kerb round it [m]."""
 
-_TURN = 1.6
-"""Radius of the turns of kerbs between houses [m]: alleys up to twice as wide are paved."""
+_TURN = 1.4
+"""Radius of the corners of kerbs [m]."""
 
-_FINER = 2
-"""Pixels to a side that marks and kerbs are painted with in place of one: their edges are seen from
-near, where steps would show."""
+_STRAIGHT = 0.7
+"""How far kerbs may be off the outline of their houses [m] to run straight."""
 
-_CONTACT = 0.9
-"""How far the shadow at the foot of walls reaches [m]."""
+_BLOCK = 7.0
+"""Houses less than this apart [m] are of one block, whose kerb runs straight before them."""
 
+_LOCAL = 8.0
+"""Only what of two houses is this near to the other [m] makes their common kerb."""
 
-_ASPHALT, _STONE, _MARK, _FLOOR = (94, 93, 91), (156, 152, 144), (204, 200, 188), (192, 185, 172)
-_BEYOND, _BEYOND_INDOOR = (0.46, 0.475, 0.435), (0.765, 0.78, 0.79)
-"""Colours of the ground: of streets, pavements, marks, floors, and of what lies past the world."""
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""How bright red, green and blue are to an eye."""
 
-_SHADE, _CONTACT_SHADE, _FLOOR_SHADE = (156, 163, 178), (164, 166, 171), (188, 186, 184)
-"""What light is left: in the sun's shadow, where the sky still shines, and at the foot of walls."""
+_SHADOW_RIM = 0.14
+"""Width of the rim of the sun's light on the ground [m]."""
 
-_CLOSEST = 4.0
-"""Lines of the grid lie at least this many pixels apart."""
+_STREET_PAINTS = np.array(
+    [[0.80, 0.79, 0.75], [0.370, 0.370, 0.370], [0.66, 0.65, 0.62], [0.545, 0.53, 0.50]]
+)
+_FLOOR_PAINTS = np.array(
+    [[0.74, 0.75, 0.755], [0.70, 0.69, 0.67], [0.64, 0.61, 0.56], [0.775, 0.74, 0.685]]
+)
+"""Colours of marks, asphalt, kerbs and pavements; and of what lies round a house, the edge of its
+floor, the joints of its tiles, and tiles."""
 
-_GRID_STRENGTH = 22
-"""Opacity 0…255 of the grid: one sees how far things are, and forgets it."""
+_BEYOND, _BEYOND_INDOOR = np.array([0.50, 0.52, 0.455]), _FLOOR_PAINTS[0]
+"""Colours of what lies past the world."""
+
+_TILES, _JOINT, _JOINT_STRENGTH = 1.0, 0.015, 90
+"""Side of a floor's tiles, width of the joints between them [m] and their opacity 0…255."""
+
+_LIGHT_CELL, _LIGHT_CELL_INDOOR, _LIGHT_CELLS = 0.8, 0.25, 150
+"""Least size of the cells that light is known in [m], and the most of them to a side."""
+
+_LIGHT_BLUR = 0.8
+"""How far that light is smoothed [cells]: rays are few, and it changes slowly."""
+
+BRIGHTEST = 1.3
+"""What light, as a factor of a screen's colours, the largest value of a picture stands for."""
+
+_HOLE, _RIM = 4.0, 0.1
+"""A floor closes openings in walls of up to twice the first, and goes past them by the second [m].
+"""
+
+_AROUND = 1.6
+"""How far round its path a robot has a floor under it [m], wherever walls are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,45 +100,96 @@ class Ground:
     """A picture of the ground.
 
     Args:
-        picture: (h, w, 3) uint8: red, green, blue; row 0 lies at the smallest y.
+        picture: (h, w, 4) uint8: the light on it in the hues of its paints, red, green and blue,
+            and what covers it, from marks over bare ground and kerbs to pavements; row 0 lies at
+            the smallest y.
         corner: (2,) x and y of its lower left corner in the film's frame [m].
         size: (2,) its width and height [m].
-        beyond: Colour of the ground far past the picture, 0…1.
+        paints: (4, 3) colours of marks, bare ground, kerbs and pavements, 0…1.
+        land: (3,) colour of the ground far past the picture, 0…1.
+        light: (3,) light on open ground, as a factor of a screen's colours.
     """
 
     picture: NDArray[np.uint8]
     corner: Float
     size: Float
-    beyond: tuple[float, float, float]
+    paints: Float
+    land: Float
+    light: Float
+
+    @property
+    def brightness(self) -> Float:
+        """How bright (4,) the paints are, 0…1."""
+        return np.asarray(self.paints @ _LUMINANCE)
+
+    @property
+    def beyond(self) -> tuple[float, ...]:
+        """The colour of the land around, in its light."""
+        return tuple(np.clip(self.land * self.light, 0.0, 1.0).tolist())
+
+    def albedo(self) -> Float:
+        """What covers the ground (h, w, 3), 0…1, in no light of its own."""
+        kind = 3.0 / 255.0 * self.picture[..., 3]
+        return np.stack([np.interp(kind, np.arange(4), band) for band in self.paints.T], axis=-1)
+
+    def coloured(self) -> NDArray[np.uint8]:
+        """The picture (h, w, 3) uint8 as it is seen from afar."""
+        seen = self.picture.astype(np.float32) / 255.0
+        paint = np.interp(3.0 * seen[..., 3], np.arange(4), self.brightness)
+        lit = np.clip(BRIGHTEST * seen[..., :3] * paint[..., None], 0.0, 1.0)
+        return np.asarray(np.round(255.0 * lit), np.uint8)
 
 
-def paint_ground(structures: Structures) -> Ground:
-    """Paint the ground of a world, coarser the larger it is."""
+def paint_ground(structures: Structures, light: Light) -> Ground:
+    """Paint the ground of a world in its light, coarser the larger it is."""
     ends = structures.segments.reshape(-1, 2)
     if not len(ends):
         ends = np.zeros((1, 2))
-    margin = 2.0 if structures.indoor else _MARGIN + _reach(structures)
+    margin = 3.0 if structures.indoor else _MARGIN + _reach(structures)
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
+    if structures.indoor and len(structures.path):
+        low = np.minimum(low, structures.path.min(axis=0) - margin)
+        high = np.maximum(high, structures.path.max(axis=0) + margin)
     pixel = max(float((high - low).max()) / _PIXELS, 0.02 if structures.indoor else _FINEST)
-    width, height = (np.ceil((high - low) / pixel).astype(int) + 1).tolist()
-    return _paint(structures, _Brush(width, height, low, pixel))
+    # Sides that can be halved some times have the same smaller copies in all renderers.
+    width, height = (_HALVED * (np.ceil((high - low) / (_HALVED * pixel)).astype(int))).tolist()
+    return _paint(structures, light, Brush(width, height, low, pixel))
 
 
-def paint_tile(structures: Structures, corner: Float, side: float) -> Ground:
+def paint_tile(structures: Structures, light: Light, corner: Float, side: float) -> Ground:
     """Paint a square of a side [m] of a large world's ground finely, from its lower left corner."""
     pixel = side / (_TILE_PIXELS - 2 * _OVERLAP)
     # The picture goes past the tile, so that blurs and smaller copies match those of neighbours.
     low = corner - _OVERLAP * pixel
-    reach = 2.0 if structures.indoor else _STREETS + _reach(structures)
+    reach = 2.0 * _HOLE if structures.indoor else _STREETS + _reach(structures)
     near = structures.within(low - reach, low + side + reach)
-    return _paint(near, _Brush(_TILE_PIXELS, _TILE_PIXELS, low, pixel))
+    return _paint(near, light, Brush(_TILE_PIXELS, _TILE_PIXELS, low, pixel))
 
 
-def _paint(structures: Structures, brush: "_Brush") -> Ground:
-    paint = _paint_floor if structures.indoor else _paint_streets
-    picture = np.asarray(paint(structures, brush))
-    beyond = _BEYOND_INDOOR if structures.indoor else _BEYOND
-    return Ground(picture, brush.corner, np.array(brush.size) * brush.pixel, beyond)
+def _paint(structures: Structures, light: Light, brush: Brush) -> Ground:
+    indoor = structures.indoor
+    paint = _paint_floor if indoor else _paint_streets
+    cover = paint(structures, brush)
+    lit = _baked(light, brush, indoor=indoor)
+    open_sky = open_light(indoor=indoor)
+    if not indoor:
+        shadow = brush.blank()
+        brush.quads(shadow, _shadows(structures))
+        shining = 1.0 - np.asarray(brush.soft(shadow, _SHADOW_RIM), np.float32) / 255.0
+        lit += shining[..., None] * np.float32(SUN[2] * SUNSHINE)
+        open_sky = open_sky + SUN[2] * SUNSHINE
+    paints = _FLOOR_PAINTS if indoor else _STREET_PAINTS
+    kind = 3.0 / 255.0 * np.asarray(cover, np.float32)
+    hues = [np.interp(kind, np.arange(4), band) for band in (paints.T / (paints @ _LUMINANCE))]
+    seen = as_mask(screen(lit.astype(np.float64)) * np.stack(hues, axis=-1) / BRIGHTEST)
+    return Ground(
+        np.concatenate([seen, np.asarray(cover)[..., None]], axis=-1),
+        brush.corner,
+        np.array(brush.size) * brush.pixel,
+        paints,
+        _BEYOND_INDOOR if indoor else _BEYOND,
+        screen(open_sky),
+    )
 
 
 def _reach(structures: Structures) -> float:
@@ -113,125 +197,95 @@ def _reach(structures: Structures) -> float:
     return float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
 
 
-class _Brush:
-    """Paints shapes, given in metres, into pictures of one size."""
-
-    def __init__(self, width: int, height: int, corner: Float, pixel: float) -> None:
-        self.size = (width, height)
-        self.corner = corner
-        self.pixel = pixel
-
-    def finer(self) -> "_Brush":
-        """A brush for the same place with finer pixels."""
-        width, height = self.size
-        return _Brush(_FINER * width, _FINER * height, self.corner, self.pixel / _FINER)
-
-    def reduced(self, picture: Image.Image) -> Image.Image:
-        """A picture of this brush in the pixels of the one that it is finer than."""
-        return picture.reduce(_FINER).filter(ImageFilter.BoxBlur(0.6))
-
-    def blank(self) -> Image.Image:
-        return Image.new("L", self.size, 0)
-
-    def polygons(self, picture: Image.Image, polygons: Any, fill: int = 255) -> None:
-        """Fill polygons, holes left out by being painted over."""
-        draw = ImageDraw.Draw(picture)
-        parts = shapely.get_parts(polygons)
-        # Where nothing is near, a union is one polygon of no points.
-        for polygon in parts[~shapely.is_empty(parts)]:
-            for ring, value in [(polygon.exterior, fill), *((r, 0) for r in polygon.interiors)]:
-                draw.polygon(self._points(np.asarray(ring.coords)), fill=value)
-
-    def quads(self, picture: Image.Image, quads: Float) -> None:
-        """Fill convex shapes (n, corners, 2)."""
-        draw = ImageDraw.Draw(picture)
-        for quad in quads:
-            draw.polygon(self._points(quad), fill=255)
-
-    def lines(self, picture: Image.Image, segments: Float, width: float) -> None:
-        """Draw segments (n, 4) of a width [m]."""
-        draw = ImageDraw.Draw(picture)
-        if width > 2.0 * self.pixel:
-            # Lines are as wide as whole pixels; as shapes they are as wide as they should be.
-            side = 0.5 * width * directions(segments)[:, ::-1] * [-1.0, 1.0]
-            start, end = segments[:, :2], segments[:, 2:]
-            self.quads(picture, np.stack([start - side, end - side, end + side, start + side], 1))
-            return
-        for segment in segments.reshape(-1, 2, 2):
-            draw.line(self._points(segment), fill=255, width=1)
-
-    def grid(self, picture: Image.Image, metres: float, width: float, fill: int) -> None:
-        """Draw lines at a spacing [m], at its multiples in the film's frame.
-
-        Nothing where they would lie so close together that they are one grey.
-        """
-        if metres < _CLOSEST * self.pixel:
-            return
-        draw = ImageDraw.Draw(picture)
-        pixels = max(1, round(width / self.pixel))
-        for axis, (across, along) in enumerate([self.size, self.size[::-1]]):
-            first = np.ceil(self.corner[axis] / metres) * metres
-            places = np.arange(first, self.corner[axis] + across * self.pixel, metres)
-            for at in ((places - self.corner[axis]) / self.pixel).tolist():
-                ends = [at, 0.0, at, float(along)] if axis == 0 else [0.0, at, float(along), at]
-                draw.line(ends, fill=fill, width=pixels)
-
-    def soft(self, picture: Image.Image, reach: float) -> Image.Image:
-        """The picture blurred over a reach [m]; wide blurs go by a smaller picture."""
-        radius = reach / self.pixel
-        shrink = max(1, int(radius / 2))
-        if shrink == 1:
-            return picture.filter(ImageFilter.BoxBlur(radius))
-        small = picture.reduce(shrink).filter(ImageFilter.GaussianBlur(radius / shrink))
-        return small.resize(self.size, Image.Resampling.BILINEAR)
-
-    def _points(self, points: Float) -> list[float]:
-        flat: list[float] = ((points - self.corner) / self.pixel).ravel().tolist()
-        return flat
+def _baked(light: Light, brush: Brush, *, indoor: bool) -> Single:
+    """The light (h, w, 3) on the ground without the sun, linear."""
+    size = np.array(brush.size) * brush.pixel
+    least = _LIGHT_CELL_INDOOR if indoor else _LIGHT_CELL
+    cell = max(least, float(size.max()) / _LIGHT_CELLS)
+    columns, rows = np.ceil(size / cell).astype(int) + 1
+    x, y = np.meshgrid(np.arange(columns) * cell, np.arange(rows) * cell)
+    found, open_air = light.ground(brush.corner + np.column_stack([x.ravel(), y.ravel()]))
+    found = found.reshape(rows, columns, 3)
+    if open_air.any():
+        # Under houses it is dark; what is next to them must not be for that.
+        inside = ~open_air.reshape(rows, columns)
+        near = distance_transform_edt(inside, return_distances=False, return_indices=True)
+        found = gaussian_filter(found[tuple(near)], (_LIGHT_BLUR, _LIGHT_BLUR, 0.0))
+    large = (round(columns * cell / brush.pixel), round(rows * cell / brush.pixel))
+    # Cells are known at their corners, a resized picture at the middles of its pixels.
+    shift = round(0.5 * cell / brush.pixel)
+    area = (shift, shift, shift + brush.size[0], shift + brush.size[1])
+    bands = [
+        Image.fromarray(band.astype(np.float32)).resize(large, Image.Resampling.BILINEAR)
+        for band in np.moveaxis(found, -1, 0)
+    ]
+    return np.stack([np.asarray(band.crop(area)) for band in bands], axis=-1)
 
 
-def _paint_streets(structures: Structures, brush: _Brush) -> Image.Image:
-    shadow, foot = brush.blank(), brush.blank()
-    brush.quads(shadow, _shadows(structures))
-    brush.lines(foot, structures.segments, 0.3)
-    brush.polygons(foot, structures.solids)
+def _paint_streets(structures: Structures, brush: Brush) -> Image.Image:
+    """What covers the ground of a town: 0 for marks, then asphalt, kerbs, and 255 for pavements."""
     fine = brush.finer()
-    pavement, marks, lines = fine.blank(), fine.blank(), brush.blank()
+    pavement, inner, marks = fine.blank(), fine.blank(), brush.blank()
     kerb = shapely.buffer(structures.solids, _PAVEMENT, quad_segs=4)
     if brush.pixel <= _COARSE:
-        # Rounding the kerb outward and inward again closes alleys that are narrower than a car,
-        # and gives it the wide turns that streets have.
-        kerb = shapely.buffer(shapely.union_all(kerb), _TURN, quad_segs=6)
-        kerb = shapely.buffer(kerb, -_TURN, quad_segs=6)
-        fine.lines(marks, dashes(centre_lines(structures, kerb)), 0.16)
-        brush.grid(lines, 5.0, 0.07, _GRID_STRENGTH)
+        kerb = blocks(structures.solids)
+        marks = brush.strips(dashes(centre_lines(structures, kerb)), 0.16)
+        fine.polygons(inner, shapely.buffer(kerb, -_KERB))
     fine.polygons(pavement, kerb)
-    ground = Image.new("RGB", brush.size, _ASPHALT)
-    ground.paste(_STONE, mask=fine.reduced(pavement))
-    ground.paste((255, 255, 255), mask=lines)
-    ground.paste(_MARK, mask=fine.reduced(marks))
-    ground = ImageChops.multiply(ground, _tinted(brush.soft(shadow, 0.12), _SHADE))
-    return ImageChops.multiply(ground, _tinted(brush.soft(foot, _CONTACT), _CONTACT_SHADE))
+    return _stacked(ImageChops.invert(marks), fine.reduced(pavement), fine.reduced(inner))
 
 
-def _paint_floor(structures: Structures, brush: _Brush) -> Image.Image:
-    foot, lines = brush.blank(), brush.blank()
-    brush.lines(foot, structures.segments, 0.10)
-    brush.polygons(foot, structures.solids)
-    brush.grid(lines, 1.0, 0.02, 40)
-    ground = Image.new("RGB", brush.size, _FLOOR)
-    ground.paste((60, 55, 50), mask=lines)
-    # Two widths: a dark line in the corner, and the wide shadow in the light of a room.
-    for reach, gain in ((0.12, 2.2), (0.5, 3.0)):
-        near = brush.soft(foot, reach).point([min(255, int(gain * value)) for value in range(256)])
-        ground = ImageChops.multiply(ground, _tinted(near, _FLOOR_SHADE))
-    return ground
+def _stacked(*masks: Image.Image) -> Image.Image:
+    """The sum of three masks, each of a third of the brightness."""
+    total = sum(np.asarray(mask, np.float32) for mask in masks)
+    return Image.fromarray(as_mask(total / (3.0 * 255.0)))
 
 
-def _tinted(mask: Image.Image, colour: tuple[int, int, int]) -> Image.Image:
-    """White where the mask is 0, the colour where it is 255."""
-    bands = [mask.point([255 - (255 - c) * value // 255 for value in range(256)]) for c in colour]
-    return Image.merge("RGB", bands)
+def blocks(solids: Any) -> Any:
+    """Pavements of the blocks that houses make up, as a shapely geometry.
+
+    Houses that stand side by side have one kerb, which runs straight before them; the corners of
+    blocks are round.
+    """
+    first, second = shapely.STRtree(solids).query(solids, predicate="dwithin", distance=_BLOCK)
+    pair = first < second
+    first, second = solids[first[pair]], solids[second[pair]]
+    sides = [
+        shapely.intersection(one, shapely.buffer(other, _LOCAL))
+        for one, other in ((first, second), (second, first))
+    ]
+    hulls = shapely.convex_hull(shapely.union(*sides))
+    # The hull of two long houses round a corner would fill the street between them.
+    filled = shapely.area(sides[0]) + shapely.area(sides[1])
+    hulls = hulls[shapely.area(hulls) < 1.7 * filled]
+    whole = shapely.union_all(np.concatenate([solids, hulls]))
+    wide = shapely.buffer(whole, _PAVEMENT, join_style="mitre", mitre_limit=1.5)
+    wide = shapely.simplify(wide, _STRAIGHT)
+    closed = shapely.buffer(shapely.buffer(wide, _TURN, quad_segs=8), -_TURN, quad_segs=8)
+    return shapely.buffer(shapely.buffer(closed, -_TURN, quad_segs=8), _TURN, quad_segs=8)
+
+
+def _paint_floor(structures: Structures, brush: Brush) -> Image.Image:
+    """What covers the ground of a house: 0 around it, then the floor's edge, joints and tiles."""
+    fine = brush.finer()
+    floor, inner, lines = fine.blank(), fine.blank(), brush.blank()
+    rooms = floor_of(structures)
+    fine.polygons(floor, rooms)
+    fine.polygons(inner, shapely.buffer(rooms, -0.06))
+    brush.grid(lines, _TILES, _JOINT, _JOINT_STRENGTH)
+    tiles = fine.reduced(inner)
+    return _stacked(fine.reduced(floor), tiles, ImageChops.subtract(tiles, lines))
+
+
+def floor_of(structures: Structures) -> Any:
+    """The floor of a house, as a shapely geometry: within its walls, and under the path."""
+    parts = [shapely.linestrings(structures.segments.reshape(-1, 2, 2))]
+    some = structures.path[:: max(1, len(structures.path) // 2000)]
+    parts.append(shapely.buffer(shapely.points(some), _AROUND))
+    wide = shapely.get_parts(shapely.union_all(shapely.buffer(np.concatenate(parts), _HOLE)))
+    filled = shapely.polygons(shapely.get_exterior_ring(wide[shapely.get_type_id(wide) == 3]))
+    edge = _HOLE - _RIM
+    return shapely.union_all(shapely.buffer(filled, -edge, join_style="mitre"))
 
 
 def _shadows(structures: Structures) -> Float:
@@ -243,75 +297,3 @@ def _shadows(structures: Structures) -> Float:
     slide = -SUN[:2] / SUN[2] * structures.heights[:, None]
     start, end = structures.segments[:, :2], structures.segments[:, 2:]
     return np.stack([start, end, end + slide, start + slide], axis=1)
-
-
-_STEP = 2.0
-"""Distance [m] between the samples along walls: a street's middle is found this finely."""
-
-_NARROWEST, _WIDEST = 3.5, 14.0
-"""Half the width [m] of what is taken for a street: not an alley, not a square."""
-
-_SHORTEST = 8.0
-"""A middle line below this length [m] is no street."""
-
-_MOST_SAMPLES = 60_000
-"""Beyond this many samples the lines are left out: they would cost seconds."""
-
-_DASH, _GAP = 2.2, 3.8
-"""Lengths [m] of a mark and of the gap to the next."""
-
-
-def centre_lines(structures: Structures, kerb: Any) -> Any:
-    """Middle lines of streets, as an array of shapely lines.
-
-    They are the edges of the Voronoi diagram of the walls between two façades that run along each
-    other, where both are a street's width apart.
-    """
-    walls = structures.segments[structures.closed]
-    points, along = _samples(walls)
-    if not 4 <= len(points) <= _MOST_SAMPLES:
-        return np.empty(0, dtype=object)
-    try:
-        diagram = Voronoi(points)
-    except QhullError:
-        return np.empty(0, dtype=object)
-    vertices = np.array(diagram.ridge_vertices)
-    first, second = diagram.ridge_points.T
-    gap = points[second] - points[first]
-    half = 0.5 * np.hypot(gap[:, 0], gap[:, 1])
-    street = (vertices.min(axis=1) >= 0) & (half > _NARROWEST) & (half < _WIDEST)
-    parallel = np.abs(np.einsum("ij,ij->i", along[first], along[second])) > 0.94
-    across = np.abs(np.einsum("ij,ij->i", along[first], gap)) < 0.5 * half
-    chosen = vertices[street & parallel & across]
-    if not len(chosen):
-        return np.empty(0, dtype=object)
-    edges = shapely.linestrings(np.round(diagram.vertices[chosen], 3))
-    merged = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(edges)))
-    # The samples make the line tremble by some decimetres; a street's line does not.
-    smooth = shapely.simplify(merged, 0.8)
-    if kerb is not None:
-        smooth = shapely.get_parts(shapely.difference(smooth, kerb))
-    return smooth[shapely.length(smooth) > _SHORTEST]
-
-
-def dashes(lines: Any) -> Float:
-    """Marks (n, 4) along lines."""
-    marks = [np.empty((0, 4))]
-    for line in lines:
-        starts = np.arange(_GAP / 2, shapely.length(line) - _DASH, _DASH + _GAP)
-        first = shapely.get_coordinates(shapely.line_interpolate_point(line, starts))
-        second = shapely.get_coordinates(shapely.line_interpolate_point(line, starts + _DASH))
-        marks.append(np.column_stack([first, second]))
-    return np.concatenate(marks)
-
-
-def _samples(walls: Float) -> tuple[Float, Float]:
-    """Points (m, 2) along walls (n, 4) and the direction (m, 2) of the wall of each."""
-    if not len(walls):
-        return np.empty((0, 2)), np.empty((0, 2))
-    counts = np.maximum(1, np.ceil(lengths(walls) / _STEP)).astype(int)
-    wall = np.repeat(np.arange(len(walls)), counts)
-    place = np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
-    share = ((place + 0.5) / counts[wall])[:, None]
-    points = walls[wall, :2] * (1.0 - share) + walls[wall, 2:] * share
-    return points, directions(walls)[wall]

@@ -11,8 +11,17 @@ from lrf3d.world import World
 SUN = np.array([0.33, -0.37, 0.868])
 """Direction to the sun, of unit length: high, so that shadows leave streets some light."""
 
-SKYLIGHT = 0.68 * np.array([0.95, 0.98, 1.06])
-"""What light is left where the sun is hidden."""
+GAMMA = 2.2
+"""The power that screens show colours with: light is reckoned in linear values."""
+
+SUNSHINE, SKYSHINE = np.array([1.22, 1.10, 0.92]), np.array([0.42, 0.47, 0.56])
+"""What a white face sends on that looks at the sun, and one that sees nothing but sky, linear."""
+
+SKYSHINE_INDOOR = np.array([1.12, 1.105, 1.08])
+"""The same for the ceiling of rooms, which is one large lamp."""
+
+GROUND_ALBEDO, GROUND_ALBEDO_INDOOR = np.array([0.17, 0.168, 0.162]), np.array([0.50, 0.46, 0.40])
+"""What share of light the ground sends on to houses and walls, linear."""
 
 PLASTER = np.array(
     [
@@ -58,19 +67,23 @@ GROUND_SHARPNESS = 0.6
 SHADOW_COLOUR = (0.02, 0.03, 0.05)
 """What the robot and dynamic obstacles darken the ground with."""
 
-BEAMS_DRAWN = 46
+BEAMS_DRAWN = 30
 """About how many single beams are drawn: more would run into one red."""
 
-BEAM_COLOUR, BEAM_STRENGTH = (1.0, 0.30, 0.22), 0.62
+BEAM_COLOUR, BEAM_STRENGTH = (1.0, 0.36, 0.26), 0.55
 """Colour of a single beam, and its opacity at the robot."""
 
-FAN_COLOUR, FAN_CURVE = (0.98, 0.25, 0.18), 1.5
-FAN_STRENGTH, FAN_STRENGTH_INDOOR = 0.37, 0.30
+FAN_COLOUR, FAN_CURVE = (1.00, 0.30, 0.20), 1.5
+FAN_STRENGTH, FAN_STRENGTH_INDOOR = 0.20, 0.17
 """Colour of the fan of beams, the power of what is left of its reach that it fades with, and its
 opacity at the robot."""
 
-FAN_SHARE_AHEAD = 0.45
+FAN_SHARE_AHEAD = 0.12
 """How much of that opacity is left where the robot's eyes look through the fan."""
+
+FAN_ENDS, FAN_END_SHARE = 0.25, 0.14
+"""The share of the fan at both its ends that beams fade in, and what is left of their opacity at
+the very ends: a fan of half a turn would end in a hard line across the picture."""
 
 BEAM_REACH = 42.0
 """Range [m] at which beams have faded to nothing: farther, they would only tint the street."""
@@ -89,21 +102,38 @@ RANGE_COLOURS = np.array(
 FARTHEST_COLOUR = 30.0
 """Range [m] from which hit points have their last colour."""
 
-POINT_SIZE, POINT_PIXELS = 0.10, (3.0, 10.0)
+POINT_SIZE, POINT_PIXELS = 0.08, (2.6, 8.0)
 """Diameter of a hit point [m], and the smallest and largest in a picture of 720 lines [pixels]."""
 
-TRACE_COLOUR, TRACE_STRENGTH = (1.0, 0.27, 0.12), 0.95
+POINT_HALO, POINT_HALO_STRENGTH = 2.6, 0.34
+"""Size of the bloom round a hit point, in its diameters, and its opacity at the point."""
+
+TRACE_COLOUR, TRACE_STRENGTH = (1.0, 0.36, 0.14), 0.70
 """Colour and opacity of the line on the walls where a scan hit them."""
 
 TRACE_HEIGHT, TRACE_GAP = 0.06, 0.02
 """Height of that line where it is a ribbon, and how far it stands before its wall [m]."""
 
-TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.14, 0.48, 0.90), 0.11, 0.015
+TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.045, 0.015
 """Colour of the robot's trail, and its width and height over the ground [m]."""
 
-MAP_BAND, MAP_WIDTH = (0.62, 0.86), 0.10
+TRAIL_FADE, TRAIL_OLD = 15.0, 0.35
+"""Time of the film [s] in which the trail fades to what is left of its opacity."""
+
+ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
+ESTIMATE_WIDTH, ESTIMATE_LIFT = 0.05, 0.005
+"""Colour of the estimated trail, opacity of the ellipses that it leaves behind, and
+where they are ribbons, their width and how far they lie above the trail of the truth [m]."""
+
+MAP_BAND, MAP_WIDTH = (0.62, 0.74), 0.07
 """Heights between which the map is a band along the walls, above the beams, and its width [m]: it
 stands out of its line to both sides, so that no wall hides it."""
+
+BAND_PIXELS = 3.6
+"""Least height of that band in a picture of 720 lines [pixels]: it shows from far away, too."""
+
+GLOW_REACH, GLOW_STRENGTH = 0.14, 0.40
+"""How far the glow of the band reaches on its wall [m], and its opacity at the band."""
 
 PAPER, STONE = (0.965, 0.970, 0.980), (0.70, 0.725, 0.76)
 ROBOT, ROBOT_RIM = (0.98, 0.46, 0.06), (0.12, 0.14, 0.18)
@@ -115,11 +145,17 @@ INSET_WHOLE, INSET_FOLLOWED = 140.0, 110.0
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
 """Outline (4, 2) of the robot as seen from above, heading along x."""
 
-MOVERS = np.array([[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]])
+OBSTACLE_COLOURS = np.array(
+    [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
+)
 """What moves beside the robot: strong, and none is the robot's orange."""
 
 _HUE_STEP = 0.6180339887
 """The golden ratio's fraction of a turn: neighbours in number lie far apart in hue."""
+
+
+_TRAIL_HUE, _FREE_HUES = np.radians(255.0), np.radians(20.0)
+"""Hue of the trail in Oklch, and how far off it those of all objects are [rad]."""
 
 
 _TONES, _CHROMA = np.array([0.48, 0.65, 0.56]), 0.17
@@ -158,7 +194,8 @@ def object_tints(objects: Int) -> Float:
     """Colours (n, 3) of the objects of a map, strong on white, the same for the same number."""
     number = np.asarray(objects, dtype=np.float64)
     # Hues a golden step apart never come round; three tones part those that come near.
-    hue = 2.0 * np.pi * (0.73 - number * _HUE_STEP)
+    turn = np.mod(-number * _HUE_STEP, 1.0)
+    hue = _TRAIL_HUE + _FREE_HUES + turn * 2.0 * (np.pi - _FREE_HUES)
     lightness = _TONES[number.astype(np.int64) % len(_TONES)]
     return _oklch_to_rgb(lightness, np.full(len(number), _CHROMA), hue)
 

@@ -122,6 +122,7 @@ class Structures:
         solid_colours: (k, 3) colours of their walls.
         indoor: Whether this is the inside of a house.
         origin: (2,) where the origin of the film's frame lies in the world [m].
+        path: (k, 2) where a robot drives [m].
     """
 
     segments: Float
@@ -136,6 +137,7 @@ class Structures:
     solid_colours: Float
     indoor: bool
     origin: Float
+    path: Float
 
     @classmethod
     def from_run(cls, run: Run) -> "Structures":
@@ -182,6 +184,7 @@ class Structures:
             solid_colours=colours[found].reshape(-1, 3),
             indoor=indoor,
             origin=origin,
+            path=path,
         )
 
     def within(self, low: Float, high: Float) -> "Structures":
@@ -204,6 +207,7 @@ class Structures:
             solid_colours=self.solid_colours[solids],
             indoor=self.indoor,
             origin=self.origin,
+            path=self.path,
         )
 
 

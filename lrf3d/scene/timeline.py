@@ -72,19 +72,28 @@ class Timeline:
             # The last stop is looked at as long as the others.
             self.end += DWELL_SHARE * (float(np.median(gaps)) if len(gaps) else DWELL_GAP)
 
-    def frame_times(self, fps: float) -> Float:
-        """Times (frames,) of the run [s] that a film shows, first to last, at least one."""
+    def frame_times(self, fps: float, margins: tuple[float, float] = (0.0, 0.0)) -> Float:
+        """Times (frames,) of the run [s] that a film shows, first to last, at least one.
+
+        Args:
+            fps: Frames a second.
+            margins: How long the film goes on before and after the run [s of the film]; there the
+                run stands still, and only the camera moves.
+        """
         step = self.playback / fps
-        count = int(np.floor((self.end - self.start) / step + 1e-6)) + 1
-        return self.start + step * np.arange(count, dtype=np.float64)
+        first = -int(np.floor(margins[0] * fps))
+        length = (self.end - self.start) / step + margins[1] * fps
+        frames = np.arange(first, int(np.floor(length + 1e-6)) + 1, dtype=np.float64)
+        return self.start + step * frames
 
     def poses(self, times: Float) -> Float:
         """Poses (m, 3) of the robot at times (m,) [s]."""
         return self.run.trajectory.at(self._driven(np.asarray(times, dtype=np.float64)))
 
     def moment(self, time: float) -> Moment:
-        """What is to be seen at a time [s]."""
+        """What is to be seen at a time [s]; before the start it is the start, and so at the end."""
         times = self.run.trajectory.times
+        time = min(max(time, self.start), self.end)
         scan = int(
             np.clip(np.searchsorted(times, time + 1e-9, side="right") - 1, 0, len(times) - 1)
         )
@@ -164,15 +173,15 @@ def drive_keys(timeline: Timeline) -> DriveKeys:
     return DriveKeys(times - timeline.start, poses, begun > ended)
 
 
-def mover_keys(mover: "DynamicObstacle", timeline: Timeline) -> tuple[Float, Float]:
+def obstacle_keys(obstacle: "DynamicObstacle", timeline: Timeline) -> tuple[Float, Float]:
     """Times (k,) between which an obstacle goes straight, and its poses (k, 3) in the film's frame.
 
     Times count from the start of the run [s].
     """
-    times = mover.poses.times
+    times = obstacle.poses.times
     within = times[(times > timeline.start) & (times < timeline.end)]
     keys = np.unique([timeline.start, *within, timeline.end])
-    poses = mover.path.at(keys) - [*timeline.origin, 0.0]
+    poses = obstacle.path.at(keys) - [*timeline.origin, 0.0]
     poses[:, 2] = np.unwrap(poses[:, 2])
     return keys - timeline.start, poses
 

@@ -15,6 +15,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.run import Run
 from lrf3d.scene.beams import line_quads
 from lrf3d.scene.look import MAP_BAND, MAP_WIDTH, object_tints
+from lrf3d.scene.map_bands import Bands, WallTops, map_bands
 from lrf3d.scene.timeline import DriveKeys
 
 RIBBON_SIZES = (2, 2, 1)
@@ -25,6 +26,9 @@ _SHARPEST = -0.2
 
 _PIECE_ERROR = 0.03
 """How far a straight piece of the trail may be off [m], in place and along the way."""
+
+_BENT, _FINER = 0.02, 5
+"""Turn of a leg [rad] from which on it is drawn as a curve, and the number of its pieces."""
 
 _SHORTEST = 1e-3
 """Pieces of the trail below this length [m] are left out: a robot that turns on the spot."""
@@ -58,6 +62,36 @@ def trail_ribbon(keys: DriveKeys) -> Single:
         rows[:, corner, 4] = keys.times[end : count + end]
     rows[keys.set_down, :, 2:4] = 0.0
     return rows.reshape(-1, 5)
+
+
+def smoothed(keys: DriveKeys) -> DriveKeys:
+    """The keys with more of them where the robot turns: there its trail is a curve.
+
+    Between two poses the curve leaves and arrives along their headings (Hermite's cubic).
+    """
+    way = np.diff(keys.poses[:, :2], axis=0)
+    length = np.hypot(way[:, 0], way[:, 1])
+    bends = (np.abs(np.diff(keys.poses[:, 2])) > _BENT) & (length > _SHORTEST) & ~keys.set_down
+    counts = np.where(bends, _FINER, 1)
+    leg = np.repeat(np.arange(len(counts)), counts)
+    share = (np.arange(len(leg)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[leg]
+    straight = keys.poses[leg] + share[:, None] * (keys.poses[leg + 1] - keys.poses[leg])
+    first, last = (
+        length[leg, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+        for turn in (keys.poses[leg, 2], keys.poses[leg + 1, 2])
+    )
+    # How far the cubic leaves the straight line: by its slopes at both ends less the line's own.
+    s = share[:, None]
+    off = s * (1.0 - s) * ((1.0 - s) * (first - way[leg]) - s * (last - way[leg]))
+    # A robot that drives backwards, or aside, has headings that are not its way's.
+    ahead = np.einsum("ij,ij->i", first, way[leg]) > 0.9 * length[leg] ** 2
+    straight[:, :2] += np.where((bends[leg] & ahead)[:, None], off, 0.0)
+    times = keys.times[leg] + share * (keys.times[leg + 1] - keys.times[leg])
+    return DriveKeys(
+        np.append(times, keys.times[-1]),
+        np.concatenate([straight, keys.poses[-1:]]),
+        keys.set_down[leg],
+    )
 
 
 def legs_begun(keys: DriveKeys, time: float) -> int:
@@ -108,20 +142,28 @@ class DrawnMap:
         """Colours (m, 3) in 0…255."""
         return np.round(255.0 * self.colours).astype(np.int64)
 
+    def bands_from(self, before: "DrawnMap", tops: WallTops) -> Bands:
+        """The bands along walls as high as given, grown from those of the map before."""
+        return map_bands(self.segments, self.colours, tops.of(self.segments), before.segments)
+
     def lines(self, height: float) -> Single:
         """Lines at a height [m], as :func:`~lrf3d.scene.beams.line_quads`."""
         opaque = np.ones((len(self.segments), 2))
         start, end = self.segments[:, :2], self.segments[:, 2:]
         return line_quads(start, end, self.colours, opaque, height)
 
-    def bands(self) -> Single:
-        """Corners (3 · m, 4, 3) of bands along the walls: both sides and the top of each."""
+    def bands(self, tops: Float | None = None) -> Single:
+        """Corners (3 · m, 4, 3) of bands along the walls: both sides and the top of each.
+
+        Tops (m,) are how high they reach [m], where walls are low.
+        """
         ends = self.segments.reshape(-1, 2, 2)
         along = ends[:, 1] - ends[:, 0]
         along = along / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
         side = 0.5 * MAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
         left, right = ends + side[:, None], ends - side[:, None]
-        low, high = MAP_BAND
+        high = np.full(len(ends), MAP_BAND[1]) if tops is None else tops
+        low = high - (MAP_BAND[1] - MAP_BAND[0])
         corners = np.zeros((len(ends), 3, 4, 3), np.float32)
         for face, (first, second, heights) in enumerate(
             (
@@ -131,7 +173,7 @@ class DrawnMap:
             )
         ):
             corners[:, face, :2, :2], corners[:, face, 2:, :2] = first, second[:, ::-1]
-            corners[:, face, :, 2] = heights
+            corners[:, face, :, 2] = np.stack(heights, axis=1)
         return corners.reshape(-1, 4, 3)
 
 

@@ -6,11 +6,13 @@ What walls make up enters; leave corners that have all that a renderer must know
 from typing import Any, NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single, directions, lengths
-from lrf3d.scene.facades import CAP, FACADE, PLAIN, ROOF, lay_roofs, lay_walls
+from lrf3d.scene.facades import CAP, FACADE, PLAIN, lay_roofs, lay_walls
+from lrf3d.scene.light import Light, screen
+from lrf3d.scene.look import SUN, SUNSHINE
+from lrf3d.scene.roofs import add_parapets, flat_faces, roof_faces
 from lrf3d.scene.shadows import LIT, shade_quads, shade_roofs
 from lrf3d.scene.structures import Structures
 
@@ -19,6 +21,15 @@ CAP_WIDTH = 0.12
 
 _SIZES = (3, 3, 2, 2, 4)
 """Position, normal, place along and up the face [m], its length and height [m], colour and kind."""
+
+_STEP, _STEP_INDOOR = 3.2, 0.8
+"""Sides of the pieces that walls are cut into for their light [m]."""
+
+_MOST_PIECES = 60_000
+"""About how many pieces there may be: beyond, light takes seconds."""
+
+_APART = 0.004
+"""Half the gap between both faces of a free wall [m]."""
 
 _LOWEST_FACADE = 3.0
 """Walls below this height [m] are fences and garden walls: no windows."""
@@ -56,32 +67,112 @@ def wall_faces(structures: Structures) -> Faces:
     )
     objects = structures.objects[np.concatenate([solid, free, free, free])]
     solid = np.arange(len(structures.solids))
-    return Faces(quads, objects, *_roofs(structures, structures.solids, solid)[:2])
+    roofs = roof_faces(structures, structures.solids, solid, structures.solid_heights)
+    return Faces(quads, objects, *roofs[:2])
 
 
-def paint_walls(structures: Structures, *, shadows: bool = True) -> Faces:
+class PaintedWalls(NamedTuple):
+    """Walls and roofs as pictures show them, and their light.
+
+    Args:
+        faces: Faces of corners of 19 values: the 16 of :func:`~lrf3d.scene.facades.lay_walls`, with
+            the light on them in the sun, and the light where the sun is hidden, both as factors of
+            a screen's colours.
+        light: The light of the world.
+    """
+
+    faces: Faces
+    light: Light
+
+
+def paint_walls(structures: Structures, *, shadows: bool = True) -> PaintedWalls:
     """The faces of all walls and roofs as pictures show them.
 
     Args:
         structures: What the walls make up.
         shadows: Whether the sun's shadows are baked into them.
-
-    Returns:
-        Faces whose corners are the 16 values of :func:`~lrf3d.scene.facades.lay_walls`.
     """
     faces = wall_faces(structures)
     if shadows:
         quads, number = shade_quads(structures, faces.quads)
         polygons, solid, under = shade_roofs(structures)
-        roofs, roof_objects, piece = _roofs(structures, polygons, solid)
-        dark = under[piece].astype(np.float32)
     else:
         quads, number = _with_shadow(faces.quads, LIT), np.arange(len(faces.quads))
-        roofs, roof_objects = faces.roofs, faces.roof_objects
-        dark = np.full(len(roofs), LIT, np.float32)
+        solid = np.arange(len(structures.solids))
+        polygons, under = structures.solids, np.full(len(solid), LIT)
+    top = add_parapets(structures, polygons, solid)
+    roofs, roof_objects, piece = top.roofs
+    dark = under[top.pieces[piece]].astype(np.float32)
+    # Parapets are walls of their own, after all others.
+    number = np.concatenate([number, len(faces.quads) + np.arange(len(top.inner))])
+    quads = np.concatenate([quads, _with_shadow(top.inner, LIT)])
+    objects = np.concatenate([faces.objects, top.inner_objects])
     pieces, owner = lay_walls(quads, number, indoor=structures.indoor)
     roofs = lay_roofs(_with_shadow(roofs, dark[:, None, None]), indoor=structures.indoor)
-    return Faces(pieces, faces.objects[number[owner]], roofs, roof_objects)
+    step = _STEP_INDOOR if structures.indoor else _STEP
+    pieces, part = cut_small(pieces, step, _MOST_PIECES)
+    # The two faces of a free wall are apart: a ray meets the one that looks at it.
+    owner = number[owner][part]
+    free = (owner >= int(structures.closed.sum())) & (owner < len(faces.quads))
+    free &= pieces[:, 0, 5] < 0.5
+    pieces[free, :, :3] += _APART * pieces[free, :, 3:6]
+    light = Light(structures, pieces, roofs)
+    painted = Faces(
+        _with_light(pieces, light.quads, indoor=structures.indoor),
+        objects[owner],
+        _with_light(roofs, light.roofs, indoor=structures.indoor),
+        roof_objects,
+    )
+    return PaintedWalls(painted, light)
+
+
+def cut_small(quads: Single, step: float, most: int) -> tuple[Single, Int]:
+    """Cut quads into pieces no wider and higher than a step [m], for light that changes on them.
+
+    Args:
+        quads: (n, 4, k) quads whose values change evenly.
+        step: The step [m]; longer where there would be too many pieces.
+        most: About how many pieces there may be.
+
+    Returns:
+        The pieces (m, 4, k), and which of the quads (m,) each is of.
+    """
+    place = quads[:, :, :3].astype(np.float64)
+    wide, high = (np.linalg.norm(place[:, corner] - place[:, 0], axis=1) for corner in (1, 3))
+    while True:
+        counts = (np.ceil(side / step - 1e-3) for side in (wide, high))
+        across, up = (np.maximum(1, count).astype(int) for count in counts)
+        if int((across * up).sum()) <= max(most, len(quads)):
+            break
+        step *= 1.4
+    found, owners = [np.zeros((0, *quads.shape[1:]), np.float32)], [np.zeros(0, np.int64)]
+    for columns, rows in np.unique(np.column_stack([across, up]), axis=0).tolist():
+        chosen = np.flatnonzero((across == columns) & (up == rows))
+        quad = quads[chosen].astype(np.float64)
+        s = (np.arange(columns + 1) / columns)[:, None, None]
+        bottom = quad[:, None, 0] + s.reshape(1, -1, 1) * (quad[:, None, 1] - quad[:, None, 0])
+        top = quad[:, None, 3] + s.reshape(1, -1, 1) * (quad[:, None, 2] - quad[:, None, 3])
+        t = (np.arange(rows + 1) / rows).reshape(1, 1, -1, 1)
+        grid = bottom[:, :, None] + t * (top - bottom)[:, :, None]
+        pieces = np.stack(
+            [grid[:, :-1, :-1], grid[:, 1:, :-1], grid[:, 1:, 1:], grid[:, :-1, 1:]], axis=3
+        )
+        found.append(pieces.reshape(-1, *quads.shape[1:]).astype(np.float32))
+        owners.append(np.repeat(chosen, columns * rows))
+    return np.concatenate(found), np.concatenate(owners)
+
+
+def _with_light(faces: Single, light: Float, *, indoor: bool) -> Single:
+    """Faces with the light in the sun, and where it is hidden, at their corners."""
+    normals = faces[:, 0, 3:6].astype(np.float64)
+    sun = np.zeros((len(faces), 3))
+    if not indoor:
+        sun = np.maximum(normals @ SUN, 0.0)[:, None] * SUNSHINE
+    rows = np.zeros((*faces.shape[:2], 19), np.float32)
+    rows[..., :16] = faces
+    rows[..., 12:15] = screen(light + sun[:, None])
+    rows[..., 16:19] = screen(light)
+    return rows
 
 
 def _with_shadow(faces: Single, under: Any) -> Single:
@@ -124,38 +215,4 @@ def _caps(structures: Structures, walls: NDArray[Any]) -> Single:
     side = 0.5 * CAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
     start, end = segments[:, :2] - reach, segments[:, 2:] + reach
     corners = np.stack([start - side, end - side, end + side, start + side], axis=1)
-    return _flat(corners, structures.heights[walls], structures.colours[walls], CAP)
-
-
-def _flat(corners: Float, heights: Float, colours: Float, kind: float) -> Single:
-    """Level faces (n, corners, 14) that look up."""
-    faces = np.zeros((*corners.shape[:2], sum(_SIZES)), np.float32)
-    faces[:, :, 0:2] = corners
-    faces[:, :, 2] = heights[:, None]
-    faces[:, :, 5] = 1.0
-    faces[:, :, 6:8] = corners
-    faces[:, :, 8:10] = 1.0
-    faces[:, :, 10:13] = colours[:, None, :]
-    faces[:, :, 13] = kind + 0.5
-    return faces
-
-
-def _roofs(structures: Structures, polygons: Any, solids: Int) -> tuple[Single, Int, Int]:
-    """Triangles (t, 3, 14) of roofs, from polygons of solids by number.
-
-    Returns:
-        The triangles, and the object (t,) and the polygon (t,) of each.
-    """
-    if not len(polygons):
-        none = np.zeros(0, np.int64)
-        return np.zeros((0, 3, sum(_SIZES)), np.float32), none, none
-    triangles, piece = shapely.get_parts(
-        shapely.constrained_delaunay_triangles(polygons), return_index=True
-    )
-    solid = solids[piece]
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0.0
-    corners[clockwise] = corners[clockwise][:, ::-1]
-    faces = _flat(corners, structures.solid_heights[solid], structures.solid_colours[solid], ROOF)
-    return faces, structures.solid_objects[solid], piece
+    return flat_faces(corners, structures.heights[walls], structures.colours[walls], CAP)

@@ -26,6 +26,9 @@ VIOLATED_BEYOND = 0.2
 CAST_RANGE = 80.0
 """Range of beams cast at the map if a scan has no range_max [m]."""
 
+UNEVEN = 1e-6
+"""Largest difference [rad] of neighbouring spacings of evenly spaced beams: logs round angles."""
+
 
 @dataclass(frozen=True, slots=True)
 class LogScore(Report):
@@ -64,7 +67,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     solid = line_map.segments[lengths(line_map.segments) > 0.0]
     origin = np.round(solid.reshape(-1, 2).mean(axis=0)) if len(solid) else np.zeros(2)
     solid = solid - np.tile(origin, 2)
-    near = _Nearness(solid)
+    index = _SegmentIndex(solid)
     cast = _MapCaster(solid)
     scan_count = return_count = explained = violations = 0
     errors: list[Float] = [np.empty(0)]
@@ -76,7 +79,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
         hit = np.isfinite(expected)
         scan_count += 1
         return_count += len(ranges)
-        explained += int(near.any(reflection_points(pose, scan.angles[judged], ranges)).sum())
+        explained += int(index.near(reflection_points(pose, scan.angles[judged], ranges)).sum())
         violations += int((ranges[hit] - expected[hit] > VIOLATED_BEYOND).sum())
         errors.append(np.abs(expected[hit] - ranges[hit]))
     all_errors = np.concatenate(errors)
@@ -91,8 +94,8 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     )
 
 
-class _Nearness:
-    """Finds which points lie within reach of a segment."""
+class _SegmentIndex:
+    """A spatial index of segments."""
 
     def __init__(self, segments: Float) -> None:
         import shapely
@@ -100,7 +103,7 @@ class _Nearness:
         self._points = shapely.points
         self._tree = shapely.STRtree(shapely.linestrings(segments.reshape(-1, 2, 2)))
 
-    def any(self, points: Float) -> Bool:
+    def near(self, points: Float) -> Bool:
         """Which of the points (n, 2) lie within 0.1 m of any segment."""
         found = np.zeros(len(points), dtype=np.bool_)
         geometry = self._points(points)
@@ -119,7 +122,7 @@ class _MapCaster:
     def ranges(self, scan: LaserScan, pose: Pose) -> Float:
         """Ranges (beams,) [m] to the map from a pose in its frame; +inf where it is not hit."""
         angles = scan.angles
-        if not np.allclose(np.diff(angles, 2), 0.0, atol=1e-6):
+        if not np.allclose(np.diff(angles, 2), 0.0, atol=UNEVEN):
             raise InputError("scan with beams at uneven angles: score_log needs them evenly spaced")
         farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
         lrf = LaserRangeFinder(angles[0], angles[-1], len(angles), 0.0, farthest)

@@ -26,7 +26,7 @@ class MapScore(Report):
     Args:
         length_precision: Share of samples along the map that lie by a true wall, within 0.1 m
             and 5°.
-        length_recall: Share of samples along the visible walls that lie so by a map segment.
+        length_recall: Share of samples along the visible walls that lie as near to a map segment.
         length_f1: Harmonic mean of the two.
         segment_precision: Share of map segments that match a visible wall one to one.
         segment_recall: Share of visible walls that are matched.
@@ -164,6 +164,6 @@ def adjusted_rand_index(first: Int, second: Int) -> float:
 
 
 def _pairs(counts: Int) -> float:
-    """How many pairs can be drawn from groups of the given sizes."""
+    """Number of pairs of members of the same group, for groups of the given sizes."""
     sizes: Float = counts.astype(np.float64)
     return float((0.5 * sizes * (sizes - 1.0)).sum())

@@ -21,9 +21,9 @@ def match_segments(segments: Float, walls: Float) -> Int:
     """Pair map segments (m, 4) with true segments (v, 4), each with at most one of the other.
 
     Two may be paired when their intersection over union along the true line is above 0.5 and both
-    ends of the map segment lie within 0.15 m of that line. Of all ways to pair, the one with
-    the most pairs is taken, and among those the one whose segments overlap best and lie nearest:
-    an optimal assignment, so the result does not depend on the order of the segments.
+    ends of the map segment lie within 0.15 m of that line. Of all assignments, the one
+    with the most pairs is taken, and among those the one whose segments overlap best and lie
+    nearest: an optimal assignment, so the result does not depend on the order of the segments.
 
     Returns:
         (k, 2) rows: index of the map segment, index of the true segment; rising in the latter.
@@ -46,47 +46,47 @@ def _assign(own: Int, wall: Int, cost: Float) -> Int:
     """The most pairs at the least cost, one to one, sorted by wall."""
     # Nearly all pairs have no alternative; they need no solver.
     sole = (_occurrences(own) == 1) & (_occurrences(wall) == 1)
-    disputed = _assign_rivals(own[~sole], wall[~sole], cost[~sole])
+    disputed = _assign_disputed(own[~sole], wall[~sole], cost[~sole])
     pairs = np.vstack([np.column_stack([own[sole], wall[sole]]), disputed])
     return pairs[np.argsort(pairs[:, 1])]
 
 
-def _occurrences(names: Int) -> Int:
-    """How often the name (n,) at each place occurs."""
-    _, place, counts = np.unique(names, return_inverse=True, return_counts=True)
-    return counts[place]
+def _occurrences(labels: Int) -> Int:
+    """How often each of the labels (n,) occurs among them."""
+    _, group, counts = np.unique(labels, return_inverse=True, return_counts=True)
+    return counts[group]
 
 
-def _assign_rivals(own: Int, wall: Int, cost: Float) -> Int:
-    """The same by a sparse assignment, with an exit for every wall that stays alone."""
+def _assign_disputed(own: Int, wall: Int, cost: Float) -> Int:
+    """The same by a sparse assignment, with an additional column for each wall to stay unpaired."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
     if not len(own):
         return np.empty((0, 2), np.int64)
-    names, column = np.unique(own, return_inverse=True)
-    wall_names, row = np.unique(wall, return_inverse=True)
-    walls = np.arange(len(wall_names))
-    # To leave a wall alone costs more than all pairs together, so pairs are never given up.
-    alone = np.full(len(walls), 3.0 * (len(walls) + 1))
+    owns, column = np.unique(own, return_inverse=True)
+    wall_indices, row = np.unique(wall, return_inverse=True)
+    walls = np.arange(len(wall_indices))
+    # An unpaired wall costs more than all pairs together, so pairs are never given up.
+    unpaired = np.full(len(walls), 3.0 * (len(walls) + 1))
     weights = coo_array(
         (
             # One is added to all, since the solver takes a cost of zero for no edge.
-            np.concatenate([cost, alone]) + 1.0,
-            (np.concatenate([row, walls]), np.concatenate([column, len(names) + walls])),
+            np.concatenate([cost, unpaired]) + 1.0,
+            (np.concatenate([row, walls]), np.concatenate([column, len(owns) + walls])),
         ),
-        shape=(len(walls), len(names) + len(walls)),
+        shape=(len(walls), len(owns) + len(walls)),
     )
     rows, columns = min_weight_full_bipartite_matching(weights.tocsr())
-    paired = columns < len(names)
-    return np.column_stack([names[columns[paired]], wall_names[rows[paired]]]).astype(np.int64)
+    paired = columns < len(owns)
+    return np.column_stack([owns[columns[paired]], wall_indices[rows[paired]]]).astype(np.int64)
 
 
 SAMPLE_SPACING = 0.05
 """Distance of samples along a segment [m]: a tenth of the shortest wall that counts."""
 
 LENGTH_ROUNDING = 1e-6
-"""Part of a sample's piece that rounding may add to a length, also 10⁶ m from the origin."""
+"""Share of a piece that rounding may add to a length, even 10⁶ m from the origin."""
 
 SAMPLES_AT_ONCE = 1_000_000
 """Samples compared at a time: some tens of megabytes."""
@@ -131,8 +131,8 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
     Args:
         segments: (n, 4) segments to sample.
         walls: (m, 4) segments to look for.
-        reach: How far from the sample a wall may lie [m].
-        angle: How much the directions of segment and wall may differ [rad].
+        reach: Largest distance of the wall from the sample [m].
+        angle: Largest angle between segment and wall [rad].
 
     Returns:
         (s,) distance of each sample, segment after segment, to the line of the nearest such
@@ -148,11 +148,11 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
     alike = np.abs(across) <= np.sin(angle)
     own, other = own[alike], other[alike]
     for pair in _blocks(own, counts[own]):
-        times = counts[own[pair]]
-        step = np.arange(times.sum()) - np.repeat(np.cumsum(times) - times, times)
-        place = (step + 0.5) / np.repeat(times, times)
-        row = np.repeat(pair, times)
-        distance, sideways = _place_beside(segments[own[row]], place, walls[other[row]])
+        samples = counts[own[pair]]
+        step = np.arange(samples.sum()) - np.repeat(np.cumsum(samples) - samples, samples)
+        share = (step + 0.5) / np.repeat(samples, samples)
+        row = np.repeat(pair, samples)
+        distance, sideways = _distances(segments[own[row]], share, walls[other[row]])
         sample = first[own[row]] + step
         nearer = distance <= np.minimum(nearest[sample], reach)
         sample = sample[nearer]
@@ -176,9 +176,9 @@ def _blocks(own: Int, samples: Int) -> Iterator[Int]:
     yield from (each for each in np.split(order, cuts) if len(each))
 
 
-def _place_beside(segments: Float, place: Float, walls: Float) -> tuple[Float, Float]:
-    """Distance [m] of a place (n,) on each segment (n, 4) to its wall, and to the wall's line."""
-    point = segments[:, :2] + place[:, None] * (segments[:, 2:] - segments[:, :2])
+def _distances(segments: Float, share: Float, walls: Float) -> tuple[Float, Float]:
+    """Distances (n,) [m] of the points at shares (n,) of segments to a wall, and to its line."""
+    point = segments[:, :2] + share[:, None] * (segments[:, 2:] - segments[:, :2])
     gap, along = point - walls[:, :2], directions(walls)
     forward = np.einsum("ij,ij->i", gap, along)
     sideways = np.abs(_cross(along, gap))

@@ -54,7 +54,7 @@ class StorageCount(Report):
 def storage(run: Run, polylines: Sequence[Sequence[Float]]) -> StorageCount:
     """Count the numbers of the map of a run as unions, as polylines and as an occupancy grid.
 
-    A polyline is a row of consecutive segments as seen from one place; views from different
+    A polyline is a chain of consecutive segments of one scan; views from different
     sides are not joined (reference [5] of Teslić et al.). A polyline is kept unless nine tenths
     of its length lie along those kept already; those that it makes redundant likewise are removed.
 
@@ -118,9 +118,9 @@ def _noise(run: Run) -> float:
 def _grid_cells(run: Run) -> int:
     """Cells of a grid over the box around all reflection points and poses."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for places in (run.trajectory.poses[:, :2], *(scan.points() for scan in run.scans)):
-        low = np.minimum(low, places.min(axis=0, initial=np.inf))
-        high = np.maximum(high, places.max(axis=0, initial=-np.inf))
+    for points in (run.trajectory.poses[:, :2], *(scan.points() for scan in run.scans)):
+        low = np.minimum(low, points.min(axis=0, initial=np.inf))
+        high = np.maximum(high, points.max(axis=0, initial=-np.inf))
     # The tolerance keeps rounding errors far from the origin from adding a row of cells.
     columns, rows = np.maximum(np.ceil((high - low) / GRID_CELL - 1e-6), 1.0)
     return int(columns) * int(rows)

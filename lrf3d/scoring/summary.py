@@ -84,8 +84,8 @@ def local_polylines(local: LineMap) -> list[Float]:
     The vertex of two consecutive segments lies midway between their ends.
     """
     polylines = []
-    for union in np.unique(local.objects):
-        segments = local.segments[local.objects == union]
+    for number in np.unique(local.objects):
+        segments = local.segments[local.objects == number]
         middle = 0.5 * (segments[:-1, 2:] + segments[1:, :2])
         polylines.append(np.concatenate([segments[:1, :2], middle, segments[-1:, 2:]]))
     return polylines

@@ -15,10 +15,10 @@ class Relations(Value):
     """Known relative poses between poses of a trajectory.
 
     Args:
-        first: (r,) the poses that they are relative to, by their numbers.
-        second: (r,) the poses that they are of.
-        relative: (r, 3) x, y [m], theta [rad] of the second as seen from the first.
-        certain: (r,) whether the two numbers are certain.
+        first: (r,) indices of the poses that they are relative to.
+        second: (r,) indices of the other poses.
+        relative: (r, 3) x, y [m], theta [rad] of the second in the frame of the first.
+        certain: (r,) whether both indices are certain.
     """
 
     first: Int
@@ -58,7 +58,7 @@ def score_trajectory(poses: Float, relations: Relations) -> TrajectoryScore:
     """Score poses (n, 3) by relations between them.
 
     Raises:
-        InputError: A relation is of a pose that there is not.
+        InputError: A relation refers to a pose that does not exist.
 
     Examples:
         >>> import numpy as np
@@ -82,13 +82,13 @@ def score_trajectory(poses: Float, relations: Relations) -> TrajectoryScore:
     known = relations.relative
     apart = np.hypot(ahead - known[:, 0], left - known[:, 1])
     turned = np.degrees(np.abs(wrap_angle(after[:, 2] - before[:, 2] - known[:, 2])))
-    sure = relations.certain
+    certain = relations.certain
     return TrajectoryScore(
         relations=len(relations),
         translation_mean=float(apart.mean()),
         translation_std=float(apart.std()),
         rotation_mean=float(turned.mean()),
         rotation_std=float(turned.std()),
-        certain_translation_mean=float(apart[sure].mean()) if sure.any() else np.nan,
-        certain_rotation_mean=float(turned[sure].mean()) if sure.any() else np.nan,
+        certain_translation_mean=float(apart[certain].mean()) if certain.any() else np.nan,
+        certain_rotation_mean=float(turned[certain].mean()) if certain.any() else np.nan,
     )

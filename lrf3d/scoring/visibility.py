@@ -43,13 +43,13 @@ def visible_parts(
     along = directions(segments)
     low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
     for pose, ranges, hit in zip(poses, truth, walls, strict=True):
-        seen = (hit >= 0) & np.isfinite(ranges)
-        wall = hit[seen]
+        returned = (hit >= 0) & np.isfinite(ranges)
+        wall = hit[returned]
         # Relative to the end of the wall, so that no digits are lost far from the origin.
-        reach = ranges[seen, None] * beam_directions(pose[2], angles[seen])
-        place = np.einsum("ij,ij->i", pose[:2] - segments[wall, :2] + reach, along[wall])
-        np.minimum.at(low, wall, place)
-        np.maximum.at(high, wall, place)
+        reach = ranges[returned, None] * beam_directions(pose[2], angles[returned])
+        station = np.einsum("ij,ij->i", pose[:2] - segments[wall, :2] + reach, along[wall])
+        np.minimum.at(low, wall, station)
+        np.maximum.at(high, wall, station)
     visible = np.flatnonzero(high - low > LEAST_VISIBLE)
     start, unit = segments[visible, :2], along[visible]
     first = start + low[visible, None] * unit
@@ -79,19 +79,19 @@ def buildings_seen(run: Run) -> BuildingCount:
     walls_of = np.bincount(objects)
     parts, walls = visible_walls(run)
     seen = (np.bincount(objects[walls], minlength=len(walls_of)) == walls_of) & (walls_of > 0)
-    _, union, union_sizes = np.unique(run.map.objects, return_inverse=True, return_counts=True)
+    _, object_of, object_sizes = np.unique(run.map.objects, return_inverse=True, return_counts=True)
     pairs = match_segments(run.map.segments, parts)
-    building, union_hit = objects[walls[pairs[:, 1]]], union[pairs[:, 0]]
+    building, map_object = objects[walls[pairs[:, 1]]], object_of[pairs[:, 0]]
     # A building is whole if all its walls are matched, and all matches are of one object.
     matched = np.bincount(building, minlength=len(walls_of))
-    lowest = np.full(len(walls_of), len(union_sizes))
+    lowest = np.full(len(walls_of), len(object_sizes))
     highest = np.full(len(walls_of), -1)
-    np.minimum.at(lowest, building, union_hit)
-    np.maximum.at(highest, building, union_hit)
-    one_union = (matched == walls_of) & (lowest == highest) & (highest >= 0)
-    sizes = np.append(union_sizes, 0)[np.where(one_union, highest, len(union_sizes))]
+    np.minimum.at(lowest, building, map_object)
+    np.maximum.at(highest, building, map_object)
+    one_object = (matched == walls_of) & (lowest == highest) & (highest >= 0)
+    sizes = np.append(object_sizes, 0)[np.where(one_object, highest, len(object_sizes))]
     return BuildingCount(
         buildings=int((walls_of > 0).sum()),
         seen_on_all_sides=int(seen.sum()),
-        whole=int((seen & one_union & (sizes == walls_of)).sum()),
+        whole=int((seen & one_object & (sizes == walls_of)).sum()),
     )

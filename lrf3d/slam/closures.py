@@ -1,6 +1,6 @@
 """Loop closures: key scans that show the same place as much older ones.
 
-Key scans and where they are believed to be enter; relative poses between key scans leave that
+Key scans and their estimated poses enter; relative poses between key scans leave that
 hold up: the scans overlap, no beam of the one passes through what the other saw, no other place in
 the window fits as well, and enough closures of the same stretch agree with each other.
 """
@@ -60,7 +60,7 @@ MOST_THROUGH = 0.04
 """Share of points that beams may pass through: doors open and people walk."""
 
 AGREEING = 3
-"""Closures that have to agree with each other before any of them is believed."""
+"""Closures that have to agree with each other before any of them is accepted."""
 
 STRETCH = 12.0
 """Closures within this way [m] of each other, at both ends, are compared."""
@@ -179,6 +179,11 @@ class LoopCloser:
         # How far the robot had driven at each key scan [m].
         self._ways = np.empty(0)
 
+    @property
+    def unconfirmed(self) -> list[Closure]:
+        """Closures that were found and are rejected: too few others agree with them."""
+        return list(self._pending)
+
     def add_key(self, key: Key, lost: int = 0) -> None:
         """Take in the next key scan.
 
@@ -199,21 +204,21 @@ class LoopCloser:
         self.keys.append(key)
 
     def search(self, poses: Float) -> list[Closure]:
-        """Closures of the newest key scan that are believed now, and older ones that it confirms.
+        """Closures of the newest key scan that are accepted now, and older ones that it confirms.
 
         Args:
-            poses: (k, 3) where all key scans are believed to be.
+            poses: (k, 3) estimated poses of all key scans.
         """
         new = len(self.keys) - 1
         found = self._found(new, poses)
-        believed: list[Closure] = []
+        accepted: list[Closure] = []
         for closure in found:
             self._pending.append(closure)
-            believed += self._confirmed(closure)
-        for closure in believed:
+            accepted += self._confirmed(closure)
+        for closure in accepted:
             self._graph.link(closure.old, closure.new, CLOSURE_WAY)
-        self.accepted += believed
-        return believed
+        self.accepted += accepted
+        return accepted
 
     def _found(self, new: int, poses: Float) -> list[Closure]:
         """Closures of a key scan with old ones near it."""
@@ -283,13 +288,13 @@ class LoopCloser:
         return Closure(old, new, relative, information + FLOOR)
 
     def _confirmed(self, newest: Closure) -> list[Closure]:
-        """The pending closures that are believed, now that another one has come."""
+        """The pending closures that are accepted, now that another one has come."""
         around = [other for other in self._pending if self._beside(other, newest)]
         agreeing = [other for other in around if self._agree(other, newest)]
         known = [other for other in self.accepted if self._beside(other, newest)]
         backed = sum(self._agree(other, newest) for other in known)
         together = len(agreeing) + backed
-        # Of sets that contradict each other the larger one is believed.
+        # Of sets that contradict each other the larger one is accepted.
         against = len(around) - len(agreeing) + len(known) - backed
         if together < AGREEING or together <= against:
             return []

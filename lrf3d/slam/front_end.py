@@ -36,11 +36,11 @@ REACH = 0.3
 """How far off walls are looked for [m]."""
 
 LEAST_EXPLAINED = 0.15
-"""A match that explains a smaller share of the points than this is not believed."""
+"""A match that explains a smaller share of the points than this is rejected."""
 
 DOUBTFUL, BETTER = 0.65, 0.15
 """Where a match explains a smaller share than the first, others are tried that odometry does not
-lead to, and believed if they explain more by the second."""
+lead to, and accepted if they explain more by the second."""
 
 LOST = 0.4
 """Where not even these explain such a share, all places around are searched."""
@@ -170,17 +170,17 @@ class FrontEnd:
             if backwards:
                 # From here on the encoders are taken to count the other way.
                 self._signs, increment = self._signs * BACKWARDS, increment * BACKWARDS
-        believed = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
-        pose = match.pose if believed else guess
+        accepted = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
+        pose = match.pose if accepted else guess
         pose[2] = wrap_angle(pose[2])
-        information = turned(match.information, -float(pose[2])) if believed else np.zeros((3, 3))
+        information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
         found = between(self.pose, pose)
         self._last = found
-        if believed and not (backwards or self._dead):
+        if accepted and not (backwards or self._dead):
             self.wheels.compare(expected, found, covariance)
-        self._turn_known &= believed and not self._dead
-        self._ahead_known &= believed and information[0, 0] > WEAK
-        self._dead |= bool(believed and not increment.any() and np.abs(found).max() > REVERSED)
+        self._turn_known &= accepted and not self._dead
+        self._ahead_known &= accepted and information[0, 0] > WEAK
+        self._dead |= bool(accepted and not increment.any() and np.abs(found).max() > REVERSED)
         self._raw += increment
         self._found += found
         self.pose = pose
@@ -190,7 +190,7 @@ class FrontEnd:
                 [*chain.from_iterable(self._local), *self._stretch], self.resolution.along
             )
         return Tracked(
-            pose, information, match.explained, believed, match.deviation, expected, covariance
+            pose, information, match.explained, accepted, match.deviation, expected, covariance
         )
 
     def _better(

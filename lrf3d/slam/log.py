@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,20 +13,22 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress
-from lrf3d.robot import Trajectory
-from lrf3d.run import Run
+from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.slam.closures import Closure
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.lag import WheelPath, fitted_lag, matched_lag, tracked_lag
+from lrf3d.slam.repair import Repaired, Repairs, repaired, rising
 from lrf3d.slam.resolution import Resolution
+from lrf3d.slam.simulated import MOST_COVARIANCES, scans_of
 from lrf3d.slam.slam import Slam, bent
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.world import World
 
-FASTEST, FASTEST_TURN, FASTER = 3.0, 3.0, 3.0
-"""A robot that moves farther [m] or turns more [rad] between two lines of a log has jumped, unless
-the first is less than so many times what it usually moves: some logs have few lines."""
+GROSS = 0.15
+"""Wheels that measure the way or the turn wrong by more than this share are corrected as a whole,
+and the drive is solved once more: its beginning was placed before that was known."""
 
 STILL = 1e-3
 """What a line without motion counts as between two scans [m], so that none counts nothing."""
@@ -34,6 +36,10 @@ STILL = 1e-3
 
 class OdometryLines(Protocol):
     """The raw odometry of a recording; lrf3d.io.laser_log.WheelRecord is one."""
+
+    @property
+    def times(self) -> Float:
+        """(n,) their stamps [s]."""
 
     @property
     def poses(self) -> Float:
@@ -67,6 +73,10 @@ class Recording(Protocol):
     def wheels(self) -> OdometryLines | None:
         """The raw odometry."""
 
+    @property
+    def mount(self) -> Pose:
+        """Pose of the laser on the robot's base, where the poses of the scans are the laser's."""
+
 
 @dataclass(frozen=True, eq=False)
 class LogSolution:
@@ -76,21 +86,23 @@ class LogSolution:
         slam: The slam that ran over it, with all its key scans.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         lag: How far the laser's clock is behind that of the odometry, in lines.
-        jumps: Numbers of the lines to which the odometry jumped, which is not believed.
         scan_poses: (k, 3) poses of the robot at the scans.
-        line_poses: (n, 3) its poses at the odometry lines, by the clock of the laser.
+        line_poses: (n, 3) its poses at the odometry lines as logged, by the clock of the laser.
         milliseconds: Mean time of an update [ms].
-        stamps_not_rising: How many scans have a stamp that is no later than the one before.
+        scans: The scans (k,), in the order in which they were taken, each once.
+        repairs: What was wrong with the log.
+        wheel_scale: What the turn and the way of the wheels were multiplied with as a whole.
     """
 
     slam: Slam
     laser_offset: float
     lag: float
-    jumps: tuple[int, ...]
     scan_poses: Float
     line_poses: Float
     milliseconds: float
-    stamps_not_rising: int = 0
+    scans: list[LaserScan]
+    repairs: Repairs
+    wheel_scale: tuple[float, float] = (1.0, 1.0)
 
     @property
     def closures(self) -> list[Closure]:
@@ -131,11 +143,25 @@ def solve_recording(
     """Find the poses of a recorded drive; arguments and errors are those of `solve_log`."""
     lines, scans = recording.wheels, recording.scans
     poses, places, offset = recording.poses, np.arange(len(scans)), 0.0
+    times = np.array([scan.time for scan in scans])
     if lines is not None:
         poses, places, offset = lines.poses, np.maximum(lines.places, 0), lines.laser_offset
-    return solve_log(
-        scans, poses, places, laser_offset=offset, key_distance=key_distance, progress=progress
+        times = lines.times
+    solution = solve_log(
+        scans,
+        poses,
+        places,
+        times=times,
+        laser_offset=offset,
+        key_distance=key_distance,
+        progress=progress,
     )
+    if lines is not None:
+        return solution
+    # The poses of the scans are those of the laser; what is asked for are those of the base.
+    base = compose(solution.line_poses, np.array(recording.mount.inverse()))
+    base[:, 2] = np.unwrap(base[:, 2])
+    return replace(solution, line_poses=base)
 
 
 def run_of(recording: Recording, solution: LogSolution) -> Run:
@@ -143,13 +169,17 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
 
     The map is that of the key scans, which show every wall that the robot came by.
     """
-    scans, mounted = recording.scans, np.array([solution.laser_offset, 0.0, 0.0])
+    scans, mounted = solution.scans, np.array([solution.laser_offset, 0.0, 0.0])
     poses = compose(solution.scan_poses, mounted)
     poses[:, 2] = np.unwrap(poses[:, 2])
-    mapper = LineMapper()
-    for number in solution.slam.key_scans.tolist():
+    mapper, keys = LineMapper(), solution.slam.key_scans.tolist()
+    schedule, maps = SnapshotSchedule(len(keys)), {}
+    for index, number in enumerate(keys):
         mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
-    line_map = mapper.map
+        if schedule.holds(index):
+            maps[number] = mapper.map
+    # The last map is that of all scans: those after the last key scan show nothing new.
+    maps[len(scans) - 1] = line_map = maps.pop(keys[-1])
     solid = lengths(line_map.segments) > 0.0
     first = scans[0]
     angles = first.angles
@@ -167,25 +197,23 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
         ranges,
         ranges,
         np.full(ranges.shape, -1),
-        (len(scans) - 1,),
-        (line_map,),
+        tuple(maps),
+        tuple(maps.values()),
+        estimate=estimate_of(solution, poses),
     )
 
 
-def rising(stamps: Float) -> tuple[Float, int]:
-    """Stamps (k,) [s] as times that rise, and how many of them do not.
-
-    A stamp that is no later than one before it is taken to lie evenly between those around it.
-    """
-    latest = np.maximum.accumulate(stamps)
-    good = np.concatenate([[True], np.diff(latest) > 0.0])
-    steps = np.diff(stamps)
-    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    knots = np.flatnonzero(good)
-    number = np.arange(len(stamps), dtype=np.float64)
-    times = np.interp(number, knots, latest[knots])
-    times[knots[-1] :] = latest[knots[-1]] + usual * (number[knots[-1] :] - knots[-1])
-    return times, int((steps <= 0.0).sum())
+def estimate_of(solution: LogSolution, poses: Float) -> EstimatedTrajectory:
+    """The poses (k, 3) of a drive's scans with the covariances of some, and the closures."""
+    slam, keys = solution.slam, solution.slam.key_scans
+    chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
+    return EstimatedTrajectory(
+        poses,
+        keys[chosen],
+        slam.covariances(chosen),
+        scans_of(slam.closures, keys),
+        scans_of(slam.unconfirmed_closures, keys),
+    )
 
 
 def solve_log(
@@ -193,6 +221,7 @@ def solve_log(
     wheels: Float,
     places: Int,
     *,
+    times: Float | None = None,
     laser_offset: float = 0.0,
     key_distance: float = KEY_DISTANCE,
     progress: Progress = lambda done, total: None,
@@ -203,12 +232,14 @@ def solve_log(
         scans: The scans (k,).
         wheels: (n, 3) poses by odometry, line by line.
         places: (k,) for each scan the index of the last odometry line before it.
+        times: (n,) stamps of the lines [s]; a second apart if not given.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         key_distance: Way from one key scan to the next [m].
         progress: Called with the scans that are done and all.
 
     Raises:
-        InputError: There are fewer than two scans or no odometry.
+        InputError: There are fewer than two scans or no odometry, the scans are of several laser
+            range finders, or the odometry jumps so often that it is none.
     """
     if len(scans) < 2 or not len(wheels):
         raise InputError(
@@ -221,8 +252,39 @@ def solve_log(
                 f"slam: scan {number} has {len(scan.ranges)} beams at other angles than the first;"
                 " expected scans of one laser range finder"
             )
+    stamps = np.arange(len(wheels), dtype=np.float64) if times is None else times
+    log = repaired(scans, wheels, stamps, places)
+    settings: dict[str, Any] = {
+        "laser_offset": laser_offset,
+        "key_distance": key_distance,
+        "progress": progress,
+    }
+    solution = _solved(log, **settings)
+    turn, _, way = (1.0 + solution.slam.wheel_biases).tolist()
+    if max(abs(turn - 1.0), abs(way - 1.0)) <= GROSS:
+        return solution
+    log = replace(log, wheels=scaled_wheels(log.wheels, turn, way))
+    return replace(_solved(log, **settings), wheel_scale=(turn, way))
+
+
+def scaled_wheels(wheels: Float, turn: float, way: float) -> Float:
+    """Odometry poses (n, 3) with all turns and all ways multiplied by factors."""
+    steps = between(wheels[:-1], wheels[1:]) * [way, way, turn]
+    headings = wheels[0, 2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
+    cos, sin = np.cos(headings[:-1]), np.sin(headings[:-1])
+    poses = np.column_stack([np.zeros((len(wheels), 2)), wrap_angle(headings)])
+    poses[1:, 0] = np.cumsum(cos * steps[:, 0] - sin * steps[:, 1])
+    poses[1:, 1] = np.cumsum(sin * steps[:, 0] + cos * steps[:, 1])
+    poses[:, :2] += wheels[0, :2]
+    return poses
+
+
+def _solved(
+    log: Repaired, *, laser_offset: float, key_distance: float, progress: Progress
+) -> LogSolution:
+    """Solve a recording that is in order."""
+    scans, wheels, places = log.scans, log.wheels, log.places
     laser = np.array([laser_offset, 0.0])
-    wheels, jumps = without_jumps(wheels)
     path = WheelPath(wheels)
     resolution = Resolution.of(scans[0].angles)
 
@@ -242,31 +304,8 @@ def solve_log(
     poses = slam.refined(scans)
     # Now that the poses of all scans are known, all of them show the lag.
     lag = fitted_lag(np.diff(poses[:, 2]), path, places)
-    return LogSolution(
-        slam,
-        laser_offset,
-        lag,
-        jumps,
-        poses,
-        line_poses(path, places, lag, poses),
-        milliseconds,
-        rising(np.array([scan.time for scan in scans]))[1],
-    )
-
-
-def without_jumps(wheels: Float) -> tuple[Float, tuple[int, ...]]:
-    """Odometry poses (n, 3) without jumps, and where they were; there the robot stands still."""
-    steps = between(wheels[:-1], wheels[1:])
-    ways = np.hypot(steps[:, 0], steps[:, 1])
-    usual = float(np.quantile(ways, 0.95)) if len(ways) else 0.0
-    jumped = (ways > max(FASTEST, FASTER * usual)) | (np.abs(steps[:, 2]) > FASTEST_TURN)
-    if not jumped.any():
-        return wheels, ()
-    mended = wheels.copy()
-    for line in np.flatnonzero(jumped):
-        mended[line + 1 :] = compose(mended[line], between(wheels[line + 1], wheels[line + 1 :]))
-    mended[:, 2] = wrap_angle(mended[:, 2])
-    return mended, tuple((np.flatnonzero(jumped) + 1).tolist())
+    lines = line_poses(path, places, lag, poses)[log.rows]
+    return LogSolution(slam, laser_offset, lag, poses, lines, milliseconds, scans, log.repairs)
 
 
 def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> Float:

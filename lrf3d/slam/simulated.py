@@ -11,12 +11,21 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, is_finite
+from lrf3d.geometry import Float, Int, is_finite
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
+from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
+from lrf3d.slam.closures import Closure
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.slam import Slam
+
+MOST_COVARIANCES = 128
+"""Covariances of poses that are kept of a drive. Each takes a step over the whole pose graph: of
+longer drives they are kept more seldom, so that a scan does not take longer in the end."""
+
+COVARIANCE_INTERVAL = 4
+"""Scans from one of them to the next at first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +94,9 @@ class SlamMapper:
         self._rng = np.random.default_rng(rng)
         self._true: list[Float] = []
         self._by_wheels: list[Float] = []
+        self._believed: list[Float] = []
+        self._covariances: dict[int, Float] = {}
+        self._interval = COVARIANCE_INTERVAL
 
     def update(self, scan: LaserScan) -> None:
         """Take in a scan; of its pose only what the wheels make of the way to it is used."""
@@ -99,11 +111,25 @@ class SlamMapper:
             self._by_wheels.append(compose(self._by_wheels[-1], increment))
             self.slam.update(scan, increment)
         self._true.append(true)
+        self._note_estimate()
 
     @property
     def map(self) -> LineMap:
         """The map as the robot knows it."""
         return self.slam.map
+
+    @property
+    def estimate(self) -> EstimatedTrajectory:
+        """Where the robot was believed to be when each scan was in, with its covariances."""
+        slam = self.slam
+        return EstimatedTrajectory(
+            np.array(self._believed).reshape(-1, 3),
+            np.array(list(self._covariances), dtype=np.int64),
+            np.array(list(self._covariances.values())).reshape(-1, 3, 3),
+            scans_of(slam.closures, slam.key_scans),
+            scans_of(slam.unconfirmed_closures, slam.key_scans),
+            np.array(self._by_wheels).reshape(-1, 3),
+        )
 
     def errors(self) -> Float:
         """How far (k,) the robot is believed to be from where it is, at all scans [m]."""
@@ -119,6 +145,27 @@ class SlamMapper:
             "loop_closures": len(self.slam.closures),
         }
 
+    def _note_estimate(self) -> None:
+        """Keep what is believed now, the covariance only at times."""
+        scan = len(self._believed)
+        self._believed.append(np.array(self.slam.pose))
+        if scan % self._interval:
+            return
+        self._covariances[scan] = self.slam.covariance()
+        if len(self._covariances) > MOST_COVARIANCES:
+            self._interval *= 2
+            self._covariances = {
+                kept: covariance
+                for kept, covariance in self._covariances.items()
+                if kept % self._interval == 0
+            }
+
     def _apart(self, poses: Float) -> Float:
         apart = poses[:, :2] - np.array(self._true)[:, :2]
         return np.hypot(apart[:, 0], apart[:, 1])
+
+
+def scans_of(closures: list[Closure], key_scans: Int) -> Int:
+    """The pairs of scans (c, 2), an older and a newer one, that closures join."""
+    pairs = [(closure.old, closure.new) for closure in closures]
+    return np.asarray(key_scans[np.array(pairs, dtype=np.int64).reshape(-1, 2)])

@@ -140,7 +140,7 @@ class Slam:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is believed to be at the last scan; the start before the first."""
+        """Estimated pose of the robot at the last scan; the start before the first."""
         if not self._tracked:
             return Pose(*self._start.tolist())
         key = self._closer.keys[-1]
@@ -156,6 +156,24 @@ class Slam:
             return np.zeros((3, 3))
         poses = self._key_poses
         return self._turned(joint_covariance(poses, self._honest_edges(), [len(poses) - 1]))
+
+    def covariances(self, numbers: Sequence[int] | Int) -> Float:
+        """Covariances (m, 3, 3) of the poses of some key scans, x, y [m], theta [rad].
+
+        Args:
+            numbers: (m,) numbers of the key scans.
+        """
+        chosen = np.asarray(numbers, dtype=np.int64)
+        found = np.zeros((len(chosen), 3, 3))
+        moved = np.flatnonzero(chosen > 0)
+        if not len(moved):
+            return found
+        edges = self._honest_edges()
+        joint = joint_covariance(self._key_poses, edges, chosen[moved].tolist())
+        for place, number in enumerate(moved.tolist()):
+            block = slice(3 * place, 3 * place + 3)
+            found[number] = self._turned(joint[block, block])
+        return found
 
     def relative_covariance(self, first: int, second: int) -> Float:
         """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
@@ -210,7 +228,7 @@ class Slam:
         return replace(scan, pose=Pose(*compose(robot, np.array([*self._laser, 0.0])).tolist()))
 
     def trajectory(self) -> Float:
-        """Poses (k, 3) of the robot at all scans, as they are believed now; theta is continuous."""
+        """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous."""
         poses = compose(self._start, self.scan_poses(self._key_poses))
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
@@ -232,6 +250,11 @@ class Slam:
     def closures(self) -> list[Closure]:
         """The loops that were closed, by the numbers of key scans."""
         return list(self._closer.accepted)
+
+    @property
+    def unconfirmed_closures(self) -> list[Closure]:
+        """Loop closures that were rejected, by the numbers of key scans."""
+        return self._closer.unconfirmed
 
     @property
     def wheel_biases(self) -> Float:
@@ -267,7 +290,7 @@ class Slam:
 
     @property
     def _key_poses(self) -> Float:
-        """Poses (k, 3) of the key scans since the start, as they are believed now."""
+        """Poses (k, 3) of the key scans since the start, as they are estimated now."""
         return self._room[: self._key_count]
 
     def _gathered_edges(self) -> Edges:

@@ -16,7 +16,7 @@ from typing import Any
 
 from lrf3d.cores import core_count
 from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
-from lrf3d.interrupts import whole
+from lrf3d.interrupts import uninterrupted
 from lrf3d.output import scratch_folder
 
 
@@ -38,9 +38,9 @@ ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+/?")
 SCHEDULER_SECONDS = 30.0
 """Time to wait for a scheduler and its first worker [s]."""
 
-LIVES = 20
-"""Largest number of workers that die of one task: a machine short of memory kills some by chance,
-but a task that kills all of its workers must not be repeated forever."""
+MOST_KILLED_WORKERS = 20
+"""Largest number of workers that one task may lose: a machine short of memory kills some by chance,
+but a task that makes every worker crash must not be repeated forever."""
 
 
 def check_address(address: str) -> None:
@@ -69,7 +69,7 @@ def connected(scheduler: str | None, workers: int | None = None) -> Iterator[Cli
             yield client
         return
     settings = {
-        "distributed.scheduler.allowed-failures": LIVES,
+        "distributed.scheduler.allowed-failures": MOST_KILLED_WORKERS,
         # Results are small, so other programs use the memory if workers are short of it.
         "distributed.worker.memory.pause": False,
         "distributed.worker.memory.terminate": False,
@@ -80,7 +80,7 @@ def connected(scheduler: str | None, workers: int | None = None) -> Iterator[Cli
         ExitStack() as started,
     ):
         # A terminal sends Ctrl-C to all processes; only this one is to handle it.
-        with whole():
+        with uninterrupted():
             client = started.enter_context(_started(core_count() if workers is None else workers))
         yield client
 
@@ -99,7 +99,7 @@ def _started(workers: int) -> Iterator[Client]:
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",
-                # Port 0 is any that is free; without it two sweeps would want the same.
+                # Port 0 is any free one; otherwise two sweeps would claim the same.
                 scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
                 worker_dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,

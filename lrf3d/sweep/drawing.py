@@ -14,16 +14,16 @@ from lrf3d.sweep.summary import INTERVAL_CONFIDENCE, MEASURES, CellMean, Mean, c
 from lrf3d.sweep.task import Row
 from lrf3d.text import table
 
-WORDS = {"sigma_m": "noise σ at range_max [m]", "beams": "beams"}
-"""What is varied, as the axes of figures name it."""
+AXIS_LABELS = {"sigma_m": "noise σ at range_max [m]", "beams": "beams"}
+"""Labels of the axes of figures."""
 
 MOST_CURVES = 8
-"""Curves of a figure at most: of more, what else is varied is averaged over."""
+"""Largest number of curves in a figure; with more, further axes are averaged over."""
 
 MOST_LINES = 60
-"""Lines of a table for the eye at most; the summary has all."""
+"""Largest number of lines of a printed table; the summary has all."""
 
-TOLD = {
+TABLE_COLUMNS = {
     "length_f1": (1.0, 3),
     "segment_f1": (1.0, 3),
     "segment_ratio": (1.0, 2),
@@ -31,11 +31,11 @@ TOLD = {
     "object_purity": (1.0, 3),
     "object_ratio": (1.0, 2),
 }
-"""What the printed table shows, what its values are multiplied by, and their decimals."""
+"""Measures of the printed table, with the factor of their values and the number of decimals."""
 
 
 def figures_of(plan: Plan, rows: Sequence[Row], folder: Path) -> dict[str, Drawing]:
-    """The figures of every world over everything that is varied in numbers, by what they show."""
+    """The figures by their titles: one for each world and each axis of numbers."""
     figures: dict[str, Drawing] = {}
     means = cell_means(plan, rows)
     for world in dict.fromkeys(cell.world for cell in plan.cells):
@@ -53,7 +53,7 @@ def figures_of(plan: Plan, rows: Sequence[Row], folder: Path) -> dict[str, Drawi
             )
             name = column.removesuffix("_m").replace(".", "_")
             path = folder / f"{world}_{name}.png"
-            axis = WORDS.get(column, column)
+            axis = AXIS_LABELS.get(column, column)
             titles = f"{world}: maps over {name}", words
             draw = partial(draw_sweep, curves, axis=axis, titles=titles)
             figures[f"{world} over {name}"] = path, draw
@@ -83,19 +83,19 @@ def curves_of(means: Sequence[CellMean], column: str, plan: Plan) -> tuple[list[
 
 def _curve(means: Sequence[CellMean], column: str, mode: str, choice: str) -> Curve:
     x = sorted({float(mean.columns[column]) for mean in means})
-    at = [[mean for mean in means if mean.columns[column] == value] for value in x]
-    joined = {name: [_joined([m.measures[name] for m in some]) for some in at] for name in MEASURES}
+    groups = [[mean for mean in means if mean.columns[column] == value] for value in x]
+    joined = {name: [_joined([m.measures[name] for m in g]) for g in groups] for name in MEASURES}
     return Curve(
         mode,
         choice,
         tuple(x),
-        {name: tuple(each.mean for each in some) for name, some in joined.items()},
-        {name: tuple(each.half for each in some) for name, some in joined.items()},
+        {name: tuple(each.mean for each in points) for name, points in joined.items()},
+        {name: tuple(each.half for each in points) for name, points in joined.items()},
     )
 
 
 def _joined(means: Sequence[Mean]) -> Mean:
-    """The mean of means that are independent of each other."""
+    """The mean of independent means."""
     if len(means) == 1:
         return means[0]
     halves = np.array([mean.half for mean in means])
@@ -116,16 +116,16 @@ def _scans(plan: Plan, world: str) -> str:
 def table_text(plan: Plan, rows: Sequence[Row]) -> str:
     """The means as a table: each with half of the width of its interval."""
     means = cell_means(plan, rows)
-    told = [name for name in plan.cells[0].columns if name == "mode" or name in plan.axes]
+    columns = [name for name in plan.cells[0].columns if name == "mode" or name in plan.axes]
     head = (
-        "world", *(name.removesuffix("_m") for name in told), "length F1", "segment F1",
+        "world", *(name.removesuffix("_m") for name in columns), "length F1", "segment F1",
         "segments", "RMS [mm]", "purity", "objects",
     )  # fmt: skip
     lines = [
         (
             mean.world,
-            *(_word(mean.columns[name]) for name in told),
-            *(_figure(mean.measures[name], *how) for name, how in TOLD.items()),
+            *(_word(mean.columns[name]) for name in columns),
+            *(_figure(mean.measures[name], *form) for name, form in TABLE_COLUMNS.items()),
         )
         for mean in means
     ]
@@ -134,8 +134,8 @@ def table_text(plan: Plan, rows: Sequence[Row]) -> str:
         text += f"\n… and {len(lines) - MOST_LINES} more in summary.json"
     return (
         f"{text}\nMean of {plan.grid.seeds} seeds ± half of its"
-        f" {100.0 * INTERVAL_CONFIDENCE:g} % interval. segments: by visible walls;"
-        " objects: of the map by those\nvisible; 1 is right."
+        f" {100.0 * INTERVAL_CONFIDENCE:g} % interval. segments: per visible wall;"
+        " objects: per visible\nobject; 1 is ideal."
     )
 
 

@@ -16,17 +16,17 @@ from lrf3d.mapping.mapper import MODES
 from lrf3d.world.schema import TABLES, read_settings, value_of
 
 SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
-"""Noises [m] where none are asked for: those of the paper's figures, and some between."""
+"""Default noises [m]: those of the paper's figures, and some between."""
 
 SEEDS = 20
-"""Seeds of each setting if not given."""
+"""Default number of seeds of each setting."""
 
 MOST_RUNS = 1_000_000
-"""Seeds at most; scans of a drive of which one is used; and runs, for the plan of all of them is
-held in memory, and the fastest take a core hours."""
+"""Largest number of seeds, of ``every``, and of runs: the plan of all runs is held in memory, and
+even the fastest take hours on one core."""
 
 SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
-"""The settings that have a flag of their own."""
+"""The settings that have an option of their own."""
 
 SettingValue = float | int | str | bool
 
@@ -38,11 +38,11 @@ class SweepGrid:
     Args:
         worlds: Names or paths of worlds.
         axes: Values by setting, as ``noise.sigma``: those of world files, each of them once.
-        seeds: How many seeds, from 0.
-        every: Every n-th scan of a drive is used.
+        seeds: Number of seeds, from 0.
+        every: Use every n-th scan of a drive.
 
     Raises:
-        InputError: There is no world, no value, no seed, or a setting that is none.
+        InputError: There is no world, no value or no seed, or a setting is invalid.
     """
 
     worlds: tuple[str, ...]
@@ -53,9 +53,9 @@ class SweepGrid:
     def __post_init__(self) -> None:
         if not self.worlds:
             raise InputError("sweep: no world; name one, such as city")
-        for name, least in (("seeds", self.seeds), ("every", self.every)):
-            if not 1 <= least <= MOST_RUNS:
-                raise InputError(f"sweep: {name} is {shown(least)}, expected 1 to {MOST_RUNS:,}")
+        for name, number in (("seeds", self.seeds), ("every", self.every)):
+            if not 1 <= number <= MOST_RUNS:
+                raise InputError(f"sweep: {name} is {shown(number)}, expected 1 to {MOST_RUNS:,}")
         axes = {name: tuple(_checked(name, v) for v in vs) for name, vs in self.axes.items()}
         for name, values in axes.items():
             if not values:
@@ -94,7 +94,7 @@ class SweepGrid:
 
 
 def setting(name: str, value: SettingValue) -> str:
-    """A setting as ``lrf3d run --set`` takes it."""
+    """A setting in the form of ``lrf3d run --set``."""
     try:
         return f"{name}={json.dumps(value, ensure_ascii=False)}"
     except ValueError:
@@ -125,7 +125,7 @@ def parse_axis(text: str) -> tuple[str, tuple[SettingValue, ...]]:
 
 
 def parse_values(text: str, flag: str) -> tuple[SettingValue, ...]:
-    """Values with commas between them, each a number, a word, true or false.
+    """Comma-separated values, each a number, a word, true or false.
 
     Raises:
         InputError: The list is empty.

@@ -29,8 +29,7 @@ KEY_DIGITS = 32
 """Hexadecimal digits of a key: 128 bits, so that no two keys are equal by chance."""
 
 FORMAT = 1
-"""Incremented when the same run would give other figures, so that they are not mixed with old
-ones."""
+"""Incremented when the same run gives other figures, so that old and new ones are not mixed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +49,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """A run: its order, the number of its cell and that of its seed."""
+    """A run: its order, the index of its cell, and its seed."""
 
     order: Order
     cell: int
@@ -136,7 +135,7 @@ def make_plan(
         drives = _Drives(file.world, grid.every, collision, where, warn)
         for values in grid.combinations:
             scenario = scenario_of(file, [setting(*each) for each in values.items()])
-            seen, place = drives.place(scenario)
+            place_key, place = drives.place(scenario)
             # An invalid threshold is found here, not on a worker.
             mode = line_mapper(scenario.noise, **scenario.mapper).mode
             usual: dict[str, SettingValue] = {
@@ -145,20 +144,21 @@ def make_plan(
                 "beams": scenario.lrf.beams,
             }
             varied = {column_of(key): value for key, value in values.items()}
-            places.setdefault(seen, place)
-            cells.append(Cell(scenario.name, seen, {**usual, **varied}))
-            runs += [_run(scenario, seen, len(cells) - 1, seed) for seed in range(grid.seeds)]
+            places.setdefault(place_key, place)
+            cells.append(Cell(scenario.name, place_key, {**usual, **varied}))
+            cell = len(cells) - 1
+            runs += [_run(scenario, place_key, cell, seed) for seed in range(grid.seeds)]
         for side in sorted(drives.planned):
             say(f"{name}: the route is planned {side} the walls")
     return Plan(grid, places, tuple(cells), tuple(runs))
 
 
-def _run(scenario: Scenario, seen: str, cell: int, seed: int) -> PlannedRun:
+def _run(scenario: Scenario, place_key: str, cell: int, seed: int) -> PlannedRun:
     noise, mapper = scenario.noise, dict(scenario.mapper)
-    # The repr of a noise contains its kind, not only its numbers.
-    key = digest((FORMAT, scenario.name, seen, repr(noise), mapper, seed))[:KEY_DIGITS]
+    # The repr of a noise contains its class as well as its numbers.
+    key = digest((FORMAT, scenario.name, place_key, repr(noise), mapper, seed))[:KEY_DIGITS]
     # All mappers and noises have the same seeds, so that they can be compared run by run.
-    return PlannedRun(Order(key, noise, mapper, seed_of((seen, seed))), cell, seed)
+    return PlannedRun(Order(key, noise, mapper, seed_of((place_key, seed))), cell, seed)
 
 
 class _Drives:
@@ -185,8 +185,8 @@ class _Drives:
             scenario.scan_interval, scenario.radius,
         )  # fmt: skip
         # A planned route depends on range_max.
-        asked = digest((robot, scenario.lrf.range_max if scenario.route is None else None))
-        if asked not in self._driven:
+        drive_key = digest((robot, scenario.lrf.range_max if scenario.route is None else None))
+        if drive_key not in self._driven:
             routed = scenario.with_route(where=self._where)
             if routed.planned is not None:
                 self.planned.add(routed.planned)
@@ -197,13 +197,13 @@ class _Drives:
                     f"{scenario.name}: one scan in {self._every} leaves one of {len(drive)}, whose"
                     " map is all that is scored; use more with a smaller --every"
                 )
-            self._driven[asked] = Trajectory(drive.times[used], drive.poses[used])
-        trajectory = self._driven[asked]
-        seen = digest(
+            self._driven[drive_key] = Trajectory(drive.times[used], drive.poses[used])
+        trajectory = self._driven[drive_key]
+        place_key = digest(
             (self._walls, scenario.lrf, scenario.obstacles, scenario.radius, trajectory.times,
              trajectory.poses)
         )  # fmt: skip
-        return seen, Place(scenario, trajectory)
+        return place_key, Place(scenario, trajectory)
 
 
 def digest(value: Any) -> str:
@@ -224,7 +224,12 @@ def _plain(value: Any) -> Any:
         ordered = np.ascontiguousarray(value + 0, dtype=kind)
         return ["array", value.shape, hashlib.sha256(ordered.tobytes()).hexdigest()]
     if is_dataclass(value):
-        return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
+        held = {each: getattr(value, each.name) for each in fields(value)}
+        return {
+            each.name: _plain(one)
+            for each, one in held.items()
+            if not (each.metadata.get("later") and one == each.default)
+        }
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
     if isinstance(value, tuple | list):

@@ -117,7 +117,7 @@ class Store:
         return key in self._rows
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Add results of workers; a run that is there already is not added again."""
+        """Add results of workers; a run that is stored already is not added again."""
         for row in rows:
             if row["key"] not in self._rows:
                 whole = {**self._plan.described(self._planned[row["key"]]), **row}

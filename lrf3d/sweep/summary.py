@@ -72,16 +72,16 @@ class CellMean:
 
 def cell_means(plan: Plan, rows: Sequence[Row]) -> list[CellMean]:
     """The means of each combination; rows are in the order of the plan."""
-    of_cell: list[list[Row]] = [[] for _ in plan.cells]
+    rows_of: list[list[Row]] = [[] for _ in plan.cells]
     for run, row in zip(plan.runs, rows, strict=True):
-        of_cell[run.cell].append(row)
+        rows_of[run.cell].append(row)
     return [
         CellMean(
             cell.world,
             dict(cell.columns),
             {name: Mean.of([row[name] for row in mine]) for name in MEASURES},
         )
-        for cell, mine in zip(plan.cells, of_cell, strict=True)
+        for cell, mine in zip(plan.cells, rows_of, strict=True)
     ]
 
 

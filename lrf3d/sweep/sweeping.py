@@ -79,14 +79,14 @@ class Batches:
 
         Only the latest one counts: the first ones in a process also load compiled code.
         """
-        for name in {each for run in batch.runs for each in self._names(run)}:
+        for name in {each for run in batch.runs for each in self._similar(run)}:
             self._pace[name] = seconds / len(batch.runs)
 
     def _expected(self, run: PlannedRun) -> float:
         """Expected duration of a run [s]; that of a batch if there was no similar run."""
-        return next((self._pace[n] for n in self._names(run) if n in self._pace), BATCH_SECONDS)
+        return next((self._pace[n] for n in self._similar(run) if n in self._pace), BATCH_SECONDS)
 
-    def _names(self, run: PlannedRun) -> tuple[object, ...]:
+    def _similar(self, run: PlannedRun) -> tuple[object, ...]:
         """Keys of similar runs: the same cell, or else the same world and mode."""
         cell = self._cells[run.cell]
         return run.cell, (cell.world, cell.columns["mode"])
@@ -101,7 +101,7 @@ class Sweep:
         rows: The table, a row for each run.
         table: The file of the table.
         summary: The means with their confidence intervals, in JSON's types.
-        resumed: Number of runs that were there before.
+        resumed: Number of runs that were stored before.
         took: Duration of the others [s].
     """
 
@@ -130,7 +130,7 @@ def sweep(
         scheduler: Address of a Dask scheduler; None for processes on this machine.
         workers: Number of processes on this machine; None for one for each core.
         resume: Continue with the runs that are in the folder.
-        progress: Called with the number of runs that are done, and of all.
+        progress: Called with the number of finished runs, and of all.
 
     Raises:
         InputError: The folder holds other runs, the scheduler cannot be used, or a run kills every
@@ -171,9 +171,9 @@ def _work(client: Any, plan: Plan, runs: list[Any], store: Store, progress: Prog
         return future
 
     first = [send(batch) for batch in iter(lambda: _next(batches, under_way, AHEAD * count), None)]
-    flow, flushed = as_completed(first), time.monotonic()
+    futures, flushed = as_completed(first), time.monotonic()
     try:
-        for future in flow:
+        for future in futures:
             batch = under_way.pop(future.key)
             report = future.result()
             batches.learn(batch, report.seconds)
@@ -185,7 +185,7 @@ def _work(client: Any, plan: Plan, runs: list[Any], store: Store, progress: Prog
                 # Workers may have come or gone.
                 count = max(1, sum(client.nthreads().values()))
             while (fresh := _next(batches, under_way, AHEAD * count)) is not None:
-                flow.add(send(fresh))
+                futures.add(send(fresh))
     except KilledWorker as error:
         raise InputError(
             f"runs at {plan.cells[batch.runs[0].cell].world} end their workers, perhaps for want of"

@@ -1,9 +1,9 @@
 """What the page's server lets in: requests for its own address, from its own page.
 
 A web page anywhere can have its visitor's browser send requests to this machine, under a name that
-it makes point here (DNS rebinding), or as itself. Without a look at ``Host`` and ``Origin`` it
-could read the scene and drive the robot. What else comes in malformed is dropped without a word,
-so that nobody outside writes to the terminal.
+it makes point here (DNS rebinding), or as itself. If ``Host`` and ``Origin`` were not checked, it
+could read the scene and drive the robot. Malformed requests are dropped silently, so that nobody
+outside can write to the terminal.
 """
 
 import logging

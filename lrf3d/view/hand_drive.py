@@ -13,6 +13,7 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.scenario import Scenario
+from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Sight
 from lrf3d.scene.trail_and_map import DrawnMap
 from lrf3d.sensor import Sensor
@@ -32,8 +33,8 @@ _LONGEST_STEP = 0.1
 """A step of the drive lasts at most this [s], so that no hitch sends the robot off."""
 
 _MAP_STEP, _MAP_TURN = 0.12, np.radians(5.0)
-"""The mapper takes a scan where the robot has gone or turned so far [m, rad] since the last: a
-robot that stands sees nothing new, and each scan is one more witness to hear."""
+"""Distance [m] and turn [rad] after which another scan is mapped: a robot at rest sees nothing new,
+and each update takes time."""
 
 _MAP_SHARE = 0.2
 """Share of the time that may go into working out the map."""
@@ -71,15 +72,17 @@ class HandDrive:
         self._origin = Sight.of(scenario.world, np.array([start[:2]])).origin
         self._scenario, self._start, self._seed = scenario, start, rng
         self._obstacles = CollisionChecker(scenario.world)
+        walls = scenario.world.segments - np.tile(self._origin, 2)
+        self._tops = WallTops(walls, scenario.world.heights)
         self._robot = Unicycle(scenario.radius)
-        self.movers = scenario.obstacles
+        self.obstacles = scenario.obstacles
         # Where the hand will drive while a beam turns nobody knows: a scan takes no time.
         self._sensor = Sensor(
             scenario.world,
             scenario.lrf,
             caster="embree",
             noise=scenario.noise,
-            obstacles=self.movers,
+            obstacles=self.obstacles,
         )
         self._clock = clock
         self.wish = Wish()
@@ -99,7 +102,7 @@ class HandDrive:
         self._map_due = 0.0
 
     def step(self, seconds: float) -> dict[str, Any]:
-        """Drive on for a time [s], scan and map; gives the news for the page as plain values."""
+        """Drive on for a time [s], scan and map; return what the page shows, as plain values."""
         seconds = min(seconds, _LONGEST_STEP)
         self._drive(seconds)
         scan = self._scan()
@@ -147,16 +150,17 @@ class HandDrive:
         return {
             "segments": np.round(drawn.segments, 3).ravel().tolist(),
             "colours": drawn.colour_bytes.ravel().tolist(),
+            "tops": np.round(self._tops.bands(drawn.segments), 3).tolist(),
             "objects": line_map.object_count,
         }
 
     def _moved(self) -> list[float]:
-        """Where movers are: x, y [m] in the local frame, theta [rad] of each in turn."""
+        """Poses of the dynamic obstacles in turn: x, y [m] in the local frame, theta [rad]."""
         shift = np.array([*self._origin, 0.0])
         return [
             value
-            for mover in self.movers
-            for value in (mover.path.at(np.array([self.time]))[0] - shift).tolist()
+            for obstacle in self.obstacles
+            for value in (obstacle.path.at(np.array([self.time]))[0] - shift).tolist()
         ]
 
     def _news(self, scan: LaserScan) -> dict[str, Any]:
@@ -173,7 +177,7 @@ class HandDrive:
                 None if np.isposinf(r) else v
                 for r, v in zip(scan.ranges, ranges.tolist(), strict=True)
             ],
-            "movers": self._moved(),
+            "obstacles": self._moved(),
             "joined": joined_beams(scan.ranges, scan.walls).tolist(),
             "bumped": self.bumped,
             "fresh": fresh,

@@ -32,7 +32,8 @@ def open_view(
     Raises:
         Lrf3dError: The run or the world cannot be used, or the page cannot be served.
     """
-    port = free_port(host, port)
+    # A wrong address is refused before the work; which port is free is decided after it.
+    free_port(host, port)
     scene, show = run_view(what, playback) if is_run else world_view(what, seed, read)
     serve(scene, show, host=host, port=port, browser=browser, started=started)
 
@@ -45,7 +46,7 @@ def run_view(path: str, playback: float | None) -> tuple[PageScene, Replayed]:
         run.lrf,
         run.trajectory.poses[:, :2],
         title=run.world.name or "run",
-        movers=run.obstacles,
+        obstacles=run.obstacles,
     )
     block, told = pack_run(run)
     return scene, Replayed(block, told, run.film.playback if playback is None else playback)
@@ -59,10 +60,10 @@ def world_view(
     start = start_pose(scenario)
     title = scenario.world.name or scenario.name
     drive = HandDrive(scenario, start, rng=seed)
-    # Compilers and trees take their time; nobody shall wait for them with a key held down.
+    # The first step compiles kernels and builds search trees, so it is made before the user drives.
     drive.step(0.0)
     path = np.array([start[:2]])
-    scene = make_scene(scenario.world, scenario.lrf, path, title=title, movers=drive.movers)
+    scene = make_scene(scenario.world, scenario.lrf, path, title=title, obstacles=drive.obstacles)
     return scene, lambda: HandDrive(scenario, start, rng=seed)
 
 

@@ -8,15 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.gltf import still_glb
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.bodies import mover_colours
+from lrf3d.scene.beams import fading_ends
+from lrf3d.scene.bodies import obstacle_colours
+from lrf3d.scene.estimate import BELIEVED, CORNERS, TRUTH, DrawnEstimate
+from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline, drive_keys, mover_keys, scan_times
+from lrf3d.scene.timeline import Timeline, drive_keys, obstacle_keys, scan_times
 from lrf3d.scene.trail_and_map import DrawnMap
 from lrf3d.world import World
 
@@ -47,12 +51,13 @@ def make_scene(
     path: Float,
     *,
     title: str,
-    movers: "tuple[DynamicObstacle, ...]" = (),
+    obstacles: "tuple[DynamicObstacle, ...]" = (),
 ) -> PageScene:
     """The scene of a world, with where the robot goes (k, 2) [m], and what moves beside it."""
     structures = Structures.from_world(world, path)
     places = np.concatenate([structures.segments.reshape(-1, 2), path - structures.origin])
     low, high = places.min(axis=0), places.max(axis=0)
+    step = float(lrf.angles[1] - lrf.angles[0]) if lrf.beams > 1 else 0.0
     walls = np.column_stack([structures.segments, structures.heights])
     setup = {
         "title": title,
@@ -65,12 +70,12 @@ def make_scene(
         "roof": float(structures.heights.max(initial=0.0)),
         "walls": np.round(walls, 3).ravel().tolist(),
         "houses": _outlines(structures),
-        "movers": [
+        "obstacles": [
             {
-                "outline": mover.outline.ravel().tolist(),
+                "outline": obstacle.outline.ravel().tolist(),
                 "colour": np.round(255.0 * colour).astype(int).tolist(),
             }
-            for mover, colour in zip(movers, mover_colours(movers), strict=True)
+            for obstacle, colour in zip(obstacles, obstacle_colours(obstacles), strict=True)
         ],
         "laser": {
             "angles": lrf.angles.tolist(),
@@ -78,13 +83,16 @@ def make_scene(
             "height": lrf.height,
             "reach": min(lrf.range_max, look.BEAM_REACH),
         },
-        "look": page_look(structures.indoor),
+        "look": page_look(structures.indoor, fading_ends(lrf.beams, step)),
     }
-    return PageScene(setup, still_glb(world.name, structures, lrf.height, movers))
+    return PageScene(setup, still_glb(world.name, structures, lrf.height, obstacles))
 
 
-def page_look(indoor: bool) -> dict[str, Any]:
-    """The constants of the look that the page draws with; colours are lists of 0…1."""
+def page_look(indoor: bool, shares: Float) -> dict[str, Any]:
+    """The constants of the look that the page draws with; colours are lists of 0…1.
+
+    Shares (beams,) are what of the opacity of each beam is left towards the ends of the fan.
+    """
     strength = look.FAN_STRENGTH_INDOOR if indoor else look.FAN_STRENGTH
     beams = {"drawn": look.BEAMS_DRAWN, "colour": look.BEAM_COLOUR, "strength": look.BEAM_STRENGTH}
     return {
@@ -97,6 +105,7 @@ def page_look(indoor: bool) -> dict[str, Any]:
             "strength": strength,
             "ahead": look.FAN_SHARE_AHEAD,
             "curve": look.FAN_CURVE,
+            "shares": np.round(shares, 3).tolist(),
         },
         "points": {
             "colours": look.RANGE_COLOURS.tolist(),
@@ -112,6 +121,13 @@ def page_look(indoor: bool) -> dict[str, Any]:
             "colour": look.TRAIL_COLOUR,
             "width": look.TRAIL_WIDTH,
             "height": look.TRAIL_HEIGHT,
+        },
+        "estimate": {
+            "colour": look.ESTIMATE_COLOUR,
+            "faded": look.ESTIMATE_FADED,
+            "width": look.ESTIMATE_WIDTH,
+            "height": look.TRAIL_HEIGHT + look.ESTIMATE_LIFT,
+            "corners": CORNERS,
         },
         "map": {"band": look.MAP_BAND, "width": look.MAP_WIDTH},
         "robot": {"colour": look.ROBOT, "rim": look.ROBOT_RIM, "dart": look.DART.tolist()},
@@ -156,8 +172,10 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
     maps = [
         DrawnMap.from_snapshot(run, number, timeline.origin) for number in range(-1, len(run.maps))
     ]
+    walls = run.world.segments - np.tile(timeline.origin, 2)
+    tops = WallTops(walls, run.world.heights)
     stage_times = run.trajectory.times[list(run.snapshot_scans)]
-    ways = [mover_keys(mover, timeline) for mover in run.obstacles]
+    ways = [obstacle_keys(obstacle, timeline) for obstacle in run.obstacles]
     arrays = {
         "keyTimes": (keys.times, np.float32),
         "keyPoses": (keys.poses, np.float32),
@@ -170,17 +188,19 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         "stageObjects": ([stage.object_count for stage in run.maps], np.int32),
         "segments": (np.concatenate([drawn.segments for drawn in maps]), np.float32),
         "colours": (np.concatenate([drawn.colour_bytes for drawn in maps]), np.uint8),
-        "moverSizes": ([len(times) for times, _ in ways], np.int32),
-        "moverTimes": (np.concatenate([*(times for times, _ in ways), []]), np.float32),
-        "moverPoses": (
+        "tops": (np.concatenate([tops.bands(drawn.segments) for drawn in maps]), np.float32),
+        "obstacleSizes": ([len(times) for times, _ in ways], np.int32),
+        "obstacleTimes": (np.concatenate([*(times for times, _ in ways), []]), np.float32),
+        "obstaclePoses": (
             np.concatenate([*(poses for _, poses in ways), np.empty((0, 3))]),
             np.float32,
         ),
+        **_estimate_arrays(timeline),
         "joined": (joined_beams(run.ranges, run.walls), np.uint8),
     }
     block, layout = bytearray(), {}
     for name, (values, kind) in arrays.items():
-        array = np.asarray(values, kind).ravel()
+        array: NDArray[Any] = np.asarray(values, kind).ravel()
         layout[name] = (array.dtype.name, len(block), len(array))
         block += array.tobytes()
         block += bytes(-len(block) % _ALIGNMENT)
@@ -188,5 +208,21 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         "layout": layout,
         "jumps": np.flatnonzero(keys.set_down).tolist(),
         "start": timeline.start,
+        "knowsTruth": run.knows_truth,
+        "legend": [] if run.estimate is None else [TRUTH, BELIEVED],
     }
     return bytes(block), told
+
+
+def _estimate_arrays(timeline: Timeline) -> dict[str, tuple[Any, type]]:
+    """What a robot believed that was not given its poses, and which of its ellipses stay."""
+    estimate = DrawnEstimate.from_timeline(timeline)
+    if estimate is None:
+        return {}
+    return {
+        "estimateTimes": (estimate.times, np.float32),
+        "estimatePlaces": (estimate.places, np.float32),
+        "ellipseTimes": (estimate.ellipse_times, np.float32),
+        "ellipseShapes": (estimate.shapes, np.float32),
+        "keptEllipses": (estimate.kept, np.int32),
+    }

@@ -1,6 +1,6 @@
 // The page: the scene with its words and buttons, played back or driven.
 
-import { BeamsMesh, Inset, MapBands, Movers, Replay, Rig, Stage, Trail, VIEWS } from "lrf3d-view";
+import { BeamsMesh, Estimate, Inset, MapBands, Obstacles, Replay, Rig, Stage, Trail, VIEWS, css } from "lrf3d-view";
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 const STEP = 2; // Seconds that an arrow key skips.
@@ -41,6 +41,9 @@ export default {
           <span>y <b class="lrf3d-y">{{ words.y }}</b></span> &ensp; <span>θ <b class="lrf3d-theta">{{ words.theta }}</b>°</span></div>
         <div class="lrf3d-warm">{{ words.beams }}</div>
         <div class="lrf3d-map">{{ words.map }}</div>
+        <div v-if="legend.truth" class="lrf3d-truth" :style="{ color: legend.truthColour }">━ {{ legend.truth }}</div>
+        <div v-if="legend.believed" class="lrf3d-believed" :style="{ color: legend.believedColour }">━ {{ legend.believed }}
+          &ensp; {{ words.apart }}</div>
         <div v-if="bumped" class="lrf3d-stop">a wall is in the way</div>
       </div>
       <canvas ref="inset" v-show="view !== 'top'" class="lrf3d-inset"></canvas>
@@ -100,7 +103,8 @@ export default {
       bumped: false,
       failure: "",
       held: { ahead: false, back: false, left: false, right: false },
-      words: { t: "0.0", v: "0.00", w: "0", x: "", y: "", theta: "", beams: "", map: "" },
+      words: { t: "0.0", v: "0.00", w: "0", x: "", y: "", theta: "", beams: "", map: "", apart: "" },
+      legend: {},
     };
   },
 
@@ -140,7 +144,7 @@ export default {
       this.beams = new BeamsMesh(scene, setup.laser, setup.look);
       this.trail = new Trail(scene, setup.look.trail);
       this.bands = new MapBands(scene, setup.look.map);
-      this.movers = new Movers(scene, this.stage.root, setup.movers);
+      this.obstacles = new Obstacles(scene, this.stage.root, setup.obstacles);
       this.inset = new Inset(this.$refs.inset, setup);
       this.rig = new Rig(this.stage, { ...setup, height: setup.laser.height });
       if (setup.replay) {
@@ -148,6 +152,7 @@ export default {
         this.end = this.run.end;
         this.trail.set(this.run.places(), new Set(setup.replay.jumps));
         this.pose = this.run.pose(0);
+        if (setup.replay.legend.length) this.showEstimate(scene);
       } else {
         this.pose = { ...setup.start, speed: 0, turning: 0 };
         this.trail.set([this.pose.x, this.pose.y]);
@@ -155,6 +160,21 @@ export default {
       }
       this.shownStage = null;
       this.choose(this.view);
+    },
+
+    // Beside the truth, where that is known: a recorded drive has only the estimate.
+    showEstimate(scene) {
+      const { look, replay } = this.setup;
+      const [truth, believed] = replay.legend;
+      this.estimate = new Estimate(scene, this.run, look.estimate);
+      this.trail.mesh.visible = replay.knowsTruth;
+      const pale = (colour) => css(colour.map((part) => 0.65 * part + 0.35));
+      this.legend = {
+        truth: replay.knowsTruth ? truth : "",
+        believed,
+        truthColour: pale(look.trail.colour),
+        believedColour: pale(look.estimate.colour),
+      };
     },
 
     frame(now) {
@@ -186,13 +206,13 @@ export default {
       const stage = run.stage(time);
       if (stage !== this.shownStage) {
         this.shownStage = stage;
-        const { segments, colours, objects } = run.map(stage);
-        this.showMap(segments, colours, objects);
+        this.showMap(run.map(stage));
       }
-      this.movers.show(run.movers(time));
+      this.obstacles.show(run.obstacles(time));
       const legs = run.legs(time);
       this.trail.show(legs, this.pose);
-      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), scan.on, this.movers);
+      if (this.estimate) this.sayApart(this.estimate.show(time));
+      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), scan.on, this.obstacles, this.estimate);
       this.say(this.setup.replay.start + time);
     },
 
@@ -215,8 +235,8 @@ export default {
       this.showScan(news.scanPose, news.ranges, news.joined, true);
       const legs = Math.max(0, this.trail.places.length / 2 - 1);
       this.trail.show(legs, this.pose);
-      this.movers.show(news.movers);
-      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), true, this.movers);
+      this.obstacles.show(news.obstacles);
+      this.inset.show(this.pose, this.trail, legs, this.beamsSeen(), true, this.obstacles);
       this.say(news.time);
     },
 
@@ -230,13 +250,13 @@ export default {
       }
       if (news.fresh) {
         this.trail.set([news.pose.x, news.pose.y]);
-        this.showMap([], [], 0);
+        this.showMap({ segments: [], colours: [], tops: [], objects: 0 });
         this.pose = news.pose;
         this.choose(this.view);
       }
       this.news = { ...news, ranges: news.ranges.map((range) => range ?? Infinity) };
       this.bumped = news.bumped;
-      if (news.map) this.showMap(news.map.segments, news.map.colours, news.map.objects);
+      if (news.map) this.showMap(news.map);
     },
 
     showScan(pose, ranges, joined, on) {
@@ -249,8 +269,8 @@ export default {
       if (on) this.beams.show(pose, ranges, joined, this.pose);
     },
 
-    showMap(segments, colours, objects) {
-      this.bands.show(segments, colours);
+    showMap({ segments, colours, tops, objects }) {
+      this.bands.show(segments, colours, tops);
       this.inset.setMap(segments, colours);
       const count = segments.length / 4;
       this.mapText = `${count} segment${count === 1 ? "" : "s"} in ${objects} object${objects === 1 ? "" : "s"}`;
@@ -258,6 +278,11 @@ export default {
 
     beamsSeen() {
       return { ends: this.beams.ends, reach: this.setup.laser.reach };
+    },
+
+    sayApart([x, y]) {
+      const apart = Math.hypot(x - this.pose.x, y - this.pose.y);
+      this.apart = this.setup.replay.knowsTruth ? `${apart.toFixed(2)} m off` : "";
     },
 
     say(time) {
@@ -273,6 +298,7 @@ export default {
         theta: rounded(turn - 360 * Math.round(turn / 360), 1),
         beams: this.beamText,
         map: this.mapText ?? "no map yet",
+        apart: this.apart,
       };
     },
 
@@ -283,6 +309,7 @@ export default {
       // Seen from straight above, the roofs would hide what was driven and mapped.
       const width = name === "top" ? this.setup.size / 250 : undefined;
       this.trail.lift(width);
+      this.estimate?.lift(width && 0.5 * width);
       this.bands.lift(width && 1.4 * width);
       this.shownTime = null;
     },

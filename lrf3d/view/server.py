@@ -43,7 +43,7 @@ def serve(
     show: Replayed | Callable[[], HandDrive],
     *,
     host: str = "127.0.0.1",
-    port: int,
+    port: int | None,
     browser: bool = True,
     started: Callable[[str], None] = lambda address: None,
 ) -> None:
@@ -54,7 +54,7 @@ def serve(
         show: A run to play back, or what makes the drive of a new page.
         host: The address or name to listen at; others than 127.0.0.1 let other machines in. Which
             names the page may then be opened by, :class:`~lrf3d.view.guard.Guard` says.
-        port: The port.
+        port: The port; the first free one if None.
         browser: Whether to open the browser.
         started: Called with the address of the page when it can be opened.
 
@@ -74,6 +74,7 @@ def serve(
     from lrf3d.view import guard
     from lrf3d.view.element import RunView
 
+    port = free_port(host, port)
     setup = {**scene.setup, "glb": "/lrf3d/scene.glb", "replay": None, "speed": 1.0}
 
     @app.get("/lrf3d/scene.glb")

@@ -18,10 +18,11 @@ from typing import Any, NoReturn
 import numpy as np
 
 from lrf3d.errors import WorldError
+from lrf3d.world.materials import material_of, material_value
 from lrf3d.world.model import World
 
 SECONDS, SECONDS_A_MEGABYTE = 4.0, 1.5
-"""Limit of the processor time [s]: for the start, and for each megabyte of the file."""
+"""Limit of the processor time [s]: a constant part, and one for each megabyte of the file."""
 
 SLOWEST_MACHINE = 10.0
 """Factor between the limits of wall time and processor time, for busy machines."""
@@ -64,17 +65,18 @@ def read_apart(path: Path, read: Callable[[Path], World]) -> World:
     header, _, body = done.stdout.partition(b"\n")
     if done.returncode != 0 or not header:
         raise WorldError(f"{path}: damaged, or needs too much memory to read")
-    said: dict[str, Any] = json.loads(header)
-    if "error" in said:
-        raise WorldError(said["error"])
+    fields: dict[str, Any] = json.loads(header)
+    if "error" in fields:
+        raise WorldError(fields["error"])
     walls = np.frombuffer(body, dtype=WALLS)
     return World(
         walls["segment"],
         walls["object"],
         walls["height"],
-        said["name"],
-        object_names=said["object_names"],
-        colours=np.array(said["colours"], dtype=np.float64).reshape(-1, 3),
+        fields["name"],
+        object_names=fields["object_names"],
+        colours=np.array(fields["colours"], dtype=np.float64).reshape(-1, 3),
+        materials=[material_of(one) for one in fields["materials"]],
     )
 
 
@@ -140,7 +142,12 @@ def _main(module: str, function: str, path: Path) -> NoReturn:
         colours = [
             [float(part) if np.isfinite(part) else None for part in row] for row in world.colours
         ]
-        header = {"name": world.name, "object_names": world.object_names, "colours": colours}
+        header = {
+            "name": world.name,
+            "object_names": world.object_names,
+            "colours": colours,
+            "materials": [one and material_value(one) for one in world.materials],
+        }
         walls = np.empty(len(world.segments), dtype=WALLS)
         walls["segment"], walls["object"] = world.segments, world.objects
         walls["height"] = world.heights

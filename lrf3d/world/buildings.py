@@ -8,6 +8,7 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
 from lrf3d.world.dissolve import STRAIGHT, Block, Footprint, dissolve
 from lrf3d.world.geojson_features import Feature
+from lrf3d.world.materials import Material
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import walls
 
@@ -59,10 +60,11 @@ class _Builder:
         self.objects: list[Int] = []
         self.names: dict[int, str] = {}
         self.colours: dict[int, tuple[float, float, float]] = {}
+        self.materials: dict[int, Material] = {}
         self.next = 0
 
     def add_block(self, block: Block, owners: list[Feature]) -> None:
-        """Add a block, with the name and colour of its first footprint that has them."""
+        """Add a block, with the name, colour and material of its first footprint that has them."""
         for ring, heights in zip(block.rings, block.heights, strict=True):
             self._add(walls(ring, closed=True), heights, self.next)
         for owner in reversed(owners):
@@ -89,6 +91,8 @@ class _Builder:
             self.names[number] = feature.name
         if feature.colour:
             self.colours[number] = feature.colour
+        if feature.material:
+            self.materials[number] = feature.material
 
     def world(self, name: str, place: tuple[float, float] | None) -> World:
         """The world of all walls."""
@@ -110,4 +114,5 @@ class _Builder:
             else (),
             colours=colours,
             place=place,
+            materials=[self.materials.get(number) for number in range(count)],
         )

@@ -6,7 +6,7 @@ from difflib import get_close_matches
 
 from lrf3d.errors import InputError, WorldError
 
-MOVING_VIEWS = ("chase", "first", "orbit", "top")
+MOVING_VIEWS = ("chase", "first", "orbit", "overview", "story", "top")
 """Names of the cameras that every world has; they follow the robot or show everything."""
 
 DEFAULT_FIELD = 50.0
@@ -25,6 +25,7 @@ class FixedCamera:
         position: x, y, z of the camera [m].
         target: x, y, z of the point in the middle of the picture [m].
         field_deg: Angle of view from the bottom to the top of the picture [degrees].
+        track: Whether it turns with the robot, which is then in the middle.
 
     Raises:
         WorldError: The name is reserved or empty, or position and target are equal.
@@ -34,6 +35,7 @@ class FixedCamera:
     position: tuple[float, float, float]
     target: tuple[float, float, float]
     field_deg: float = DEFAULT_FIELD
+    track: bool = False
 
     def __post_init__(self) -> None:
         if not self.name or self.name in MOVING_VIEWS:
@@ -69,7 +71,7 @@ class FilmPlan:
         playback: Simulated seconds in a second of film.
     """
 
-    view: str = "chase"
+    view: str = "story"
     playback: float = PLAYBACK
 
 

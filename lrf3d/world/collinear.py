@@ -36,9 +36,9 @@ def merge_collinear(segments: Float, labels: Int, *, tolerance: float) -> tuple[
     along = unit[first][line]
     ends = local.reshape(-1, 2, 2)
     offset = ends[..., 1] * along[:, None, 0] - ends[..., 0] * along[:, None, 1]
-    place = np.einsum("nek,nk->ne", ends, along)
+    station = np.einsum("nek,nk->ne", ends, along)
     row = _clusters(offset.mean(axis=1), tolerance, line)
-    low, high = place.min(axis=1), place.max(axis=1)
+    low, high = station.min(axis=1), station.max(axis=1)
     order = np.lexsort((low, row))
     parts = _runs(row[order], low[order], high[order], tolerance)
     merged, members = [], np.split(order, np.flatnonzero(np.diff(parts)) + 1)
@@ -53,7 +53,7 @@ def merge_collinear(segments: Float, labels: Int, *, tolerance: float) -> tuple[
         points = segments.reshape(-1, 2, 2)
         merged.append(
             np.concatenate(
-                [points[start, np.argmin(place[start])], points[end, np.argmax(place[end])]]
+                [points[start, np.argmin(station[start])], points[end, np.argmax(station[end])]]
             )[None]
         )
         owners.append(labels[member[:1]])

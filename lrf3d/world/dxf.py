@@ -23,7 +23,7 @@ from lrf3d.world.drawing import CURVE_ERROR, MOST_WALLS, world_of_strokes
 from lrf3d.world.model import World
 
 LARGEST_DXF = 1 << 26
-"""Bytes of a drawing."""
+"""Largest drawing [bytes]."""
 
 MOST_INSERTED = 20_000
 """Largest number of inserted entities: nested blocks could multiply them beyond all bounds."""
@@ -37,17 +37,7 @@ CURVE_SHARE = 1.0 / 2000.0
 CACHE_HOME = "XDG_CACHE_HOME"
 """The environment variable with the folder for caches."""
 
-OUTLINES = {
-    "LINE",
-    "LWPOLYLINE",
-    "POLYLINE",
-    "ARC",
-    "CIRCLE",
-    "ELLIPSE",
-    "SPLINE",
-    "SOLID",
-    "TRACE",
-}
+OUTLINES = frozenset("LINE LWPOLYLINE POLYLINE ARC CIRCLE ELLIPSE SPLINE SOLID TRACE".split())
 """Entities that are walls."""
 
 
@@ -94,8 +84,8 @@ def read_dxf(path: Path) -> World:
 def _no_list_of_fonts() -> Iterator[None]:
     """Keep ezdxf from looking for fonts, and from writing to the user's folders, when imported.
 
-    At its import it would read all fonts of the machine and keep a list of them in
-    ``~/.cache/ezdxf``; texts are no walls, so that an empty list in a folder of ours serves.
+    When it is imported, it reads all fonts of the machine and keeps a list of them in
+    ``~/.cache/ezdxf``. Texts are not walls, so an empty list in a temporary folder is enough.
     """
     before = os.environ.get(CACHE_HOME)
     with TemporaryDirectory(prefix="lrf3d-") as folder:
@@ -155,6 +145,7 @@ def _strokes(entity: Any, tolerance: float) -> Iterator[Float]:
     extent = float(np.ptp(corners, axis=0).max())
     if not np.isfinite(extent):
         raise WorldError("a curve that is not finite")
+    # The number of chords grows with the root of this ratio: some ten thousand are enough.
     distance = max(min(tolerance, CURVE_SHARE * extent), 1e-9)
     if not extent / distance <= 1e8:
         raise WorldError("a curve that is too large to be cut into chords")

@@ -37,7 +37,7 @@ def _read_toml(path: Path) -> World:
 
 
 def _write_toml(world: World, path: Path) -> None:
-    from lrf3d.world.toml_file import write_toml
+    from lrf3d.world.toml_text import write_toml
 
     write_toml(world, path)
 

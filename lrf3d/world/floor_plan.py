@@ -37,18 +37,18 @@ class FloorPlan:
         length = abs(x2 - x1) + abs(y2 - y1)
         dx, dy = (x2 - x1) / length, (y2 - y1) / length
         gap = 0.5 * (DOOR + THICKNESS)
-        place = 0.0
+        start = 0.0
         for door in sorted(doors):
-            self._line(x1, y1, dx, dy, place, door - gap)
-            place = door + gap
-        self._line(x1, y1, dx, dy, place, length)
+            self._line(x1, y1, dx, dy, start, door - gap)
+            start = door + gap
+        self._line(x1, y1, dx, dy, start, length)
 
     def _line(self, x: float, y: float, dx: float, dy: float, start: float, end: float) -> None:
         if end > start:
             self.lines.append((x + start * dx, y + start * dy, x + end * dx, y + end * dy))
 
     def outer_walls(self, wide: float, high: float) -> None:
-        """Add the walls around a plan, without doors, so that a drive stays inside."""
+        """Add the outer walls of a plan, without doors, so that a drive stays inside."""
         self.wall(0.0, 0.0, wide, 0.0)
         self.wall(0.0, high, wide, high)
         self.wall(0.0, 0.0, 0.0, high)

@@ -1,4 +1,4 @@
-"""FreeCells: the part of a plan that a map reports as free, through which routes are planned."""
+"""FreeCells: a grid of the free space of a map, through which routes are planned."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,8 +10,8 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, is_finite
 
-MOST_SIDE = 100_000
-"""Rows and columns of a grid in a file."""
+MOST_SIDE, MOST_CELLS = 100_000, 1_000_000_000
+"""Largest number of rows or columns, and of cells, of a grid in a file: a gigabyte of memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class FreeCells:
         object.__setattr__(self, "cells", cells)
 
     def contain(self, points: Float) -> Bool:
-        """Which of the points (k, 2) [m] lie in a free cell; none beyond the grid does."""
+        """Which of the points (k, 2) [m] lie in a free cell; points outside the grid do not."""
         x, y, yaw = self.origin
         cos, sin = np.cos(yaw), np.sin(yaw)
         local = (points - [x, y]) @ np.array([[cos, -sin], [sin, cos]]) / self.resolution
@@ -53,7 +53,7 @@ class FreeCells:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """The grid in JSON's types: of each row the lengths of its runs, the first not free."""
+        """The grid in JSON's types: each row as run lengths, alternating, occupied first."""
         runs = []
         for row in self.cells.tolist():
             lengths = [] if not row or not row[0] else [0]
@@ -85,7 +85,7 @@ class FreeCells:
             if not isinstance(row, list) or not all(type(n) is int and n >= 0 for n in row):
                 raise InputError(expected)
         columns = {sum(row) for row in rows}
-        if len(columns) != 1 or max(columns) > MOST_SIDE or max(columns) * len(rows) > 1e9:
+        if len(columns) != 1 or max(columns) > MOST_SIDE or max(columns) * len(rows) > MOST_CELLS:
             raise InputError(f"{expected}; rows of equal length, at most {MOST_SIDE:,}")
         cells = np.zeros((len(rows), columns.pop()), dtype=np.bool_)
         for row, lengths in zip(cells, rows, strict=True):

@@ -1,8 +1,8 @@
-"""Gaps: mapped walls are made to meet at their corners, as the walls did that they show.
+"""Gaps: closes the gaps that a scanner leaves where the walls of a map should meet.
 
-The segments of a map and what is known to be free enter; walls leave that meet where a scanner
-left a gap, or a world of them. A mapped wall ends short of each corner that no beam met, and beams
-and robots would slip through. Doors stay open: they are wider, and beams went through them.
+The input is the segments and the free cells of a map; the output is walls that meet at their
+corners, or a world of them. A mapped wall ends at its outermost hit, short of the corner, so that
+beams and robots would slip through. Doors stay open: they are wider, and beams went through them.
 """
 
 from dataclasses import dataclass
@@ -18,27 +18,27 @@ WIDEST = 0.4
 """Widest gap [m] that is closed: half of a door."""
 
 OVERSHOOT = 0.3
-"""How far a wall may go past the corner and be cut back [m]."""
+"""Largest length [m] of a wall beyond its corner, which is cut off."""
 
 LEAST_ANGLE = np.deg2rad(15.0)
-"""Angle [rad] between walls below which they are one wall, with a gap, and no corner."""
+"""Angle [rad] between walls below which they are one wall with a gap instead of a corner."""
 
 ASIDE = 0.1
-"""Farthest [m] that two ends of one wall with a gap may lie aside of each other."""
+"""Largest distance [m] of the two ends of a straight gap, across the wall."""
 
 STEP = 0.05
-"""Distance [m] of the places where the closing piece of a wall is looked at."""
+"""Distance [m] between the points of a closing piece that are compared with the free cells."""
 
 MOST_FREE = 0.25
-"""Share of the closing piece that may lie in free cells: the edges of cells are ragged."""
+"""Largest share of the closing piece in free cells: the borders of free space are ragged."""
 
 
 def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
-    """The world that a map shows: its walls meet, and those that touch are one object.
+    """A map as a world: its walls meet at corners, and walls that touch are one object.
 
     Args:
         mapped: The segments of the map as walls.
-        free: What is known to be free: no wall grows into it, and routes are planned through it.
+        free: The free cells: no wall grows into them, and routes are planned through them.
     """
     segments, walls = close_gaps(mapped.segments, free)
     return World(
@@ -53,11 +53,11 @@ def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
 
 @dataclass(frozen=True, slots=True)
 class _Closing:
-    """A way to close a gap.
+    """A possible closing of a gap.
 
     Args:
         cost: The longest piece of wall that is added or cut off [m].
-        end: Number of an end of a segment: twice its row, and one more for its second end.
+        end: Index of an end of a segment: twice its row, and one more for its second end.
         other: The end that it meets; −1 within a wall.
         corner: Where they meet (2,); None where a piece goes from one end to the other.
     """
@@ -73,7 +73,7 @@ def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, I
 
     Args:
         segments: (n, 4) walls of a map [m].
-        free: What is known to be free: no wall grows into it.
+        free: The free cells: no wall grows into them.
 
     Returns:
         (m, 4) walls: the n with new ends, and after them those that close straight gaps; and (m,)
@@ -82,14 +82,15 @@ def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, I
     origin = np.round(segments.reshape(-1, 2).mean(axis=0)) if len(segments) else np.zeros(2)
     ends = (segments.reshape(-1, 2, 2) - origin).reshape(-1, 2)
     outward = _outward(ends)
-    # Two ends before an end and a wall's side: a corner leaves no stub.
-    found = sorted(
+    # Corners of two ends come first: if one end met the side of the other wall, that wall's own end
+    # would stay behind as a stub.
+    closings = sorted(
         [*_corners(ends, outward), *_joints(ends, outward)],
         key=lambda closing: (closing.other < 0, closing.cost, closing.end, closing.other),
     )
     moved, bridges, rows = ends.copy(), [], []
     taken = np.zeros(len(ends), dtype=np.bool_)
-    for closing in found:
+    for closing in closings:
         both = [closing.end] if closing.other < 0 else [closing.end, closing.other]
         if taken[both].any():
             continue
@@ -163,10 +164,10 @@ def _joints(ends: Float, outward: Float) -> list[_Closing]:
     sine = _cross(outward[end], along)
     with np.errstate(divide="ignore", invalid="ignore"):
         growth = _cross(from_start, along) / sine
-        place = _cross(from_start, outward[end]) / sine
+        station = _cross(from_start, outward[end]) / sine
     length = np.linalg.norm(ends[2 * wall + 1] - ends[2 * wall], axis=1)
     fits = (np.abs(sine) > np.sin(LEAST_ANGLE)) & _may_grow(growth)
-    fits &= (place > 0.0) & (place < length)
+    fits &= (station > 0.0) & (station < length)
     return [
         _Closing(abs(float(growth[k])), int(end[k]), -1, ends[end[k]] + growth[k] * outward[end[k]])
         for k in np.flatnonzero(fits)
@@ -174,7 +175,7 @@ def _joints(ends: Float, outward: Float) -> list[_Closing]:
 
 
 def _may_grow(growth: Float) -> Bool:
-    """Whether walls may grow by so much [m], or be cut back."""
+    """Whether walls may grow by these lengths [m], or, where negative, be cut back."""
     return (growth >= -OVERSHOOT) & (growth <= WIDEST)
 
 
@@ -183,11 +184,11 @@ def _cross(first: Float, second: Float) -> Float:
 
 
 def _is_free(free: FreeCells, pieces: list[tuple[Float, Float]], origin: Float) -> bool:
-    """Whether the closing pieces, each from an end to a corner, lie where beams went through."""
+    """Whether beams went through any closing piece, each from an end to a corner."""
     for begin, end in pieces:
         count = int(np.hypot(*(end - begin)) / STEP) + 1
         shares = (np.arange(count) + 0.5) / count
-        places = begin + shares[:, None] * (end - begin) + origin
-        if free.contain(places).mean() > MOST_FREE:
+        points = begin + shares[:, None] * (end - begin) + origin
+        if free.contain(points).mean() > MOST_FREE:
             return True
     return False

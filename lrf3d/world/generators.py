@@ -162,14 +162,15 @@ def rooms(size: float, seed: int) -> World:
     plan = FloorPlan(f"rooms {seed}")
     wide, high = size, round(0.75 * size, 2)
     plan.outer_walls(wide, high)
-    _part(plan, rng, np.array([[0.0, 0.0], [wide, high]]))
+    _divide(plan, rng, np.array([[0.0, 0.0], [wide, high]]))
     return plan.world()
 
 
-def _part(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
+def _divide(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
     """Divide a box with corners (2, 2) [m] by a wall with a door, and then both parts."""
     waiting = [box]
-    # For each door the axis of its wall, the position of the wall, and that of the door in it.
+    # For each door the axis of its wall, the position of the wall, and that of the door along it:
+    # no later wall may end in front of a door.
     doors: list[tuple[int, float, float]] = []
     clear = 0.5 * DOOR + 2.0 * THICKNESS
     while waiting:
@@ -179,14 +180,10 @@ def _part(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
         if sides[axis] < 2.0 * SMALLEST_ROOM:
             axis = 1 - axis
         free = [
-            place
-            for place in np.arange(
-                low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1
-            )
+            cut
+            for cut in np.arange(low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1)
             if not any(
-                along == axis
-                and at in (low[1 - axis], high[1 - axis])
-                and abs(place - door) < clear
+                along == axis and at in (low[1 - axis], high[1 - axis]) and abs(cut - door) < clear
                 for along, at, door in doors
             )
         ]
@@ -195,15 +192,15 @@ def _part(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
                 middle = low + 0.5 * sides
                 plan.box("pillar", np.round(middle - 0.3, 2), np.array([0.6, 0.6]), 2.5, STONE)
             continue
-        place = float(np.round(rng.choice(free), 2))
+        cut = float(np.round(rng.choice(free), 2))
         start, end = float(low[1 - axis]), float(high[1 - axis])
         door = float(np.round(rng.uniform(start + clear, end - clear), 2))
-        doors.append((1 - axis, place, door))
+        doors.append((1 - axis, cut, door))
         if axis == 0:
-            plan.wall(place, start, place, end, door - start)
+            plan.wall(cut, start, cut, end, door - start)
         else:
-            plan.wall(start, place, end, place, door - start)
-        for lower, upper in ((low[axis], place), (place, high[axis])):
+            plan.wall(start, cut, end, cut, door - start)
+        for lower, upper in ((low[axis], cut), (cut, high[axis])):
             part = np.array([low, high])
             part[0, axis], part[1, axis] = lower, upper
             waiting.append(part)
@@ -254,8 +251,8 @@ def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None 
     crossings = np.maximum(np.array(city_blocks(walls)) - 1, 1)
     wide = crossings if spread is None else np.minimum(spread, crossings)
     cells = (crossings - wide) // 2 + rng.integers(0, wide, (count, 2))
-    places = BLOCK_SIDE * (cells + 0.5) + rng.uniform(-AISLE, AISLE, (count, 2))
-    return np.column_stack([places, rng.uniform(-np.pi, np.pi, count)])
+    positions = BLOCK_SIDE * (cells + 0.5) + rng.uniform(-AISLE, AISLE, (count, 2))
+    return np.column_stack([positions, rng.uniform(-np.pi, np.pi, count)])
 
 
 def maze(size: float, seed: int) -> World:

@@ -35,6 +35,7 @@ from lrf3d.world.geographic import (
     looks_geographic,
 )
 from lrf3d.world.geojson_features import features_of
+from lrf3d.world.materials import material_value
 from lrf3d.world.model import World
 from lrf3d.world.pieces import WallRun, parts_of
 from lrf3d.world.schema import PLACE, Invalid, colour_value, point
@@ -130,6 +131,7 @@ def _cameras(members: object) -> tuple[FixedCamera, ...]:
                 point()(member["position"]),  # type: ignore[arg-type]
                 point()(member["target"]),  # type: ignore[arg-type]
                 float(member["field_deg"]),
+                bool(member.get("track", False)),
             )
             for member in members  # type: ignore[attr-defined]
         )
@@ -192,6 +194,9 @@ def _feature(part: WallRun, world: World) -> dict[str, Any]:
         properties["name"] = world.object_names[part.number]
     if np.isfinite(world.colours[part.number]).all():
         properties["colour"] = colour_value(world.colours[part.number])
+    material = world.materials[part.number] if world.materials else None
+    if material is not None:
+        properties["material"] = material_value(material)
     if not part.pieces:
         return {"type": "Feature", "properties": properties, "geometry": None}
     properties["height"] = part.height_value

@@ -10,6 +10,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import Float, is_finite
+from lrf3d.world.materials import Material, material_of
 from lrf3d.world.model import MOST_OBJECTS
 from lrf3d.world.schema import LARGEST_COORDINATE, parse_colour
 
@@ -32,6 +33,7 @@ class Feature:
         name: Its name, or an empty text.
         colour: Its colour, or None.
         number: The object it belongs to, or None.
+        material: Its material, or None.
     """
 
     polygons: tuple[tuple[Float, ...], ...]
@@ -40,6 +42,7 @@ class Feature:
     name: str
     colour: tuple[float, float, float] | None
     number: int | None
+    material: Material | None = None
 
     @property
     def rings(self) -> list[Float]:
@@ -105,7 +108,15 @@ class _Reader:
             name=name if isinstance(name, str) else "",
             colour=next(filter(None, map(parse_colour, colours)), None),
             number=number if type(number) is int and 0 <= number <= MOST_OBJECTS else None,
+            material=self.material(properties),
         )
+
+    def material(self, properties: dict[str, Any]) -> Material | None:
+        """The material from the properties material or building:material."""
+        try:
+            return material_of(properties.get("material", properties.get("building:material")))
+        except WorldError as error:
+            self.refuse(str(error))
 
     def outlines(self, geometry: object) -> Iterator[tuple[tuple[Float, ...], bool]]:
         """The polygons and lines of a geometry: rings, and whether they are a polygon's."""
@@ -144,16 +155,16 @@ class _Reader:
     def polygon(self, rings: object) -> tuple[Float, ...]:
         if not isinstance(rings, list) or not rings:
             self.refuse(f"Polygon without rings: {shown(rings)}")
-        return tuple(self.ring(ring, place) for place, ring in enumerate(rings))
+        return tuple(self.ring(ring, index) for index, ring in enumerate(rings))
 
-    def ring(self, points: object, place: int) -> Float:
-        ring = self.points(points, f"Polygon ring {place}")
+    def ring(self, points: object, index: int) -> Float:
+        ring = self.points(points, f"Polygon ring {index}")
         ring = _without_repeats(ring, np.roll(ring, 1, axis=0))
         if len(ring) < 3:
-            self.refuse(f"Polygon ring {place} has {len(ring)} different points, expected 3")
+            self.refuse(f"Polygon ring {index} has {len(ring)} different points, expected 3")
         arms = ring[1:] - ring[0]
         if not (arms[:, 0] * arms[-1, 1] != arms[:, 1] * arms[-1, 0]).any():
-            self.refuse(f"Polygon ring {place} lies on one line and encloses nothing")
+            self.refuse(f"Polygon ring {index} lies on one line and encloses nothing")
         return ring
 
     def line(self, points: object) -> Float:
@@ -167,16 +178,16 @@ class _Reader:
         """Points (k, 2), at least one, of a list of positions, Z dropped."""
         if not isinstance(points, list) or not points:
             self.refuse(f"{what}: expected a list of points, found {shown(points)}")
-        for place, point in enumerate(points):
+        for index, point in enumerate(points):
             if (
                 not isinstance(point, list)
                 or len(point) < 2
                 or not all(type(value) in (int, float) for value in point[:2])
             ):
-                self.refuse(f"{what}: point {place} is {shown(point)}, expected [x, y]")
+                self.refuse(f"{what}: point {index} is {shown(point)}, expected [x, y]")
             if not all(abs(value) <= LARGEST_COORDINATE for value in point[:2]):
                 self.refuse(
-                    f"{what}: point {place} is {shown(point)}, expected finite coordinates"
+                    f"{what}: point {index} is {shown(point)}, expected finite coordinates"
                     f" of at most {LARGEST_COORDINATE:g} m"
                 )
         return np.array([point[:2] for point in points], dtype=np.float64)

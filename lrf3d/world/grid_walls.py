@@ -52,8 +52,8 @@ class _Runs:
         points, owners, links = [np.empty((0, 2), dtype=np.int64)], [np.empty(0, np.int64)], []
         count = runs = 0
         for chain in chains:
-            place = _first_corner(chain.points) if chain.closed else 0
-            row = np.roll(chain.points, -place, axis=0)
+            start = _first_corner(chain.points) if chain.closed else 0
+            row = np.roll(chain.points, -start, axis=0)
             cuts = cut_into_runs(row, STRIP_WIDTH)
             owner = np.zeros(len(row), dtype=np.int64)
             owner[cuts[1:]] = 1
@@ -66,7 +66,7 @@ class _Runs:
         points.append(lone)
         owners.append(runs + np.arange(len(lone)))
         joined = np.concatenate(points)
-        shared = _same_places(joined, count)
+        shared = _equal_points(joined, count)
         every = np.concatenate([np.array(links, dtype=np.int64).reshape(-1, 2), shared])
         return cls(joined, np.concatenate(owners), every)
 
@@ -85,24 +85,24 @@ class _Runs:
         for one, other in pairs[pairs[:, 0] != pairs[:, 1]].tolist():
             near[one].add(other)
             near[other].add(one)
-        taken = np.arange(count)
+        merged_into = np.arange(count)
         for seed in sorted(range(count), key=lambda run: -sizes[run]):
-            if taken[seed] != seed or sizes[seed] == 0.0:
+            if merged_into[seed] != seed or sizes[seed] == 0.0:
                 continue
             waiting, refused = set(near[seed]), {seed}
             while waiting:
                 run = max(waiting, key=lambda other: (sizes[other], -other))
                 waiting.discard(run)
                 refused.add(run)
-                if taken[run] != run:
+                if merged_into[run] != run:
                     continue
                 both = np.concatenate([hulls[seed], hulls[run]])
                 if is_straight(both, STRIP_WIDTH):
                     hulls[seed] = hull_of(both)
-                    taken[run] = seed
+                    merged_into[run] = seed
                     waiting |= near[run] - refused
         # Longer runs come first, so no run that has grown is merged into another one later.
-        self.owner = taken[self.owner]
+        self.owner = merged_into[self.owner]
         self.hulls = hulls
 
     def walls(self) -> Float:
@@ -113,9 +113,9 @@ class _Runs:
         walls = [FittedWall.through(self.points[member]) for member in members]
         bridges = []
         for one, other in self.links.tolist():
-            a, b = walls[owner[one]], walls[owner[other]]
-            if a is not b:
-                bridges += seal(a, b, self.points[one], self.points[other])
+            wall, next_wall = walls[owner[one]], walls[owner[other]]
+            if wall is not next_wall:
+                bridges += seal(wall, next_wall, self.points[one], self.points[other])
         joined = set(owner[self.links].reshape(-1).tolist())
         pieces = [np.array(bridges, dtype=np.float64).reshape(-1, 4)]
         for number, wall in enumerate(walls):
@@ -131,12 +131,12 @@ LONE = np.array([[-1.0, -1.0], [1.0, 1.0]])
 
 
 def _first_corner(points: Int) -> int:
-    """Where to open a ring: at the point farthest from its middle, which is a corner."""
+    """The point at which a ring is opened: the one farthest from its middle, which is a corner."""
     away = points - points.mean(axis=0)
     return int(np.argmax((away**2).sum(axis=1)))
 
 
-def _same_places(points: Int, count: int) -> Int:
+def _equal_points(points: Int, count: int) -> Int:
     """Pairs (k, 2) of equal points among the first ones, as outlines share at forks."""
     order = np.lexsort(points[:count].T)
     same = (points[order][1:] == points[order][:-1]).all(axis=1)

@@ -44,7 +44,7 @@ class _Scanner:
                 self.tokens.append((match.group(), line))
             line += match.group().count("\n")
         self.tokens.append(("", line))
-        self.place = 0
+        self.position = 0
         self.lines: dict[KeyPath, int] = {}
         self.table_counts: dict[KeyPath, int] = {}
 
@@ -52,7 +52,7 @@ class _Scanner:
         table: KeyPath = ()
         while self.text:
             if self.text == "\n":
-                self.place += 1
+                self.position += 1
             elif self.text == "[":
                 table = self.header()
             else:
@@ -61,20 +61,20 @@ class _Scanner:
 
     @property
     def text(self) -> str:
-        return self.tokens[self.place][0]
+        return self.tokens[self.position][0]
 
     @property
     def line(self) -> int:
-        return self.tokens[self.place][1]
+        return self.tokens[self.position][1]
 
     def header(self) -> KeyPath:
         """Read ``[table]`` or ``[[array]]`` and return the path of the table it opens."""
         line = self.line
-        self.place += 1
+        self.position += 1
         repeated = self.text == "["
-        self.place += repeated
+        self.position += repeated
         keys = self.keys("]")
-        self.place += 1 + repeated
+        self.position += 1 + repeated
         *above, last = keys
         path: KeyPath = ()
         for key in above:
@@ -96,7 +96,7 @@ class _Scanner:
         while self.text not in (end, ""):
             if self.text != ".":
                 keys.append(self.text.strip("\"'"))
-            self.place += 1
+            self.position += 1
         return keys
 
     def pair(self, table: KeyPath) -> None:
@@ -105,25 +105,25 @@ class _Scanner:
         path = (*table, *self.keys("="))
         for depth in range(len(table) + 1, len(path) + 1):
             self.lines.setdefault(path[:depth], line)
-        self.place += 1
+        self.position += 1
         self.value(path)
 
     def value(self, path: KeyPath) -> None:
         """Read a value: an array, an inline table, or anything up to the next mark."""
         if self.text in ("[", "{"):
             end = "]" if self.text == "[" else "}"
-            self.place += 1
+            self.position += 1
             index = 0
             while self.text not in (end, ""):
                 if self.text in (",", "\n"):
-                    self.place += 1
+                    self.position += 1
                 elif end == "}":
                     self.pair(path)
                 else:
                     self.lines[(*path, index)] = self.line
                     self.value((*path, index))
                     index += 1
-            self.place += 1
+            self.position += 1
         else:
             while self.text not in (",", "]", "}", "\n", ""):
-                self.place += 1
+                self.position += 1

@@ -12,7 +12,7 @@ vertices are relative to the world's origin, which is the translation of each pa
 import json
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from lrf3d.input import opened, own_name
 from lrf3d.output import replacing
 from lrf3d.world.collinear import merge_collinear
 from lrf3d.world.extrude import extrude
+from lrf3d.world.materials import Material, material_of, material_value
 from lrf3d.world.model import World
 from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.touching import connected
@@ -56,13 +57,13 @@ def read_mesh(path: Path, *, cut: float = CUT) -> World:
     parts = _parts(path)
     if not parts:
         raise WorldError(f"{path}: holds no triangle, so there is no wall")
-    pieces = [_cut(vertices, faces, cut) for _, _, vertices, faces in parts]
+    pieces = [_cut(part.vertices, part.faces, cut) for part in parts]
     count = np.array([len(segments) for segments, _ in pieces])
     segments = np.concatenate([segments for segments, _ in pieces])
     heights = np.concatenate([heights for _, heights in pieces])
     if not len(segments):
-        low = min(float(vertices[:, 2].min()) for _, _, vertices, _ in parts)
-        high = max(float(vertices[:, 2].max()) for _, _, vertices, _ in parts)
+        low = min(float(part.vertices[:, 2].min()) for part in parts)
+        high = max(float(part.vertices[:, 2].max()) for part in parts)
         raise WorldError(
             f"{path}: nothing stands at a height of {cut:g} m; the mesh reaches from {low:g} to"
             f" {high:g} m"
@@ -78,16 +79,32 @@ def read_mesh(path: Path, *, cut: float = CUT) -> World:
     owners, heights = label // len(first), heights[first][label % len(first)]
     order = np.argsort(owners, kind="stable")
     segments, owners, heights = segments[order], owners[order], heights[order]
-    if len(parts) == 1 and not parts[0][0]:
+    if len(parts) == 1 and not parts[0].name:
         return World(segments, connected(segments), heights, own_name(path))
     numbers, objects = np.unique(owners, return_inverse=True)
-    names = tuple(parts[number][0] for number in numbers)
-    colours = np.array([parts[number][1] for number in numbers])
-    return World(segments, objects, heights, own_name(path), object_names=names, colours=colours)
+    return World(
+        segments,
+        objects,
+        heights,
+        own_name(path),
+        object_names=tuple(parts[number].name for number in numbers),
+        colours=np.array([parts[number].colour for number in numbers]),
+        materials=[parts[number].material for number in numbers],
+    )
 
 
-def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:
-    """Name, colour (3,), vertices (n, 3) [m], z up, and faces (m, 3) of each part of a scene."""
+class _Part(NamedTuple):
+    """A part of a scene: vertices (n, 3) [m], z up, faces (m, 3), and a colour (3,) or NaN."""
+
+    name: str
+    colour: Float
+    material: Material | None
+    vertices: Float
+    faces: Int
+
+
+def _parts(path: Path) -> list[_Part]:
+    """The parts of a scene."""
     import trimesh
 
     with opened(path, what="a world file", largest=LARGEST_MESH, error=WorldError) as file:
@@ -122,7 +139,8 @@ def _parts(path: Path) -> list[tuple[str, Float, Float, Int]]:
                 f"{path}: part {str(node)[:40]!r} has a vertex that is not finite, or over"
                 f" {LARGEST_COORDINATE:g} m away"
             )
-        parts.append(("" if single else str(node), _colour(mesh), vertices, faces))
+        name = "" if single else str(node)
+        parts.append(_Part(name, _colour(mesh), _material(mesh), vertices, faces))
     return parts
 
 
@@ -133,6 +151,12 @@ def _colour(mesh: Any) -> Float:
     if factor is None:
         return np.full(3, np.nan)
     return np.asarray(factor[:3], dtype=np.float64) / 255.0
+
+
+def _material(mesh: Any) -> Material | None:
+    """The material that lrf3d wrote with a part, or that the name of the part's own is one of."""
+    name = getattr(getattr(mesh.visual, "material", None), "name", None)
+    return material_of(mesh.metadata.get("material")) or material_of(str(name).lower())
 
 
 def _cut(vertices: Float, faces: Int, height: float) -> tuple[Float, Float]:
@@ -233,6 +257,10 @@ def glb_bytes(world: World) -> bytes:
             process=False,
             visual=visual.TextureVisuals(material=material),
         )
+        made_of = world.materials[number] if world.materials else None
+        if made_of is not None:
+            material.name = made_of.name
+            mesh.metadata["material"] = material_value(made_of)
         given = world.object_names[number] if world.object_names else ""
         name = (
             given if given and given not in scene.graph.nodes else f"{given or 'object'} {number}"

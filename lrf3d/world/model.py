@@ -1,16 +1,18 @@
 """World: the walls of a scene as line segments, grouped into objects."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, WorldError
-from lrf3d.geometry import Float, Int, Value, normal_lines, read_only, sealed
+from lrf3d.geometry import LATER, Float, Int, Value, normal_lines, read_only, sealed
+from lrf3d.notebook import Pictured
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
+from lrf3d.world.materials import Material, checked
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] if none is given: a room's storey."""
@@ -20,7 +22,7 @@ MOST_OBJECTS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class World(Value):
+class World(Value, Pictured):
     """Walls: line segments with a height, each a part of an object.
 
     Args:
@@ -36,9 +38,13 @@ class World(Value):
         place: Longitude and latitude [°] of the point (0, 0), where the source was in degrees.
         free: Cells that are known to be free, which only ROS maps have: routes are planned through
             them. They do not affect beams.
+        materials: A material for each object, as a :class:`Material` or the name of a built-in one,
+            and None for objects that are of plaster; or no materials. Scans of a world with
+            materials have intensities, its mirrors turn beams, and its glass lets them through.
 
     Raises:
-        WorldError: A segment is not finite or has no length, or the shapes do not fit.
+        WorldError: A segment is not finite or has no length, the shapes do not fit, or a material
+            is unknown.
 
     Examples:
         >>> import lrf3d
@@ -58,6 +64,7 @@ class World(Value):
     cameras: tuple[FixedCamera, ...]
     place: tuple[float, float] | None
     free: FreeCells | None
+    materials: tuple[Material | None, ...] = field(default=(), metadata=LATER)
 
     def __init__(
         self,
@@ -71,6 +78,7 @@ class World(Value):
         cameras: Sequence[FixedCamera] = (),
         place: tuple[float, float] | None = None,
         free: FreeCells | None = None,
+        materials: Sequence[str | Material | None] | None = None,
     ) -> None:
         rows = _rows(segments, 4, "segments")
         count = len(rows)
@@ -87,6 +95,7 @@ class World(Value):
         object.__setattr__(self, "cameras", tuple(cameras))
         object.__setattr__(self, "place", place)
         object.__setattr__(self, "free", free)
+        object.__setattr__(self, "materials", checked(materials, self.object_count))
         names = len(self.object_names)
         if len(self.colours) != self.object_count or names not in (0, self.object_count):
             raise WorldError(

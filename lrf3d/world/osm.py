@@ -3,8 +3,8 @@
 A path enters; a :class:`World` leaves, whose point (0, 0) is the middle of the buildings and whose
 ``place`` says where on Earth that is. Buildings are closed ways and multipolygon relations with a
 tag ``building``; their height is ``height``, or three metres for each of ``building:levels``.
-Tags are free text, so what is odd says nothing: the wiki's pages Key:building, Key:height,
-Key:min_height and Key:building:levels say what they mean.
+Tags are free text; a value that cannot be read counts as not given. OpenStreetMap's wiki defines
+them on the pages Key:building, Key:height, Key:min_height and Key:building:levels.
 """
 
 from array import array
@@ -21,6 +21,7 @@ from lrf3d.input import own_name
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.geographic import centre_of, lay_flat
 from lrf3d.world.geojson_features import LEVEL_HEIGHT, Feature, metres_of
+from lrf3d.world.materials import osm_material
 from lrf3d.world.model import World
 from lrf3d.world.schema import parse_colour
 from lrf3d.world.xml_file import go_through
@@ -219,7 +220,8 @@ def _is_closed(refs: Refs) -> bool:
 
 
 def _feature(tags: dict[str, str], polygons: tuple[tuple[Float, ...], ...]) -> Feature:
-    return Feature(polygons, (), tag_height(tags), name_of(tags), tag_colour(tags), None)
+    material = osm_material(tags.get("building:material"))
+    return Feature(polygons, (), tag_height(tags), name_of(tags), tag_colour(tags), None, material)
 
 
 def is_building(tags: dict[str, str]) -> bool:

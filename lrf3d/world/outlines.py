@@ -145,26 +145,26 @@ def _walk(points: Int, links: Int) -> Iterator[Outline]:
     used: set[tuple[int, int]] = set()
 
     def chain(start: int, following: int) -> list[int]:
-        way = [start, following]
+        path = [start, following]
         used.update([(start, following), (following, start)])
-        while degree[way[-1]] == 2:
-            here, before = way[-1], way[-2]
+        while degree[path[-1]] == 2:
+            here, before = path[-1], path[-2]
             one, other = neighbours[first[here] : first[here + 1]]
             there = other if one == before else one
             if (here, there) in used:
                 break
             used.update([(here, there), (there, here)])
-            way.append(there)
-        return way
+            path.append(there)
+        return path
 
-    ways = []
+    paths = []
     for start in np.flatnonzero(degree != 2).tolist():
         for following in neighbours[first[start] : first[start + 1]]:
             if (start, following) not in used:
-                ways.append(chain(start, following))
-    for way in _through(ways, points):
-        closed = way[0] == way[-1]
-        yield Outline(points[way[:-1] if closed else way], closed)
+                paths.append(chain(start, following))
+    for path in _join_at_forks(paths, points):
+        closed = path[0] == path[-1]
+        yield Outline(points[path[:-1] if closed else path], closed)
     for start in range(count):
         if degree[start] == 2:
             following = neighbours[first[start]]
@@ -172,23 +172,23 @@ def _walk(points: Int, links: Int) -> Iterator[Outline]:
                 yield Outline(points[chain(start, following)[:-1]], True)
 
 
-LOOK = 12
+TAIL = 12
 """Number of points at the end of a chain that give its direction."""
 
 STRAIGHT_ON = -0.9
 """Largest cosine between two chains that continue each other at a fork: within 26°."""
 
 
-def _through(ways: list[list[int]], points: Int) -> list[list[int]]:
+def _join_at_forks(paths: list[list[int]], points: Int) -> list[list[int]]:
     """The chains, joined where they continue each other at a fork, the straightest first."""
     at: dict[int, list[tuple[int, int]]] = {}
     heading = {}
-    for number, way in enumerate(ways):
-        if way[0] == way[-1]:
+    for number, path in enumerate(paths):
+        if path[0] == path[-1]:
             continue
         for end in (0, -1):
-            node = way[end]
-            ahead = way[min(LOOK, len(way) - 1)] if end == 0 else way[max(-LOOK - 1, -len(way))]
+            node = path[end]
+            ahead = path[min(TAIL, len(path) - 1)] if end == 0 else path[max(-TAIL - 1, -len(path))]
             delta = (points[ahead] - points[node]).astype(np.float64)
             heading[number, end] = delta / np.hypot(*delta)
             at.setdefault(node, []).append((number, end))
@@ -204,16 +204,16 @@ def _through(ways: list[list[int]], points: Int) -> list[list[int]]:
                 break
             if one not in partner and other not in partner:
                 partner[one], partner[other] = other, one
-    joined, left = [], set(range(len(ways)))
+    joined, left = [], set(range(len(paths)))
     # Open chains start at an end that has no continuation, rings of chains anywhere.
-    starts = [(n, end) for n in range(len(ways)) for end in (0, -1) if (n, end) not in partner]
-    for number, end in starts + [(n, 0) for n in range(len(ways))]:
+    starts = [(n, end) for n in range(len(paths)) for end in (0, -1) if (n, end) not in partner]
+    for number, end in starts + [(n, 0) for n in range(len(paths))]:
         if number not in left:
             continue
         line: list[int] = []
         while number in left:
             left.discard(number)
-            part = ways[number] if end == 0 else ways[number][::-1]
+            part = paths[number] if end == 0 else paths[number][::-1]
             line += part if not line else part[1:]
             following = partner.get((number, -1 if end == 0 else 0))
             if following is None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.geometry import Bool, Float, Int
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 LARGEST_YAML = 1 << 16
-"""Largest description [bytes]; it has six lines."""
+"""Largest description [bytes]: six lines are usual."""
 
 DEEPEST_YAML = 4
 """Largest nesting depth: the origin is a list in the description."""
@@ -61,6 +62,9 @@ FREE_MARGIN = 1.0
 
 MOST_WRITTEN = 1 << 25
 """Largest number of cells of a written map, 33 million."""
+
+ROUNDED_UP = 1.001
+"""Factor of the side of a cell in such a large map, whose rows and columns are rounded up."""
 
 OCCUPIED, FREE = 0, 254
 """Values of pixels as map_saver writes them."""
@@ -135,7 +139,7 @@ class _Description:
         if self.data["mode"] not in ("trinary", "scale", "raw"):
             self.refuse(f"mode is {shown(self.data['mode'])}, expected trinary, scale or raw")
         origin = self.data.get("origin")
-        if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_place, origin)):
+        if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_coordinate, origin)):
             self.refuse(f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians")
         self.origin = float(origin[0]), float(origin[1]), float(origin[2])
 
@@ -157,14 +161,15 @@ class _Description:
         return picture
 
     def _number(self, key: str, *, above: float = -1e-300, most: float = 1e4) -> float:
+        # By default the limit is just below 0, so that 0 is valid.
         value: Any = self.data.get(key)
-        if not _is_place(value) or not above < float(value) <= most:
+        if not _is_coordinate(value) or not above < float(value) <= most:
             limit = f"a number above 0 and at most {most:g}" if above >= 0 else f"0 to {most:g}"
             self.refuse(f"{key} is {shown(value)}, expected {limit}")
         return float(value)
 
 
-def _is_place(value: object) -> bool:
+def _is_coordinate(value: object) -> bool:
     return (
         isinstance(value, int | float)
         and not isinstance(value, bool)
@@ -267,10 +272,51 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     Raises:
         OutputError: The files cannot be written, or the map becomes too large.
     """
-    margin = max(FREE_MARGIN, 2.0 * (resolution or 0.0))
-    low, high = world.bounds[0] - margin, world.bounds[1] + margin
+    margin = FREE_MARGIN
     if resolution is None:
-        resolution = max(RESOLUTION, float(np.sqrt(np.prod(high - low) / MOST_WRITTEN)) * 1.001)
+        resolution = cell_size(world)
+    else:
+        margin = max(margin, 2.0 * resolution)
+    cells, (x, y) = map_cells(world, resolution, path, margin=margin)
+    picture = path.with_suffix(".pgm")
+    rows, columns = cells.shape
+    with replacing(picture) as unfinished:
+        unfinished.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + cells[::-1].tobytes())
+    write_text(
+        path,
+        # A JSON string is valid YAML for any name.
+        f"image: {json.dumps(picture.name)}\nresolution: {resolution!r}\n"
+        f"origin: [{x!r}, {y!r}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n",
+    )
+
+
+def cell_size(world: World, least: float = RESOLUTION) -> float:
+    """The side of the cells [m] of a world's map: the least, or more for a large world."""
+    low, high = world.bounds[0] - FREE_MARGIN, world.bounds[1] + FREE_MARGIN
+    smallest = float(np.sqrt(np.prod(high - low) / MOST_WRITTEN))
+    return max(least, ROUNDED_UP * smallest)
+
+
+def map_cells(
+    world: World, resolution: float, path: Path, *, margin: float = FREE_MARGIN
+) -> tuple[NDArray[np.uint8], tuple[float, float]]:
+    """The cells of a world, FREE, OCCUPIED or UNKNOWN.
+
+    Args:
+        world: The world, with its walls and its free cells.
+        resolution: Side of a cell [m].
+        path: The file that they are for, which errors name.
+        margin: What is mapped beyond the outermost walls [m].
+
+    Returns:
+        The cells (rows, columns), the first row at the bottom, and the place x, y [m] of the outer
+        corner of the first.
+
+    Raises:
+        OutputError: There are too many.
+    """
+    low, high = world.bounds[0] - margin, world.bounds[1] + margin
     # A whole number of cells from the origin, so that straight walls stay straight.
     first = np.floor(low / resolution)
     columns, rows = (np.ceil(high / resolution) - first).astype(np.int64).tolist()
@@ -281,23 +327,13 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     cells = np.full((rows, columns), FREE, dtype=np.uint8)
     if world.free is not None:
         x = resolution * (first[0] + 0.5 + np.arange(columns))
-        for line in range(rows):
-            y = resolution * (first[1] + 0.5 + line)
+        for row in range(rows):
+            y = resolution * (first[1] + 0.5 + row)
             known = world.free.contain(np.column_stack([x, np.full(columns, y)]))
-            cells[line, ~known] = UNKNOWN
-    row, column = _walled_cells(world.segments / resolution - np.tile(first, 2))
-    cells[row, column] = OCCUPIED
-    picture = path.with_suffix(".pgm")
-    with replacing(picture) as unfinished:
-        unfinished.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + cells[::-1].tobytes())
+            cells[row, ~known] = UNKNOWN
+    cells[_walled_cells(world.segments / resolution - np.tile(first, 2))] = OCCUPIED
     x, y = (first * resolution).tolist()
-    write_text(
-        path,
-        # A JSON string is valid YAML for any name.
-        f"image: {json.dumps(picture.name)}\nresolution: {resolution!r}\n"
-        f"origin: [{x!r}, {y!r}, 0.0]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n",
-    )
+    return cells, (x, y)
 
 
 def _walled_cells(segments: Float) -> tuple[Int, Int]:

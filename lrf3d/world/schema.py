@@ -18,6 +18,7 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float
 from lrf3d.world.cameras import WIDEST_VIEW
 from lrf3d.world.locate import KeyPath
+from lrf3d.world.materials import LIMITS
 from lrf3d.world.model import MOST_OBJECTS
 
 LARGEST_COORDINATE = 1e9
@@ -204,6 +205,12 @@ OBJECT: Mapping[str, Check] = {
     "height": one_or_more(_LENGTH, "a height"),
     "colour": colour,
     "number": integer(least=0),
+    "material": text(),
+}
+
+MATERIAL: Mapping[str, Check] = {
+    "name": text(),
+    **{key: number(least=0.0, most=most) for key, most in LIMITS.items()},
 }
 
 OBSTACLE: Mapping[str, Check] = {
@@ -234,6 +241,10 @@ TABLES: Mapping[str, Mapping[str, Check]] = {
         "range_max": _LENGTH,
         "height": number(least=0.0),
         "scan_duration": number(least=0.0),
+        "threshold": number(least=0.0),
+        "near_field": number(least=0.0),
+        "echo": text("first", "last", "strongest"),
+        "echoes": integer(least=1, most=5),
     },
     "noise": {
         "sigma": one_or_more(number(least=0.0), "a sigma"),
@@ -262,6 +273,7 @@ CAMERA: Mapping[str, Check] = {
     "position": point(),
     "target": point(),
     "field_deg": number(above=0.0, most=WIDEST_VIEW),
+    "track": flag,
 }
 
 

@@ -22,8 +22,8 @@ def hull_of(points: Int) -> Int:
     size = 0
     for turn in range(2):
         base = size
-        for place in range(count):
-            point = points[order[place if turn == 0 else count - 1 - place]]
+        for index in range(count):
+            point = points[order[index if turn == 0 else count - 1 - index]]
             while size - base >= 2:
                 ax = hull[size - 1, 0] - hull[size - 2, 0]
                 ay = hull[size - 1, 1] - hull[size - 2, 1]
@@ -62,7 +62,7 @@ def narrowest(hull: Int) -> tuple[int, int]:
 
 @compiled
 def is_straight(points: Int, width: int) -> bool:
-    """Whether points (n, 2) lie in a strip of so whole a width."""
+    """Whether points (n, 2) lie in a strip of the given width, a whole number."""
     hull = hull_of(points)
     if len(hull) < 3:
         return True
@@ -100,11 +100,8 @@ def _misfit(points: Int, start: int, end: int) -> float:
     if count < 3:
         return 0.0
     x = y = xx = xy = yy = 0.0
-    for place in range(start, end):
-        dx, dy = (
-            float(points[place, 0] - points[start, 0]),
-            float(points[place, 1] - points[start, 1]),
-        )
+    for row in range(start, end):
+        dx, dy = float(points[row, 0] - points[start, 0]), float(points[row, 1] - points[start, 1])
         x, y, xx, xy, yy = x + dx, y + dy, xx + dx * dx, xy + dx * dy, yy + dy * dy
     xx, xy, yy = xx - x * x / count, xy - x * y / count, yy - y * y / count
     half = 0.5 * (xx - yy)

@@ -1,14 +1,14 @@
 """Worlds from SVG drawings: every visible outline becomes walls, in its size on paper.
 
-Lengths are those of the drawing, in metres: mm, cm, in, pt
-and px (1/96 in) of ``width`` and ``height``, through the ``viewBox``. y points up, and the lower
-left corner of the sheet is (0, 0). Curves become chords no farther from them than
-:data:`CURVE_ERROR`, or a five-thousandth of the sheet where that is less. Walls that touch are one
-object. Texts, pictures, hidden elements and definitions are ignored.
+Lengths are metres on paper: ``width`` and ``height`` in mm, cm, in, pt or px (1/96 in) give the
+size of the ``viewBox``. y points up, and the lower left corner of the sheet is (0, 0). Curves
+become chords no farther from them than :data:`CURVE_ERROR`, or a five-thousandth of the sheet where
+that is less. Walls that touch are one object. Texts, pictures, hidden elements and definitions are
+ignored.
 
 Before a library opens the file, its size and the copies by ``use`` are limited, and viewports
-become plain groups: a nested ``svg`` a group that is moved and scaled as its ``viewBox`` says, a
-``symbol`` a definition, scaled likewise where ``use`` puts it. Elements that clip, mask, fill or
+become plain groups: a nested ``svg`` becomes a group, moved and scaled by its ``viewBox``, and a
+``symbol`` a definition, scaled likewise by each ``use``. Elements that clip, mask, fill or
 mark others are removed, because their outlines are not part of the drawing.
 """
 
@@ -50,7 +50,6 @@ UNITS = {
 """Metres in the units of lengths."""
 
 _LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*)\s*")
-
 
 LARGEST_SVG = 1 << 25
 """Largest drawing [bytes]: the plan of a factory is smaller."""
@@ -96,7 +95,7 @@ def read_svg(path: Path) -> World:
 
 @dataclass(frozen=True, slots=True)
 class _Sheet:
-    """The part of the drawing that is shown, x, y, width, height [units], and metres in a unit."""
+    """The visible part of the drawing, x, y, width, height [units], and metres in a unit."""
 
     box: tuple[float, float, float, float]
     scale: float
@@ -174,6 +173,7 @@ def _chords(piece: Any, tolerance: float) -> int:
         second = np.diff([(point.x, point.y) for point in controls], n=2, axis=0)
         degree = len(controls) - 1
         bend = degree * (degree - 1) * float(np.hypot(second[:, 0], second[:, 1]).max())
+    # At most a hundred thousand chords.
     if not bend / tolerance <= 8e10:
         raise WorldError("a curve that is too large or not finite")
     return max(1, math.ceil(math.sqrt(bend / (8.0 * tolerance))))

@@ -1,8 +1,7 @@
 """World files in TOML: what a person writes, checked, with the line of whatever is wrong.
 
 A path enters; a :class:`WorldFile` leaves: the walls, and the tables on the robot, the laser,
-the noise, the mapper and the film that :mod:`lrf3d.scenario` turns into a scenario. A world
-that is written is read again to the last bit.
+the noise, the mapper and the film that :mod:`lrf3d.scenario` turns into a scenario.
 """
 
 import re
@@ -18,21 +17,21 @@ import numpy as np
 from lrf3d.errors import InputError, WorldError
 from lrf3d.geometry import Float, lengths
 from lrf3d.input import own_name, read_text
-from lrf3d.output import write_text
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.locate import KeyPath, lines_of_keys, nearest_line
+from lrf3d.world.materials import Material, named
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import WallRun, parts_of, walls
+from lrf3d.world.pieces import walls
 from lrf3d.world.schema import (
     CAMERA,
+    MATERIAL,
     OBJECT,
     OBSTACLE,
     PLACE,
     TABLES,
     Check,
     Invalid,
-    colour_value,
     text,
 )
 
@@ -95,7 +94,7 @@ def read_toml(path: Path) -> WorldFile:
     if "mover" in data:
         # What dynamic obstacles were called in earlier versions.
         data.setdefault("obstacle", data.pop("mover"))
-    keys = ["name", "object", *TABLES, "obstacle", "camera", "place", "free"]
+    keys = ["name", "object", *TABLES, "obstacle", "camera", "material", "place", "free"]
     document.check_keys(data, keys, ())
     name = document.check(text(), data.get("name", own_name(path)), ("name",))
     place = document.check(PLACE, data["place"], ("place",)) if "place" in data else None
@@ -105,7 +104,8 @@ def read_toml(path: Path) -> WorldFile:
         if key in data
     }
     cameras = document.cameras(data.get("camera", []))
-    world = document.world(data.get("object"), name, cameras, place)
+    materials = document.materials(data.get("material", []))
+    world = document.world(data.get("object"), name, cameras, place, materials)
     if "free" in data:
         world = replace(world, free=document.free_cells(data["free"]))
     return WorldFile(
@@ -203,6 +203,29 @@ class _Document:
                 self.refuse(path, str(error))
         return tuple(cameras)
 
+    def materials(self, tables: object) -> list[Material]:
+        if not isinstance(tables, list):
+            self.refuse(("material",), "expected tables [[material]], each with a name")
+        materials: list[Material] = []
+        for index, table in enumerate(tables):
+            path: KeyPath = ("material", index)
+            values = self.check_table(table, MATERIAL, path)
+            if not values.get("name"):
+                self.refuse(path, "expected a name")
+            if values["name"] in [material.name for material in materials]:
+                self.refuse((*path, "name"), f"a second material {values['name']!r}")
+            try:
+                materials.append(Material(**values))
+            except WorldError as error:
+                self.refuse(path, str(error))
+        return materials
+
+    def material(self, name: str, own: list[Material], index: int) -> Material:
+        try:
+            return named(name, own)
+        except WorldError as error:
+            self.refuse(("object", index, "material"), str(error))
+
     def free_cells(self, table: object) -> FreeCells:
         try:
             return FreeCells.from_dict(table)
@@ -210,7 +233,12 @@ class _Document:
             self.refuse(("free",), str(error).removeprefix("free: "))
 
     def world(
-        self, tables: object, name: str, cameras: tuple[FixedCamera, ...], place: Float | None
+        self,
+        tables: object,
+        name: str,
+        cameras: tuple[FixedCamera, ...],
+        place: Float | None,
+        materials: list[Material],
     ) -> World:
         if not isinstance(tables, list) or not tables:
             self.refuse(("object",), "expected at least one table [[object]] with points")
@@ -224,9 +252,10 @@ class _Document:
             self.refuse(("object",), "no object has a wall; give one at least two points")
         names = [""] * (int(wall_objects.max()) + 1)
         colours = np.full((len(names), 3), np.nan)
+        made_of: list[Material | None] = [None] * len(names)
         for index, (number, item) in enumerate(zip(numbers, objects, strict=True)):
             first = numbers.index(number)
-            for key in ("name", "colour"):
+            for key in ("name", "colour", "material"):
                 if first != index and key in item.values:
                     self.refuse(
                         ("object", index, key), f"stands with object[{first}] of the same number"
@@ -234,6 +263,8 @@ class _Document:
             if first == index and number < len(names):
                 names[number] = item.values.get("name", "")
                 colours[number] = item.values.get("colour", np.nan)
+                if "material" in item.values:
+                    made_of[number] = self.material(item.values["material"], materials, index)
         return World(
             np.concatenate([item.segments for item in objects]),
             wall_objects,
@@ -243,6 +274,7 @@ class _Document:
             colours=colours,
             cameras=cameras,
             place=None if place is None else (float(place[0]), float(place[1])),
+            materials=made_of,
         )
 
 
@@ -302,94 +334,3 @@ def _shown(path: KeyPath) -> str:
             key = part if re.fullmatch(r"[\w-]+", part) else repr(part)
             shown += f".{key}" if shown else key
     return shown
-
-
-def write_toml(world: World, path: Path) -> None:
-    """Write a world as TOML.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
-    write_text(path, toml_text(world))
-
-
-def toml_text(world: World) -> str:
-    """The TOML text of a world."""
-    blocks = [f"name = {_quoted(world.name)}\n"]
-    if world.place is not None:
-        blocks[0] += f"place = [{world.place[0]!r}, {world.place[1]!r}]\n"
-    described: set[int] = set()
-    expected = 0
-    for part in [*_objects_without_walls(world), *parts_of(world)]:
-        lines = ["[[object]]"]
-        if part.number != expected:
-            lines.append(f"number = {part.number}")
-        expected = part.number + 1
-        if part.number not in described:
-            lines += _description(world, part.number)
-        described.add(part.number)
-        lines += _outline(part)
-        if len(part.heights) and part.height_value != DEFAULT_HEIGHT:
-            lines.append(f"height = {part.height_value!r}")
-        blocks.append("\n".join(lines) + "\n")
-    blocks += [_camera(camera) for camera in world.cameras]
-    if world.free is not None:
-        blocks.append(_free(world.free))
-    return "\n".join(blocks)
-
-
-def _camera(camera: FixedCamera) -> str:
-    return (
-        f"[[camera]]\nname = {_quoted(camera.name)}\n"
-        f"position = {list(camera.position)!r}\ntarget = {list(camera.target)!r}\n"
-        f"field_deg = {camera.field_deg!r}\n"
-    )
-
-
-def _free(free: FreeCells) -> str:
-    values = free.as_dict()
-    rows = "".join(f"    {row},\n" for row in values["rows"])
-    return (
-        "# Cells that are known to be free: each row, from the bottom, as the lengths of its runs\n"
-        "# that are not free, and free, in turn.\n"
-        f"[free]\nresolution = {values['resolution']!r}\norigin = {values['origin']!r}\n"
-        f"rows = [\n{rows}]\n"
-    )
-
-
-def _objects_without_walls(world: World) -> list[WallRun]:
-    """Objects with a name or a colour but without walls, so that they are not lost."""
-    bare = set(range(world.object_count)) - set(world.objects.tolist())
-    return [WallRun(n, (), np.empty(0)) for n in sorted(bare) if _description(world, n)]
-
-
-def _description(world: World, number: int) -> list[str]:
-    lines = []
-    if number < len(world.object_names) and world.object_names[number]:
-        lines.append(f"name = {_quoted(world.object_names[number])}")
-    if number < len(world.colours) and np.isfinite(world.colours[number]).all():
-        value = colour_value(world.colours[number])
-        lines.append(f"colour = {_quoted(value) if isinstance(value, str) else repr(value)}")
-    return lines
-
-
-def _outline(part: WallRun) -> list[str]:
-    closed = bool(part.pieces) and all(piece.closed for piece in part.pieces)
-    texts = [_points(piece.points if closed else piece.outline) for piece in part.pieces]
-    lines = [f"points = {texts[0]}"] if len(texts) == 1 else [f"lines = [{', '.join(texts)}]"]
-    return [*lines, "closed = true"] if closed else lines
-
-
-def _points(points: Float) -> str:
-    return "[" + ", ".join(f"[{float(x)!r}, {float(y)!r}]" for x, y in points) + "]"
-
-
-def _quoted(value: str) -> str:
-    escapes = {'"': '\\"', "\\": "\\\\"}
-    return (
-        '"' + "".join(escapes.get(c, c if _plain(c) else f"\\u{ord(c):04x}") for c in value) + '"'
-    )
-
-
-def _plain(character: str) -> bool:
-    return character >= " " and character != "\x7f"

@@ -1,4 +1,4 @@
-"""Walls that touch: to any beam they are one object, whatever a file says of them."""
+"""Walls that touch: no beam can separate them, so they count as one object."""
 
 import numpy as np
 
@@ -32,14 +32,14 @@ def connected(segments: Float, gap: float = TOUCHING) -> Int:
 def joined_objects(world: World) -> Int:
     """The object (n,) of each wall where objects that touch count as one, by their lowest number.
 
-    Maps are scored and labelled by these: no beam parts the rooms of a house at their walls.
+    Maps are scored and labelled by these: no beam can separate the rooms of a house.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     if not len(world.segments):
         return world.objects
-    # Walls and objects are the nodes of one graph: each wall hangs on its object and on its group.
+    # Objects and groups of touching walls are the nodes of a graph; each wall is an edge.
     group = connected(world.segments) + world.object_count
     nodes = int(group.max()) + 1
     links = coo_array((np.ones(len(group)), (world.objects, group)), shape=(nodes, nodes))

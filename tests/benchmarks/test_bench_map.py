@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from benchmarks.__main__ import app
 from benchmarks.map import benchmark as map_module
 from benchmarks.map.benchmark import MEMORY, SETTINGS, bench_map, chart, measure_memory
+from benchmarks.map.drives import OBSTACLES, ROUNDS
 from benchmarks.map.pairs import PAIRS, measure_town
 from benchmarks.map.settings import NO_NOISE, SCORES, SWEEPS, CityDrive, Setting, settings
 from benchmarks.map.sizes import (
@@ -40,6 +41,18 @@ def benchmark():
     heard = []
     result = bench_map(seeds=2, seconds=60.0, **TINY, progress=lambda *step: heard.append(step))
     return result, heard
+
+
+def test_the_city_is_driven_round_and_the_corridor_with_obstacles_in_it(benchmark):
+    result, _ = benchmark
+    assert [(row["beams"], row["scans"]) for row in result[ROUNDS]] == [(181, 10), (721, 10)]
+    for row in result[ROUNDS]:
+        assert 0.0 < row["median_s"] <= row["slowest_s"] and row["segments"] > 4
+        # There is no second thousand to compare the last with.
+        assert row["early_s"] is row["late_s"] is row["memory_bytes"] is None
+    rows = {row["obstacles"]: row for row in result[OBSTACLES]}
+    assert len(rows) == 5 and all(row["seeds"] == 2 for row in rows.values())
+    assert rows["none"]["segments"] > 3 and rows["none"]["false_segments"] <= 2
 
 
 def test_every_setting_is_measured_with_every_seed(benchmark):

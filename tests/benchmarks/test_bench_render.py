@@ -83,6 +83,7 @@ def test_stock_pyrender_draws_the_same_city_in_sun_and_shadow():
     ours.close()
 
 
+@pytest.mark.slow
 @needs_gl
 def test_each_piece_of_skipped_work_can_be_done_again():
     from benchmarks.render import savings as render_savings

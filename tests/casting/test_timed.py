@@ -3,6 +3,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+import lrf3d
 from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world, simulate
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
@@ -196,3 +197,26 @@ def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
         seen += bool(np.isfinite(met).any())
         assert obstacle.may_meet(lrf, pose, 0.0) or not np.isfinite(met).any()
     assert 10 < seen < 140
+
+
+def test_mirrors_show_obstacles_and_intensities_are_those_of_them():
+    mirror = lrf3d.World([[4, -3, 4, 3], [-9, -9, -9, 9]], [0, 1], materials=["mirror", "brick"])
+    lrf = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1)
+    still = lrf3d.Trajectory([0.0], [(-2.0, 0.0, 0.0)])
+    behind = lrf3d.DynamicObstacle([[-1, -1], [1, -1], [1, 1], [-1, 1]], still, 2.0)
+    cast = timed(lrf3d.PlanarCaster(mirror), lrf, None, [behind])
+    scan = cast.cast_at(lrf, np.array([0.0, 0.0, 0.0]), 3.0)
+    # The mirror at 4 m shows the obstacle's side at x = -1, on the way to the wall at x = -9.
+    assert scan.ranges.tolist() == [9.0] and scan.walls.tolist() == [-1] and scan.time == 3.0
+    assert scan.intensities == pytest.approx([0.05 * 0.95**2 / 81], rel=1e-12)
+
+
+def test_a_scan_of_beams_one_by_one_has_their_intensities_and_echoes():
+    world = lrf3d.World([[2, -3, 2, 3], [5, -9, 5, 9]], [0, 1], materials=["glass", "brick"])
+    lrf = lrf3d.LaserRangeFinder(beams=31, scan_duration=0.1, echoes=2)
+    caster = lrf3d.PlanarCaster(world)
+    path = lrf3d.Trajectory([0.0, 1.0, 2.0], np.zeros((3, 3)))
+    swept = timed(caster, lrf, path).cast_at(lrf, np.zeros(3), 0.0)
+    whole = caster.cast(lrf, (0, 0, 0))
+    for name in ("ranges", "walls", "intensities", "echoes", "echo_intensities"):
+        assert (getattr(swept, name) == getattr(whole, name)).all()

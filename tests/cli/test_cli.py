@@ -236,6 +236,7 @@ def test_an_interrupt_ends_cleanly(room, tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} <= {"run.journal"}
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_is_resumed_and_ends_the_same(room, tmp_path):
     settings = ["run", room, "--no-video", "--scans", 4000, "--resume"]
     whole, killed = tmp_path / "whole", tmp_path / "killed"

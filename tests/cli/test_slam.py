@@ -3,6 +3,7 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
+import bags
 import numpy as np
 import pytest
 
@@ -82,10 +83,90 @@ def test_slam_writes_run_map_trajectory_and_summary(program, log, log_text, tmp_
     assert len(line_map) == summary["map"]["segments"] == len(run.world.segments)
 
 
+@pytest.mark.parametrize("turn", ["forward", "to the left"])
+def test_the_trajectory_of_a_bag_is_that_of_the_base(program, tmp_path, turn):
+    room = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
+    way = lrf3d.follow_route(np.array([(2, 1.5), (6, 1.5), (6, 4), (4, 4)]), dt=0.25)
+    mount = lrf3d.Pose(0.3, -0.1, 0.5 * np.pi if turn == "to the left" else 0.0)
+    lasers = compose(way.poses, np.array(mount))
+    lrf = lrf3d.LaserRangeFinder(-2.0, 2.0, 181, range_max=20.0)
+    run = lrf3d.simulate(room, lrf3d.Trajectory(way.times, lasers), lrf, rng=1)
+    quaternion = (0.0, 0.0, np.sin(0.5 * mount.theta), np.cos(0.5 * mount.theta))
+    messages = [bags.mounted((mount.x, mount.y, 0.4), quaternion)]
+    for scan, pose in zip(run.scans, way.poses, strict=True):
+        messages += [
+            ("/odom", scan.time, bags.ODOMETRY, bags.odometry(scan.time, pose)),
+            ("/scan", scan.time, bags.SCAN, bags.of_scan(scan)),
+        ]
+    bag = bags.write(tmp_path / "drive", *messages)
+    folder = tmp_path / "out"
+    done = program("slam", bag, "--out", folder, "--json")
+    assert (done.code, done.err) == (0, "")
+    table = np.loadtxt(folder / "trajectory.tum")
+    # One line a scan, of the robot's base, where the laser's is a hand's breadth away.
+    assert table[:, 0] == pytest.approx(way.times, abs=1e-6)
+    assert table[:, 1:3] == pytest.approx(way.poses[:, :2], abs=0.04)
+    turns = 2.0 * np.arctan2(table[:, 6], table[:, 7])
+    assert np.cos(turns - way.poses[:, 2]).min() > 0.999
+    run = load_run(folder)
+    assert np.hypot(*(run.trajectory.poses - lasers)[:, :2].T).max() < 0.04
+
+
+def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(program, tmp_path):
+    room = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
+    way = lrf3d.follow_route(np.array([(2, 1.5), (6, 1.5), (6, 4), (4, 4)]), dt=0.125)
+    lasers = compose(way.poses, np.array([0.3, 0.0, 0.0]))
+    lrf = lrf3d.LaserRangeFinder(-np.pi / 2, np.pi / 2, 181, range_max=20.0)
+    run = lrf3d.simulate(room, lrf3d.Trajectory(way.times, lasers), lrf, rng=1)
+    lines = ["PARAM robot_frontlaser_offset 0.3 0 host 0"]
+    for number, (scan, (x, y, theta)) in enumerate(zip(run.scans, way.poses, strict=True)):
+        end = f"{scan.time} host {scan.time}"
+        lines.append(f"ODOM {x} {y} {theta} 0 0 0 {end}")
+        if number % 2 == 0:
+            readings = " ".join(map(str, scan.ranges))
+            place = " ".join(map(str, [*scan.pose, x, y, theta]))
+            lines.append(f"FLASER 181 {readings} {place} {end}")
+    log = tmp_path / "drive.log"
+    log.write_text("\n".join(lines) + "\n")
+    done = program("slam", log, "--out", tmp_path / "out", "--json")
+    assert (done.code, done.err) == (0, "")
+    table = np.loadtxt(tmp_path / "out" / "trajectory.tum")
+    assert len(table) == len(way) and table[:, 0] == pytest.approx(way.times, abs=1e-6)
+    assert table[:, 1:3] == pytest.approx(way.poses[:, :2], abs=0.04)
+    # Without ODOM lines the poses of the scans are the odometry, and there is a line for each.
+    log.write_text("\n".join(line for line in lines if not line.startswith("ODOM")) + "\n")
+    done = program("slam", log, "--out", tmp_path / "out", "--json")
+    assert done.code == 0
+    table = np.loadtxt(tmp_path / "out" / "trajectory.tum")
+    assert table[:, 1:3] == pytest.approx(way.poses[::2, :2], abs=0.04)
+
+
 def test_a_table_is_printed_for_people(program, log, tmp_path):
     done = program("slam", log, "--out", tmp_path / "out")
     assert done.code == 0
     assert "0 bad lines" in done.out and "loop closure" in done.out and "rad/m" in done.out
+
+
+def test_what_was_wrong_with_a_log_is_said(program, log_text, tmp_path):
+    text, true = log_text
+    lines = text.splitlines()
+    # Cut in the middle of a scan, and all of it before the cut twice.
+    scans = len(lines) // 4
+    part = "\n".join(lines[: 2 * scans + 1]) + "\n"
+    log = tmp_path / "twice.log"
+    log.write_text(part + part + lines[2 * scans + 1][:200])
+    folder = tmp_path / "out"
+    done = program("slam", log, "--out", folder)
+    assert done.code == 0
+    twice = f"{scans} scans and {scans + 1} odometry lines in the log more than once: read once"
+    assert twice in done.out
+    assert "1 bad line" in done.out and f"first bad line {4 * scans + 3}: " in done.out
+    found = json.loads((folder / "summary.json").read_text())["log"]
+    assert (found["scans"], found["doubled_scans"], found["bad_lines"]) == (2 * scans, scans, 1)
+    table, half = np.loadtxt(folder / "trajectory.tum"), scans + 1
+    # A line for each ODOM line of the log, in its order.
+    assert len(table) == 2 * half and table[half:].tolist() == table[:half].tolist()
+    assert np.hypot(*(table[:scans, 1:3] - true[:scans, :2]).T).max() < 0.05
 
 
 def test_known_errors_are_one_line(program, log, tmp_path):
@@ -111,6 +192,10 @@ def test_slam_is_a_function_and_a_package_whatever_is_imported_before(before):
 def test_a_log_becomes_a_run(log):
     run = lrf3d.slam(lrf3d.load_log(log))
     assert isinstance(run, lrf3d.Run) and run.trajectory.length > 10.0
+    # The map grows in it, up to the last scan.
+    sizes = [len(line_map) for line_map in run.maps]
+    assert len(sizes) > 10 and sizes[0] < sizes[-1]
+    assert run.snapshot_scans[-1] == len(run) - 1 and len(run.snapshot_scans) == len(sizes)
 
 
 def test_a_run_with_slam_reports_its_errors(program, tmp_path):

@@ -45,6 +45,7 @@ def test_scale_and_resolution_are_what_is_written(tmp_path):
     assert "resolution: 0.1" in path.read_text()
 
 
+@pytest.mark.slow
 def test_a_map_becomes_a_world_that_is_driven_inside_its_free_space(tmp_path):
     office = tmp_path / "office.toml"
     assert (

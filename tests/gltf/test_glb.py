@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pygltflib
 import pytest
+from estimates import estimated
 from khronos import faults, needs_validator
 from test_cli import lrf3d, refused
 from test_render import city_run, run_of
@@ -19,6 +20,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.scenario_file import load_scenario
+from lrf3d.scene.estimate import DrawnEstimate
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world import World
@@ -235,6 +237,35 @@ def test_the_trail_follows_the_robot():
                 ends.append([x + length * np.cos(turn), y + length * np.sin(turn)])
         pose = timeline.poses(np.array([timeline.start + time]))[0, :2] - run.world.origin
         assert np.hypot(*(np.array(ends) - pose).T).min() < 0.05
+
+
+def test_the_estimate_stands_where_the_robot_believed_itself_to_be():
+    run = estimated(city_run())
+    timeline = Timeline(run, playback=1.0)
+    glb = Glb(run_glb(run))
+    drawn = DrawnEstimate.from_timeline(timeline)
+    node = glb.node("ellipse of now")
+    for time in (0.0, 1.0, 3.3, 4.0):
+        place = glb.value(node, "translation", time)
+        assert place[:2] == pytest.approx(drawn.place(time), abs=1e-4)
+    # The longer axis of the last ellipse lies along x.
+    assert glb.value(node, "scale", 4.0)[:2] == pytest.approx(np.diag(drawn.shapes[-1]), rel=1e-4)
+    assert np.abs(glb.value(node, "rotation", 4.0)[2]) == pytest.approx(0.0, abs=1e-6)
+    kept = glb.nodes("ellipses")
+    assert len(kept) == len(drawn.kept)
+    assert [glb.value(each, "scale", 4.0).max() for each in kept] == [1.0] * len(kept)
+    assert glb.value(kept[-1], "scale", 0.0).max() == 0.0
+    names = {each.name for each in glb.gltf.nodes}
+    assert {"trail", "estimate"} <= names
+    alone = Glb(run_glb(estimated(city_run(), (0.0, 0.0, 0.0))))
+    assert "trail" not in {each.name for each in alone.gltf.nodes}
+
+
+@needs_validator
+def test_the_khronos_validator_finds_no_fault_in_an_estimate(tmp_path):
+    path = tmp_path / "estimate.glb"
+    export_run(estimated(city_run()), "glb", path)
+    assert faults(path) == []
 
 
 def test_the_same_run_gives_the_same_bytes():

@@ -50,6 +50,7 @@ SMALL = {
     "localise": "--seeds 1 --workers 1",
     "sweep": "--every 60 --seeds 1 --workers 1 --resume",
     "scripts/bench map": "--seeds 1 --seconds 1",
+    "scripts/bench slam": "--scans 60 --spacings 0.5",
     "scripts/bench robots": "--robots 8 --seconds 0.1",
     "scripts/bench score": "--seeds 1 --poses 3 --beams 61 --vertices 10",
 }
@@ -121,6 +122,7 @@ class Workshop:
         for name, to in (("drive.log.gz", "carmen"), ("drive.mcap", "mcap")):
             self.call(f"lrf3d export out/city --to {to} --out {name}")
         self.call("lrf3d export out/city --to rosbag2 --out rosbag2_2026_01_31")
+        Path("drive.relations").write_text("0 1 1.0 0.0 0.0\n")
         Path("examples").symlink_to(ROOT / "examples")
         Path("footprints.geojson").write_text(FOOTPRINTS)
         _write_drawing(Path("plan.dxf"), 1.0)

@@ -1,9 +1,14 @@
+import json
 import sys
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
+from bags import STORE, mounted, odometry, pose, rosbag2, scan, transform, write
 from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
@@ -14,10 +19,6 @@ from lrf3d.io.bag_messages import ODOMETRY, POSE, SCAN, TRANSFORMS, bounded_unpa
 from lrf3d.laser import LaserRangeFinder, LaserScan, Stamp
 from lrf3d.mapping import LineMapper
 
-rosbag2 = pytest.importorskip("rosbags.rosbag2")
-from rosbags.typesys import Stores, get_typestore  # noqa: E402
-
-STORE = get_typestore(Stores.ROS2_HUMBLE)
 TURNS = {"upright": (0, 0, 0, 1), "upside down": (1, 0, 0, 0), "left": (0, 0, 0.5**0.5, 0.5**0.5)}
 
 
@@ -33,56 +34,6 @@ def mcap(run, tmp_path_factory):
     path = tmp_path_factory.mktemp("bag") / "run.mcap"
     export_run(run, "mcap", path)
     return path
-
-
-def make(kind, *values):
-    return STORE.types[kind](*values)
-
-
-def header(time, frame):
-    stamp = Stamp.of(time)
-    return make(
-        "std_msgs/msg/Header", make("builtin_interfaces/msg/Time", stamp.sec, stamp.nanosec), frame
-    )
-
-
-def transform(time, parent, child, place=(0, 0, 0), turn=(0, 0, 0, 1)):
-    moved = make(
-        "geometry_msgs/msg/Transform",
-        make("geometry_msgs/msg/Vector3", *map(float, place)),
-        make("geometry_msgs/msg/Quaternion", *map(float, turn)),
-    )
-    stamped = make("geometry_msgs/msg/TransformStamped", header(time, parent), child, moved)
-    return make(TRANSFORMS, [stamped])
-
-
-def pose(time, frame, x, y, theta):
-    place = make("geometry_msgs/msg/Point", float(x), float(y), 0.0)
-    turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))
-    return make(POSE, header(time, frame), make("geometry_msgs/msg/Pose", place, turn))
-
-
-def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0)):
-    values = np.array(ranges, dtype=np.float32)
-    return make(
-        SCAN, header(time, frame), -1.0, 1.0, 1.0, 0.0, 0.1, 0.1, 10.0, values, np.float32([])
-    )
-
-
-def write(path, *messages):
-    """Write messages (topic, time, kind, message) to a bag."""
-    with rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin.MCAP) as bag:
-        topics = {}
-        for topic, time, kind, message in messages:
-            if topic not in topics:
-                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
-            bag.write(topics[topic], Stamp.of(time).nanoseconds, STORE.serialize_cdr(message, kind))
-    return path
-
-
-def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1)):
-    static = transform(0.0, "base_link", "laser", place, turn)
-    return "/tf_static", 0.0, TRANSFORMS, static
 
 
 def drives(root, base, poses, topic="/tf"):
@@ -137,6 +88,9 @@ def test_other_programs_find_what_they_need(run, kind, tmp_path):
         "/ground_truth": ODOMETRY,
         "/tf": TRANSFORMS,
         "/tf_static": TRANSFORMS,
+        "/clock": "rosgraph_msgs/msg/Clock",
+        "/map": "nav_msgs/msg/OccupancyGrid",
+        "/map_objects": "visualization_msgs/msg/MarkerArray",
     }
     # Whoever comes late still has to hear where the laser is mounted.
     assert topics["/tf_static"].ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
@@ -157,8 +111,69 @@ def test_other_programs_find_what_they_need(run, kind, tmp_path):
         if topic.startswith("/tf")
         for each in message.transforms
     }
-    assert edges == {("odom", "base_link"), ("base_link", "laser")}
+    assert edges == {("map", "odom"), ("odom", "base_link"), ("base_link", "laser")}
+    clocks = [message.clock for topic, _, message in said if topic == "/clock"]
+    assert [each.sec * 10**9 + each.nanosec for each in clocks] == stamps
     assert list(tmp_path.iterdir()) == [path]
+
+
+def messages_of(path, topic):
+    with rosbag2.Reader(path) as bag:
+        wanted = [each for each in bag.connections if each.topic == topic]
+        return [
+            STORE.deserialize_cdr(data, each.msgtype)
+            for each, _, data in bag.messages(connections=wanted)
+        ]
+
+
+def test_the_grid_of_a_bag_is_the_map_and_what_beams_passed(run, mcap):
+    [grid] = messages_of(mcap, "/map")
+    assert grid.header.frame_id == "map"
+    cells = grid.data.reshape(grid.info.height, grid.info.width)
+    corner = np.array([grid.info.origin.position.x, grid.info.origin.position.y])
+
+    def at(points):
+        column, row = ((np.asarray(points) - corner) / grid.info.resolution).astype(int).T
+        return cells[row, column]
+
+    middles = 0.5 * (run.map.segments[:, :2] + run.map.segments[:, 2:])
+    assert (at(middles) == 100).all()
+    assert (at(run.trajectory.poses[:, :2]) == 0).all()
+    assert set(np.unique(cells)) == {-1, 0, 100}
+
+
+def test_the_lines_of_a_bag_are_the_map_snapshots_in_their_colours(run, mcap, tmp_path):
+    half = (len(run) - 1) // 2
+    kept = replace(run, snapshot_scans=(half, len(run) - 1), maps=(run.map, run.map))
+    export_run(kept, "mcap", tmp_path / "two.mcap")
+    first, last = messages_of(tmp_path / "two.mcap", "/map_objects")
+    assert first.markers[0].header.stamp.sec == int(run.trajectory.times[half])
+    [marker] = last.markers
+    ends = np.array([(point.x, point.y) for point in marker.points])
+    assert np.array_equal(ends.reshape(-1, 4), run.map.segments)
+    colours = [(each.r, each.g, each.b) for each in marker.colors[::2]]
+    assert len(set(colours)) == run.map.object_count
+    assert len(marker.colors) == len(marker.points)
+
+
+def test_layouts_for_other_programs_show_topics_that_a_bag_has(mcap):
+    folder = Path(__file__).parents[2] / "docs" / "ros"
+    layout = json.loads((folder / "foxglove.json").read_text(encoding="utf-8"))
+    shown = set(layout["configById"]["3D!lrf3d"]["topics"])
+    plots = [plot for name, plot in layout["configById"].items() if name.startswith("Plot")]
+    shown |= {path["value"].partition(".")[0] for plot in plots for path in plot["paths"]}
+    rviz = yaml.safe_load((folder / "lrf3d.rviz").read_text(encoding="utf-8"))
+    displays = rviz["Visualization Manager"]["Displays"]
+    shown |= {each["Topic"]["Value"] for each in displays if "Topic" in each}
+    with rosbag2.Reader(mcap) as bag:
+        assert shown <= {each.topic for each in bag.connections}
+
+
+def test_a_bag_of_a_run_without_a_map_has_none(run, tmp_path):
+    bare = replace(run, snapshot_scans=(), maps=())
+    export_run(bare, "mcap", tmp_path / "bare.mcap")
+    with rosbag2.Reader(tmp_path / "bare.mcap") as bag:
+        assert not {"/map", "/map_objects"} & {each.topic for each in bag.connections}
 
 
 def test_a_bag_is_replaced_and_nothing_else_is(run, tmp_path):
@@ -219,22 +234,6 @@ def test_transforms_up_to_the_map_come_before_odometry_and_behind_the_truth(tmp_
     assert load_log(bag, poses="odom").scans[0].pose == pytest.approx((7, 0, 0))
     with pytest.raises(InputError, match="no poses from truth in it; there are tf, odom"):
         load_log(bag, poses="truth")
-
-
-def odometry(time, where, child="base_link"):
-    told = pose(time, "odom", *where)
-    speed = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-    return make(
-        ODOMETRY,
-        told.header,
-        child,
-        make("geometry_msgs/msg/PoseWithCovariance", told.pose, np.zeros(36)),
-        make(
-            "geometry_msgs/msg/TwistWithCovariance",
-            make("geometry_msgs/msg/Twist", speed, speed),
-            np.zeros(36),
-        ),
-    )
 
 
 def test_a_fixed_joint_that_is_told_again_and_again_is_no_drive(tmp_path):
@@ -340,3 +339,30 @@ def test_a_run_before_time_0_is_refused(run, tmp_path):
 def test_a_scan_of_ros_is_a_scan():
     assert isinstance(LaserScan.from_ros(scan(1.5)), LaserScan)
     assert LaserScan.from_ros(scan(1.5)).time == 1.5
+
+
+def test_the_base_is_found_from_the_laser_by_the_child_frame_of_the_odometry(tmp_path):
+    where = [(0, 0, 0), (1, 0, 0)]
+    wheels = [("/odom", t, ODOMETRY, odometry(float(t), pose)) for t, pose in enumerate(where)]
+    log = load_log(
+        write(tmp_path / "a", mounted((0.2, -0.1, 0.5), TURNS["left"]), *wheels, *scans(0.5))
+    )
+    assert log.mount == pytest.approx((0.2, -0.1, np.pi / 2))
+    assert log.scans[0].pose @ log.mount.inverse() == pytest.approx((0.5, 0, 0))
+    # Another frame of the robot than the usual one.
+    foot = [
+        ("/odom", t, ODOMETRY, odometry(float(t), pose, "foot")) for t, pose in enumerate(where)
+    ]
+    static = "/tf_static", 0.0, TRANSFORMS, transform(0.0, "foot", "base_link", (0.0, 0.0, 0.1))
+    lower = "/tf_static", 0.0, TRANSFORMS, transform(0.0, "base_link", "laser", (0.3, 0.0, 0.2))
+    log = load_log(write(tmp_path / "b", static, lower, *foot, *scans(0.5)))
+    assert log.mount == pytest.approx((0.3, 0, 0)) and log.source == "/odom"
+
+
+def test_without_a_topic_of_odometry_it_is_the_transforms_up_to_its_frame(tmp_path):
+    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
+    mapped = drives("map", "odom", [(10, 0, 0), (10, 0, 0)])
+    bag = write(tmp_path / "bag", mounted((0.2, 0, 0)), *moves, *mapped, *scans(0.5))
+    log = load_log(bag, poses="odom")
+    assert log.source == "/tf, laser in odom" and log.mount == pytest.approx((0.2, 0, 0))
+    assert log.scans[0].pose == pytest.approx((0.7, 0, 0))

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+import lrf3d
 from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, World, simulate
 from lrf3d.errors import InputError
 from lrf3d.laser import (
@@ -9,6 +10,7 @@ from lrf3d.laser import (
     ConstantNoise,
     DropOuts,
     Imperfections,
+    IntensityNoise,
     Limits,
     MixedPixels,
     ProportionalNoise,
@@ -222,3 +224,26 @@ def test_a_noise_that_makes_no_sense_is_refused(make):
 def test_losses_by_range_want_a_range_max():
     with pytest.raises(InputError, match="range_max"):
         DropOuts(far=0.1)(scan_of([1.0], range_max=np.inf), np.random.default_rng(0))
+
+
+def test_noise_grows_as_the_light_fades():
+    angles, ranges = np.zeros(100_000), np.full(100_000, 9.0)
+    for intensity in (4.0, 0.01):
+        scan = lrf3d.LaserScan((0, 0, 0), angles, ranges, intensities=0.0 * ranges + intensity)
+        measured = IntensityNoise(0.002)(scan, np.random.default_rng(0)).ranges
+        assert np.std(measured) == pytest.approx(0.002 / np.sqrt(intensity), rel=0.01)
+    with pytest.raises(InputError, match="scan without intensities"):
+        IntensityNoise(0.1)(lrf3d.LaserScan((0, 0, 0), angles, ranges), np.random.default_rng(0))
+
+
+def test_a_lost_beam_has_no_intensity():
+    scan = lrf3d.LaserScan((0, 0, 0), [0.0], [5.0], range_max=9.0, intensities=[0.3])
+    lost = DropOuts(share=1.0)(scan, np.random.default_rng(0))
+    assert lost.intensities.tolist() == [0.0] and np.isinf(lost.ranges).all()
+
+
+def test_a_noise_of_intensities_is_that_of_a_simulation():
+    world = lrf3d.World([[5, -9, 5, 9]], materials=["dark cloth"])
+    run = lrf3d.simulate(world, [(0, 0, 0), (1, 0, 0)], noise=IntensityNoise(0.001), rng=0)
+    hit = np.isfinite(run.truth)
+    assert (run.ranges[hit] != run.truth[hit]).all()

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import lrf3d
 from lrf3d import LaserRangeFinder, LaserScan
 from lrf3d.errors import InputError
 from lrf3d.laser import RosScan, Stamp
@@ -126,3 +127,19 @@ def test_a_message_that_makes_no_sense_is_refused(field, value, said):
         LaserScan.from_ros(message)
     with pytest.raises(InputError, match="LaserScan"):
         LaserScan.from_ros(object())
+
+
+def test_intensities_go_out_and_come_back():
+    world = lrf3d.World([[3, -5, 3, 5]], materials=["brick"])
+    scan = lrf3d.PlanarCaster(world).cast(lrf3d.LaserRangeFinder(beams=31), (0, 0, 0))
+    message = scan.as_ros()
+    assert message.intensities.dtype == np.float32
+    back = lrf3d.LaserScan.from_ros(message)
+    assert (back.intensities == scan.intensities.astype(np.float32)).all()
+    # Some drivers send none, or fewer than ranges, and some loggers have no such field.
+    fields = message.as_dict()
+    for sent in (np.empty(0, np.float32), message.intensities[:5], None):
+        fields["intensities"] = sent
+        if sent is None:
+            del fields["intensities"]
+        assert lrf3d.LaserScan.from_ros(fields).intensities is None

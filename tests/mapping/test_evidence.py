@@ -134,8 +134,9 @@ def test_a_wall_ends_and_opens_where_beams_passed_and_none_ended():
     def pieces(*runs):
         return np.array([row for row, times in runs for _ in range(times)])
 
-    # Rows: beams that ended on a piece, passed it, and ended nearer to another wall.
-    met, passed, unseen = [2, 0, 0], [0, 2, 0], [0, 0, 0]
+    # Rows: beams that ended on a piece, passed it, and ended nearer to another wall; the scans that
+    # the first are from, and how many of the second came between these.
+    met, passed, unseen = [2, 0, 0, 2, 0], [0, 2, 0, 0, 0], [0, 0, 0, 0, 0]
     ends = real_pieces(pieces((passed, 8), (met, 20), (unseen, 9)))
     assert np.flatnonzero(ends).tolist() == list(range(8, 28))
     lane = real_pieces(pieces((met, 20), (passed, 12), (met, 20)))
@@ -230,17 +231,17 @@ def test_the_error_of_poses_makes_no_second_walls_where_it_is_known():
     assert counts[1] == 4 < counts[0]
 
 
-def test_what_walls_of_one_update_take_from_each_other_is_no_news_for_them():
+def test_what_walls_of_one_update_take_from_each_other_changes_nothing_of_them():
     cells = seen_from([[5, -3, 5, 3.0]], [(0, 0, 0)])
     far_off, near = [5.05, -3, 5.05, 3], [5, -3, 5, 3]
     ends, first = np.array([far_off, near], dtype=np.float64), np.array([0, 60, 120])
-    stamps, news = np.zeros(3, np.int32), np.zeros(3)
-    both = Round(0, np.array([0, 1]), ends, first, stamps, news)
+    stamps, fresh = np.zeros(3, np.int32), np.zeros(3)
+    both = Round(0, np.array([0, 1]), ends, first, stamps, fresh)
     counts, _ = gather_evidence(both, cells, 0.1, 0.0)
     assert counts[:60, 0].sum() == 0.0 < counts[60:, 0].sum()
-    assert not news.any()
-    # A nearer wall of a later update takes hits from the second one, which is news for it.
-    middle = Round(0, np.array([2]), ends[1:], first[:2], stamps, news)
+    assert not fresh.any()
+    # A nearer wall of a later update takes hits from the second one, which changes its evidence.
+    middle = Round(0, np.array([2]), ends[1:], first[:2], stamps, fresh)
     cells.apart[:, 0] += 0.01
     gather_evidence(middle, cells, 0.1, 0.0)
-    assert news.tolist() == [0.0, counts[60:, 0].sum(), 0.0]
+    assert fresh.tolist() == [0.0, counts[60:, 0].sum(), 0.0]

@@ -53,3 +53,11 @@ def test_a_gap_is_not_bridged():
 def test_a_scan_without_returns_has_no_polylines():
     empty = LaserScan((0, 0, 0), CIRCLE.angles, np.full(180, np.inf), range_max=30.0)
     assert fit_vertices(empty, 10) == []
+
+
+@pytest.mark.parametrize("vertices", range(2, 8))
+def test_four_returns_all_around_have_too_few_vertices_or_a_square(vertices):
+    """With three vertices no closed polyline exists, because no edge spans half a turn."""
+    angles = np.pi / 2 * np.arange(-2, 2)
+    polylines = fit_vertices(LaserScan((0, 0, 0), angles, np.full(4, 3.0)), vertices)
+    assert count(polylines) in ((0,) if vertices == 3 else (2,) if vertices == 2 else (4,))

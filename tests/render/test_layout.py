@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from test_render import city_run, room_run
 
-from lrf3d.render.hud import LEAST_SCALE, hud_lines, lay_out, panel_size, rounded, widest_lines
+from lrf3d.render.hud import hud_lines, panel_size, rounded, widest_lines
+from lrf3d.render.layout import LEAST_SCALE, lay_out
 from lrf3d.scene.camera import Top
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
@@ -52,7 +53,7 @@ def test_a_wide_picture_is_laid_out_as_ever():
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_from_above_the_whole_world_is_seen_beside_the_panel(size):
+def test_from_above_the_whole_world_is_in_the_middle_and_beside_the_panel_if_it_can(size):
     run = room_run()
     timeline, structures = Timeline(run), Structures.from_run(run)
     layout = lay_out(size, widest_lines(run))
@@ -60,11 +61,16 @@ def test_from_above_the_whole_world_is_seen_beside_the_panel(size):
     look = Top(timeline, structures, layout.covered).look(0.0, aspect)
     # Half the height of what is seen on the ground [m].
     half = look.eye[2] * np.tan(0.5 * look.field)
+    right = np.cross(look.up, [0.0, 0.0, 1.0])
     ends = structures.segments.reshape(-1, 2) - look.target[:2]
-    x, y = ends[:, 0] / half, ends[:, 1] / half
+    x, y = (ends @ way[:2] / half for way in (right, np.array(look.up)))
     assert (np.abs(x) <= aspect).all() and (np.abs(y) <= 1.0).all()
+    assert x.max() == pytest.approx(-x.min()) and y.max() == pytest.approx(-y.min())
     wide, high = layout.covered
-    assert ((x > -aspect + 2.0 * wide) | (y < 1.0 - 2.0 * high)).all()
+    fill = max(x.max() / aspect, y.max())
+    freed = ((x > -aspect + 2.0 * wide) | (y < 1.0 - 2.0 * high)).all()
+    # Where the panel's corner cannot be freed, the world is hardly smaller than the picture.
+    assert freed or fill == pytest.approx(1.0 / Top.SMALLER, rel=0.03)
 
 
 def test_a_large_world_is_followed_with_as_much_to_the_shorter_side_in_portrait():
@@ -80,8 +86,25 @@ def test_no_number_of_the_panel_is_minus_zero():
     run = room_run()
     moment = Timeline(run).moment(0.0)
     moment.pose[:] = [-0.001, 0.0, -1e-4]
-    words = [text for line in hud_lines(run, moment, run.scan(0)) for _, text in line.words]
-    assert "x  0.00" in words and "θ  0.0°" in words
+    lines = hud_lines(run, moment, run.scan(0), run.map.counts, 4.0)
+    words = [text for line in lines for _, text in line.ends]
+    assert words.count("0.00") == 2 and "0.0°" in words and "-0.00" not in words
+
+
+def test_numbers_of_the_panel_stand_under_each_other_and_it_says_how_fast_it_plays():
+    run = city_run()
+    time, pose = (
+        next(line for line in hud_lines(run, moment, run.scan(3), "9 segments in 3 objects", 4.0)
+             if line.words[0][1] == first)
+        for first, moment in (("t", Timeline(run).moment(1.0)), ("x", Timeline(run).moment(3.0)))
+    )  # fmt: skip
+    assert [end for end, _ in time.ends] == [end for end, _ in pose.ends][:2]
+    words = [
+        text
+        for line in hud_lines(run, Timeline(run).moment(1.0), run.scan(3), "9 segments", 4.0)
+        for _, text in (*line.words, *line.ends)
+    ]
+    assert "4 ×" in words and "9 segments" in words
 
 
 def test_a_world_with_a_long_name_keeps_the_panel_short():

@@ -95,7 +95,7 @@ def test_ground_tiles_hang_on_the_eye_alone(large_run, monkeypatch):
         for place in way:
             aside = 0.0 if place == "here" else 90.0
             eye = large_run.trajectory.poses[0, :2] - large_run.world.origin + aside
-            shown = len(list(layer.draws(np.array([*eye, 2.0]), 0.0))) - 2
+            shown = len(list(layer.draws(np.array([*eye, 2.0]), 0.0, 500.0))) - 2
         pictures.append(film.draw(0.0).copy())
         assert shown > 0 and len(layer._tiles) <= 4 + shown
         film.close()
@@ -127,10 +127,10 @@ def test_beams_are_whole_lines_also_from_just_above_them():
 
     film = Film(city_run(), size=(640, 360), view="first", samples=0, layers=("beams",))
     bare = Film(city_run(), size=(640, 360), view="first", samples=0, layers=())
-    near = (film.draw(1.0).astype(int) - bare.draw(1.0))[240:, :, 0] > 6
-    # Each row of the ground in front is crossed by as many beams as its neighbours.
+    near = (film.draw(1.0).astype(int) - bare.draw(1.0))[240:, :, 0] > 3
+    # Each row of the ground in front is crossed by about as many beams as its neighbours.
     counts = near.sum(axis=1)
-    assert counts.min() > 15 and counts.min() > 0.6 * counts.max()
+    assert counts.min() > 10 and (np.abs(np.diff(counts)) <= 6).all()
     film.close()
     bare.close()
 
@@ -142,7 +142,7 @@ def test_a_fixed_camera_looks_from_where_it_stands_at_its_target():
     green = np.array([[0.6, 0.6, 0.6], [0.1, 0.8, 0.1]])
     run = room_run(colours=green)
     cameras = (
-        FixedCamera("door", (1.0, 1.0, 1.6), (5.5, 3.0, 0.5), 40.0),
+        FixedCamera("door", (1.0, 1.0, 1.6), (5.0, 3.0, 0.3), 40.0),
         FixedCamera("ceiling", (5.5, 3.0, 9.0), (5.5, 3.0, 0.0)),
     )
     run = replace(run, world=replace(run.world, cameras=cameras))
@@ -225,7 +225,7 @@ def test_the_fan_keeps_its_outline_with_fewer_triangles():
     scan = run.scan(6)
     apex = np.array([scan.pose.x, scan.pose.y])
     drawn = DrawnBeams.from_scan(scan, run.world.segments, run.world.objects, apex)
-    fan = drawn.fan(0.5).reshape(-1, 3, 4)
+    fan = drawn.fan(0.5)[:, :4].reshape(-1, 3, 4)
     # These beams are two degrees apart: the angle bounds the triangles.
     assert len(fan) < 0.75 * (len(scan.ranges) - 1)
     lrf = replace(run.lrf, beams=1, angle_min=0.0, angle_max=0.0, range_max=500.0)

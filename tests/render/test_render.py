@@ -99,7 +99,7 @@ def test_views_show_something_and_differ(samples):
 @needs_gl
 def test_every_view_has_a_camera():
     from lrf3d.render.video import VIEWS
-    from lrf3d.scene.camera import CAMERAS
+    from lrf3d.scene.cameras import CAMERAS
 
     assert tuple(sorted(CAMERAS)) == VIEWS
 
@@ -196,7 +196,7 @@ def test_layers_that_are_off_are_not_drawn():
         picture = film.draw(1.0).astype(int)
         red.append((picture[:, :, 0] > picture[:, :, 2] + 60).mean())
         film.close()
-    assert red[0] > 0.1 and red[1] < 0.03
+    assert red[0] > 0.05 and red[1] < 0.01
 
 
 @needs_gl

@@ -169,15 +169,15 @@ def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):
     length = video.Timeline(run).end - video.Timeline(run).start
     path = tmp_path / f"run{ending}"
     fps = (frames - 0.5) / length
-    video.render_video(run, path, size=(64, 36), fps=fps, samples=0, workers=2)
+    video.render_video(run, path, size=(128, 72), fps=fps, samples=0, workers=2)
     with av.open(str(path)) if ending == ".mp4" else Image.open(path) as film:
         if ending == ".mp4":
             assert film.streams.video[0].frames == frames
         else:
             # Pictures that are the same are shown as one.
-            assert film.size == (64, 36) and 1 <= film.n_frames <= frames
+            assert film.size == (128, 72) and 1 <= film.n_frames <= frames
             pixels = np.array(film.convert("RGB")).astype(int)
-            alone = video.frame(run, 0.0, size=(64, 36), samples=0).astype(int)
+            alone = video.frame(run, 0.0, size=(128, 72), samples=0).astype(int)
             assert np.abs(pixels - alone).mean() < 8.0
     if ending == ".webp":
         _, times = pictures_of(path)

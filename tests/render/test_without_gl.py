@@ -74,7 +74,7 @@ def test_both_renderers_draw_the_same_picture(make, view, samples):
 
 def test_smooth_edges_are_those_of_a_picture_four_times_as_fine():
     run = city_run()
-    layers = {"layers": ()}
+    layers = {"layers": (), "view": "overview"}
     fine = drawn(run, size=(4 * SIZE[0], 4 * SIZE[1]), **layers)
     fine = fine.reshape(SIZE[1], 4, SIZE[0], 4, 3).mean(axis=(1, 3))
     hard, smooth = (drawn(run, samples=samples, **layers) for samples in (0, 4))

@@ -9,7 +9,7 @@ from lrf3d.render.parts import build_walls
 from lrf3d.scene.look import SUN
 from lrf3d.scene.shadows import LIT, shade_quads, shade_roofs
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import wall_faces
+from lrf3d.scene.walls import paint_walls, wall_faces
 from lrf3d.world import World
 
 
@@ -123,5 +123,5 @@ def test_indoors_there_is_no_sun():
 
 def test_shaded_walls_are_parts_of_their_objects():
     structures = Structures.from_run(city_run())
-    walls = build_walls(structures)
-    assert walls.faces.vertices.shape[1] == 13
+    walls = build_walls(structures, paint_walls(structures))
+    assert walls.faces.vertices.shape[1] == 16

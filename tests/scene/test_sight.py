@@ -11,6 +11,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scene.ground import paint_ground, paint_tile
 from lrf3d.scene.structures import SIGHT_DISTANCE, Sight, Structures
+from lrf3d.scene.walls import paint_walls
 from lrf3d.view.page_data import make_scene, pack_run
 from lrf3d.world import World
 
@@ -52,6 +53,7 @@ def driven(world):
     return Run(world, lrf, trajectory, none, none, walls, (0,), (LineMap.empty(),))
 
 
+@pytest.mark.slow
 @needs_gl
 @pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
 def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):
@@ -67,11 +69,17 @@ def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):
     assert pack_run(run)[0]
 
 
+def ground_of(structures):
+    return paint_ground(structures, paint_walls(structures).light)
+
+
 def test_ground_without_a_house_near_is_painted():
     houses = WORLDS["two houses far apart"]
-    tile = paint_tile(Structures.from_world(houses), np.array([120.0, -80.0]), 80.0)
-    assert tile.picture.std() < 20.0
-    assert paint_ground(Structures.from_world(WORLDS["no wall"])).picture.size
+    structures = Structures.from_world(houses)
+    light = paint_walls(structures).light
+    tile = paint_tile(structures, light, np.array([120.0, -80.0]), 80.0)
+    assert tile.picture.std(axis=(0, 1)).max() < 20.0
+    assert ground_of(Structures.from_world(WORLDS["no wall"])).picture.size
 
 
 @pytest.mark.parametrize("name", [name for name in WORLDS if "all" in name or "end" in name])
@@ -82,7 +90,7 @@ def test_what_is_drawn_ends_where_nothing_is_seen_any_more(name):
     assert (np.abs(places) <= SIGHT_DISTANCE + 200.0).all()
     # So that float32 knows millimetres where the robot is.
     assert np.abs(structures.origin).max() < SIGHT_DISTANCE
-    assert paint_ground(structures).size.max() < 4.0 * SIGHT_DISTANCE
+    assert ground_of(structures).size.max() < 4.0 * SIGHT_DISTANCE
     setup = make_scene(run.world, run.lrf, run.trajectory.poses[:, :2], title="x").setup
     assert setup["size"] < 3.0 * SIGHT_DISTANCE
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from lrf3d.slam.frames import between, compose
-from lrf3d.slam.log import solve_log, without_jumps
+from lrf3d.slam.log import solve_log
+from lrf3d.slam.repair import without_jumps
 from tests.slam.test_slam import drive, errors, rooms, through
 
 
@@ -47,6 +48,7 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
 
 def test_lines_far_apart_are_no_jumps_but_what_is_far_beyond_them_is():
     lines = np.column_stack([4.0 * np.arange(30), np.zeros(30), np.zeros(30)])
-    assert without_jumps(lines)[1] == ()
+    times = 2.0 * np.arange(30)
+    assert without_jumps(lines, times)[1] == ()
     lines[12:, 1] += 20.0
-    assert without_jumps(lines)[1] == (12,)
+    assert without_jumps(lines, times)[1] == (12,)

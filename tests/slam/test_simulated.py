@@ -3,7 +3,8 @@ import pytest
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.slam import SlamMapper, WheelErrors
+from lrf3d.slam import SlamMapper, WheelErrors, simulated
+from lrf3d.slam.simulated import COVARIANCE_INTERVAL
 
 
 @pytest.fixture(scope="module")
@@ -18,6 +19,37 @@ def test_a_drive_is_mapped_without_true_poses(corridor):
     assert mapper.report(run, None)["odometry_largest_error_m"] > 3.0
     assert mapper.errors().max() < 0.15
     assert lrf3d.score_run(run).length_precision > 0.95
+
+
+def test_what_was_believed_is_kept_with_as_many_covariances_as_are_drawn(corridor, monkeypatch):
+    run, mapper = corridor
+    estimate = run.estimate
+    assert len(estimate) == len(run) and run.knows_truth
+    assert estimate.errors(run.trajectory.poses).max() < 0.2
+    assert len(estimate.closures) == len(mapper.slam.closures) > 0
+    assert (estimate.closures[:, 0] < estimate.closures[:, 1]).all()
+    assert len(estimate.known_scans) == -(-len(run) // COVARIANCE_INTERVAL)
+    monkeypatch.setattr(simulated, "MOST_COVARIANCES", 10)
+    again = SlamMapper(rng=3)
+    lrf3d.load_scenario("corridor").run(rng=1, mapper=again, snapshots=1, scans=100)
+    # Beyond the most, every other one is dropped, and later ones come half as often.
+    assert again.estimate.known_scans.tolist() == list(range(0, 100, 16))
+    assert again.estimate.covariances[1].tolist() == estimate.covariances[4].tolist()
+
+
+@pytest.mark.parametrize("kind", ["carmen", "mcap"])
+def test_a_simulated_recording_is_solved_from_what_its_wheels_measured(corridor, kind, tmp_path):
+    run, _ = corridor
+    path = tmp_path / {"carmen": "run.log.gz", "mcap": "run.mcap"}[kind]
+    lrf3d.export_run(run, kind, path)
+    log = lrf3d.load_log(path, poses="odom" if kind == "mcap" else "auto")
+    wheels = log.poses if log.wheels is None else log.wheels.poses
+    assert wheels == pytest.approx(run.estimate.odometry, abs=1e-6)
+    solved = lrf3d.slam(log)
+    assert np.hypot(*(solved.trajectory.poses - run.trajectory.poses)[:, :2].T).max() < 0.15
+    assert not solved.knows_truth and len(solved.estimate.closures) > 0
+    sizes = np.linalg.norm(solved.estimate.ellipses, axis=(1, 2))
+    assert sizes[0] == 0.0 and 0.0 < sizes[1:].min() and sizes.max() < 2.0
 
 
 def test_the_same_seed_gives_the_same_map(corridor):

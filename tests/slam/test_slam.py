@@ -7,7 +7,8 @@ from lrf3d.errors import InputError
 from lrf3d.slam.closures import seen_through
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.lag import WheelPath
-from lrf3d.slam.log import line_poses, rising, solve_log, without_jumps
+from lrf3d.slam.log import line_poses, solve_log
+from lrf3d.slam.repair import rising, without_jumps
 from lrf3d.slam.wheels import Wheels
 
 SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)
@@ -214,7 +215,8 @@ def test_a_robot_that_drives_backwards_with_such_encoders_is_followed():
     way = [wheels[0]]
     for step in [*there[1:], *back]:
         way.append(compose(way[-1], step))
-    everything = [*scans, *scans[-2::-1]]
+    end = scans[-1].time
+    everything = [*scans, *(scan.at_time(2.0 * end - scan.time) for scan in scans[-2::-1])]
     solution = solve_log(everything, np.array(way), np.arange(len(everything)))
     assert errors(np.vstack([true, true[-2::-1]]), solution.scan_poses).max() < 0.1
 
@@ -224,7 +226,7 @@ def test_an_odometry_that_jumps_is_mended_and_reported():
     jumped = wheels.copy()
     jumped[60:, 0] += 10.0
     solution = solve_log(scans, jumped, np.arange(len(scans)))
-    assert solution.jumps == (60,)
+    assert solution.repairs.jumps == (60,)
     assert errors(true, solution.scan_poses).max() < 0.1
     same, none = without_jumps(wheels)
     assert none == () and same is wheels

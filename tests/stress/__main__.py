@@ -21,8 +21,8 @@ def stress(
     part: Annotated[
         list[str] | None,
         typer.Option(
-            help="Only this part: casting, lines, angles, driving, localising, worlds or frames;"
-            " repeatable."
+            help="Only this part: casting, light, lines, angles, driving, localising, worlds or"
+            " frames; repeatable."
         ),
     ] = None,
     quick: Annotated[
@@ -39,7 +39,8 @@ def stress(
     """Try every part of lrf3d where it is hardest, against exact answers.
 
     Each beam is certified by an error bound, or by rationals where bounds cannot decide: the right
-    wall, and a range within 2 ulp; with Embree 1e-9 m, where that is more. Lines, angles, drives
+    wall, and a range within 2 ulp; with Embree 1e-9 m, where that is more. Beams that mirrors turn
+    are followed by fractions: each wall of the way, and 1 ulp a leg. Lines, angles, drives
     and the filter are compared with rationals or with sums that round nothing; worlds of no wall
     and of a million are cast at, mapped, planned in and extruded. Ends with the status 1 where
     anything fails.

@@ -18,8 +18,18 @@ from stress.estimates import ESTIMATES
 from stress.extremes import EXTREMES
 from stress.fits import FITS
 from stress.frames import FRAMES
+from stress.light import LIGHT
 
-CASES: tuple[Case, ...] = (*CASTING, *FITS, *ANGLES, *DRIVES, *ESTIMATES, *EXTREMES, *FRAMES)
+CASES: tuple[Case, ...] = (
+    *CASTING,
+    *LIGHT,
+    *FITS,
+    *ANGLES,
+    *DRIVES,
+    *ESTIMATES,
+    *EXTREMES,
+    *FRAMES,
+)
 """All cases of all parts, in the order of the table."""
 
 TASK = 5_000

@@ -62,6 +62,7 @@ def done_here(plan, folder, *, order=1):
     return (folder / TABLE).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_what_one_process_gives_in_any_order_bit_for_bit(room, tmp_path):
     plan = tiny(room)
     assert len(plan.runs) == 2 * 2 * 2 * 3

@@ -284,10 +284,10 @@ def test_the_page_gets_what_moved_beside_the_robot():
     )
     run = replace(city_run(), obstacles=obstacles)
     arrays = unpacked(run)
-    times, poses = arrays["moverTimes"], arrays["moverPoses"].reshape(-1, 3)
+    times, poses = arrays["obstacleTimes"], arrays["obstaclePoses"].reshape(-1, 3)
     shift = np.array([*run.world.origin, 0.0])
-    for obstacle, end in zip(obstacles, np.cumsum(arrays["moverSizes"]), strict=True):
-        first = end - arrays["moverSizes"][obstacles.index(obstacle)]
+    for obstacle, end in zip(obstacles, np.cumsum(arrays["obstacleSizes"]), strict=True):
+        first = end - arrays["obstacleSizes"][obstacles.index(obstacle)]
         due = obstacle.path.at(times[first:end] + run.trajectory.times[0])
         assert poses[first:end, :2] + shift[:2] == pytest.approx(due[:, :2], abs=1e-4)
         # From key to key it turns the shorter way.
@@ -337,10 +337,10 @@ def test_what_moves_is_seen_by_the_laser_and_told_to_the_page(tmp_path):
     nearer = 0
     for _ in range(60):
         news, plain = drive.step(0.1), without.step(0.1)
-        x, y = np.array(news["movers"][:2]) + origin
+        x, y = np.array(news["obstacles"][:2]) + origin
         assert x == pytest.approx(9.0) and 2.0 <= y <= 7.0
         nearer += sum(a < b - 1.0 for a, b in zip(news["ranges"], plain["ranges"], strict=True))
-    assert plain["movers"] == [] and nearer > 60
+    assert plain["obstacles"] == [] and nearer > 60
 
 
 def test_the_noise_of_the_scenario_is_that_of_the_drive(tmp_path):

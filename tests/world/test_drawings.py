@@ -295,3 +295,8 @@ def test_reading_a_dxf_drawing_writes_nothing_to_the_users_folders(tmp_path: Pat
     environment |= {"HOME": str(home), "PYTHONPATH": str(Path(__file__).parent.parent)}
     subprocess.run(command, cwd=tmp_path, env=environment, check=True, timeout=120)
     assert not list(home.iterdir())
+
+
+def test_the_material_of_a_building_is_read(tmp_path: Path) -> None:
+    world = osm(tmp_path, way(1, 1, 2, 3, 4, 1, building="yes", **{"building:material": "glass"}))
+    assert [material.name for material in world.materials] == ["glass"]

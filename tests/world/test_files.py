@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from lrf3d.errors import OutputError, WorldError
-from lrf3d.world import World, load_world, save_world, world_names
+from lrf3d.world import Material, World, load_world, save_world, world_names
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 
@@ -55,6 +55,17 @@ def free_cells(draw: st.DrawFn) -> FreeCells:
     return FreeCells(draw(arrays(np.bool_, shape)), draw(st.floats(0.01, 2.0)), origin)
 
 
+def materials(count: int) -> st.SearchStrategy[list[str | Material | None]]:
+    """Built-in materials, own ones of unique names, and none, for so many objects."""
+    own = [
+        Material("frosted", diffuse=0.1, transmission=1 / 3),
+        Material("glass", index=1.7, lobe_deg=0.1),
+        Material('tab\t"foil"', retro=1e-3),
+    ]
+    some = st.sampled_from([None, "mirror", "dark cloth", *own])
+    return st.just([]) | st.lists(some, min_size=count, max_size=count)
+
+
 @st.composite
 def worlds(draw: st.DrawFn) -> World:
     segments = np.concatenate(draw(st.lists(chains(), min_size=1, max_size=5)))
@@ -89,6 +100,7 @@ def worlds(draw: st.DrawFn) -> World:
         colours=colours,
         cameras=draw(cameras),
         free=draw(st.none() | free_cells()),
+        materials=draw(materials(numbers)),
         place=draw(st.none() | st.tuples(st.floats(-180.0, 180.0), st.floats(-90.0, 90.0))),
     )
 
@@ -109,6 +121,7 @@ def test_a_world_comes_back_from_a_file_as_it_was(
         assert (back.objects == world.objects).all()
         assert np.array_equal(back.colours, world.colours, equal_nan=True)
         assert back.object_names == world.object_names
+        assert back.materials == world.materials
         assert back.name == world.name
         assert back.cameras == world.cameras
         assert back.place == world.place

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
-from lrf3d.world import World, load_world
+from lrf3d.world import Material, World, load_world
 from lrf3d.world.apart import read_here
 from lrf3d.world.collinear import merge_collinear
 from lrf3d.world.files import FORMATS
@@ -44,6 +44,14 @@ def towns(draw: st.DrawFn) -> World:
         heights,
         object_names=tuple(f"house {n}" for n in range(count)) if named else (),
         colours=np.arange(3 * count).reshape(count, 3) * 5 / 255.0,
+        materials=draw(
+            st.just([])
+            | st.lists(
+                st.sampled_from(["glass", Material("foil", retro=50.0), None]),
+                min_size=count,
+                max_size=count,
+            )
+        ),
     )
 
 
@@ -65,6 +73,7 @@ def test_a_world_comes_back_from_a_glb_as_float32_has_it(
             )
             assert (back.heights[other] == world.heights[own][0]).all()
         assert back.colours == pytest.approx(world.colours, abs=1 / 255)
+        assert back.materials == world.materials
         if world.object_names:
             assert back.object_names == world.object_names
 

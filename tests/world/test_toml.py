@@ -82,6 +82,20 @@ def test_objects_may_be_an_array_of_inline_tables(tmp_path: Path) -> None:
         (HOUSE + "height = true\n", "w.toml:5: object[0].height: expected a number"),
         (HOUSE + "height = [1, 2]\n", "w.toml:5: object[0].height: 2 heights for 3 walls"),
         (HOUSE + "colour = 'mud'\n", "w.toml:5: object[0].colour: expected a colour such as"),
+        (
+            HOUSE + "material = 'glas'\n",
+            "w.toml:5: object[0].material: there is no material 'glas'; did you mean 'glass'?",
+        ),
+        (HOUSE + "[[material]]\ndiffuse = 1\n", "w.toml:5: material[0]: expected a name"),
+        (
+            HOUSE + "[[material]]\nname = 'a'\ndiffuse = 2\n",
+            "w.toml:7: material[0].diffuse: expected a finite number of at least 0 and at most 1",
+        ),
+        (
+            HOUSE + "[[material]]\nname = 'a'\ndiffuse = 0.7\nspecular = 0.5\n",
+            "w.toml:5: material[0]: material 'a': diffuse, specular and transmission are more",
+        ),
+        (HOUSE + 2 * "[[material]]\nname = 'a'\n", "w.toml:8: material[1].name: a second"),
         (HOUSE + "lines = []\n", "w.toml:1: object[0]: expected points"),
         ("[[object]]\nname = 'a'\n", "w.toml:1: object[0]: expected points"),
         ("[object]\nname = 'a'\n", "w.toml:1: object: expected at least one table [[object]]"),

@@ -127,7 +127,7 @@ def meets_in_line(beam: Beam, wall: Wall) -> bool:
 @inner
 def compare(beam: Beam, wall: Wall, other: Wall) -> int:
     """Sign of t(wall) − t(other) for two walls that the beam meets."""
-    if _same_line(wall, other) and area_sign(beam.ox, beam.oy, wall) != 0:
+    if same_line(wall, other) and area_sign(beam.ox, beam.oy, wall) != 0:
         return 0
     first, first_low, first_good = plain_length(beam, wall)
     second, second_low, second_good = plain_length(beam, other)
@@ -220,7 +220,7 @@ def precise_area(ox: float, oy: float, wall: Wall) -> float:
 
 
 @inner
-def _same_line(wall: Wall, other: Wall) -> bool:
+def same_line(wall: Wall, other: Wall) -> bool:
     """Whether two walls plainly lie on one line: the same ends, or upright or level alike."""
     px, py, qx, qy = wall
     rx, ry, sx, sy = other

@@ -21,14 +21,15 @@ Vector = tuple[float, float, float]
 def cast_solid(
     tree: Tree,
     corners: Float,
-    origin: Float,
+    origins: Float,
     beams: Float,
     reach: float,
     distances: Float,
     hits: Int,
 ) -> None:
-    """Fill in distances (n,) and triangles (n,) that beams (n, 3) from an origin (3,) meet first.
+    """Fill in distances (n,) and triangles (n,) that beams (n, 3) meet first.
 
+    Origins (n, 3) are those of the beams; of (1, 3) the one is that of all.
     Corners (m, 3, 3) are those of the triangles, in the order of the tree that stands over them in
     plan. Of triangles at the same distance it is the first. Some may be found beyond reach [m].
     """
@@ -36,6 +37,7 @@ def cast_solid(
     stack = np.empty(STACK, np.int64)
     nears = np.empty(STACK)
     for i in range(len(beams)):
+        origin = origins[min(i, len(origins) - 1)]
         dx, dy, dz = beams[i, 0], beams[i, 1], beams[i, 2]
         best, hit = np.inf, -1
         limit = reach * ROOM

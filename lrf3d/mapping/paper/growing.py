@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from lrf3d.geometry import Float, Int, lengths
-from lrf3d.mapping.robust.grid import Grid, find, insert, remove
+from lrf3d.mapping.grid import Grid, find, insert, remove
 from lrf3d.mapping.segment_table import SegmentTable
 
 CELL = 4.0

@@ -6,8 +6,8 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import EMPTY, slot_of
 from lrf3d.mapping.robust.constants import CELL
-from lrf3d.mapping.robust.grid import EMPTY, slot_of
 
 SIDE_BITS = 4
 SIDE = 1 << SIDE_BITS
@@ -54,6 +54,27 @@ def take_block(blocks: Blocks, x: int, y: int) -> bool:  # pragma: no cover
     return True
 
 
+@inner
+def enter_cells(
+    x: float, y: float, dx: float, dy: float, size: float
+) -> tuple[int, int, int, int, float, float, float, float]:  # pragma: no cover
+    """Where a ray from a place (x, y) [m] in a direction (dx, dy) begins its way through cells.
+
+    Returns:
+        The column and the row of its first cell; by how much it changes either (1 or −1); how far
+        it is, in cells of a size [m], from column to column and from row to row; and how far to
+        the next column and to the next row.
+    """
+    px, py = x / size, y / size
+    column, row = int(np.floor(px)), int(np.floor(py))
+    right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
+    wide = np.inf if dx == 0.0 else 1.0 / abs(dx)
+    high = np.inf if dy == 0.0 else 1.0 / abs(dy)
+    across = np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
+    up = np.inf if dy == 0.0 else ((row + 1.0 - py) if dy > 0.0 else (py - row)) * high
+    return column, row, right, ahead, wide, high, across, up
+
+
 @compiled
 def take_open(
     blocks: Blocks, x: float, y: float, units: Float, ranges: Float
@@ -63,15 +84,7 @@ def take_open(
     for beam in range(len(ranges)):
         reach = abs(ranges[beam]) / size
         dx, dy = units[beam, 0], units[beam, 1]
-        px, py = x / size, y / size
-        column, row = int(np.floor(px)), int(np.floor(py))
-        right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-        wide = np.inf if dx == 0.0 else 1.0 / abs(dx)
-        high = np.inf if dy == 0.0 else 1.0 / abs(dy)
-        across = (
-            np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
-        )
-        up = np.inf if dy == 0.0 else ((row + 1.0 - py) if dy > 0.0 else (py - row)) * high
+        column, row, right, ahead, wide, high, across, up = enter_cells(x, y, dx, dy, size)
         while True:
             if not take_block(blocks, column, row):
                 return False

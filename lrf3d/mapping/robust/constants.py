@@ -121,6 +121,9 @@ GONE_AFTER = 20
 """[beams] When so many have gone on where others ended, the same way and without a hit between
 them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
 
+LEAST_HITS = 0.5
+"""[beams] What fewer hits than this are left of is forgotten altogether."""
+
 SAME_WAY = 0.7
 """[cosine] Angle between beams that go the same way."""
 
@@ -131,20 +134,20 @@ the wall as well, in the same cells."""
 LINK_SINE = 0.35
 """[sine] The same for a link between two walls, which no beam need run along."""
 
-# --- News: which walls are worked over again ---
+# --- Choice of walls: which are refined again ---
 
-FRESH_NEWS = 0.1
-"""[share] A wall is worked over again when this part of what it was refit by has come anew. Less
+FRESH_SHARE = 0.1
+"""[share] A wall is refined again when this part of what it was refit by has come anew. Less
 takes time, more leaves walls behind what is known of them."""
 
-STALE_NEWS = 0.05
-"""[share] The same for the one wall that has waited longest, after scans with little news."""
+STALE_SHARE = 0.05
+"""[share] The same for the one wall that has waited longest, after scans that changed few."""
 
 FEW_WALLS = 2
-"""[walls] How many walls are little news."""
+"""[walls] How many walls are few."""
 
 MOVED = 0.01
-"""[m] A wall is worked over again when its line has moved by this …"""
+"""[m] A wall is refined again when its line has moved by this …"""
 
 GROWN = 0.1
 """[m] … or it has become longer by this."""
@@ -187,20 +190,35 @@ off: beams that all but run along a wall hit it anywhere."""
 
 # --- Refinement: refitting the segments of a wall ---
 
-VIOLATION_WEIGHT = 0.07
+VIOLATION_WEIGHT = 0.04
 """[hits] What a free-space violation weighs against a hit: poses and edges are a little wrong, so a
-wall that one beam in fifteen hit is still more than nothing."""
+wall that one beam in twenty-five hit is still more than nothing."""
+
+TRANSIENT_WEIGHT = 0.16
+"""[scans] What it weighs against a scan that hit, where hits and violations do not take turns, as
+what moves leaves them: it is hit in few scans, from near by many beams of each. More takes what
+robots saw only in passing out of maps of offices, less leaves more of the trails of people …"""
+
+TAKEN_TURNS = 0.3
+"""[share] … and they take turns where for each scan that hit so many beams went through before the
+next one did. More takes legs of furniture out, less keeps more of slow obstacles."""
 
 FORSAKEN = 4.0
 """[share] A wall without a real part is given up, and found anew if it comes back, where its
 violations outweigh its hits by this. Less takes time to find weak walls again and again."""
 
 OPEN_WEIGHT = 0.5
-"""[hits] What a free-space violation weighs at a piece without hits, and as news of a wall."""
+"""[hits] What a free-space violation weighs at a piece without hits, and as new
+evidence of a wall."""
 
 DUPLICATE_WEIGHT = 0.2
 """[hits] What a beam weighs that hit another wall more nearly: a second copy of a wall is not
 kept."""
+
+END_SPARE = 0.04
+"""[m] How far a wall goes on beyond its last hit where no beam went through beyond: about half of
+the distance between two beams. More explains more returns at corners, and hides more of what is
+seen beside the ends."""
 
 UNSEEN_COST = 0.1
 """[hits] Cost of each piece of wall, so that walls end where their hits do."""
@@ -217,8 +235,8 @@ LEAST_SPREAD = 0.01
 direction: shorter ones know none."""
 
 SHORT_WALL = 0.5
-"""[m] Walls shorter than this need twice min_points hits: clutter makes short ones of any few
-returns."""
+"""[m] Walls shorter than this need twice min_points hits, and twice the violations' weight of them:
+clutter, and what moves, makes short ones of any few returns."""
 
 # --- Refinement: gaps that are bridged and corners that are closed ---
 
@@ -267,6 +285,9 @@ HIDDEN_SINE = 0.1
 
 LONGEST_LINK = 15.0
 """[m] Longest link behind two walls: as deep as most buildings are."""
+
+MOST_LINKS = 24
+"""[links] How many others a new wall is linked with, the nearest ones."""
 
 BEHIND_SINE = 0.3
 """[sine] Angle by which a link may run before a wall and still count as behind it."""

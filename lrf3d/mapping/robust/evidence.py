@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.blocks import SIDE, SIDE_BITS, block_at
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
     CELL,
     CONTINUATION_PENALTY,
@@ -19,6 +20,7 @@ from lrf3d.mapping.robust.constants import (
     DEEPEST_HIT,
     FREE_DEPTH,
     HIT_DEVIATIONS,
+    HIT_DIRECTIONS,
     LEAST_INCIDENCE,
     LINK_END,
     MOST_PASSES,
@@ -26,8 +28,6 @@ from lrf3d.mapping.robust.constants import (
     PIECE,
     WALL_SINE,
 )
-from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.grid import longer
 
 COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
@@ -95,8 +95,8 @@ class Round(NamedTuple):
         ends: (m, 4) where they are [m].
         first: (m + 1,) the first piece of each.
         stamps: (≥ all walls,) the stamp of each wall by its number.
-        counts: (≥ all walls,) news of each wall: none of these, and what others lose to them is
-            added.
+        counts: (≥ all walls,) new evidence of each wall: 0 is set for these, and what others
+            lose to them is added.
     """
 
     number: int
@@ -126,15 +126,29 @@ def gather_evidence(
         they not hit another wall more nearly; (pieces, 6) sums over the hits, of their weight,
         times place along the wall, offset from it, and the products of the two.
     """
-    number, ends, first = turn.number, turn.ends, turn.first
-    counts = np.zeros((first[-1], 3))
+    # Arrays of named tuples are taken out once: compiled code counts references at each access.
+    number, ends, first, stamps = turn.number, turn.ends, turn.first, turn.stamps
+    walls, lost = turn.walls, turn.counts
+    following, owners, owner_stamps, apart = (
+        cells.following,
+        cells.owners,
+        cells.owner_stamps,
+        cells.apart,
+    )
+    solid = cells.solid
+    counts = np.zeros((first[-1], 5))
     # What belongs to the walls before is free, so that all of it is claimed anew.
     for k in range(len(ends)):
-        turn.stamps[turn.walls[k]] += 1
-    claimed, hit_wall = np.empty(256, np.int64), np.empty(256, np.int64)
-    hit_piece = np.empty(256, np.int64)
-    found = 0
+        stamps[walls[k]] += 1
     band = near + HIT_DEVIATIONS * cells.widest[0]
+    # Room for the clusters of all cells by the walls: an array that is put in another's place in a
+    # loop makes all of the loop slow.
+    cells_by = 0.0
+    for wall in range(len(ends)):
+        length = np.hypot(ends[wall, 2] - ends[wall, 0], ends[wall, 3] - ends[wall, 1])
+        cells_by += (length + 1.5 * band + 3.0 * CELL) * (3.0 * band + 4.0 * CELL) / (CELL * CELL)
+    hits_by = np.empty((int(cells_by) * HIT_DIRECTIONS, 3), np.int64)
+    found = 0
     heads, moments = cells.heads, cells.moments
     at_x, at_y, block = 1 << 40, 0, -1
     for wall in range(len(ends)):
@@ -160,21 +174,21 @@ def gather_evidence(
                 cx, cy = (row, column) if steep else (column, row)
                 if cx >> SIDE_BITS != at_x or cy >> SIDE_BITS != at_y:
                     at_x, at_y = cx >> SIDE_BITS, cy >> SIDE_BITS
-                    block = block_at(cells.solid, at_x, at_y)
+                    block = block_at(solid, at_x, at_y)
                 if block < 0:
                     continue
                 cluster = heads[block, ((cy & (SIDE - 1)) << SIDE_BITS) + (cx & (SIDE - 1))]
                 while cluster >= 0:
                     ox, oy = moments[cluster, 2] - x1, moments[cluster, 3] - y1
                     place = ox * ux + oy * uy
-                    if 0.0 <= place <= length:
+                    away = abs(oy * ux - ox * uy)
+                    if away <= band and 0.0 <= place <= length:
                         incidence = moments[cluster, 7] * uy - moments[cluster, 8] * ux
                         slope = abs(incidence)
                         hits = moments[cluster, 0]
                         deviation = np.sqrt(hits / moments[cluster, 1])
                         piece = first[wall] + min(int(place / length * pieces), pieces - 1)
                         off = near + HIT_DEVIATIONS * deviation * slope
-                        away = abs(oy * ux - ox * uy)
                         # What continues a wall lies on its line, and takes what no wall has.
                         continues = place < margin or place > length - margin
                         allowed = CONTINUATION_STRICTNESS * off if continues else off
@@ -185,38 +199,37 @@ def gather_evidence(
                             # A wall seen from its back does not end a beam.
                             if incidence < 0.0:
                                 away += off
-                            owner = cells.owners[cluster, number]
-                            owned = (
-                                owner >= 0 and turn.stamps[owner] == cells.claims[cluster, number]
-                            )
-                            if not owned or away < cells.apart[cluster, number]:
+                            owner = owners[cluster, number]
+                            owned = owner >= 0 and stamps[owner] == owner_stamps[cluster, number]
+                            if not owned or away < apart[cluster, number]:
                                 if owned:
-                                    turn.counts[owner] += hits
-                                owner = turn.walls[wall]
-                                cells.owners[cluster, number] = owner
-                                cells.claims[cluster, number] = turn.stamps[owner]
-                                cells.apart[cluster, number] = away
-                                if found == len(claimed):
-                                    claimed, hit_wall = longer(claimed), longer(hit_wall)
-                                    hit_piece = longer(hit_piece)
-                                claimed[found], hit_wall[found] = cluster, wall
-                                hit_piece[found] = piece
+                                    lost[owner] += hits
+                                owner = walls[wall]
+                                owners[cluster, number] = owner
+                                owner_stamps[cluster, number] = stamps[owner]
+                                apart[cluster, number] = away
+                                hits_by[found, 0] = cluster
+                                hits_by[found, 1], hits_by[found, 2] = wall, piece
                                 found += 1
-                    cluster = cells.following[cluster]
+                    cluster = following[cluster]
     # What one of these walls has lost to another of them is counted already.
     for k in range(len(ends)):
-        turn.counts[turn.walls[k]] = 0.0
+        lost[walls[k]] = 0.0
     sums = np.zeros((first[-1], 6))
+    before, length, ux, uy = -1, 0.0, 0.0, 0.0
     for k in range(found):
-        cluster, wall, piece = claimed[k], hit_wall[k], hit_piece[k]
-        if cells.owners[cluster, number] != turn.walls[wall]:
+        cluster, wall, piece = hits_by[k]
+        if owners[cluster, number] != walls[wall]:
             continue
+        x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
+        if wall != before:
+            before, length = wall, np.hypot(x2 - x1, y2 - y1)
+            ux, uy = (x2 - x1) / length, (y2 - y1) / length
         total = moments[cluster]
         counts[piece, 0] += total[0]
         counts[piece, 2] -= total[0]
-        x1, y1, x2, y2 = ends[wall, 0], ends[wall, 1], ends[wall, 2], ends[wall, 3]
-        length = np.hypot(x2 - x1, y2 - y1)
-        ux, uy = (x2 - x1) / length, (y2 - y1) / length
+        counts[piece, 3] += total[9]
+        counts[piece, 4] += total[10]
         ox, oy = total[2] - x1, total[3] - y1
         along, aside = ox * ux + oy * uy, oy * ux - ox * uy
         slope = max(abs(total[7] * uy - total[8] * ux), LEAST_INCIDENCE)

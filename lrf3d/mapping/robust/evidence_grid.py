@@ -7,298 +7,20 @@ The cells stand in blocks, which a hash table finds.
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.blocks import (
-    SIDE,
-    SIDE_BITS,
-    Blocks,
-    block_at,
-    rehashed,
-    take_open,
-    take_solid,
-)
-from lrf3d.mapping.robust.constants import (
-    CELL,
-    FREE_DEPTH,
-    GONE_AFTER,
-    HIT_DEVIATIONS,
-    HIT_DIRECTIONS,
-    MOST_HITS,
-    MOST_PASSES,
-    OPEN_WEIGHT,
-    PASS_DIRECTIONS,
-    SAME_WAY,
-)
+from lrf3d.mapping.robust.blocks import SIDE, Blocks, rehashed, take_open, take_solid
+from lrf3d.mapping.robust.cells import Cells, NewEvidence, add_beams
+from lrf3d.mapping.robust.constants import PASS_DIRECTIONS
 
 Number = TypeVar("Number", bound=np.generic)
 
-SOLID = np.uint8(128)
-"""Bit of the numbers of passes of a cell in which beams ended."""
-
 LEAST_BLOCKS, LEAST_CLUSTERS = 256, 4096
 """How much a new grid has room for."""
-
-
-class Cells(NamedTuple):
-    """The cells, as compiled code takes them.
-
-    Args:
-        open: The blocks of cells that beams went through.
-        passes: (blocks, directions × cells) numbers of beams that went through each.
-        solid: The blocks of cells that beams ended in.
-        heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
-        following: (clusters,) the next of the same cell, −1 at the end.
-        ways: (clusters,) which way its beams came.
-        moments: (clusters, 9) number of returns, weight 1/variance [1/m²] of their ranges, mean
-            x, y [m], scatter xx, xy, yy about it, and mean direction x, y of the beams.
-        owners: (clusters, 2) the wall that each hit, in the first round of the refinement and in
-            the second; −1 where none.
-        claims: (clusters, 2) the owner's stamp when it took the cluster, which is free where the
-            owner has another stamp by now.
-        apart: (clusters, 2) how far each lies off its owner [m].
-        misses: (clusters,) beams that went on the way that its beams came, since the last hit.
-        used: (1,) number of clusters.
-        widest: (1,) greatest deviation [m] of a return.
-    """
-
-    open: Blocks
-    passes: NDArray[np.uint8]
-    solid: Blocks
-    heads: NDArray[np.int32]
-    following: NDArray[np.int32]
-    ways: NDArray[np.int8]
-    moments: Float
-    owners: NDArray[np.int32]
-    claims: NDArray[np.int32]
-    apart: Float
-    misses: NDArray[np.int32]
-    used: Int
-    widest: Float
-
-
-class News(NamedTuple):
-    """What the beams of a scan are news for.
-
-    Args:
-        stamps: (walls,) the stamp of each wall.
-        counts: (walls,) what is new of each wall since it was refit [hits].
-        walls: (walls,) the walls with news, each once.
-        told: (walls,) the last scan that was news for each wall.
-        loose: (≥ beams,) clusters that are hits of no wall and grew.
-        numbers: (3,) how many walls and clusters, and the number of the scan.
-    """
-
-    stamps: NDArray[np.int32]
-    counts: Float
-    walls: Int
-    told: Int
-    loose: Int
-    numbers: Int
-
-    @classmethod
-    def of_no_walls(cls, beams: int) -> "News":
-        """The news of a scan where there are no walls."""
-        none = np.zeros(0, np.int64)
-        return cls(
-            np.zeros(0, np.int32), np.zeros(0), none, none, np.empty(beams, np.int64),
-            np.zeros(3, np.int64),
-        )  # fmt: skip
-
-
-@compiled
-def add_beams(
-    cells: Cells, x: float, y: float, units: Float, ranges: Float, deviations: Float, news: News
-) -> None:  # pragma: no cover
-    """Add the beams of a scan from a place [m]; there is room for all that they bring.
-
-    Args:
-        cells: The cells; are written.
-        x: Where the laser is [m].
-        y: Where the laser is [m].
-        units: (n, 2) unit vectors of the beams.
-        ranges: (n,) ranges [m]; where nothing returned, minus the range that is free.
-        deviations: (n,) standard deviations of the places where they end [m].
-        news: Is written.
-    """
-    mask = SIDE - 1
-    for beam in range(len(ranges)):
-        reading = ranges[beam]
-        if reading == 0.0:
-            continue
-        dx, dy = units[beam, 0], units[beam, 1]
-        turn = np.arctan2(dy, dx) / (2.0 * np.pi)
-        free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
-        way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
-        # A beam stays in the plane of its direction, so that what it counts lies together.
-        plane = way * SIDE * SIDE
-        px, py = x / CELL, y / CELL
-        column, row = int(np.floor(px)), int(np.floor(py))
-        right, ahead = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-        wide = np.inf if dx == 0.0 else 1.0 / abs(dx)
-        high = np.inf if dy == 0.0 else 1.0 / abs(dy)
-        across = (
-            np.inf if dx == 0.0 else ((column + 1.0 - px) if dx > 0.0 else (px - column)) * wide
-        )
-        up = np.inf if dy == 0.0 else ((row + 1.0 - py) if dy > 0.0 else (py - row)) * high
-        entered = 0.0
-        block, at_x, at_y = -1, 1 << 40, 0
-        while True:
-            left = min(across, up)
-            # The middle of the beam's way through the cell decides.
-            if 0.5 * (entered + left) > free:
-                break
-            if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
-                at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-                block = block_at(cells.open, at_x, at_y)
-            if block >= 0:
-                place = plane + ((row & mask) << SIDE_BITS) + (column & mask)
-                passed = cells.passes[block, place]
-                if passed & SOLID:
-                    _contradict(cells, block, place, column, row, dx, dy, news)
-                elif passed < MOST_PASSES:
-                    cells.passes[block, place] = passed + 1
-            entered = left
-            if across < up:
-                column += right
-                across += wide
-            else:
-                row += ahead
-                up += high
-        if reading > 0.0:
-            way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
-            cells.widest[0] = max(cells.widest[0], deviations[beam])
-            _add_hit(cells, x + reading * dx, y + reading * dy, dx, dy, deviations[beam], way, news)
-
-
-@inner
-def note(news: News, wall: int, weight: float) -> None:  # pragma: no cover
-    """Note that a beam is news for a wall, of a weight [hits]."""
-    news.counts[wall] += weight
-    if news.told[wall] != news.numbers[2]:
-        news.told[wall] = news.numbers[2]
-        news.walls[news.numbers[0]] = wall
-        news.numbers[0] += 1
-
-
-@inner
-def _contradict(
-    cells: Cells,
-    block: int,
-    place: int,
-    column: int,
-    row: int,
-    dx: float,
-    dy: float,
-    news: News,
-) -> None:  # pragma: no cover
-    """Count a beam that goes on through a cell where others ended."""
-    if cells.passes[block, place] < SOLID + MOST_PASSES:
-        cells.passes[block, place] += 1
-    else:
-        _forget(cells, column, row)
-    solid = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
-    if solid < 0:
-        return
-    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    cluster = cells.heads[solid, cell]
-    while cluster >= 0:
-        total = cells.moments[cluster]
-        weight = OPEN_WEIGHT
-        if dx * total[7] + dy * total[8] > SAME_WAY:
-            cells.misses[cluster] += 1
-            if cells.misses[cluster] >= GONE_AFTER:
-                # What beams hit there is gone: each further few halve what is left of it.
-                cells.misses[cluster] -= GONE_AFTER // 4
-                weight += 0.5 * total[0]
-                for k in (0, 1, 4, 5, 6):
-                    total[k] *= 0.5
-        owner = cells.owners[cluster, 0]
-        if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
-            note(news, owner, weight)
-        cluster = cells.following[cluster]
-
-
-@inner
-def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
-    """Halve the hits and the passes of a cell.
-
-    Their proportion stays, and what comes counts twice as much as what was.
-    """
-    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
-    if block >= 0:
-        for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
-            passed = cells.passes[block, place]
-            cells.passes[block, place] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
-    block = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
-    if block >= 0:
-        cluster = cells.heads[block, cell]
-        while cluster >= 0:
-            for k in (0, 1, 4, 5, 6):
-                cells.moments[cluster, k] *= 0.5
-            cluster = cells.following[cluster]
-
-
-@inner
-def _add_hit(
-    cells: Cells,
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
-    deviation: float,
-    way: int,
-    news: News,
-) -> None:  # pragma: no cover
-    """Add a return at a place [m] to the moments of its cell."""
-    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-    at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-    block = block_at(cells.solid, at_x, at_y)
-    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    if cells.heads[block, cell] < 0:
-        open_block = block_at(cells.open, at_x, at_y)
-        if open_block >= 0:
-            for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
-                cells.passes[open_block, place] |= SOLID
-    cluster = cells.heads[block, cell]
-    while cluster >= 0 and cells.ways[cluster] != way:
-        cluster = cells.following[cluster]
-    if cluster < 0:
-        cluster = cells.used[0]
-        cells.used[0] += 1
-        cells.ways[cluster] = way
-        cells.following[cluster] = cells.heads[block, cell]
-        cells.heads[block, cell] = cluster
-    total = cells.moments[cluster]
-    if total[0] >= MOST_HITS:
-        _forget(cells, column, row)
-    cells.misses[cluster] = 0
-    weight = 1.0 / (deviation * deviation)
-    total[0] += 1.0
-    total[1] += weight
-    share = weight / total[1]
-    ox, oy = x - total[2], y - total[3]
-    total[2] += share * ox
-    total[3] += share * oy
-    spread = weight * (1.0 - share)
-    total[4] += spread * ox * ox
-    total[5] += spread * ox * oy
-    total[6] += spread * oy * oy
-    total[7] += (dx - total[7]) / total[0]
-    total[8] += (dy - total[8]) / total[0]
-    owner = cells.owners[cluster, 0]
-    if owner >= 0 and news.stamps[owner] == cells.claims[cluster, 0]:
-        note(news, owner, 1.0)
-    else:
-        news.loose[news.numbers[1]] = cluster
-        news.numbers[1] += 1
 
 
 class EvidenceGrid:
@@ -312,20 +34,23 @@ class EvidenceGrid:
             np.full((LEAST_BLOCKS, SIDE * SIDE), -1, np.int32),
             np.full(LEAST_CLUSTERS, -1, np.int32),
             np.zeros(LEAST_CLUSTERS, np.int8),
-            np.zeros((LEAST_CLUSTERS, 9)),
+            np.zeros((LEAST_CLUSTERS, 11)),
+            np.zeros(LEAST_CLUSTERS, np.int32),
             np.full((LEAST_CLUSTERS, 2), -1, np.int32),
             np.zeros((LEAST_CLUSTERS, 2), np.int32),
             np.zeros((LEAST_CLUSTERS, 2)),
             np.zeros(LEAST_CLUSTERS, np.int32),
-            np.zeros(1, np.int64),
+            np.array([0, -1, 0]),
             np.zeros(1),
         )
 
-    def add(self, beams: Beams, place: tuple[float, float], news: News | None = None) -> None:
-        """Add the beams of a scan from a place [m], and note for which walls they are news."""
+    def add(
+        self, beams: Beams, place: tuple[float, float], fresh: NewEvidence | None = None
+    ) -> None:
+        """Add the beams of a scan from a place [m], and count them for the walls they concern."""
         units, ranges, deviations = beams
-        if news is None:
-            news = News.of_no_walls(len(ranges))
+        if fresh is None:
+            fresh = NewEvidence.of_no_walls(len(ranges))
         x, y = place
         cells = self.cells
         while not take_open(cells.open, x, y, units, ranges):
@@ -337,13 +62,14 @@ class EvidenceGrid:
                 following=_doubled(cells.following, -1),
                 ways=_doubled(cells.ways, 0),
                 moments=_doubled(cells.moments, 0),
+                seen=_doubled(cells.seen, 0),
                 owners=_doubled(cells.owners, -1),
-                claims=_doubled(cells.claims, 0),
+                owner_stamps=_doubled(cells.owner_stamps, 0),
                 apart=_doubled(cells.apart, 0),
                 misses=_doubled(cells.misses, 0),
             )
         self.cells = cells
-        add_beams(cells, x, y, units, ranges, deviations, news)
+        add_beams(cells, x, y, units, ranges, deviations, fresh)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that the grid is, as plain arrays by their names; `restore` takes them back."""
@@ -356,6 +82,9 @@ class EvidenceGrid:
         columns: list[Any] = []
         for name, column, _ in _columns(EvidenceGrid().cells):
             kept = state[f"cell_{name}"]
+            if name in COUNTERS:
+                columns.append(np.array(kept))
+                continue
             rows = max(len(column), 1 << (len(kept) - 1).bit_length()) if len(kept) else len(column)
             # Free rows are as those of a new grid.
             free = np.repeat(column[-1:], rows - len(kept), axis=0)
@@ -368,6 +97,10 @@ class EvidenceGrid:
             self.cells = self.cells._replace(heads=_doubled(self.cells.heads, -1))
 
 
+COUNTERS = ("used", "widest")
+"""Arrays of the cells whose length is fixed: they have no free rows."""
+
+
 def _columns(cells: Cells) -> list[tuple[str, NDArray[Any], int]]:
     """The arrays of cells, with their names and how many of their rows are used."""
     columns: list[tuple[str, NDArray[Any], int]] = []
@@ -376,8 +109,8 @@ def _columns(cells: Cells) -> list[tuple[str, NDArray[Any], int]]:
             columns += [
                 (f"{name}_{part}", array, len(array)) for part, array in column._asdict().items()
             ]
-        elif name in ("used", "widest"):
-            columns.append((name, column, 1))
+        elif name in COUNTERS:
+            columns.append((name, column, len(column)))
         else:
             used = {"passes": cells.open.used, "heads": cells.solid.used}.get(name, cells.used)
             columns.append((name, column, int(used[0])))

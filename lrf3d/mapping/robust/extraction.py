@@ -15,6 +15,7 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
+from lrf3d.mapping.grid import order_of
 from lrf3d.mapping.robust.beams import in_order, longest_loss, range_deviation
 from lrf3d.mapping.robust.constants import (
     CLUSTER_DEVIATIONS,
@@ -28,7 +29,6 @@ from lrf3d.mapping.robust.constants import (
     SCAN_CORNER_STEPS,
     WEAKEST_DIRECTION,
 )
-from lrf3d.mapping.robust.grid import order_of
 from lrf3d.mapping.robust.segmentation import fit_wall, segment_cluster
 from lrf3d.mapping.segment_table import SegmentTable
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, Search, near, order_of
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, MERGE_CELL, WALL_SINE
 from lrf3d.mapping.robust.evidence import is_crossed
-from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.grid import Grid, Search, longer, near, order_of
 from lrf3d.mapping.robust.walls import Rule, Walls, may_fit, merge, misfit, partner
 
 
@@ -35,14 +35,12 @@ def parts_of(rows: Int, rings: Int, marks: NDArray[np.bool_]) -> Int:  # pragma:
         rings: (all rows,) the next stretch of the same wall, in a ring.
         marks: (all rows,) False; is written, and restored.
     """
-    parts = np.empty(64, np.int64)
+    parts = np.empty(len(rings), np.int64)
     count = 0
     for k in range(len(rows)):
         row = rows[k]
         while not marks[row]:
             marks[row] = True
-            if count == len(parts):
-                parts = longer(parts)
             parts[count] = row
             count += 1
             row = rings[row]
@@ -61,7 +59,7 @@ def neighbours_of(
     marks: NDArray[np.bool_],
     rule: Rule,
 ) -> Int:  # pragma: no cover
-    """All other stretches of the walls that some stretches may be of, and that those may be of.
+    """All stretches of the other walls that some stretches may be of, wall by wall.
 
     Args:
         rows: (n,) the rows of the stretches, with all of their walls that are left.
@@ -73,28 +71,29 @@ def neighbours_of(
         rule: What one wall is.
     """
     straight = _straight(rule)
-    parts = np.empty(len(rows) + 64, np.int64)
+    parts, points = np.empty(len(rings), np.int64), walls.points
+    ends, moments, found = walls.ends, walls.moments, search.found
     count = len(rows)
     for k in range(count):
         parts[k] = rows[k]
         marks[rows[k]] = True
-    turn = 0
-    while turn < count:
-        row = parts[turn]
-        turn += 1
+    for turn in range(len(rows)):
+        row = rows[turn]
         search.number[0] += 1
         number = search.number[0]
-        segment = walls.ends[row]
-        size = near(grid, segment, LONGEST_GAP, MERGE_CELL, search.stamps, number, search.found)
+        size = near(grid, ends[row], LONGEST_GAP, MERGE_CELL, search.stamps, number, found)
         for k in range(size):
-            other = search.found[k]
-            if marks[other] or walls.points[other] == 0:
+            other = found[k]
+            # What fits at all lies within the reach of the longest gap.
+            if marks[other] or points[other] == 0 or not may_fit(ends, row, other, straight):
                 continue
-            if _fits(walls, row, other, rule) or _fits(walls, row, other, straight):
+            one, two, other_moments = ends[row], ends[other], moments[other]
+            if (
+                misfit(one, moments[row], two, other_moments, straight) < 1.0
+                or misfit(one, moments[row], two, other_moments, rule) < 1.0
+            ):
                 while not marks[other]:
                     marks[other] = True
-                    if count == len(parts):
-                        parts = longer(parts)
                     parts[count] = other
                     count += 1
                     other = rings[other]
@@ -121,22 +120,34 @@ def tie_rings(rows: Int, joints: Int, rings: Int) -> None:  # pragma: no cover
 
 
 @compiled
-def join_stretches(walls: Walls, rule: Rule, cells: Cells) -> Int:  # pragma: no cover
+def join_stretches(
+    walls: Walls, loose: int, joints: Int, rule: Rule, cells: Cells
+) -> tuple[Int, NDArray[np.bool_]]:  # pragma: no cover
     """Merge stretches that are of one wall.
+
+    Walls that were joined before stay whole, so that what an update changes is what it touches, and
+    not all that hangs together with it from stretch to stretch.
 
     Args:
         walls: The stretches; are written, and those gone have no points.
+        loose: How many of them, the first, are of no wall yet.
+        joints: (n,) the wall that each of the others is of, wall by wall.
         rule: What one wall is.
         cells: The cells.
 
     Returns:
-        (n,) the stretch that each has become a part of.
+        (n,) the stretch that each has become a part of; (n,) whether it is of a wall that changed.
     """
     count = len(walls.ends)
     parents, everyone = np.arange(count), np.arange(count)
-    waiting = np.empty(2 * count + 1, np.int64)
-    waiting[:count] = everyone
-    turn, top = 0, count
+    waiting = np.empty(loose + count + 1, np.int64)
+    waiting[:loose] = everyone[:loose]
+    for row in range(loose + 1, count):
+        if joints[row] == joints[row - 1]:
+            parents[row] = parents[row - 1]
+            merge(walls, parents[row], row)
+    changed = everyone < loose
+    turn, top = 0, loose
     while turn < top:
         row = waiting[turn]
         turn += 1
@@ -146,17 +157,21 @@ def join_stretches(walls: Walls, rule: Rule, cells: Cells) -> Int:  # pragma: no
                 kept, gone = min(row, other), max(row, other)
                 merge(walls, kept, gone)
                 parents[gone] = kept
+                changed[kept] = True
                 waiting[top] = kept
                 top += 1
-    _bridge(walls, rule, cells, parents)
+    _bridge(walls, rule, cells, parents, changed)
     for row in range(count):
         while parents[parents[row]] != parents[row]:
             parents[row] = parents[parents[row]]
-    return parents
+        changed[row] = changed[parents[row]]
+    return parents, changed
 
 
 @inner
-def _bridge(walls: Walls, rule: Rule, cells: Cells, parents: Int) -> None:  # pragma: no cover
+def _bridge(
+    walls: Walls, rule: Rule, cells: Cells, parents: Int, changed: NDArray[np.bool_]
+) -> None:  # pragma: no cover
     """Merge stretches on one line where no beam has crossed the gap, the narrowest gap first."""
     count = len(walls.ends)
     straight = _straight(rule)
@@ -167,6 +182,8 @@ def _bridge(walls: Walls, rule: Rule, cells: Cells, parents: Int) -> None:  # pr
     for one in range(count):
         for other in range(one):
             if walls.points[one] > 0 and walls.points[other] > 0:
+                if not (changed[one] or changed[other]):
+                    continue
                 if _fits(walls, one, other, straight):
                     gaps[found] = _span(walls.ends[one], walls.ends[other], lines[found])
                     pairs[found, 0], pairs[found, 1] = one, other
@@ -186,6 +203,7 @@ def _bridge(walls: Walls, rule: Rule, cells: Cells, parents: Int) -> None:  # pr
         kept, gone = min(one, other), max(one, other)
         merge(walls, kept, gone)
         parents[gone] = kept
+        changed[kept] = True
 
 
 @inner

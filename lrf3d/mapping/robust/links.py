@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, Search, near
 from lrf3d.mapping.robust.constants import (
     BEHIND_SINE,
     FACING,
@@ -15,9 +16,9 @@ from lrf3d.mapping.robust.constants import (
     HIDDEN_SINE,
     LONGEST_LINK,
     MERGE_CELL,
+    MOST_LINKS,
     SHORT_LINK,
 )
-from lrf3d.mapping.robust.grid import Grid, Search, longer, near
 from lrf3d.mapping.robust.walls import Walls
 
 UNASKED = 0
@@ -82,6 +83,17 @@ def measure_link(one: Float, other: Float, link: Float) -> bool:  # pragma: no c
 
 
 @inner
+def _parted(one: Float, other: Float, reach: float) -> bool:  # pragma: no cover
+    """Whether two segments are farther apart than a reach [m] along an axis."""
+    for k in range(2):
+        if min(other[k], other[k + 2]) - max(one[k], one[k + 2]) > reach:
+            return True
+        if min(one[k], one[k + 2]) - max(other[k], other[k + 2]) > reach:
+            return True
+    return False
+
+
+@inner
 def _shortest_link(one: Float, other: Float) -> Float:  # pragma: no cover
     """The shortest line (4,) from one of two segments to the other."""
     link = np.zeros(4)
@@ -140,18 +152,35 @@ def add_links(
     Returns:
         The first of them that there was no room for; its links are to be dropped.
     """
-    line = np.empty(6)
+    others, lines = np.empty(MOST_LINKS, np.int64), np.empty((MOST_LINKS + 1, 6))
     ends = walls.ends
     for k in range(begin, len(fresh)):
         wall = fresh[k]
         search.number[0] += 1
         stamp = search.number[0]
         count = near(grid, ends[wall], LONGEST_LINK, MERGE_CELL, search.stamps, stamp, search.found)
+        found, farthest, reach = 0, 0, LONGEST_LINK
         for i in range(count):
             other = search.found[i]
             # A link of two of them is added once, by the later one.
-            if places[other] >= k or not measure_link(ends[wall], ends[other], line):
+            if places[other] >= k or _parted(ends[wall], ends[other], reach):
                 continue
+            place = found if found < MOST_LINKS else farthest
+            if not measure_link(ends[wall], ends[other], lines[MOST_LINKS]):
+                continue
+            if lines[MOST_LINKS, 4] > reach:
+                continue
+            others[place] = other
+            lines[place] = lines[MOST_LINKS]
+            found = min(found + 1, MOST_LINKS)
+            if found == MOST_LINKS:
+                farthest = 0
+                for place in range(1, MOST_LINKS):
+                    if lines[place, 4] > lines[farthest, 4]:
+                        farthest = place
+                reach = lines[farthest, 4]
+        for i in range(found):
+            other, line = others[i], lines[i]
             link = links.used[1]
             if link >= 0:
                 links.used[1] = links.following[link, 0]
@@ -215,15 +244,13 @@ def renew_links(links: Links, walls: Int, ends: Float) -> None:  # pragma: no co
 @compiled
 def linked_labels(links: Links, walls: Int, labels: Int) -> Int:  # pragma: no cover
     """The labels of what some walls (n,) are linked with; few of them more than once."""
-    found = np.empty(64, np.int64)
+    found = np.empty(2 * links.used[0] + 1, np.int64)
     count = 0
     for k in range(len(walls)):
         entry = links.heads[walls[k]]
         while entry >= 0:
             label = labels[links.pairs[entry >> 1, 1 - (entry & 1)]]
             if count == 0 or label != found[count - 1]:
-                if count == len(found):
-                    found = longer(found)
                 found[count] = label
                 count += 1
             entry = links.following[entry >> 1, entry & 1]

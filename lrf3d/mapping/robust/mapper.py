@@ -1,8 +1,8 @@
 """RobustMapper: the default, made to get the number of walls right, each in its place and object.
 
 An update extracts the walls of a scan and merges them with those of the map, judges each beam of
-the scan once, by the cells that it goes through, and works over again the walls that this is news
-for. What it costs does not depend on the size of the map or on the number of scans.
+the scan once, by the cells that it goes through, and refines the walls whose evidence has changed.
+What it costs does not depend on the size of the map or on the number of scans.
 """
 
 from collections.abc import Mapping
@@ -13,11 +13,12 @@ import numpy as np
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.robust.beams import Beams, Frame, fingerprint, widen
-from lrf3d.mapping.robust.evidence_grid import EvidenceGrid, News
+from lrf3d.mapping.robust.cells import NewEvidence
+from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
-from lrf3d.mapping.robust.news import choose_walls, note_loose
 from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
 from lrf3d.mapping.robust.refinement import LEAST_ROWS, MapRefinement
+from lrf3d.mapping.robust.wall_choice import choose_walls, count_unowned_hits
 from lrf3d.mapping.robust.wall_store import WallStore
 from lrf3d.mapping.robust.walls import Rule, longer
 
@@ -40,8 +41,8 @@ class RobustMapper:
         self._last_scan: int | None = None
         self._frame: Frame | None = None
         self._map: LineMap | None = None
-        # Of each wall of the store: the last scan that was news for it, and where it was refit.
-        self._told = np.zeros(LEAST_ROWS, np.int64)
+        # Of each wall of the store: the last scan that was evidence of it, and where it was refit.
+        self._last_scans = np.zeros(LEAST_ROWS, np.int64)
         self._refit = np.full((LEAST_ROWS, 4), np.inf)
         self._scans = 0
 
@@ -55,47 +56,49 @@ class RobustMapper:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
-        news = self._judge(Beams.of(scan, heading, noise), place)
+        fresh = self._add_beams(Beams.of(scan, heading, noise), place)
         ends, moments, labels = self._extract.walls(scan, heading, noise)
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
-        self._work_over(news, noise)
+        self._refine(fresh, noise)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
 
-    def _judge(self, beams: Beams, place: tuple[float, float]) -> News:
-        """Add what the beams of a scan show to the grid; returns for which walls it is news."""
+    def _add_beams(self, beams: Beams, place: tuple[float, float]) -> NewEvidence:
+        """Add what the beams of a scan show to the grid; returns what is new of which walls."""
         self._scans += 1
-        news = News(
+        fresh = NewEvidence(
             self._refined.stamps,
-            self._refined.news,
-            np.empty(len(self._told), np.int64),
-            self._told,
+            self._refined.new_evidence,
+            np.empty(len(self._last_scans), np.int64),
+            self._last_scans,
             np.empty(len(beams.ranges), np.int64),
             np.array([0, 0, self._scans]),
         )
-        self._grid.add(beams, place, news)
-        return news
+        self._grid.add(beams, place, fresh)
+        return fresh
 
-    def _work_over(self, news: News, noise: RangeNoise) -> None:
-        """Refine the walls that there is news for."""
+    def _refine(self, fresh: NewEvidence, noise: RangeNoise) -> None:
+        """Refine the walls whose evidence has changed."""
         store, cells = self._walls, self._grid.cells
         rows = len(store.walls.points)
-        if rows > len(self._told):
+        if rows > len(self._last_scans):
             self._refined.grow(rows)
-            while len(self._told) < rows:
-                self._told = longer(self._told)
+            while len(self._last_scans) < rows:
+                self._last_scans = longer(self._last_scans)
                 self._refit = np.concatenate([self._refit, np.full_like(self._refit, np.inf)])
-            news = news._replace(
+            fresh = fresh._replace(
                 stamps=self._refined.stamps,
-                counts=self._refined.news,
-                walls=np.concatenate([news.walls, np.empty(rows, np.int64)]),
-                told=self._told,
+                counts=self._refined.new_evidence,
+                walls=np.concatenate([fresh.walls, np.empty(rows, np.int64)]),
+                last_scans=self._last_scans,
             )
-        note_loose(news, cells, store.walls, store.touched, store.grid, self._rule.distance)
+        count_unowned_hits(
+            fresh, cells, store.walls, store.touched, store.grid, self._rule.distance
+        )
         chosen = np.empty(rows, np.int64)
         count = choose_walls(
-            news, store.changed, store.walls, self._refit, self._refined.evidence, chosen
+            fresh, store.changed, store.walls, self._refit, self._refined.evidence, chosen
         )
         if not count:
             return
@@ -133,7 +136,7 @@ class RobustMapper:
             **self._refined.state(),
             "last_scan": np.array([] if self._last_scan is None else [self._last_scan], np.int64),
             "frame": frame,
-            "news_told": self._told.copy(),
+            "wall_last_scans": self._last_scans.copy(),
             "refit": self._refit.copy(),
             "scans": np.array([self._scans]),
         }
@@ -148,7 +151,7 @@ class RobustMapper:
         self._last_scan = last[0] if last else None
         frame = state["frame"]
         self._frame = None if np.isnan(frame).any() else Frame(*frame.tolist())
-        self._told = state["news_told"].copy()
+        self._last_scans = state["wall_last_scans"].copy()
         self._refit = state["refit"].copy()
         self._scans = int(state["scans"][0])
         self._map = None

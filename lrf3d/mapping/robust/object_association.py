@@ -15,6 +15,8 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, Search, near, order_of
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
     ABUTS,
     ABUTS_SIDE,
@@ -33,8 +35,6 @@ from lrf3d.mapping.robust.constants import (
     TOUCH,
 )
 from lrf3d.mapping.robust.evidence import is_crossed
-from lrf3d.mapping.robust.evidence_grid import Cells
-from lrf3d.mapping.robust.grid import Grid, Search, longer, near, order_of
 from lrf3d.mapping.robust.links import UNASKED, Links, drop_link, reach_before
 
 CROSSED, JOINS, BLOCKED, OPEN, BEFORE = 1, 2, 3, 4, 5
@@ -65,12 +65,14 @@ class Sight(NamedTuple):
 
 @compiled
 def associate_objects(
-    rows: Int, links: Links, places: Int, sight: Sight
+    rows: Int, loose: int, objects: Int, links: Links, places: Int, sight: Sight
 ) -> Int:  # pragma: no cover
     """The object (m,) that each of some walls belongs to, named by the place of one of them.
 
     Args:
-        rows: (m,) the walls, rising.
+        rows: (m,) the walls.
+        loose: How many of them, the first, are of no object yet.
+        objects: (m,) the object that each of the others is of, object by object; these stay whole.
         links: Their links; what the beams show of them is written, and those are dropped that
             they have crossed.
         places: (all rows,) −1; is written, and restored.
@@ -80,20 +82,21 @@ def associate_objects(
     sizes = np.ones(len(rows), np.int64)
     for k in range(len(rows)):
         places[rows[k]] = k
-    chosen = np.empty(64, np.int64)
+        if k > loose and objects[k] == objects[k - 1]:
+            _unite(parents, sizes, k - 1, k)
+    chosen = np.empty(links.used[0], np.int64)
     number = 0
-    for k in range(len(rows)):
+    for k in range(loose):
         entry = links.heads[rows[k]]
         while entry >= 0:
             link, side = entry >> 1, entry & 1
             across = places[links.pairs[link, 1 - side]]
-            if across >= 0 and across < k:
+            # A link of two loose walls is met twice.
+            if across >= loose or 0 <= across < k:
                 # Short links that join walls do so in any order.
                 if links.kinds[link] == JOINS and links.lines[link, 4] <= SHORT_LINK:
                     _unite(parents, sizes, k, across)
                 elif links.kinds[link] != BEFORE:
-                    if number == len(chosen):
-                        chosen = longer(chosen)
                     chosen[number] = link
                     number += 1
             entry = links.following[link, side]

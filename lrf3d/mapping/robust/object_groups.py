@@ -11,9 +11,9 @@ import numpy as np
 
 from lrf3d.geometry import Int
 from lrf3d.laser import RangeNoise
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import LINK_DEVIATIONS, LONGEST_LINK
 from lrf3d.mapping.robust.corners import close_corners
-from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.links import (
     Links,
     add_links,
@@ -70,25 +70,25 @@ class ObjectGroups:
             heads = np.concatenate([self._links.heads, np.full_like(self._links.heads, -1)])
             self._links = self._links._replace(heads=heads)
             self._places = np.full(len(self.labels), -1)
-        touched = set(self.labels[gone].tolist())
+        broken = set(self.labels[gone].tolist())
         drop_links(self._links, gone)
         self.labels[fresh] = -1
         self._add_links(pool, fresh)
         renew_links(self._links, renewed, pool.walls.ends)
-        touched.update(self.labels[renewed].tolist())
+        broken.update(self.labels[renewed].tolist())
+        near: set[int] = set()
         for rows in (fresh, renewed):
-            touched.update(linked_labels(self._links, rows, self.labels).tolist())
-        touched.discard(-1)
-        rows = np.concatenate([fresh, *(self._members.pop(label) for label in touched)])
+            near.update(linked_labels(self._links, rows, self.labels).tolist())
+        near -= broken | {-1}
+        rows = np.concatenate([fresh, *(self._members.pop(label) for label in sorted(broken))])
         rows = np.unique(rows)
         rows = rows[pool.walls.points[rows] > 0]
+        changed = [gone, moved]
         if len(rows):
-            self._regroup(pool, rows, cells, noise)
-        labels = set(self.labels[moved].tolist()).difference(self.labels[rows].tolist())
-        rows = np.concatenate([rows, *(self._members[label] for label in labels)])
-        ends = pool.walls.ends[rows]
-        close_corners(ends, self.labels[rows])
-        self.closed[rows] = ends
+            changed.append(self._regroup(pool, rows, sorted(near), cells, noise))
+        ends, points = pool.walls.ends, pool.walls.points
+        rows = np.unique(np.concatenate(changed))
+        close_corners(rows, ends, points, self.labels, pool.grid, pool.search, self.closed)
 
     def _add_links(self, pool: SegmentPool, fresh: Int) -> None:
         """Link fresh rows with what is near them."""
@@ -103,13 +103,29 @@ class ObjectGroups:
                 self._links = _doubled(self._links)
         self._places[fresh] = -1
 
-    def _regroup(self, pool: SegmentPool, rows: Int, cells: Cells, noise: RangeNoise) -> None:
-        """Find the objects of some rows, which belong to no others."""
+    def _regroup(
+        self, pool: SegmentPool, loose: Int, near: list[int], cells: Cells, noise: RangeNoise
+    ) -> Int:
+        """Find the objects of loose rows, some of those near or new ones; returns what changed."""
         deviation = float(np.sqrt(noise.variance(np.array(LONGEST_LINK))))
         sight = Sight(*pool.walls[::2], pool.grid, cells, LINK_DEVIATIONS * deviation, pool.search)
-        labels = rows[associate_objects(rows, self._links, self._places, sight)]
+        rows = np.concatenate([loose, *(self._members[label] for label in near)])
+        before = self.labels[rows]
+        roots = associate_objects(rows, len(loose), before, self._links, self._places, sight)
+        # Objects that no loose row has become a part of stay as they are.
+        grown = np.zeros(len(rows), np.bool_)
+        grown[roots[: len(loose)]] = True
+        changed = grown[roots]
+        for label in set(before[len(loose) :][changed[len(loose) :]].tolist()):
+            del self._members[label]
+        names = rows.copy()
+        # An object that grows keeps its name.
+        names[roots[len(loose) :]] = before[len(loose) :]
+        rows, labels, before = rows[changed], names[roots[changed]], before[changed]
         self.labels[rows] = labels
         self._gather(rows, labels)
+        renamed: Int = rows[labels != before]
+        return renamed
 
     def _gather(self, rows: Int, labels: Int) -> None:
         """Note which rows are of each object."""

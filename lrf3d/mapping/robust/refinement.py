@@ -2,8 +2,8 @@
 
 Enter the walls that merging left, and the cells of the beams; leave walls cut where beams went
 through them, split where the points bend, without second copies, continued across gaps that no
-beam crossed, grouped into objects, with closed corners. An update works over again just the walls
-that it brings news for, and what is joined with them.
+beam crossed, grouped into objects, with closed corners. An update refines just the walls
+whose evidence it changes, and what is joined with them.
 
 It goes in two rounds: of each wall the stretches that are real are found; stretches of one wall are
 joined, and checked again: what the first round cut free, the second merges.
@@ -16,6 +16,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import RangeNoise
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
     FOLLOWED,
     FORSAKEN,
@@ -25,7 +26,6 @@ from lrf3d.mapping.robust.constants import (
     VIOLATION_WEIGHT,
 )
 from lrf3d.mapping.robust.evidence import Round, gather_evidence
-from lrf3d.mapping.robust.evidence_grid import Cells
 from lrf3d.mapping.robust.joining import (
     join_stretches,
     neighbours_of,
@@ -51,7 +51,7 @@ class MapRefinement:
 
     Attributes:
         stamps: (rows,) the stamp of each wall of the store; see `Cells`.
-        news: (rows,) beams that hit each wall, or went through its hits, since it was refit.
+        new_evidence: (rows,) beams that hit each wall, or went through its hits, since its refit.
         evidence: (rows,) hits and free-space violations that each wall had when it was refit.
         segments: The segments of the map.
         groups: Their objects.
@@ -60,9 +60,9 @@ class MapRefinement:
     def __init__(self, rule: Rule, least: int) -> None:
         self._rule, self._least = rule, least
         self.stamps = np.zeros(LEAST_ROWS, np.int32)
-        self.news, self.evidence = np.zeros(LEAST_ROWS), np.zeros(LEAST_ROWS)
+        self.new_evidence, self.evidence = np.zeros(LEAST_ROWS), np.zeros(LEAST_ROWS)
         self._joint_stamps = np.zeros(LEAST_ROWS, np.int32)
-        self._joint_news = np.zeros(LEAST_ROWS)
+        self._joint_new = np.zeros(LEAST_ROWS)
         self._stretches, self.segments = SegmentPool(), SegmentPool()
         # The joined wall that each stretch is a part of is named by one of them.
         self._joint = np.zeros(LEAST_ROWS, np.int64)
@@ -73,12 +73,12 @@ class MapRefinement:
         """Have room for so many walls."""
         while len(self.stamps) < rows:
             self.stamps = longer(self.stamps)
-            self.news, self.evidence = longer(self.news), longer(self.evidence)
+            self.new_evidence, self.evidence = longer(self.new_evidence), longer(self.evidence)
 
     def refine(
         self, walls: Int, ends: Float, gone: Int, cells: Cells, noise: RangeNoise
     ) -> list[int]:
-        """Work some walls over again.
+        """Refine some walls anew.
 
         Args:
             walls: (m,) their rows.
@@ -101,11 +101,8 @@ class MapRefinement:
         parts = parts[self._stretches.walls.points[parts] > 0]
         contradicted: list[int] = []
         if len(walls):
-            units = ends[:, 2:] - ends[:, :2]
-            units = FOLLOWED * units / lengths(ends)[:, None]
-            ends = ends + np.hstack([-units, units])
             found, moments, labels, totals = self._refit(
-                0, walls, ends, self.stamps, self.news, cells, FOLLOWED
+                0, walls, followed(ends, FOLLOWED), self.stamps, self.new_evidence, cells, FOLLOWED
             )
             self.evidence[walls] = totals @ (1.0, OPEN_WEIGHT)
             hits = labels[:, 1].astype(np.int64)
@@ -116,7 +113,7 @@ class MapRefinement:
                 self._marks = np.zeros(len(self._joint), np.bool_)
                 self._rings = np.concatenate([self._rings, np.empty_like(self._rings)])
                 self._joint_stamps = longer(self._joint_stamps)
-                self._joint_news = longer(self._joint_news)
+                self._joint_new = longer(self._joint_new)
             weak = VIOLATION_WEIGHT * totals[:, 1] > FORSAKEN * totals[:, 0]
             weak[np.isin(walls, parents)] = False
             contradicted = walls[weak].tolist()
@@ -131,25 +128,31 @@ class MapRefinement:
             self._marks,
             self._rule,
         )
-        affected.update(self._joint[neighbours].tolist())
-        rows = np.sort(np.concatenate([parts, neighbours]))
-        self._rejoin(rows, sorted(affected), cells, noise)
+        self._rejoin(np.sort(parts), neighbours, affected, cells, noise)
         return contradicted
 
-    def _rejoin(self, rows: Int, old: list[int], cells: Cells, noise: RangeNoise) -> None:
-        """Join stretches anew, and find the segments of the walls that they make."""
+    def _rejoin(
+        self, loose: Int, others: Int, affected: set[int], cells: Cells, noise: RangeNoise
+    ) -> None:
+        """Join loose stretches with each other or with others, and find the segments they make."""
+        rows = np.concatenate([loose, others])
+        walls = self._stretches.walls.take(rows)
+        roots, changed = join_stretches(walls, len(loose), self._joint[rows], self._rule, cells)
+        affected.update(self._joint[others[changed[len(loose) :]]].tolist())
+        old = sorted(affected)
         self._joint_stamps[old] += 1
         found, moments = np.empty((0, 4)), np.empty((0, 6))
         hits = parents = np.zeros(0, np.int64)
         if len(rows):
-            walls = self._stretches.walls.take(rows)
-            roots = join_stretches(walls, self._rule, cells)
-            self._joint[rows] = rows[roots]
-            tie_rings(rows, self._joint, self._rings)
-            kept = np.flatnonzero(walls.points)
+            # Walls that stayed as they were keep their names.
+            self._joint[rows[changed]] = rows[roots[changed]]
+            tie_rings(rows[changed], self._joint, self._rings)
+            kept = np.flatnonzero(changed & (walls.points > 0))
             found, moments, labels, _ = self._refit(
-                1, rows[kept], walls.ends[kept], self._joint_stamps, self._joint_news, cells, 0.0
-            )
+                # They end at hits, which a little less would miss.
+                1, rows[kept], followed(walls.ends[kept], 0.1 * PIECE), self._joint_stamps,
+                self._joint_new, cells, 0.0,
+            )  # fmt: skip
             hits, parents = labels[:, 1].astype(np.int64), rows[kept][labels[:, 0].astype(np.int64)]
         gone, fresh, renewed = self.segments.exchange(old, found, moments, hits, parents)
         moved = np.array(self.segments.rows_of(set(parents.tolist())), np.int64)
@@ -172,8 +175,8 @@ class MapRefinement:
         counts, sums = gather_evidence(turn, cells, self._rule.distance, margin)
         found, moments, labels = refit_segments(ends, first, counts, sums)
         hits, violations = labels[:, 1], labels[:, 2]
-        needed = np.where(lengths(found) < SHORT_WALL, 2 * self._least, self._least)
-        real = (hits >= needed) & (VIOLATION_WEIGHT * violations <= hits)
+        factor = np.where(lengths(found) < SHORT_WALL, 2, 1)
+        real = (hits >= factor * self._least) & (factor * violations <= hits)
         spare = int(margin / PIECE)
         sums = np.concatenate([np.zeros((1, 2)), np.cumsum(counts[:, :2], axis=0)])
         totals: Float = sums[first[1:] - spare] - sums[first[:-1] + spare]
@@ -197,7 +200,7 @@ class MapRefinement:
             **self.segments.state("segment"),
             **self.groups.state(),
             "refit_stamps": self.stamps.copy(),
-            "news": self.news.copy(),
+            "new_evidence": self.new_evidence.copy(),
             "refit_evidence": self.evidence.copy(),
             "joint_stamps": self._joint_stamps.copy(),
             "joints": self._joint.copy(),
@@ -209,9 +212,17 @@ class MapRefinement:
         self.segments.restore(state, "segment")
         self.groups.restore(state, self.segments)
         self.stamps, self.evidence = state["refit_stamps"].copy(), state["refit_evidence"].copy()
-        self.news = state["news"].copy()
-        self._joint_news = np.zeros(len(state["joints"]))
+        self.new_evidence = state["new_evidence"].copy()
+        self._joint_new = np.zeros(len(state["joints"]))
         self._joint_stamps, self._joint = state["joint_stamps"].copy(), state["joints"].copy()
         self._marks = np.zeros(len(self._joint), np.bool_)
         self._rings = np.arange(len(self._joint))
         tie_rings(self._stretches.rows(), self._joint, self._rings)
+
+
+def followed(ends: Float, farther: float) -> Float:
+    """Walls (m, 4), longer by so much [m] at both ends."""
+    units = ends[:, 2:] - ends[:, :2]
+    units = farther * units / lengths(ends)[:, None]
+    longer_ends: Float = ends + np.hstack([-units, units])
+    return longer_ends

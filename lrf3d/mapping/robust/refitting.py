@@ -12,13 +12,34 @@ from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.constants import (
     CHANGE_COST,
     DUPLICATE_WEIGHT,
+    END_SPARE,
     LEAST_SPREAD,
     MAP_DEVIATION,
     OPEN_WEIGHT,
+    PIECE,
+    TAKEN_TURNS,
+    TRANSIENT_WEIGHT,
     UNSEEN_COST,
     VIOLATION_WEIGHT,
     WALL_COST,
 )
+
+
+@inner
+def violation_weight(hits: float, scans: float, between: float) -> float:  # pragma: no cover
+    """What a free-space violation of a piece weighs against a hit.
+
+    Args:
+        hits: Its hits.
+        scans: How many scans they are from.
+        between: Beams that went through between two of these scans.
+    """
+    # What moves, or stood for a while, is hit in a few scans one after the other, be they ever so
+    # many beams; what beams hit and miss in turns is there.
+    if scans == 0.0 or between >= TAKEN_TURNS * scans:
+        return VIOLATION_WEIGHT
+    weight: float = max(TRANSIENT_WEIGHT * hits / scans, VIOLATION_WEIGHT)
+    return weight
 
 
 @compiled
@@ -45,7 +66,7 @@ def real_pieces(counts: Float) -> Int:  # pragma: no cover
         if costs[1] < following[3]:
             following[3], came[i, 3] = costs[1], 1
         hits, violations, nearer = counts[i, 0], counts[i, 1], counts[i, 2]
-        weight = VIOLATION_WEIGHT if hits else OPEN_WEIGHT
+        weight = violation_weight(hits, counts[i, 3], counts[i, 4]) if hits else OPEN_WEIGHT
         for state in range(4):
             following[state] += hits
         following[1] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
@@ -62,6 +83,23 @@ def real_pieces(counts: Float) -> Int:  # pragma: no cover
 
 
 @inner
+def _misfit(total: Float, first: int, last: int) -> float:  # pragma: no cover
+    """The misfit [χ²] of the best line through the pieces between two of running sums (n, 6)."""
+    w = total[last, 0] - total[first, 0]
+    if w <= 0.0:
+        return 0.0
+    s = (total[last, 1] - total[first, 1]) / w
+    d = (total[last, 2] - total[first, 2]) / w
+    ss = (total[last, 3] - total[first, 3]) - w * s * s
+    sd = (total[last, 4] - total[first, 4]) - w * s * d
+    dd = (total[last, 5] - total[first, 5]) - w * d * d
+    if ss > 0.0:
+        dd -= sd * sd / ss
+    misfit: float = max(dd, 0.0)
+    return misfit
+
+
+@inner
 def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
     """Split pieces (n, 6) of a wall into straight segments: fills in where each ends."""
     count = len(sums)
@@ -72,22 +110,16 @@ def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
         factor = 1.0 / (1.0 + w * MAP_DEVIATION * MAP_DEVIATION)
         for k in range(6):
             total[i + 1, k] = total[i, k] + factor * sums[i, k]
+    if _misfit(total, 0, count) <= WALL_COST:
+        # No division gains what a further segment costs.
+        breaks[0] = count
+        return 1
     best = np.full(count + 1, np.inf)
     best[0] = 0.0
     origin = np.zeros(count + 1, np.int64)
     for last in range(1, count + 1):
         for first in range(last):
-            w = total[last, 0] - total[first, 0]
-            cost = best[first] + WALL_COST
-            if w > 0.0:
-                s = (total[last, 1] - total[first, 1]) / w
-                d = (total[last, 2] - total[first, 2]) / w
-                ss = (total[last, 3] - total[first, 3]) - w * s * s
-                sd = (total[last, 4] - total[first, 4]) - w * s * d
-                dd = (total[last, 5] - total[first, 5]) - w * d * d
-                if ss > 0.0:
-                    dd -= sd * sd / ss
-                cost += max(dd, 0.0)
+            cost = best[first] + WALL_COST + _misfit(total, first, last)
             if cost < best[last]:
                 best[last] = cost
                 origin[last] = first
@@ -102,6 +134,21 @@ def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
     return found
 
 
+@inner
+def _end_of_hits(counts: Float, sums: Float, way: float) -> float:  # pragma: no cover
+    """Where along a wall [m] the hits of its last piece end, one way (1) or the other (−1).
+
+    The length over which n hits are evenly spread, each in the middle of its part, has a variance
+    of (n² − 1)/n² of a twelfth of its square.
+    """
+    middle = sums[1] / sums[0]
+    variance = max(sums[3] / sums[0] - middle * middle, 0.0)
+    # One hit shows no length; halved evidence may be less than one.
+    hits = max(counts[0], 1.5)
+    place: float = middle + way * hits * np.sqrt(3.0 * variance / (hits * hits - 1.0))
+    return place
+
+
 @compiled
 def refit_segments(
     ends: Float,
@@ -112,7 +159,8 @@ def refit_segments(
     """The real parts of walls (m, 4), refit to their hits.
 
     Returns:
-        (k, 4) their ends [m], (k, 6) their moments, (k, 3) wall, hits and free-space violations.
+        (k, 4) their ends [m], (k, 6) their moments, (k, 3) wall, hits, and the
+        free-space violations by what they weigh [hits].
     """
     parts = np.empty((len(counts), 4))
     moments = np.empty((len(counts), 6))
@@ -142,10 +190,20 @@ def refit_segments(
                 total = np.zeros(6)
                 for k in range(low + start, low + stop):
                     hits += counts[k, 0]
-                    violations += counts[k, 1]
+                    weight = violation_weight(counts[k, 0], counts[k, 3], counts[k, 4])
+                    violations += weight * counts[k, 1]
                     for column in range(6):
                         total[column] += sums[k, column]
                 a, b = start / pieces * length, stop / pieces * length
+                # Where a wall ends and does not bend, it ends with its hits.
+                if start == begin:
+                    seen = begin > 0 and counts[low + begin - 1, 1] > 0.0
+                    place = _end_of_hits(counts[low + begin], sums[low + begin], -1.0)
+                    a = max(a - PIECE, place if seen else place - END_SPARE)
+                if stop == i:
+                    seen = i < pieces and counts[low + i, 1] > 0.0
+                    place = _end_of_hits(counts[low + i - 1], sums[low + i - 1], 1.0)
+                    b = min(b + PIECE, place if seen else place + END_SPARE)
                 start = stop
                 w = total[0]
                 if w <= 0.0:

@@ -7,8 +7,8 @@ import numpy as np
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, Search, insert_rows, remove_rows
 from lrf3d.mapping.robust.constants import MERGE_CELL, NEW_POINTS, UNCHANGED
-from lrf3d.mapping.robust.grid import Grid, Search, insert_rows, remove_rows
 from lrf3d.mapping.robust.walls import Walls, longer
 
 LEAST_ROWS = 256

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, insert, remove
 from lrf3d.mapping.robust.constants import MERGE_CELL
-from lrf3d.mapping.robust.grid import Grid, insert, remove
 from lrf3d.mapping.robust.walls import Rule, Touched, Walls, add_walls, unite_walls
 from lrf3d.mapping.segment_table import SegmentTable
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.constants import MERGE_DEVIATIONS, SAME_DIRECTION
-from lrf3d.mapping.robust.grid import Grid, insert, near, remove
 
 Number = TypeVar("Number", np.float64, np.int64, np.int32)
 

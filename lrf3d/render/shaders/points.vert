@@ -11,5 +11,5 @@ void main() {
     gl_Position = raised(position, nearer);
     if (!shown(position, side, nearer)) gl_Position.z = 2.0 * gl_Position.w;
     diameter = clamp(sizes.x * focus / gl_Position.w, sizes.y, sizes.z);
-    gl_PointSize = diameter + 1.0;
+    gl_PointSize = POINT_HALO * diameter + 1.0;
 }

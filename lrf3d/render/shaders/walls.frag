@@ -3,7 +3,8 @@ in vec2 texel;
 in float under;
 flat in float layer;
 flat in vec3 wall;
-flat in vec3 light;
+in vec3 light;
+in vec3 shade;
 uniform sampler2DArray picture;
 out vec4 colour;
 
@@ -26,7 +27,7 @@ void main() {
     vec4 painted = textureLod(picture, vec3(at / SIZE, copy), float(level));
     // The rim of the sun's light is some centimetres wide.
     float shadowed = clamp(under / (fwidth(under) + RIM) + 0.5, 0.0, 1.0);
-    vec3 result = (wall * painted.a + painted.rgb) * mix(light, SKYLIGHT, shadowed);
+    vec3 result = (wall * painted.a + painted.rgb) * mix(light, shade, shadowed);
     float far = dot(way, way);
     colour = vec4(mix(result, haze.rgb, far / (1.0 + far)), 1.0);
 }

@@ -86,7 +86,7 @@ def _flat(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
 def _fan(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     clip = _project(rows[:, :3], uniforms)
     fixed = np.array([uniforms["reach"], uniforms["strength"]])
-    return ProjectedTriangles(shading.FAN, _rows(clip, clip[:, 2], rows[:, 3]), fixed)
+    return ProjectedTriangles(shading.FAN, _rows(clip, clip[:, 2], rows[:, 3:5]), fixed)
 
 
 def _blob(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
@@ -100,7 +100,7 @@ def _trail(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     place = rows[:, :2] + rows[:, 2:4] * uniforms["half_width"]
     place = np.column_stack([place, np.zeros(len(rows))])
     clip, depth = _project(place, uniforms), _raised(place, 0.01, uniforms)
-    fixed = np.array([uniforms["now"], 0.0])
+    fixed = np.array([uniforms["now"], uniforms["fade"]])
     return ProjectedTriangles(shading.TRAIL, _rows(clip, depth, rows[:, 4], place), fixed)
 
 
@@ -111,6 +111,19 @@ def _robot(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
     normal = rows[:, 3:6] @ matrix[:3, :3].T
     corners = _rows(clip, clip[:, 2], place, normal, rows[:, 6:9])
     return ProjectedTriangles(shading.ROBOT, corners, np.zeros(2))
+
+
+def _bands(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
+    thick, high, least = uniforms["band"]
+    place = rows[:, 0:2] + (rows[:, 2:4] - rows[:, 0:2]) * uniforms["grown"]
+    middle = np.column_stack([place, rows[:, 7]])
+    size = np.maximum(1.0, least * _project(middle, uniforms)[:, 2] / high)
+    place = place + rows[:, 4:6] * (thick * np.minimum(size, 3.0))[:, None]
+    up = np.clip(rows[:, 7] + rows[:, 6] * high * size, 0.02, rows[:, 8])
+    place = np.column_stack([place, up])
+    clip = _project(place, uniforms)
+    corners = _rows(clip, clip[:, 2], rows[:, 9:13], place)
+    return ProjectedTriangles(shading.BAND, corners, np.zeros(2))
 
 
 def _lines(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
@@ -138,6 +151,7 @@ def _lines(rows: Float, uniforms: Uniforms) -> ProjectedTriangles:
 
 
 _PROGRAMS: dict[str, Callable[[Float, Uniforms], ProjectedTriangles]] = {
+    "bands": _bands,
     "blob": _blob,
     "fan": _fan,
     "flat": _flat,

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
-from lrf3d.render.traced.shading import MOST, as_byte, clamp, fragment
+from lrf3d.render.traced.shading import MOST, as_byte, fragment
+from lrf3d.render.traced.textures import clamp, mix
+from lrf3d.scene.look import POINT_HALO, POINT_HALO_STRENGTH
 
 FIXED = 4
 """Numbers of a row before what is interpolated."""
@@ -226,7 +228,7 @@ def draw_points(
         x, y, depth, diameter = points[k, 0], points[k, 1], points[k, 2], points[k, 3]
         if depth < _NEAR:
             continue
-        reach = 0.5 * (diameter + 1.0)
+        reach = 0.5 * (POINT_HALO * diameter + 1.0)
         top = max(math.floor(y - reach), box[1])
         bottom = min(math.ceil(y + reach), box[1] + box[3])
         left = max(math.floor(x - reach), box[0])
@@ -235,14 +237,20 @@ def draw_points(
             for column in range(left, right):
                 away = math.hypot(column + 0.5 - x, row + 0.5 - y)
                 cover = clamp(0.5 * diameter + 0.5 - away, 0.0, 1.0)
+                bloom = max(1.0 - 2.0 * away / (POINT_HALO * diameter), 0.0)
+                cover = max(cover, POINT_HALO_STRENGTH * bloom * bloom)
                 if cover <= 0.0:
                     continue
-                share = clamp((away / diameter - 0.15) / 0.35, 0.0, 1.0)
-                shade = 1.0 - 0.30 * share * share * (3.0 - 2.0 * share)
+                share = clamp(away / diameter / 0.4, 0.0, 1.0)
+                hot = 0.6 * (1.0 - share * share * (3.0 - 2.0 * share))
                 for sample in range(samples):
                     if test and 1.0 / depth < near[row, column, sample]:
                         continue
-                    colour = points[k, 4] * shade, points[k, 5] * shade, points[k, 6] * shade
+                    colour = (
+                        mix(points[k, 4], 1.0, hot),
+                        mix(points[k, 5], 1.0, hot),
+                        mix(points[k, 6], 1.0, hot),
+                    )
                     blend(colours, row, column, sample, colour, cover)
 
 

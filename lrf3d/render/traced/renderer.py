@@ -51,14 +51,14 @@ class TracedRenderer:
         self._picture: Picture = np.full((height, width, 4), 255, np.uint8)
         self._surfaces: Surfaces | None = None
         self._grounds = Grounds()
-        self._robots: list[tuple[Primitive, Uniforms]] = []
+        self._solids: list[tuple[Primitive, Uniforms]] = []
         self._shared: Uniforms = {}
         self._box, self._over = self._whole, False
 
     def begin(self, scene: Any) -> None:
         """Start a picture."""
         self._box, self._over = self._whole, False
-        self._shared, self._robots = {}, []
+        self._shared, self._solids = {}, []
 
     def camera_matrices(self, scene: Any) -> tuple[Float, Float]:
         """Matrix (4, 4) from the scene to the picture turned over, and the eye (3,)."""
@@ -76,15 +76,14 @@ class TracedRenderer:
             self._shared = {**self._shared, **uniforms}
         if name == "walls" and self._surfaces is None:
             assert isinstance(primitive, PartedPrimitive) and primitive.texture is not None
-            corners = primitive.vertices[primitive.triangles.ravel()].reshape(-1, 3, 13)
-            levels = primitive.texture.levels
-            self._surfaces = Surfaces(corners, levels, indoor=uniforms["indoor"] > 0.5)
+            corners = primitive.vertices[primitive.triangles.ravel()].reshape(-1, 3, 16)
+            self._surfaces = Surfaces(corners, primitive.texture.levels)
         if not primitive.count:
             return
         if name == "ground":
             self._grounds.add(primitive, uniforms)
-        elif name == "robot":
-            self._robots.append((primitive, uniforms))
+        elif name == "robot" or (name == "bands" and not primitive.blend):
+            self._solids.append((primitive, uniforms))
         elif name == "label":
             self._draw_label(primitive, uniforms)
         elif name == "points":
@@ -97,8 +96,8 @@ class TracedRenderer:
     def flatten(self) -> None:
         """Draw what is solid, and go on with one sample a pixel."""
         self._trace()
-        for robot, uniforms in self._robots:
-            self._draw_triangles(robot, uniforms, self._places, self._sampled, self._sampled_near)
+        for solid, uniforms in self._solids:
+            self._draw_triangles(solid, uniforms, self._places, self._sampled, self._sampled_near)
         if len(self._places) > 1:
             sampling.resolve(self._sampled, self._sampled_near, self._flat, self._flat_near)
 
@@ -126,6 +125,7 @@ class TracedRenderer:
             surfaces.painted,
             surfaces.painted_levels,
             *self._grounds.table(),
+            _paints(self._shared),
             _light(self._shared),
         )
         origins, directions = self._rays
@@ -191,6 +191,11 @@ def _camera(uniforms: Uniforms, box: Box) -> Float:
     across = (ray(1.0, -1.0) - corner) / box[2]
     down = (ray(-1.0, 1.0) - corner) / box[3]
     return np.concatenate([eye, corner, across, down])
+
+
+def _paints(uniforms: Uniforms) -> Float:
+    """The paints of the ground for :mod:`shading`."""
+    return np.array(uniforms.get("paints", (0.0, 0.0, 0.0, 0.0)))
 
 
 def _light(uniforms: Uniforms) -> Float:

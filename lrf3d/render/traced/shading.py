@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.scene.facades import SLANTS, WINDOWED
+from lrf3d.render.traced.textures import clamp, mix, painted_at, picture_colour
 from lrf3d.scene.look import (
     FAN_COLOUR,
     FAN_CURVE,
@@ -31,18 +31,18 @@ from lrf3d.scene.look import (
     GROUND_SHARPNESS,
     SHADOW_COLOUR,
     SHADOW_RIM,
-    SKYLIGHT,
     TRAIL_COLOUR,
+    TRAIL_OLD,
     ZENITH,
     ZENITH_INDOOR,
 )
 
-NORMAL, OFFSET, ALONG, UP, UNDER, COLOUR, LIGHT, BACK, LAYER, COLUMNS = (
-    0, 3, 4, 8, 12, 16, 19, 22, 25, 26,
+NORMAL, OFFSET, ALONG, UP, UNDER, COLOUR, LIGHT, SHADE, LAYER, COLUMNS = (
+    0, 3, 4, 8, 12, 16, 19, 31, 43, 44,
 )  # fmt: skip
 """Columns of the table of faces."""
 
-FLAT, FAN, LINE, TRAIL, BLOB, ROBOT = range(6)
+FLAT, FAN, LINE, TRAIL, BLOB, ROBOT, BAND = range(7)
 """Programs, named like the files in ``render/shaders``."""
 
 MOST = 9
@@ -60,8 +60,8 @@ LEAST_LIT = 100.0
 SHARPER = -GROUND_SHARPNESS
 """By how much coarser copies of the ground are taken."""
 
-BLUE, SUN_RIM = tuple(SKYLIGHT.tolist()), SHADOW_RIM
-"""What light is left in the shadow, and the width of its edge [m]."""
+SUN_RIM = SHADOW_RIM
+"""Width of the edge of the sun's light [m]."""
 
 
 class RayScene(NamedTuple):
@@ -74,6 +74,7 @@ class RayScene(NamedTuple):
         texels: (u,) all copies of the pictures of the ground, one after the other.
         levels: (l, 3) where each copy starts, its width and height.
         grounds: (g, 10) the pictures of the ground.
+        paints: (4,) how bright bare ground is, and what marks, kerbs and pavements add.
         light: (12,) sun, haze and land.
     """
 
@@ -83,71 +84,8 @@ class RayScene(NamedTuple):
     texels: NDArray[np.uint8]
     levels: Int
     grounds: Float
+    paints: Float
     light: Float
-
-
-@inner
-def clamp(value: float, low: float, high: float) -> float:
-    """A value, kept between two others."""
-    return min(max(value, low), high)
-
-
-@inner
-def mix(first: float, second: float, share: float) -> float:
-    """What lies between two values, at a share of the way."""
-    return first + (second - first) * share
-
-
-@inner
-def sharp(place: float, coarse: float) -> float:
-    """A place on a texture [texels] that makes edges one pixel wide where they are magnified."""
-    edge = math.floor(place + 0.5)
-    return edge + clamp((place - edge) / min(coarse, 1.0), -0.5, 0.5)
-
-
-@inner
-def painted_at(
-    along: float,
-    up: float,
-    along_step: float,
-    up_step: float,
-    layer: int,
-    painted: NDArray[np.uint8],
-    levels: Int,
-) -> tuple[float, float, float, float]:
-    """What is painted on a wall at a place [texels], and how much of the wall shows.
-
-    Steps are texels to a pixel, as in the shader ``walls.frag``.
-    """
-    along_step, up_step = max(along_step, 1e-4), max(up_step, 1e-4)
-    fit = clamp(along_step, 0.5 * up_step, up_step)
-    finest = max(math.floor(math.log2(max(fit, along_step / (1 << (SLANTS - 1)))) + 0.5), 0.0)
-    if layer >= WINDOWED:
-        slant = math.floor(math.log2(along_step) + 0.5) - finest
-        layer += int(clamp(slant, 0.0, SLANTS - 1.0))
-    number = min(int(finest), len(levels) - 1)
-    start, width, height = levels[number, 0], levels[number, 1], levels[number, 2]
-    start += layer * width * height * 4
-    scale = 1.0 / (1 << number)
-    x = sharp(along, along_step) * scale - 0.5
-    y = sharp(up, up_step) * scale - 0.5
-    left, low = math.floor(x), math.floor(y)
-    x, y = x - left, y - low
-    # The texture repeats.
-    first, second = int(left) % width, int(left + 1) % width
-    below, above = int(low) % height * width, int(low + 1) % height * width
-    a, b = start + 4 * (below + first), start + 4 * (below + second)
-    c, d = start + 4 * (above + first), start + 4 * (above + second)
-    a_share, b_share = (1.0 - x) * (1.0 - y) / 255.0, x * (1.0 - y) / 255.0
-    c_share, d_share = (1.0 - x) * y / 255.0, x * y / 255.0
-    r = a_share * painted[a] + b_share * painted[b] + c_share * painted[c] + d_share * painted[d]
-    g = a_share * painted[a + 1] + b_share * painted[b + 1]
-    g += c_share * painted[c + 1] + d_share * painted[d + 1]
-    bl = a_share * painted[a + 2] + b_share * painted[b + 2]
-    bl += c_share * painted[c + 2] + d_share * painted[d + 2]
-    wall = a_share * painted[a + 3] + b_share * painted[b + 3]
-    wall += c_share * painted[c + 3] + d_share * painted[d + 3]
-    return r, g, bl, wall
 
 
 @inner
@@ -155,6 +93,18 @@ def along_face(face: Float, column: int, x: float, y: float, z: float) -> float:
     """A value that changes evenly over a face, at a place or, less its constant, over a way."""
     value: float = face[column] * x + face[column + 1] * y + face[column + 2] * z
     return value
+
+
+@inner
+def face_light(
+    face: Float, column: int, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Light that changes evenly over a face, at a place."""
+    return (
+        along_face(face, column, x, y, z) + face[column + 3],
+        along_face(face, column + 4, x, y, z) + face[column + 7],
+        along_face(face, column + 8, x, y, z) + face[column + 11],
+    )
 
 
 @inner
@@ -195,12 +145,16 @@ def ground_colour(x: float, y: float, step: float, scenery: RayScene) -> tuple[f
     for number in range(len(grounds)):
         ground = grounds[number]
         if ground[0] <= x <= ground[2] and ground[1] <= y <= ground[3]:
-            return picture_colour(x, y, step, SHARPER, texels, levels, ground)
+            seen = picture_colour(x, y, step, SHARPER, texels, levels, ground)
+            texel = 1.0 / (ground[6] * levels[int(ground[8]), 1])
+            sharp = clamp(texel / math.sqrt(max(step, 1e-12)), 1.0, 32.0)
+            return painted_ground(seen, sharp, scenery.paints)
     ground = grounds[len(grounds) - 1]
     u, v = (x - ground[4]) * ground[6], (y - ground[5]) * ground[7]
     past = max(abs(u - 0.5) - 0.5, 0.0) / ground[6] + max(abs(v - 0.5) - 0.5, 0.0) / ground[7]
     share = min(past / light[BEYOND + 3], 1.0)
-    r, g, b = picture_colour(x, y, step, 4.0 * min(16.0 * share, 1.0), texels, levels, ground)
+    seen = picture_colour(x, y, step, 4.0 * min(16.0 * share, 1.0), texels, levels, ground)
+    r, g, b = painted_ground(seen, 1.0, scenery.paints)
     return (
         mix(r, light[BEYOND], share),
         mix(g, light[BEYOND + 1], share),
@@ -209,42 +163,16 @@ def ground_colour(x: float, y: float, step: float, scenery: RayScene) -> tuple[f
 
 
 @inner
-def picture_colour(
-    x: float,
-    y: float,
-    step: float,
-    sharper: float,
-    texels: NDArray[np.uint8],
-    levels: Int,
-    ground: Float,
+def painted_ground(
+    seen: tuple[float, float, float, float], sharp: float, paints: Float
 ) -> tuple[float, float, float]:
-    """A picture of the ground at a place, from the copy whose texels are as large as pixels."""
-    u, v = (x - ground[4]) * ground[6], (y - ground[5]) * ground[7]
-    first, count = int(ground[8]), int(ground[9])
-    level = first
-    texel_size = 1.0 / (ground[6] * levels[first, 1])
-    if step > texel_size * texel_size or (sharper > 0.0 and step > 0.0):
-        finer = 0.5 * math.log2(step / (texel_size * texel_size)) + sharper
-        level += min(max(int(finer + 0.5), 0), count - 1)
-    start, width, height = levels[level, 0], levels[level, 1], levels[level, 2]
-    # Between the four nearest texels.
-    x = clamp(u * width - 0.5, 0.0, width - 1.0)
-    y = clamp(v * height - 0.5, 0.0, height - 1.0)
-    left, top = int(x), int(y)
-    x, y = x - left, y - top
-    here = start + 3 * (top * width + left)
-    right = 3 if left < width - 1 else 0
-    below = 3 * width if top < height - 1 else 0
-    upper_left, upper_right = (1.0 - x) * (1.0 - y) / 255.0, x * (1.0 - y) / 255.0
-    lower_left, lower_right = (1.0 - x) * y / 255.0, x * y / 255.0
-    r = upper_left * texels[here] + upper_right * texels[here + right]
-    g = upper_left * texels[here + 1] + upper_right * texels[here + right + 1]
-    b = upper_left * texels[here + 2] + upper_right * texels[here + right + 2]
-    here += below
-    r += lower_left * texels[here] + lower_right * texels[here + right]
-    g += lower_left * texels[here + 1] + lower_right * texels[here + right + 1]
-    b += lower_left * texels[here + 2] + lower_right * texels[here + right + 2]
-    return r, g, b
+    """The colour of the ground by its picture, whose edges are magnified so many times."""
+    cover = 3.0 * seen[3] - 1.0
+    mark = clamp((-cover - 0.5) * sharp + 0.5, 0.0, 1.0)
+    kerb = clamp((cover - 0.5) * sharp + 0.5, 0.0, 1.0)
+    pave = clamp((cover - 1.5) * sharp + 0.5, 0.0, 1.0)
+    paint = paints[0] + mark * paints[1] + kerb * paints[2] + pave * paints[3]
+    return seen[0] * paint, seen[1] * paint, seen[2] * paint
 
 
 @inner
@@ -290,10 +218,10 @@ def see(
             shadowed = 0.0
             if under > -LEAST_LIT:
                 shadowed = clamp(under / (under_step + SUN_RIM) + 0.5, 0.0, 1.0)
-            side = LIGHT if slope < 0.0 else BACK
-            r = (r + face[COLOUR] * wall) * mix(face[side], BLUE[0], shadowed)
-            g = (g + face[COLOUR + 1] * wall) * mix(face[side + 1], BLUE[1], shadowed)
-            b = (b + face[COLOUR + 2] * wall) * mix(face[side + 2], BLUE[2], shadowed)
+            lit, shade = face_light(face, LIGHT, wx, wy, wz), face_light(face, SHADE, wx, wy, wz)
+            r = (r + face[COLOUR] * wall) * mix(lit[0], shade[0], shadowed)
+            g = (g + face[COLOUR + 1] * wall) * mix(lit[1], shade[1], shadowed)
+            b = (b + face[COLOUR + 2] * wall) * mix(lit[2], shade[2], shadowed)
             r, g, b = hazed(r, g, b, x, y, z, light)
             return r, g, b, 1.0 / depth, hit
     if np.isfinite(down):
@@ -367,7 +295,8 @@ def fragment(
         return at[0], at[1], at[2], at[3]
     if program == FAN:
         left = clamp(1.0 - at[0] / fixed[0], 0.0, 1.0)
-        return FAN_COLOUR[0], FAN_COLOUR[1], FAN_COLOUR[2], fixed[1] * math.pow(left, FAN_CURVE)
+        alpha = fixed[1] * at[1] * math.pow(left, FAN_CURVE)
+        return FAN_COLOUR[0], FAN_COLOUR[1], FAN_COLOUR[2], alpha
     if program == LINE:
         cover = clamp(0.5 * fixed[0] + 0.5 - abs(at[4] * w), 0.0, 1.0)
         return at[0], at[1], at[2], at[3] * cover
@@ -376,11 +305,16 @@ def fragment(
             return 0.0, 0.0, 0.0, 0.0
         r, g, b = TRAIL_COLOUR
         r, g, b = hazed(r, g, b, at[1] - eye[0], at[2] - eye[1], at[3] - eye[2], light)
-        return r, g, b, 0.95
+        old = min((fixed[0] - at[0]) * fixed[1], 1.0)
+        return r, g, b, mix(0.95, TRAIL_OLD, old * (2.0 - old))
     if program == BLOB:
         share = clamp((math.hypot(at[0], at[1]) - 0.45) / 0.55, 0.0, 1.0)
         r, g, b = SHADOW_COLOUR
         return r, g, b, fixed[0] * (1.0 - share * share * (3.0 - 2.0 * share))
+    if program == BAND:
+        dx, dy, dz = at[4] - eye[0], at[5] - eye[1], at[6] - eye[2]
+        r, g, b = hazed(at[0], at[1], at[2], dx, dy, dz, light)
+        return r, g, b, at[3]
     # The robot: place, normal, colour.
     x, y, z = eye[0] - at[0], eye[1] - at[1], eye[2] - at[2]
     away = 1.0 / math.sqrt(x * x + y * y + z * z)

@@ -7,21 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Float, Int
 from lrf3d.render.primitives import Primitive
 from lrf3d.render.traced.shading import (
     ALONG,
-    BACK,
     COLOUR,
     COLUMNS,
     LAYER,
     LIGHT,
     NORMAL,
     OFFSET,
+    SHADE,
     UNDER,
     UP,
 )
-from lrf3d.scene.facades import TILE, light_on
+from lrf3d.scene.facades import TILE
 
 Ids = NDArray[np.int32]
 
@@ -37,9 +38,8 @@ class Surfaces:
     """Triangles that rays are cast at.
 
     Args:
-        triangles: (t, 3, 13) their corners, in the rows that :mod:`lrf3d.render.parts` makes.
+        triangles: (t, 3, 16) their corners, in the rows that :mod:`lrf3d.render.parts` makes.
         painted: The levels of the texture that they are painted with.
-        indoor: Whether this is the inside of a house.
 
     Attributes:
         faces: The table of them, see :func:`face_table`.
@@ -48,33 +48,19 @@ class Surfaces:
     """
 
     def __init__(
-        self,
-        triangles: NDArray[np.float32],
-        painted: tuple[NDArray[np.uint8], ...],
-        *,
-        indoor: bool,
+        self, triangles: NDArray[np.float32], painted: tuple[NDArray[np.uint8], ...]
     ) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        self.faces = face_table(triangles, indoor=indoor)
+        self.faces = face_table(triangles)
         self.painted = np.concatenate([level.ravel() for level in painted])
         sizes = np.array([level.size for level in painted])
         sides = np.array([level.shape[2:0:-1] for level in painted])
         self.painted_levels = np.column_stack([np.cumsum(sizes) - sizes, sides])
         self._level = self.faces[:, NORMAL + 2] > 0.5
-        self._scene = EmbreeScene()
-        self._kept = None
-        if len(triangles):
-            corners = np.ascontiguousarray(triangles[:, :, :3].reshape(-1, 3), np.float32)
-            numbers = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-            self._kept = TriangleMesh(self._scene, corners, numbers)
+        self._rays = TriangleRays(triangles[:, :, :3])
 
     def nearest(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Ids:
         """The triangle (n,) that each ray meets first, or −1."""
-        if self._kept is None:
-            return np.full(len(origins), -1, np.int32)
-        hits = np.asarray(self._scene.run(origins, directions), np.int32)
+        hits = self._rays.first(origins, directions)
         # Level faces, on tops of walls, have no underside: rays go on through it.
         rising = np.flatnonzero((hits >= 0) & (directions[:, 2] > 0.0))
         for _ in range(_MOST_PASSED):
@@ -84,16 +70,16 @@ class Surfaces:
             way, start = directions[rising], origins[rising]
             depth = (self.faces[hits[rising], OFFSET] - start[:, 2]) / way[:, 2] + _PAST
             through = np.ascontiguousarray(start + way * depth[:, None], np.float32)
-            hits[rising] = self._scene.run(through, way)
+            hits[rising] = self._rays.first(through, way)
         return hits
 
 
-def face_table(triangles: NDArray[np.float32], *, indoor: bool) -> Float:
-    """The table (t, COLUMNS) of triangles (t, 3, 13).
+def face_table(triangles: NDArray[np.float32]) -> Float:
+    """The table (t, COLUMNS) of triangles (t, 3, 16).
 
-    Of each triangle: its plane; where along and up the texture a point is [texels], and how far
-    under the edge of its shadow, as linear functions of the point; its colour, the light on it
-    and on its back, and its layer of the texture.
+    Of each triangle: its plane; where along and up the texture a point is [texels], how far under
+    the edge of its shadow, and the light on it in the sun and where the sun is hidden, as linear
+    functions of the point; its colour and its layer of the texture.
     """
     corners = triangles[:, :, :3].astype(np.float64)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -103,7 +89,9 @@ def face_table(triangles: NDArray[np.float32], *, indoor: bool) -> Float:
     table = np.zeros((len(triangles), COLUMNS))
     table[:, NORMAL:OFFSET] = facing
     table[:, OFFSET] = np.einsum("ij,ij->i", facing, corners[:, 0])
-    for column, value, scale in ((ALONG, 3, TILE), (UP, 4, TILE), (UNDER, 12, 1.0)):
+    lights = [(LIGHT + 4 * k, 9 + k, 1.0) for k in range(3)]
+    lights += [(SHADE + 4 * k, 13 + k, 1.0) for k in range(3)]
+    for column, value, scale in ((ALONG, 3, TILE), (UP, 4, TILE), (UNDER, 12, 1.0), *lights):
         values = scale * triangles[:, :, value].astype(np.float64)
         to_first, to_second = (values[:, k] - values[:, 0] for k in (1, 2))
         slope: Any = to_first[:, None] * np.cross(second, normal)
@@ -111,9 +99,6 @@ def face_table(triangles: NDArray[np.float32], *, indoor: bool) -> Float:
         table[:, column : column + 3] = slope
         table[:, column + 3] = values[:, 0] - np.einsum("ij,ij->i", slope, corners[:, 0])
     table[:, COLOUR:LIGHT] = triangles[:, 0, 6:9]
-    table[:, LIGHT:BACK] = triangles[:, 0, 9:12]
-    # Of the two faces of a thin wall a ray may find the one that looks away.
-    table[:, BACK:LAYER] = light_on(-facing, indoor=indoor)
     table[:, LAYER] = triangles[:, 0, 5]
     return table
 
@@ -138,7 +123,7 @@ class Grounds:
         self._rectangles: list[bytes] = []
         self._copies: dict[int, tuple[Texels, list[Texels]]] = {}
         self._table = GroundTable(
-            np.full(3, 128, np.uint8), np.array([[0, 1, 1]]), np.array([_FAR_AWAY])
+            np.full(4, 128, np.uint8), np.array([[0, 1, 1]]), np.array([_FAR_AWAY])
         )
 
     def add(self, primitive: Primitive, uniforms: Mapping[str, Any]) -> None:
@@ -180,11 +165,13 @@ _FAR_AWAY = [np.inf, np.inf, -np.inf, -np.inf, 0.0, 0.0, 1.0, 1.0, 0.0, 1.0]
 
 
 def _smaller_copies(picture: Texels) -> list[Texels]:
-    """A picture (h, w, 3) and copies of it, each half as wide and high as the one before."""
-    copy = Image.fromarray(np.ascontiguousarray(picture[:, :, :3]))
-    copies = [np.asarray(copy)]
-    while copy.size != (1, 1):
-        width, height = copy.size
-        copy = copy.resize((max(1, width // 2), max(1, height // 2)), Image.Resampling.BOX)
-        copies.append(np.asarray(copy))
+    """A picture (h, w, 4) and copies of it, each half as wide and high as the one before."""
+    # The channels are numbers, of which none is the opacity of the others.
+    bands = [Image.fromarray(np.ascontiguousarray(picture[:, :, k])) for k in range(4)]
+    copies = [np.ascontiguousarray(picture)]
+    while bands[0].size != (1, 1):
+        width, height = bands[0].size
+        size = max(1, width // 2), max(1, height // 2)
+        bands = [band.resize(size, Image.Resampling.BOX) for band in bands]
+        copies.append(np.stack([np.asarray(band) for band in bands], axis=-1))
     return copies

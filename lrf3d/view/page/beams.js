@@ -7,18 +7,22 @@ import { paintOf } from "./stage.js";
 const FADING = {
   vertexShader: `
     attribute float range;
+    attribute float share;
     varying float away;
+    varying float left;
     void main() {
       away = range;
+      left = share;
       gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
     }`,
   fragmentShader: `
     uniform float reach, strength, curve;
     uniform vec3 colour;
     varying float away;
+    varying float left;
     void main() {
-      float left = clamp(1.0 - away / reach, 0.0, 1.0);
-      gl_FragColor = vec4(colour, strength * pow(left, curve));
+      float near = clamp(1.0 - away / reach, 0.0, 1.0);
+      gl_FragColor = vec4(colour, strength * left * pow(near, curve));
     }`,
 };
 
@@ -55,7 +59,14 @@ export class BeamsMesh {
     this.ends = new Float32Array(2 * count);
     this.away = new Float32Array(count);
 
-    this.fan = buffers({ position: [3, 3 * (count - 1)], range: [1, 3 * (count - 1)] });
+    const corners = 3 * (count - 1);
+    this.fan = buffers({ position: [3, corners], range: [1, corners], share: [1, corners] });
+    this.fan.attributes.share.array.set(
+      Array.from({ length: count - 1 }, (_, i) => {
+        const [a, b] = [look.fan.shares[i], look.fan.shares[i + 1]];
+        return [(a + b) / 2, a, b];
+      }).flat(),
+    );
     this.fanMesh = new THREE.Mesh(this.fan, fading(reach, look.fan));
 
     const step = Math.max(1, Math.round(count / look.beams.drawn));
@@ -64,7 +75,10 @@ export class BeamsMesh {
     this.lines = buffers({
       position: [3, 2 * this.single.length],
       range: [1, 2 * this.single.length],
+      share: [1, 2 * this.single.length],
     });
+    const shares = this.single.flatMap((beam) => [look.fan.shares[beam], look.fan.shares[beam]]);
+    this.lines.attributes.share.array.set(shares);
     const lines = new THREE.LineSegments(this.lines, fading(reach, look.beams));
 
     this.dots = buffers({ position: [3, count], tint: [3, count] });

@@ -45,7 +45,7 @@ export class Inset {
     this.map = [...paths];
   }
 
-  show(robot, { places, jumps }, legs, beams, scanning, movers) {
+  show(robot, trail, legs, beams, scanning, obstacles, estimate) {
     const { draw, ratio, side, scale, look } = this;
     const [x, y] = this.whole ? this.middle : [robot.x, robot.y];
     const pixel = 1 / scale;
@@ -60,21 +60,14 @@ export class Inset {
     draw.lineWidth = pixel;
     draw.stroke(this.walls);
     if (scanning) this.drawFan(robot, beams);
-    draw.strokeStyle = css(look.trail.colour);
-    draw.lineWidth = 1.6 * pixel;
-    draw.beginPath();
-    for (let i = 0; i <= legs && 2 * i < places.length; i++) {
-      if (jumps.has(i - 1)) draw.moveTo(places[2 * i], places[2 * i + 1]);
-      else draw.lineTo(places[2 * i], places[2 * i + 1]);
-    }
-    if (!jumps.has(legs)) draw.lineTo(robot.x, robot.y);
-    draw.stroke();
+    if (trail.mesh.visible) this.drawTrail(trail, legs, robot, look.trail.colour, (estimate ? 3.2 : 1.6) * pixel);
+    if (estimate) this.drawEstimate(estimate, pixel);
     draw.lineWidth = 2.2 * pixel;
     for (const [colour, path] of this.map) {
       draw.strokeStyle = colour;
       draw.stroke(path);
     }
-    for (const [body, colour] of movers.seen()) {
+    for (const [body, colour] of obstacles.seen()) {
       draw.fillStyle = colour;
       draw.beginPath();
       for (const [left, up] of body) draw.lineTo(left, up);
@@ -82,6 +75,30 @@ export class Inset {
     }
     this.drawRobot(robot, pixel);
     this.drawScale();
+  }
+
+  drawTrail({ places, jumps }, legs, end, colour, width) {
+    const { draw } = this;
+    draw.strokeStyle = css(colour);
+    draw.lineWidth = width;
+    draw.beginPath();
+    for (let i = 0; i <= legs && 2 * i < places.length; i++) {
+      if (jumps.has(i - 1)) draw.moveTo(places[2 * i], places[2 * i + 1]);
+      else draw.lineTo(places[2 * i], places[2 * i + 1]);
+    }
+    if (!jumps.has(legs)) draw.lineTo(end.x, end.y);
+    draw.stroke();
+  }
+
+  drawEstimate({ trail, seen, look }, pixel) {
+    const [x, y] = seen.place;
+    this.drawTrail(trail, seen.legs, { x, y }, look.colour, 1.4 * pixel);
+    this.draw.beginPath();
+    for (const ring of seen.rings) {
+      this.draw.moveTo(ring.at(-1).x, ring.at(-1).y);
+      for (const corner of ring) this.draw.lineTo(corner.x, corner.y);
+    }
+    this.draw.stroke();
   }
 
   // How much is seen, as in the film.

@@ -5,7 +5,7 @@ import { THREE } from "nicegui-scene";
 import { paintOf } from "./stage.js";
 
 // Draw a mark over all that stands, or among it again.
-function raise(mesh, over, order) {
+export function raise(mesh, over, order) {
   mesh.material.depthTest = !over;
   // What is translucent is drawn last, so that nothing is drawn over it.
   mesh.material.transparent = over;
@@ -97,7 +97,7 @@ export class MapBands {
     this.mesh.frustumCulled = false;
     scene.add(this.mesh);
     this.proud = look.width / 2;
-    this.shown = [[], []];
+    this.shown = [[], [], []];
   }
 
   // Lay the map over everything, so wide [m]; or along the walls, with no width given.
@@ -107,9 +107,10 @@ export class MapBands {
     this.show(...this.shown);
   }
 
-  // segments: x1, y1, x2, y2, …; colours: red, green, blue of each in 0…255.
-  show(segments, colours) {
-    this.shown = [segments, colours];
+  // segments: x1, y1, x2, y2, …; colours: red, green, blue of each in 0…255; tops: how high the
+  // band of each reaches [m], which is no higher than its wall.
+  show(segments, colours, tops) {
+    this.shown = [segments, colours, tops];
     const { proud } = this;
     const count = segments.length / 4;
     const places = new Float32Array(54 * count);
@@ -119,7 +120,8 @@ export class MapBands {
       const [x1, y1, x2, y2] = segments.slice(4 * i, 4 * i + 4);
       const long = Math.hypot(x2 - x1, y2 - y1) || 1;
       const [dx, dy] = [(-(y2 - y1) / long) * proud, ((x2 - x1) / long) * proud];
-      const [low, high] = this.look.band;
+      const high = tops[i];
+      const low = high - (this.look.band[1] - this.look.band[0]);
       const [a, b] = [[x1 + dx, y1 + dy], [x2 + dx, y2 + dy]];
       const [c, d] = [[x2 - dx, y2 - dy], [x1 - dx, y1 - dy]];
       const faces = [

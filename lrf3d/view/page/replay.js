@@ -17,20 +17,41 @@ export class Replay {
     run.stageSizes.forEach((size, i) => (run.stageStarts[i + 1] = run.stageStarts[i] + size));
     run.ways = [];
     let first = 0;
-    for (const size of run.moverSizes) {
-      const times = run.moverTimes.subarray(first, first + size);
-      run.ways.push([times, run.moverPoses.subarray(3 * first, 3 * (first + size))]);
+    for (const size of run.obstacleSizes) {
+      const times = run.obstacleTimes.subarray(first, first + size);
+      run.ways.push([times, run.obstaclePoses.subarray(3 * first, 3 * (first + size))]);
       first += size;
     }
     return run;
   }
 
   // Where all dynamic obstacles are: x, y, theta of each in turn.
-  movers(time) {
+  obstacles(time) {
     return this.ways.flatMap(([times, poses]) => {
       const { last, next, share } = between(times, time);
       return [0, 1, 2].map((i) => blend(poses, last, next, share, i));
     });
+  }
+
+  // Where the robot is believed to be: x, y.
+  believed(time) {
+    const { last, next, share } = between(this.estimateTimes, time);
+    return [0, 1].map((i) => blend(this.estimatePlaces, last, next, share, i, 2));
+  }
+
+  ellipsePlace(number) {
+    return this.believed(this.ellipseTimes[number]);
+  }
+
+  // The matrix that makes an ellipse of the unit circle.
+  shape(number) {
+    return this.ellipseShapes.subarray(4 * number, 4 * number + 4);
+  }
+
+  shapeAt(time) {
+    if (!this.ellipseTimes.length) return [0, 0, 0, 0];
+    const { last, next, share } = between(this.ellipseTimes, time);
+    return [0, 1, 2, 3].map((i) => blend(this.ellipseShapes, last, next, share, i, 4));
   }
 
   pose(time) {
@@ -70,6 +91,7 @@ export class Replay {
     return {
       segments: this.segments.subarray(4 * from, 4 * to),
       colours: this.colours.subarray(3 * from, 3 * to),
+      tops: this.tops.subarray(from, to),
       objects: stage < 0 ? 0 : this.stageObjects[stage],
     };
   }
@@ -90,7 +112,7 @@ export class Replay {
 }
 
 // The key times on either side of a time, how far apart they are, and the share of that gone by.
-function between(times, time) {
+export function between(times, time) {
   const next = Math.min(times.length - 1, after(times, time));
   const last = Math.max(0, next - 1);
   const gap = times[next] - times[last];
@@ -98,12 +120,13 @@ function between(times, time) {
   return { last, next, gap, share };
 }
 
-function blend(poses, last, next, share, i) {
-  return poses[3 * last + i] + share * (poses[3 * next + i] - poses[3 * last + i]);
+// An entry of rows of so many, between two of them.
+export function blend(rows, last, next, share, i, size = 3) {
+  return rows[size * last + i] + share * (rows[size * next + i] - rows[size * last + i]);
 }
 
 // How many of rising times are not after a time.
-function after(times, time) {
+export function after(times, time) {
   let [low, high] = [0, times.length];
   while (low < high) {
     const middle = (low + high) >> 1;

@@ -75,6 +75,35 @@ def slot_of(keys: Int, x: int, y: int) -> int:  # pragma: no cover
     return slot
 
 
+@inner
+def _steps(segment: Float, cell: float) -> int:  # pragma: no cover
+    """The number of parts of a segment (4,) that are no longer than a cell [m] along an axis."""
+    return int(max(abs(segment[2] - segment[0]), abs(segment[3] - segment[1])) / cell) + 1
+
+
+@inner
+def _box(
+    segment: Float, begin: float, end: float, reach: float, cell: float
+) -> tuple[int, int, int, int]:  # pragma: no cover
+    """The first and last column, and the first and last row, of the cells near a part of a segment.
+
+    Args:
+        segment: (4,) the segment [m].
+        begin: Where the part begins, as a share of the segment.
+        end: Where it ends.
+        reach: How far from it cells count as near [m].
+        cell: Size of a cell [m].
+    """
+    x, y = segment[0], segment[1]
+    dx, dy = segment[2] - x, segment[3] - y
+    left, right = min(begin * dx, end * dx) - reach, max(begin * dx, end * dx) + reach
+    low, high = min(begin * dy, end * dy) - reach, max(begin * dy, end * dy) + reach
+    return (
+        int(np.floor((x + left) / cell)), int(np.floor((x + right) / cell)),
+        int(np.floor((y + low) / cell)), int(np.floor((y + high) / cell)),
+    )  # fmt: skip
+
+
 @compiled
 def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:  # pragma: no cover
     """Put a row's segment (4,) into the cells [m] it passes through; False where room ran out.
@@ -82,15 +111,11 @@ def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:  # pragma
     Cells that hold the row already are passed over, so that a segment that grew can be put in
     again.
     """
-    x1, y1, x2, y2 = segment[0], segment[1], segment[2], segment[3]
-    steps = int(max(abs(x2 - x1), abs(y2 - y1)) / cell) + 1
+    steps = _steps(segment, cell)
     for step in range(steps):
-        ax, ay = x1 + (x2 - x1) * step / steps, y1 + (y2 - y1) * step / steps
-        bx, by = x1 + (x2 - x1) * (step + 1) / steps, y1 + (y2 - y1) * (step + 1) / steps
-        for x in range(int(np.floor(min(ax, bx) / cell)), int(np.floor(max(ax, bx) / cell)) + 1):
-            for y in range(
-                int(np.floor(min(ay, by) / cell)), int(np.floor(max(ay, by) / cell)) + 1
-            ):
+        left, right, low, high = _box(segment, step / steps, (step + 1) / steps, 0.0, cell)
+        for x in range(left, right + 1):
+            for y in range(low, high + 1):
                 slot = slot_of(grid.keys, x, y)
                 entry = grid.heads[slot]
                 while entry >= 0 and grid.rows[entry] != row:
@@ -117,15 +142,11 @@ def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:  # pragma
 @compiled
 def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:  # pragma: no cover
     """Take a row out of the cells [m] that its segment (4,) passes through."""
-    x1, y1, x2, y2 = segment[0], segment[1], segment[2], segment[3]
-    steps = int(max(abs(x2 - x1), abs(y2 - y1)) / cell) + 1
+    steps = _steps(segment, cell)
     for step in range(steps):
-        ax, ay = x1 + (x2 - x1) * step / steps, y1 + (y2 - y1) * step / steps
-        bx, by = x1 + (x2 - x1) * (step + 1) / steps, y1 + (y2 - y1) * (step + 1) / steps
-        for x in range(int(np.floor(min(ax, bx) / cell)), int(np.floor(max(ax, bx) / cell)) + 1):
-            for y in range(
-                int(np.floor(min(ay, by) / cell)), int(np.floor(max(ay, by) / cell)) + 1
-            ):
+        left, right, low, high = _box(segment, step / steps, (step + 1) / steps, 0.0, cell)
+        for x in range(left, right + 1):
+            for y in range(low, high + 1):
                 slot = slot_of(grid.keys, x, y)
                 before, entry = -1, grid.heads[slot]
                 while entry >= 0 and grid.rows[entry] != row:
@@ -184,16 +205,12 @@ def near(
     Returns:
         How many there are.
     """
-    x1, y1, x2, y2 = segment[0], segment[1], segment[2], segment[3]
-    steps = int(max(abs(x2 - x1), abs(y2 - y1)) / cell) + 1
     count = 0
+    steps = _steps(segment, cell)
     for step in range(steps):
-        ax, ay = x1 + (x2 - x1) * step / steps, y1 + (y2 - y1) * step / steps
-        bx, by = x1 + (x2 - x1) * (step + 1) / steps, y1 + (y2 - y1) * (step + 1) / steps
-        left, right = min(ax, bx) - reach, max(ax, bx) + reach
-        low, high = min(ay, by) - reach, max(ay, by) + reach
-        for x in range(int(np.floor(left / cell)), int(np.floor(right / cell)) + 1):
-            for y in range(int(np.floor(low / cell)), int(np.floor(high / cell)) + 1):
+        left, right, low, high = _box(segment, step / steps, (step + 1) / steps, reach, cell)
+        for x in range(left, right + 1):
+            for y in range(low, high + 1):
                 entry = grid.heads[slot_of(grid.keys, x, y)]
                 while entry >= 0:
                     row = grid.rows[entry]
@@ -203,24 +220,6 @@ def near(
                         count += 1
                     entry = grid.following[entry]
     return count
-
-
-@inner
-def longer(column: Int) -> Int:  # pragma: no cover
-    """An array with as many numbers behind it, which may be anything."""
-    grown = np.empty(2 * len(column), np.int64)
-    for k in range(len(column)):
-        grown[k] = column[k]
-    return grown
-
-
-@inner
-def with_more_room(pairs: Int) -> Int:  # pragma: no cover
-    """Pairs (k, 2) with as many rows behind them, which may hold anything."""
-    larger = np.empty((2 * len(pairs), 2), np.int64)
-    for k in range(len(pairs)):
-        larger[k, 0], larger[k, 1] = pairs[k, 0], pairs[k, 1]
-    return larger
 
 
 @inner

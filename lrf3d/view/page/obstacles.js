@@ -2,7 +2,7 @@
 
 import { THREE } from "nicegui-scene";
 
-export class Movers {
+export class Obstacles {
   // bodies: outline x, y, x, y, … in the body's own frame [m], and colour of each in 0…255.
   constructor(scene, root, bodies) {
     this.bodies = bodies.map(({ outline, colour }, i) => {

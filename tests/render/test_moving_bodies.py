@@ -9,18 +9,18 @@ from test_render import SIZE, city_run, needs_gl, room_run
 import lrf3d
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.io import load_run, save_run
-from lrf3d.render.movers import MovingBodies
+from lrf3d.render.moving_bodies import MovingBodies
 from lrf3d.robot import Trajectory
 from lrf3d.world.cameras import FilmPlan
 
 WALK = Trajectory([0.0, 4.0], [(-22.0, 1.0, 0.0), (-14.0, -1.0, 1.5)])
 CART = np.array([[1.0, 0.5], [-1.0, 0.5], [-1.0, -0.5], [1.0, -0.5]])
 L_SHAPE = np.array([[0, 0], [2, 0], [2, 0.7], [0.7, 0.7], [0.7, 2], [0, 2]]) - 0.6
-MOVERS = (
+OBSTACLES = (
     DynamicObstacle(round_outline(0.4), WALK, 1.8),
     DynamicObstacle(CART, Trajectory([0.0], [(-20, 3, 1)]), 1.0),
 )
-ALL = (*MOVERS, DynamicObstacle(L_SHAPE, Trajectory([0.0], [(-12, 0, 2.0)]), 0.8))
+ALL = (*OBSTACLES, DynamicObstacle(L_SHAPE, Trajectory([0.0], [(-12, 0, 2.0)]), 0.8))
 
 RENDERERS = pytest.mark.parametrize("renderer", [pytest.param("gl", marks=needs_gl), "embree"])
 
@@ -97,7 +97,7 @@ def test_bodies_are_drawn_where_they_are_and_nowhere_else(renderer):
     run = city_run()
     films = [
         Film(each, size=SIZE, view="orbit", samples=0, renderer=renderer, layers=("shadow",))
-        for each in (run, replace(run, obstacles=MOVERS))
+        for each in (run, replace(run, obstacles=OBSTACLES))
     ]
     for time in (1.0, 1.1, 3.3):
         bare, moving = (film.draw(time).astype(int) for film in films)
@@ -131,7 +131,7 @@ def on_picture(look, place):
 def test_bodies_move_while_the_robot_stands(renderer):
     run = city_run()
     stand = Trajectory(run.trajectory.times, np.tile(run.trajectory.poses[0], (len(run), 1)))
-    run = replace(run, trajectory=stand, obstacles=MOVERS)
+    run = replace(run, trajectory=stand, obstacles=OBSTACLES)
     first, second = (drawn(run, time, renderer=renderer, view="chase") for time in (1.0, 1.05))
     assert (np.abs(first - second).max(axis=2) > 20).sum() > 3
 

@@ -18,8 +18,8 @@ from lrf3d.scene.bodies import (
     counter_clockwise,
     ground_plan,
     in_body,
-    mover_bodies,
-    mover_colours,
+    obstacle_bodies,
+    obstacle_colours,
     placed,
     soft_shadow,
     world_from_robot,
@@ -49,19 +49,21 @@ class MovingBodies:
     """Draws the dynamic obstacles of a run; nothing if there are none.
 
     Args:
-        movers: The dynamic obstacles.
+        obstacles: The dynamic obstacles.
         origin: (2,) of the film's frame in the world [m].
         indoor: Whether this is the inside of a house, where no sun shines.
     """
 
-    def __init__(self, movers: "tuple[DynamicObstacle, ...]", origin: Float, indoor: bool) -> None:
-        self._movers = movers
+    def __init__(
+        self, obstacles: "tuple[DynamicObstacle, ...]", origin: Float, indoor: bool
+    ) -> None:
+        self._obstacles = obstacles
         self._origin = np.array([*origin, 0.0])
         self._indoor = indoor
-        self._outlines = [counter_clockwise(mover.outline) for mover in movers]
-        colours = mover_colours(movers)
+        self._outlines = [counter_clockwise(obstacle.outline) for obstacle in obstacles]
+        colours = obstacle_colours(obstacles)
         self._bodies = [
-            Primitive("robot", (3, 3, 3), body, cull=True) for body in mover_bodies(movers)
+            Primitive("robot", (3, 3, 3), body, cull=True) for body in obstacle_bodies(obstacles)
         ]
         self._plans = [
             Primitive("flat", (2, 4), ground_plan(outline, colour), blend=True)
@@ -69,9 +71,9 @@ class MovingBodies:
         ]
         empty = np.zeros((0, 6), np.float32)
         self._shadow = [
-            Primitive("flat", (2, 4), empty, capacity=256, blend=True) for _ in movers[:1]
+            Primitive("flat", (2, 4), empty, capacity=256, blend=True) for _ in obstacles[:1]
         ]
-        self._shadowed: Float = np.full((len(movers), 3), np.nan)
+        self._shadowed: Float = np.full((len(obstacles), 3), np.nan)
 
     @property
     def all(self) -> tuple[Primitive, ...]:
@@ -80,7 +82,7 @@ class MovingBodies:
 
     def poses(self, time: float) -> Float:
         """Poses (m, 3) of all bodies at a time [s] in the film's frame."""
-        poses = [mover.path.at(np.array([time]))[0] for mover in self._movers]
+        poses = [obstacle.path.at(np.array([time]))[0] for obstacle in self._obstacles]
         return np.asarray(np.reshape(poses, (-1, 3)) - self._origin)
 
     def bodies(self, time: float) -> Iterator[Draw]:
@@ -101,9 +103,11 @@ class MovingBodies:
 
     def plans(self, time: float, pixel: float) -> Iterator[Draw]:
         """The bodies from straight above, in a picture whose pixels have a size [m]."""
-        for plan, mover, pose in zip(self._plans, self._movers, self.poses(time), strict=True):
+        for plan, obstacle, pose in zip(
+            self._plans, self._obstacles, self.poses(time), strict=True
+        ):
             matrix = world_from_robot(pose)
-            matrix[:2, :2] *= max(1.0, _LEAST * pixel / mover.reach)
+            matrix[:2, :2] *= max(1.0, _LEAST * pixel / obstacle.reach)
             yield Draw(plan, {"place": matrix})
 
     def carrying(self, now: float) -> Carry:
@@ -115,10 +119,10 @@ class MovingBodies:
         fringe = _FRINGE_INDOOR if self._indoor else _FRINGE
         dark = _SHADOW_INDOOR if self._indoor else _SHADOW
         shadows = []
-        for pose, outline, mover in zip(poses, self._outlines, self._movers, strict=True):
+        for pose, outline, obstacle in zip(poses, self._outlines, self._obstacles, strict=True):
             corners = placed(outline, pose)
             if not self._indoor:
-                slide = -SUN[:2] / SUN[2] * mover.height
+                slide = -SUN[:2] / SUN[2] * obstacle.height
                 corners = np.concatenate([corners, corners + slide])
             shadows.append(soft_shadow(corners, fringe, dark))
         return np.concatenate(shadows)
@@ -134,7 +138,7 @@ class MovingBodies:
             since: When the scan was taken [s].
             now: The other time [s].
         """
-        if not loose.any() or not self._movers:
+        if not loose.any() or not self._obstacles:
             return points
         points, left = points.copy(), loose.copy()
         moved = zip(self._outlines, self.poses(since), self.poses(now), strict=True)

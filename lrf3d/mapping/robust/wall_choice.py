@@ -1,32 +1,32 @@
-"""News: which walls of a map a scan has changed so much that they are worked over again."""
+"""Choice of walls: those of which a scan has changed so much that they are refined again."""
 
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, near
+from lrf3d.mapping.robust.cells import Cells, NewEvidence, count_evidence
 from lrf3d.mapping.robust.constants import (
     FEW_WALLS,
     FOLLOWED,
-    FRESH_NEWS,
+    FRESH_SHARE,
     GROWN,
     HIT_DEVIATIONS,
     MERGE_CELL,
     MOVED,
-    STALE_NEWS,
+    STALE_SHARE,
 )
-from lrf3d.mapping.robust.evidence_grid import Cells, News, note
-from lrf3d.mapping.robust.grid import Grid, near
 from lrf3d.mapping.robust.walls import Touched, Walls
 
 
 @compiled
-def note_loose(
-    news: News, cells: Cells, walls: Walls, touched: Touched, grid: Grid, distance: float
+def count_unowned_hits(
+    fresh: NewEvidence, cells: Cells, walls: Walls, touched: Touched, grid: Grid, distance: float
 ) -> None:  # pragma: no cover
     """Note clusters that are hits of no wall at all walls whose hits they may be.
 
     Args:
-        news: Is written.
+        fresh: Is written.
         cells: The cells.
         walls: The walls of the store.
         touched: Is written by searches.
@@ -35,8 +35,8 @@ def note_loose(
     """
     found = np.empty(len(walls.points), np.int64)
     point = np.empty(4)
-    for k in range(news.numbers[1]):
-        moments = cells.moments[news.loose[k]]
+    for k in range(fresh.numbers[1]):
+        moments = cells.moments[fresh.unowned[k]]
         point[0] = point[2] = moments[2]
         point[1] = point[3] = moments[3]
         off = distance + HIT_DEVIATIONS * np.sqrt(moments[0] / moments[1])
@@ -45,7 +45,7 @@ def note_loose(
         for i in range(count):
             wall = found[i]
             if walls.points[wall] > 0 and _reaches(walls.ends[wall], point[0], point[1], off):
-                note(news, wall, 1.0)
+                count_evidence(fresh, wall, 1.0)
 
 
 @inner
@@ -60,12 +60,12 @@ def _reaches(ends: Float, x: float, y: float, off: float) -> bool:  # pragma: no
 
 @compiled
 def choose_walls(
-    news: News, changed: Int, walls: Walls, refit: Float, evidence: Float, chosen: Int
+    fresh: NewEvidence, changed: Int, walls: Walls, refit: Float, evidence: Float, chosen: Int
 ) -> int:  # pragma: no cover
-    """Choose the walls that are to be worked over again.
+    """Choose the walls that are to be refined again.
 
     Args:
-        news: The news of the walls; is written.
+        fresh: What is new of the walls; is written.
         changed: (n,) the rows of the store that changed.
         walls: The walls of the store.
         refit: (rows, 4) where each wall was when it was refit last; infinite where it never was.
@@ -76,32 +76,32 @@ def choose_walls(
         How many there are.
     """
     for k in range(len(changed)):
-        if news.told[changed[k]] != news.numbers[2]:
-            note(news, changed[k], 0.0)
-    count, stale, most = 0, -1, STALE_NEWS
-    for k in range(news.numbers[0]):
-        wall = news.walls[k]
+        if fresh.last_scans[changed[k]] != fresh.numbers[2]:
+            count_evidence(fresh, changed[k], 0.0)
+    count, stale, most = 0, -1, STALE_SHARE
+    for k in range(fresh.numbers[0]):
+        wall = fresh.walls[k]
         if walls.points[wall] == 0:
-            news.counts[wall] = 0.0
+            fresh.counts[wall] = 0.0
             if not np.isinf(refit[wall, 0]):
                 refit[wall, 0] = np.inf
                 chosen[count] = wall
                 count += 1
         elif (
             np.isinf(refit[wall, 0])
-            or news.counts[wall] >= FRESH_NEWS * evidence[wall]
+            or fresh.counts[wall] >= FRESH_SHARE * evidence[wall]
             or _moved(refit[wall], walls.ends[wall])
         ):
-            news.counts[wall] = 0.0
+            fresh.counts[wall] = 0.0
             for side in range(4):
                 refit[wall, side] = walls.ends[wall, side]
             chosen[count] = wall
             count += 1
-        elif news.counts[wall] > most * evidence[wall]:
-            stale, most = wall, news.counts[wall] / evidence[wall]
+        elif fresh.counts[wall] > most * evidence[wall]:
+            stale, most = wall, fresh.counts[wall] / evidence[wall]
     if stale >= 0 and count < FEW_WALLS:
         # An update with little to do catches up with the wall that has waited longest.
-        news.counts[stale] = 0.0
+        fresh.counts[stale] = 0.0
         for side in range(4):
             refit[stale, side] = walls.ends[stale, side]
         chosen[count] = stale

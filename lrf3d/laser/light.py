@@ -1,0 +1,97 @@
+"""The light that returns to a laser: what surfaces reflect and let through, and the laser equation.
+
+These are functions of plain numbers, because casters compile them. Intensities are relative: 1 is
+that of a white wall at 1 m that is met at a right angle.
+
+The laser equation is that of W. Wagner et al., "Gaussian decomposition and calibration of a novel
+small-footprint full-waveform digitising airborne laser scanner", 2006, for targets wider than the
+beam. Shares of a pane follow Fresnel's equations for unpolarised light, summed over all reflections
+between its two faces (M. Born and E. Wolf, "Principles of Optics", section 1.5).
+"""
+
+import math
+
+CLOSEST = 0.01
+"""Distance [m] up to which intensities do not depend on the distance."""
+
+LEAST_SHARE = 0.01
+"""Least share of the light, there and back, with which a beam goes on: less is lost in the noise of
+all but the strongest echoes."""
+
+
+def shares(
+    cos: float, diffuse: float, specular: float, transmission: float, index: float
+) -> tuple[float, float]:
+    """Shares of the light that a surface reflects in its lobe and lets through, at an incidence.
+
+    Args:
+        cos: Cosine of the angle of incidence, 0 to 1.
+        diffuse: Share that is reflected diffusely.
+        specular: Share that is reflected in the lobe, without an index.
+        transmission: Share that passes, without an index.
+        index: Refractive index of a pane, or 0.
+
+    Examples:
+        >>> from lrf3d.laser.light import shares
+        >>> [round(share, 4) for share in shares(1.0, 0.0, 0.0, 0.0, 1.5)]
+        [0.0769, 0.9231]
+    """
+    if index == 0.0:
+        return specular, transmission
+    sin = math.sqrt(max(0.0, 1.0 - cos * cos)) / index
+    inside = math.sqrt(max(0.0, 1.0 - sin * sin))
+    across, along = 1.0, 1.0
+    if cos + inside > 0.0:
+        across = ((cos - index * inside) / (cos + index * inside)) ** 2
+        along = ((inside - index * cos) / (inside + index * cos)) ** 2
+    # With the share R at each face, 2 R / (1 + R) of each polarisation is mirrored.
+    mirrored = across / (1.0 + across) + along / (1.0 + along)
+    return (1.0 - diffuse) * mirrored, (1.0 - diffuse) * (1.0 - mirrored)
+
+
+def brightness(
+    cos: float, sin: float, diffuse: float, retro: float, mirrored: float, lobe: float
+) -> float:
+    """How bright a surface is for the laser that lights it, beside a white wall at a right angle.
+
+    The lobe about the mirrored direction is Gaussian. Seen from the laser its middle lies twice the
+    angle of incidence away.
+
+    Args:
+        cos: Cosine of the angle of incidence.
+        sin: Sine of it.
+        diffuse: Share that is reflected diffusely.
+        retro: Brightness as a retro-reflector.
+        mirrored: Share that is reflected in the lobe.
+        lobe: Standard deviation of the lobe [rad].
+    """
+    bright = (diffuse + retro) * cos
+    if mirrored > 0.0 and lobe > 0.0:
+        angle = 2.0 * math.atan2(sin, cos) / lobe
+        # A share of 1 that is reflected diffusely has the density 1 / π along the normal.
+        bright += mirrored / (2.0 * lobe * lobe) * math.exp(-0.5 * angle * angle)
+    return bright
+
+
+def intensity(bright: float, distance: float, near_field: float) -> float:
+    """The laser equation: intensity of the light from a surface of a brightness at a distance [m].
+
+    In the near field the image of the spot is larger than the detector, which catches the share
+    1 − exp(−2 (distance / near_field)²) of its light (W. Fang et al., "Intensity correction of
+    terrestrial laser scanning data by estimating laser transmission function", 2015).
+
+    Args:
+        bright: Brightness of the surface, and all losses on the way.
+        distance: Distance [m] along the beam.
+        near_field: Length of the near field [m]; 0 for none.
+
+    Examples:
+        >>> from lrf3d.laser.light import intensity
+        >>> intensity(0.8, 2.0, 0.0)
+        0.2
+    """
+    away = max(distance, CLOSEST)
+    value = bright / (away * away)
+    if near_field > 0.0:
+        value *= math.expm1(-2.0 * (away / near_field) ** 2) / math.expm1(-2.0 / near_field**2)
+    return value

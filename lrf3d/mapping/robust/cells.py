@@ -1,0 +1,336 @@
+"""Cells: what beams have shown of the ground, and how each beam adds to it, compiled.
+
+A return adds to the moments of the returns in its cell that came the same way; each cell that a
+beam goes through counts it as a pass, by the beam's direction. Sums do not depend on the order of
+the scans. What beams go through, where others ended before, is forgotten bit by bit.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.blocks import (
+    SIDE,
+    SIDE_BITS,
+    Blocks,
+    block_at,
+    enter_cells,
+)
+from lrf3d.mapping.robust.constants import (
+    CELL,
+    FREE_DEPTH,
+    GONE_AFTER,
+    HIT_DEVIATIONS,
+    HIT_DIRECTIONS,
+    LEAST_HITS,
+    MOST_HITS,
+    MOST_PASSES,
+    OPEN_WEIGHT,
+    PASS_DIRECTIONS,
+    SAME_WAY,
+)
+
+SOLID = np.uint8(128)
+"""Bit of the numbers of passes of a cell in which beams ended."""
+
+
+class Cells(NamedTuple):
+    """The cells, as compiled code takes them.
+
+    Args:
+        open: The blocks of cells that beams went through.
+        passes: (blocks, directions × cells) numbers of beams that went through each.
+        solid: The blocks of cells that beams ended in.
+        heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
+        following: (clusters,) the next of the same cell, or of those given back; −1 at the end.
+        ways: (clusters,) which way its beams came.
+        moments: (clusters, 10) number of returns, weight 1/variance [1/m²] of their ranges, mean
+            x, y [m], scatter xx, xy, yy about it, mean direction x, y of the beams, and number of
+            scans that they are from.
+        seen: (clusters,) the last of these scans.
+        owners: (clusters, 2) the wall that each hit, in the first round of the refinement and in
+            the second; −1 where none.
+        owner_stamps: (clusters, 2) the owner's stamp when it took the cluster, which is free where
+            the owner has another stamp by now.
+        apart: (clusters, 2) how far each lies off its owner [m].
+        misses: (clusters,) beams that went on the way that its beams came, since the last hit.
+        used: (3,) clusters that were taken, the first that was given back, and scans.
+        widest: (1,) greatest deviation [m] of a return.
+    """
+
+    open: Blocks
+    passes: NDArray[np.uint8]
+    solid: Blocks
+    heads: NDArray[np.int32]
+    following: NDArray[np.int32]
+    ways: NDArray[np.int8]
+    moments: Float
+    seen: NDArray[np.int32]
+    owners: NDArray[np.int32]
+    owner_stamps: NDArray[np.int32]
+    apart: Float
+    misses: NDArray[np.int32]
+    used: Int
+    widest: Float
+
+
+class NewEvidence(NamedTuple):
+    """What the beams of a scan have added to the evidence of which walls.
+
+    Args:
+        stamps: (walls,) the stamp of each wall.
+        counts: (walls,) what is new of each wall since it was refit [hits].
+        walls: (walls,) these walls, each once.
+        last_scans: (walls,) the last scan that added to the evidence of each wall.
+        unowned: (≥ beams,) clusters that are hits of no wall and grew.
+        numbers: (3,) how many walls and clusters, and the number of the scan.
+    """
+
+    stamps: NDArray[np.int32]
+    counts: Float
+    walls: Int
+    last_scans: Int
+    unowned: Int
+    numbers: Int
+
+    @classmethod
+    def of_no_walls(cls, beams: int) -> "NewEvidence":
+        """No walls, for a scan of some beams."""
+        none = np.zeros(0, np.int64)
+        return cls(
+            np.zeros(0, np.int32), np.zeros(0), none, none, np.empty(beams, np.int64),
+            np.zeros(3, np.int64),
+        )  # fmt: skip
+
+
+@compiled
+def add_beams(
+    cells: Cells,
+    x: float,
+    y: float,
+    units: Float,
+    ranges: Float,
+    deviations: Float,
+    fresh: NewEvidence,
+) -> None:  # pragma: no cover
+    """Add the beams of a scan from a place [m]; there is room for all that they bring.
+
+    Args:
+        cells: The cells; are written.
+        x: Where the laser is [m].
+        y: Where the laser is [m].
+        units: (n, 2) unit vectors of the beams.
+        ranges: (n,) ranges [m]; where nothing returned, minus the range that is free.
+        deviations: (n,) standard deviations of the places where they end [m].
+        fresh: Is written.
+    """
+    mask = SIDE - 1
+    blocks, passes = cells.open, cells.passes
+    cells.used[2] += 1
+    for beam in range(len(ranges)):
+        reading = ranges[beam]
+        if reading == 0.0:
+            continue
+        dx, dy = units[beam, 0], units[beam, 1]
+        turn = np.arctan2(dy, dx) / (2.0 * np.pi)
+        free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
+        way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
+        # A beam stays in the plane of its direction, so that what it counts lies together.
+        plane = way * SIDE * SIDE
+        column, row, right, ahead, wide, high, across, up = enter_cells(x, y, dx, dy, CELL)
+        entered = 0.0
+        block, at_x, at_y = -1, 1 << 40, 0
+        while True:
+            left = min(across, up)
+            # The middle of the beam's way through the cell decides.
+            if 0.5 * (entered + left) > free:
+                break
+            if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
+                at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+                block = block_at(blocks, at_x, at_y)
+            if block >= 0:
+                place = plane + ((row & mask) << SIDE_BITS) + (column & mask)
+                passed = passes[block, place]
+                if passed & SOLID:
+                    _contradict(cells, block, place, column, row, dx, dy, fresh)
+                elif passed < MOST_PASSES:
+                    passes[block, place] = passed + 1
+            entered = left
+            if across < up:
+                column += right
+                across += wide
+            else:
+                row += ahead
+                up += high
+        if reading > 0.0:
+            way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
+            cells.widest[0] = max(cells.widest[0], deviations[beam])
+            _add_hit(
+                cells, x + reading * dx, y + reading * dy, dx, dy, deviations[beam], way, fresh
+            )
+
+
+@inner
+def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:  # pragma: no cover
+    """Add a beam of a weight [hits] to the new evidence of a wall."""
+    fresh.counts[wall] += weight
+    if fresh.last_scans[wall] != fresh.numbers[2]:
+        fresh.last_scans[wall] = fresh.numbers[2]
+        fresh.walls[fresh.numbers[0]] = wall
+        fresh.numbers[0] += 1
+
+
+@inner
+def _contradict(
+    cells: Cells,
+    block: int,
+    place: int,
+    column: int,
+    row: int,
+    dx: float,
+    dy: float,
+    fresh: NewEvidence,
+) -> None:  # pragma: no cover
+    """Count a beam that goes on through a cell where others ended."""
+    if cells.passes[block, place] < SOLID + MOST_PASSES:
+        cells.passes[block, place] += 1
+    else:
+        _forget(cells, column, row)
+    solid = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
+    if solid < 0:
+        return
+    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    moments, misses = cells.moments, cells.misses
+    before, cluster = -1, cells.heads[solid, cell]
+    while cluster >= 0:
+        weight = OPEN_WEIGHT
+        if cells.seen[cluster] != cells.used[2] and (
+            dx * moments[cluster, 7] + dy * moments[cluster, 8] > SAME_WAY
+        ):
+            misses[cluster] += 1
+            if misses[cluster] >= GONE_AFTER:
+                # What beams hit there is gone: each further few halve what is left of it.
+                misses[cluster] -= GONE_AFTER // 4
+                weight += 0.5 * moments[cluster, 0]
+                for k in (0, 1, 4, 5, 6, 9, 10):
+                    moments[cluster, k] *= 0.5
+        owner = cells.owners[cluster, 0]
+        if owner >= 0 and fresh.stamps[owner] == cells.owner_stamps[cluster, 0]:
+            count_evidence(fresh, owner, weight)
+        after = cells.following[cluster]
+        if moments[cluster, 0] < LEAST_HITS:
+            _give_back(cells, solid, cell, before, cluster)
+        else:
+            before = cluster
+        cluster = after
+    if before < 0:
+        for way in range(PASS_DIRECTIONS):
+            cells.passes[block, way * SIDE * SIDE + cell] &= MOST_PASSES
+
+
+@inner
+def _give_back(
+    cells: Cells, solid: int, cell: int, before: int, cluster: int
+) -> None:  # pragma: no cover
+    """Take a cluster out of the list of its cell, where another may be before it."""
+    after = cells.following[cluster]
+    if before < 0:
+        cells.heads[solid, cell] = after
+    else:
+        cells.following[before] = after
+    cells.following[cluster] = cells.used[1]
+    cells.used[1] = cluster
+    cells.misses[cluster] = 0
+    for k in range(2):
+        cells.owners[cluster, k] = -1
+    cells.seen[cluster] = 0
+    for k in range(11):
+        cells.moments[cluster, k] = 0.0
+
+
+@inner
+def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
+    """Halve the hits and the passes of a cell.
+
+    Their proportion stays, and what comes counts twice as much as what was.
+    """
+    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
+    if block >= 0:
+        for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
+            passed = cells.passes[block, place]
+            cells.passes[block, place] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
+    block = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
+    if block >= 0:
+        cluster = cells.heads[block, cell]
+        while cluster >= 0:
+            for k in (0, 1, 4, 5, 6, 9, 10):
+                cells.moments[cluster, k] *= 0.5
+            cluster = cells.following[cluster]
+
+
+@inner
+def _add_hit(
+    cells: Cells,
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    deviation: float,
+    way: int,
+    fresh: NewEvidence,
+) -> None:  # pragma: no cover
+    """Add a return at a place [m] to the moments of its cell."""
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+    block = block_at(cells.solid, at_x, at_y)
+    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    if cells.heads[block, cell] < 0:
+        open_block = block_at(cells.open, at_x, at_y)
+        if open_block >= 0:
+            for place in range(cell, PASS_DIRECTIONS * SIDE * SIDE, SIDE * SIDE):
+                cells.passes[open_block, place] |= SOLID
+    cluster = cells.heads[block, cell]
+    while cluster >= 0 and cells.ways[cluster] != way:
+        cluster = cells.following[cluster]
+    if cluster < 0:
+        cluster = cells.used[1]
+        if cluster >= 0:
+            cells.used[1] = cells.following[cluster]
+        else:
+            cluster = cells.used[0]
+            cells.used[0] += 1
+        cells.ways[cluster] = way
+        cells.following[cluster] = cells.heads[block, cell]
+        cells.heads[block, cell] = cluster
+    total = cells.moments[cluster]
+    if total[0] >= MOST_HITS:
+        _forget(cells, column, row)
+    if cells.seen[cluster] != cells.used[2]:
+        if total[9] > 0.0:
+            total[10] += cells.misses[cluster]
+        cells.seen[cluster] = cells.used[2]
+        total[9] += 1.0
+    cells.misses[cluster] = 0
+    weight = 1.0 / (deviation * deviation)
+    total[0] += 1.0
+    total[1] += weight
+    share = weight / total[1]
+    ox, oy = x - total[2], y - total[3]
+    total[2] += share * ox
+    total[3] += share * oy
+    spread = weight * (1.0 - share)
+    total[4] += spread * ox * ox
+    total[5] += spread * ox * oy
+    total[6] += spread * oy * oy
+    total[7] += (dx - total[7]) / total[0]
+    total[8] += (dy - total[8]) / total[0]
+    owner = cells.owners[cluster, 0]
+    if owner >= 0 and fresh.stamps[owner] == cells.owner_stamps[cluster, 0]:
+        count_evidence(fresh, owner, 1.0)
+    else:
+        fresh.unowned[fresh.numbers[1]] = cluster
+        fresh.numbers[1] += 1

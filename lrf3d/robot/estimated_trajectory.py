@@ -1,0 +1,141 @@
+"""EstimatedTrajectory: the estimated poses of a drive, with covariances and loop closures."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Int, Value, sealed
+from lrf3d.pose import as_poses
+
+CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
+"""Half axes of the ellipse that holds a position with 95 % probability, in standard deviations:
+χ² of two degrees of freedom is −2 ln(1 − p)."""
+
+
+NO_PAIRS, NO_POSES = sealed(np.empty((0, 2), np.int64)), sealed(np.empty((0, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedTrajectory(Value):
+    """The estimated pose of a robot at each scan of a run, with covariances and loop closures.
+
+    Args:
+        poses: (k, 3) estimated poses x, y [m], theta [rad] in the world, one for each scan.
+        known_scans: (m,) the scans, in ascending order, after which the covariance is known.
+        covariances: (m, 3, 3) covariances of the poses at these scans along the world's axes.
+        closures: (c, 2) pairs of scans, an older one and a newer one, that closed a loop.
+        dropped_closures: (d, 2) pairs of scans whose loop closure was rejected.
+        odometry: (k, 3) poses by odometry alone; (0, 3) if they are not known.
+
+    Raises:
+        InputError: The arrays do not fit together, or a scan does not exist.
+
+    Examples:
+        >>> import numpy as np
+        >>> import lrf3d
+        >>> poses = [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
+        >>> estimate = lrf3d.EstimatedTrajectory(poses, [0, 2], [0.0 * np.eye(3), 0.04 * np.eye(3)])
+        >>> estimate.ellipses.round(2).tolist()[1]
+        [[0.49, 0.0], [0.0, 0.49]]
+        >>> estimate.errors([(0, 0, 0), (1, 0.1, 0), (2, 0, 0)]).tolist()
+        [0.0, 0.1, 0.0]
+    """
+
+    poses: Float
+    known_scans: Int
+    covariances: Float
+    closures: Int
+    dropped_closures: Int
+    odometry: Float
+
+    def __init__(
+        self,
+        poses: ArrayLike,
+        known_scans: ArrayLike,
+        covariances: ArrayLike,
+        closures: ArrayLike = NO_PAIRS,
+        dropped_closures: ArrayLike = NO_PAIRS,
+        odometry: ArrayLike = NO_POSES,
+    ) -> None:
+        self.__dict__.update(
+            poses=poses,
+            known_scans=known_scans,
+            covariances=covariances,
+            closures=closures,
+            dropped_closures=dropped_closures,
+            odometry=odometry,
+        )
+        self._hold("poses", "covariances", "odometry")
+        self._hold("known_scans", "closures", "dropped_closures", dtype=np.int64)
+        count, known = len(self.poses), len(self.known_scans)
+        as_poses(self.poses)
+        if len(as_poses(self.odometry)) not in (0, count):
+            raise InputError(
+                f"estimate: odometry of {len(self.odometry)} scans, poses of {count}; expected as"
+                " many or none"
+            )
+        if self.known_scans.ndim != 1 or self.covariances.shape != (known, 3, 3):
+            raise InputError(
+                f"estimate: covariances {self.covariances.shape} at scans {self.known_scans.shape};"
+                " expected (m, 3, 3) at (m,)"
+            )
+        for name in ("closures", "dropped_closures"):
+            if getattr(self, name).shape[1:] != (2,):
+                raise InputError(f"estimate: {name} {getattr(self, name).shape}, expected (c, 2)")
+        named = np.concatenate(
+            [self.known_scans, self.closures.ravel(), self.dropped_closures.ravel()]
+        )
+        if (np.diff(self.known_scans) <= 0).any() or (named < 0).any() or (named >= count).any():
+            raise InputError(
+                f"estimate: expected ascending scans from 0 to {count - 1}, found {named.tolist()}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @property
+    def ellipses(self) -> Float:
+        """Matrices (m, 2, 2) [m] that turn the unit circle into the ellipses of 95 % probability.
+
+        Each is the symmetric root of a position's covariance. Two of them can be interpolated entry
+        by entry, whereas the axes of two ellipses may be in another order.
+        """
+        return CONFIDENCE * _roots(self.covariances[:, :2, :2])
+
+    def errors(self, poses: ArrayLike) -> Float:
+        """Distances (k,) [m] of the estimated positions from those of poses (k, 3)."""
+        apart = self.poses[:, :2] - np.asarray(poses, dtype=np.float64)[:, :2]
+        return np.hypot(apart[:, 0], apart[:, 1])
+
+    def lines(self, pairs: Int) -> Float:
+        """Lines (c, 4) x1 y1 x2 y2 [m] between the estimated positions of pairs of scans (c, 2)."""
+        return self.poses[pairs, :2].reshape(-1, 4)
+
+    def part(self, scans: Int) -> "EstimatedTrajectory":
+        """The estimate at some of the scans, in ascending order."""
+        new_index = np.full(len(self), -1)
+        new_index[scans] = np.arange(len(scans))
+
+        def inside(pairs: Int) -> Int:
+            found = new_index[pairs]
+            return np.asarray(found[found.min(axis=1, initial=0) >= 0])
+
+        known = new_index[self.known_scans] >= 0
+        return EstimatedTrajectory(
+            self.poses[scans],
+            new_index[self.known_scans[known]],
+            self.covariances[known],
+            inside(self.closures),
+            inside(self.dropped_closures),
+            self.odometry[scans] if len(self.odometry) else self.odometry,
+        )
+
+
+def _roots(matrices: Float) -> Float:
+    """Symmetric roots (m, 2, 2) of covariances, which rounding may have made slightly negative."""
+    symmetric = 0.5 * (matrices + matrices.transpose(0, 2, 1))
+    values, vectors = np.linalg.eigh(symmetric)
+    roots = np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(np.einsum("mij,mj,mkj->mik", vectors, roots, vectors))

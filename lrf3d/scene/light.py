@@ -1,0 +1,305 @@
+"""Light, baked once into walls, roofs and the ground: what comes from the sky and from other faces.
+
+Faces and what stands in a world enter; light leaves, as what a white surface sends on, linear in
+red, green and blue. From each point Embree casts rays over its half of space: what leaves for the
+sky brings the sky's light, what meets a face or the ground brings what that sends on, for as many
+bounces as matter (Goral et al., 1984, with rays in place of form factors). The light of the sun
+itself is added where it is drawn, as its shadows have sharp edges.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.casting.embree_library import embreex_installed
+from lrf3d.casting.triangle_rays import TriangleRays
+from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
+from lrf3d.scene.facades import layers
+from lrf3d.scene.look import (
+    GAMMA,
+    GROUND_ALBEDO,
+    GROUND_ALBEDO_INDOOR,
+    SKYSHINE,
+    SKYSHINE_INDOOR,
+    SUN,
+    SUNSHINE,
+)
+from lrf3d.scene.structures import Structures
+
+_RAYS, _GROUND_RAYS = 128, 96
+"""Rays from a corner of a face, and from a place of the ground."""
+
+_BOUNCES = 3
+"""How often light goes on from face to face: a fourth time adds less than a hundredth."""
+
+_AT_ONCE = 400_000
+"""Rays that are cast at a time."""
+
+_OFF, _INWARD = 0.02, 0.10
+"""How far off its face a ray starts, and from the edges of its face [m]: beyond them is a wall."""
+
+_INSIDE = 0.2
+"""Share of rays that meet walls from within from which on a place is inside of one."""
+
+_SPREAD = 0.02
+"""Radius of the sun's disc [rad] in what it lights up."""
+
+_CELL, _CELLS = 1.0, 110
+"""Least side of a cell of the ground that light goes on from [m], and the most cells to a side."""
+
+_MOST_FACES = 400_000
+"""Worlds of more faces have the light of an open field: it would take a minute."""
+
+
+def sky_light(directions: Float, *, indoor: bool) -> Float:
+    """What comes from the sky in directions (n, 3) of unit length: light (n, 3), linear."""
+    if not indoor:
+        return np.broadcast_to(SKYSHINE, directions.shape)
+    # A large lamp on the sun's side of an even ceiling gives rooms a bright and a dark side.
+    toward = np.maximum(directions @ SUN, 0.0)[:, None]
+    return np.asarray(SKYSHINE_INDOOR * (0.72 + 0.75 * toward**3))
+
+
+def screen(light: Float) -> Float:
+    """Linear light as a factor of the colours that a screen shows."""
+    return np.asarray(np.maximum(light, 0.0) ** (1.0 / GAMMA))
+
+
+def open_light(*, indoor: bool) -> Float:
+    """The light (3,) of the sky on open, level ground."""
+    return np.asarray(sky_light(_sphere(512), indoor=indoor).mean(axis=0))
+
+
+class _Points(NamedTuple):
+    """Points that light is gathered at: places (n, 3) and normals (n, 3)."""
+
+    places: Float
+    normals: Float
+
+
+class Light:
+    """The light of a world.
+
+    Args:
+        structures: What stands in it.
+        quads: (m, 4, ≥ 12) its walls, in the rows of :func:`~lrf3d.scene.walls.paint_walls`.
+        roofs: (t, 3, ≥ 12) its roofs.
+
+    Attributes:
+        quads: (m, 4, 3) light at the corners of the walls.
+        roofs: (t, 3, 3) light at those of the roofs.
+    """
+
+    def __init__(self, structures: Structures, quads: Single, roofs: Single) -> None:
+        self._indoor = structures.indoor
+        self._count = len(quads) + len(roofs)
+        self._open = open_light(indoor=self._indoor)
+        self.quads: Float = np.broadcast_to(self._open, (len(quads), 4, 3))
+        self.roofs: Float = np.broadcast_to(self._open, (len(roofs), 3, 3))
+        self._rays: TriangleRays | None = None
+        # Without Embree the rays of all faces would take minutes: they get the light of the open.
+        if not 0 < self._count <= _MOST_FACES or not embreex_installed():
+            return
+        rng = np.random.default_rng(7)
+        self._turns = rng.uniform(0.0, 2.0 * np.pi, 4096)
+        self._build(quads, roofs)
+        self._grid(structures)
+        corners, owner = _corners(quads, roofs)
+        cells = self._cells()
+        seen, sky = self._gather(corners, _RAYS)
+        seen_below, sky_below = self._gather(cells, _GROUND_RAYS)
+        sun, albedo = self._sunlit(quads, roofs, cells), self._albedo(quads, roofs)
+        # What patches send on: faces, cells of the ground, the land around; insides of houses
+        # and the sky, whose light is known, nothing.
+        sent = np.zeros((self._count + len(cells.places) + 3, 3), np.float32)
+        land = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
+        shone = self._shone(np.array([[0.0, 0.0, 1.0]]))[0]
+        sent[-3] = land * (self._open + shone)
+        light = sky
+        for _ in range(_BOUNCES):
+            light = sky + _mean_of(sent, seen)
+            below = sky_below + _mean_of(sent, seen_below)
+            faces = _mean_by(light[owner], quads, roofs)
+            sent[:-3] = albedo * (np.concatenate([faces, below]) + sun)
+        self._sent = sent
+        light = (sky + _mean_of(sent, seen))[owner]
+        self.quads = light[: 4 * len(quads)].reshape(-1, 4, 3)
+        self.roofs = light[4 * len(quads) :].reshape(-1, 3, 3)
+
+    def ground(self, places: Float) -> tuple[Float, Bool]:
+        """The light (n, 3) on the ground at places (n, 2), and which are not inside of a house."""
+        if self._rays is None:
+            return np.broadcast_to(self._open, (len(places), 3)), np.ones(len(places), dtype=bool)
+        points = _Points(
+            np.column_stack([places, np.full(len(places), _OFF)]),
+            np.tile([0.0, 0.0, 1.0], (len(places), 1)),
+        )
+        seen, sky = self._gather(points, _GROUND_RAYS)
+        return sky + _mean_of(self._sent, seen), (seen == self._land + 1).mean(axis=1) < _INSIDE
+
+    def _build(self, quads: Single, roofs: Single) -> None:
+        corners = quads[:, quad_indices(1).reshape(2, 3), :3].reshape(-1, 3, 3)
+        self._rays = TriangleRays(np.concatenate([corners, roofs[:, :, :3]]))
+        self._owner = np.concatenate(
+            [np.repeat(np.arange(len(quads)), 2), len(quads) + np.arange(len(roofs))]
+        )
+        self._facing = np.concatenate([quads[:, 0, 3:6], roofs[:, 0, 3:6]])
+
+    def _grid(self, structures: Structures) -> None:
+        ends = structures.segments.reshape(-1, 2)
+        low, high = ends.min(axis=0) - 4.0, ends.max(axis=0) + 4.0
+        cell = max(_CELL * (0.5 if self._indoor else 1.0), float((high - low).max()) / _CELLS)
+        self._low, self._cell = low, cell
+        self._shape = np.ceil((high - low) / cell).astype(int)
+        self._land = self._count + int(np.prod(self._shape))
+
+    def _cells(self) -> _Points:
+        x, y = np.meshgrid(*(np.arange(side) + 0.5 for side in self._shape), indexing="ij")
+        places = self._low + self._cell * np.column_stack([x.ravel(), y.ravel()])
+        count = len(places)
+        return _Points(
+            np.column_stack([places, np.full(count, _OFF)]), np.tile([0.0, 0.0, 1.0], (count, 1))
+        )
+
+    def _gather(self, points: _Points, rays: int) -> tuple[NDArray[np.int32], Float]:
+        """Which patches (n, rays) the rays of points meet, and the mean light (n, 3) of the sky."""
+        count = len(points.places)
+        seen = np.empty((count, rays), np.int32)
+        sky = np.empty((count, 3))
+        local = _sphere(rays)
+        for first in range(0, count, max(1, _AT_ONCE // rays)):
+            part = slice(first, first + max(1, _AT_ONCE // rays))
+            places, normals = points.places[part], points.normals[part]
+            turn = self._turns[(np.arange(len(places)) + first) % len(self._turns)]
+            ways = _around(normals, turn, local)
+            origins = np.repeat(places, rays, axis=0)
+            patches = self._met(origins, ways.reshape(-1, 3))
+            seen[part] = patches.reshape(-1, rays)
+            light = sky_light(ways.reshape(-1, 3), indoor=self._indoor).reshape(ways.shape)
+            free = (patches == self._land + 2).reshape(-1, rays, 1)
+            sky[part] = np.where(free, light, 0.0).mean(axis=1)
+        return seen, sky
+
+    def _met_faces(self, origins: Float, ways: Float) -> NDArray[np.int32]:
+        """The triangle (n,) that each ray meets first, or −1."""
+        assert self._rays is not None
+        return self._rays.first(
+            np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(ways, np.float32)
+        )
+
+    def _met(self, origins: Float, ways: Float) -> Int:
+        """The patch that each ray meets: faces, cells, the land around, insides, the sky."""
+        hits = self._met_faces(origins, ways)
+        patches = np.full(len(ways), self._land + 2)
+        down = (hits < 0) & (ways[:, 2] < 0.0)
+        reach = origins[down, 2] / -ways[down, 2]
+        place = origins[down, :2] + reach[:, None] * ways[down, :2]
+        cell = np.floor((place - self._low) / self._cell).astype(int)
+        inside = ((cell >= 0) & (cell < self._shape)).all(axis=1)
+        number = cell[:, 0] * self._shape[1] + cell[:, 1]
+        patches[down] = np.where(inside, self._count + number, self._land)
+        met = np.flatnonzero(hits >= 0)
+        owner = self._owner[hits[met]]
+        front = np.einsum("ij,ij->i", self._facing[owner], ways[met]) < 0.0
+        patches[met] = np.where(front, owner, self._land + 1)
+        return patches
+
+    def _shone(self, normals: Float) -> Float:
+        """The light (n, 3) of the sun on faces by their normals (n, 3), where nothing hides it."""
+        if self._indoor:
+            return np.zeros((len(normals), 3))
+        return np.asarray(np.maximum(normals @ SUN, 0.0)[:, None] * SUNSHINE)
+
+    def _sunlit(self, quads: Single, roofs: Single, cells: _Points) -> Float:
+        """The mean light (n, 3) of the sun on all patches."""
+        middles = np.concatenate([quads[:, :, :3].mean(axis=1), roofs[:, :, :3].mean(axis=1)])
+        corners = np.concatenate([quads[:, :2, :3], roofs[:, :2, :3]])
+        spots = [middles, *(0.5 * (middles + corners[:, k]) for k in range(2))]
+        normals = np.concatenate([self._facing.astype(np.float64), cells.normals])
+        shine = self._shone(normals)
+        if self._indoor:
+            return shine
+        assert self._rays is not None
+        free = np.zeros(len(normals))
+        for number, spot in enumerate(spots):
+            aside = 0.25 * self._cell * np.array([[0, 0, 0], [1, 1, 0], [-1, 1, 0]][number])
+            origins = np.concatenate([spot + _OFF * self._facing, cells.places + aside])
+            wiggle = _SPREAD * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]][number])
+            ways = np.broadcast_to(SUN + wiggle, origins.shape)
+            free += self._met_faces(origins, ways) < 0
+        return shine * (free / len(spots))[:, None]
+
+    def _albedo(self, quads: Single, roofs: Single) -> Float:
+        """What share (n, 3) of light all patches send on."""
+        # The coarsest copy of the texture is its mean.
+        means = layers(self._indoor)[-1][:, 0, 0].astype(np.float64) / 255.0
+        rows = np.concatenate([quads[:, 0], roofs[:, 0]]).astype(np.float64)
+        painted = means[rows[:, 8].astype(int)]
+        colours = rows[:, 9:12] * painted[:, 3:] + painted[:, :3]
+        ground = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
+        cells = np.broadcast_to(ground, (int(np.prod(self._shape)), 3))
+        return np.concatenate([np.clip(colours, 0.0, 1.0) ** GAMMA, cells])
+
+
+def _corners(quads: Single, roofs: Single) -> tuple[_Points, Int]:
+    """The different corners of faces, and which of them each corner of each face is."""
+    rows = np.concatenate([quads[:, :, :6].reshape(-1, 6), roofs[:, :, :6].reshape(-1, 6)])
+    middles = np.concatenate(
+        [
+            np.repeat(quads[:, :, :3].mean(axis=1), 4, axis=0),
+            np.repeat(roofs[:, :, :3].mean(axis=1), 3, axis=0),
+        ]
+    )
+    keys = np.round(rows * [100, 100, 100, 50, 50, 50]).astype(np.int64)
+    _, first, owner = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    owner = owner.reshape(-1)
+    counts = np.bincount(owner)[:, None]
+    inward = np.zeros((len(first), 3))
+    np.add.at(inward, owner, (middles - rows[:, :3]).astype(np.float64))
+    inward /= counts
+    length = np.maximum(np.linalg.norm(inward, axis=1), 1e-9)[:, None]
+    step = inward / length * np.minimum(_INWARD, 0.3 * length)
+    normals = rows[first, 3:6].astype(np.float64)
+    return _Points(rows[first, :3] + step + _OFF * normals, normals), owner
+
+
+def _sphere(count: int) -> Float:
+    """Directions (count, 3) over the upper half of space, as dense as they count on a surface."""
+    number = np.arange(count) + 0.5
+    radius, turn = np.sqrt(number / count), number * np.pi * (3.0 - np.sqrt(5.0))
+    up = np.sqrt(1.0 - number / count)
+    return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), up])
+
+
+def _around(normals: Float, turns: Float, local: Float) -> Float:
+    """Directions (n, k, 3) around normals (n, 3), each set turned by an angle (n,)."""
+    level = np.abs(normals[:, 2]) > 0.9
+    side = np.where(level[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    first = np.cross(side, normals)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    second = np.cross(normals, first)
+    cos, sin = np.cos(turns)[:, None], np.sin(turns)[:, None]
+    x = cos * local[:, 0] - sin * local[:, 1]
+    y = sin * local[:, 0] + cos * local[:, 1]
+    return np.asarray(
+        x[..., None] * first[:, None]
+        + y[..., None] * second[:, None]
+        + local[:, 2, None] * normals[:, None]
+    )
+
+
+def _mean_of(sent: Single, seen: NDArray[np.int32]) -> Float:
+    """The mean (n, 3) of what patches send, over those seen (n, k)."""
+    light = np.empty((len(seen), 3))
+    for first in range(0, len(seen), 4096):
+        light[first : first + 4096] = sent[seen[first : first + 4096]].mean(axis=1)
+    return light
+
+
+def _mean_by(light: Float, quads: Single, roofs: Single) -> Float:
+    """The mean light (m + t, 3) of faces whose corners have light."""
+    cut = 4 * len(quads)
+    return np.concatenate(
+        [light[:cut].reshape(-1, 4, 3).mean(axis=1), light[cut:].reshape(-1, 3, 3).mean(axis=1)]
+    )

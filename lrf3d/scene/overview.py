@@ -1,0 +1,148 @@
+"""The oblique view of the whole, and the film that opens and ends with it.
+
+A run and what stands in its world enter; looks leave, as functions of the film's time alone.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lrf3d.geometry import Float
+from lrf3d.scene.camera import Chase, Look
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.timeline import Timeline
+
+OPENING, CLOSING = 2.5, 3.0
+"""How long a story shows the whole before the run starts and after it has ended [s of the film]."""
+
+_PULL = 2.2
+"""Time of the film [s] in which the eye pulls back to the finished map."""
+
+
+class Overview:
+    """Looks at all that was driven and seen from one side, and drifts slowly round it."""
+
+    FIELD = float(np.radians(34.0))
+    STEEP, STEEP_INDOOR = np.radians(37.0), np.radians(56.0)
+    """How steeply it looks down [rad]: into rooms more, so that near walls hide less."""
+    AROUND, AROUND_INDOOR = 24.0, 1.5
+    """What is shown around the path [m], where the world goes on."""
+    TALLEST = 14.0
+    """Height [m] up to which buildings are in the picture for certain."""
+    FILL = 0.93
+    """Share of the picture that it fills."""
+    DRIFT = np.radians(1.2)
+    """Angle per second of the film [rad/s]."""
+    AIR = 2.6
+    """Reach of the air's haze, in distances to the middle: the whole is seen through clear air."""
+
+    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+        self._timeline = timeline
+        path = timeline.run.trajectory.poses[:, :2] - timeline.origin
+        ends = structures.segments.reshape(-1, 2)
+        around = self.AROUND_INDOOR if structures.indoor else self.AROUND
+        low, high = path.min(axis=0) - around, path.max(axis=0) + around
+        if len(ends):
+            # Past the last wall there is nothing to be seen but the path.
+            low = np.minimum(np.maximum(low, ends.min(axis=0)), path.min(axis=0) - 1.0)
+            high = np.maximum(np.minimum(high, ends.max(axis=0)), path.max(axis=0) + 1.0)
+        self._steep = self.STEEP_INDOOR if structures.indoor else self.STEEP
+        top = min(float(structures.heights.max(initial=0.0)), self.TALLEST)
+        x, y, z = np.meshgrid([low[0], high[0]], [low[1], high[1]], [0.0, top], indexing="ij")
+        self._corners = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+        # A long side lies across the picture, and the sides that the sun shines on are seen.
+        wide = high[0] - low[0] >= high[1] - low[1]
+        self._side = np.radians(-112.0 if wide else -22.0)
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        passed = (time - self._timeline.start) / self._timeline.playback
+        length = (self._timeline.end - self._timeline.start) / self._timeline.playback
+        # At its middle time it stands square to the whole; long films do not end at the back.
+        turn = self._side + self.DRIFT * float(np.clip(passed - 0.5 * length, -20.0, 20.0))
+        back = np.array(
+            [
+                np.cos(turn) * np.cos(self._steep),
+                np.sin(turn) * np.cos(self._steep),
+                np.sin(self._steep),
+            ]
+        )
+        right = np.array([-np.sin(turn), np.cos(turn), 0.0])
+        up = np.cross(back, right)
+        tall = self.FILL * np.tan(0.5 * self.FIELD)
+        target, away = self._corners.mean(axis=0), 1.0
+        for _ in range(6):
+            local = (self._corners - target) @ np.column_stack([right, up, back])
+            needed = np.maximum(np.abs(local[:, 0]) / (tall * aspect), np.abs(local[:, 1]) / tall)
+            away = float((needed + local[:, 2]).max())
+            # What is nearer is larger: the middle of the picture is not that of the box.
+            seen = local[:, :2] / (away - local[:, 2])[:, None]
+            shift = 0.5 * (seen.max(axis=0) + seen.min(axis=0)) * away
+            target = target + shift[0] * right + shift[1] * up
+        eye = target + away * back
+        return Look(eye, target, self.FIELD, near=0.5, air=self.AIR * away)
+
+
+class Story:
+    """Opens with the whole, goes down to the robot, follows it, and ends with the finished map."""
+
+    def __init__(self, timeline: Timeline, structures: Structures) -> None:
+        self._timeline = timeline
+        self._whole, self._chase = Overview(timeline, structures), Chase(timeline, structures)
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run, also before its start and after its end."""
+        timeline = self._timeline
+        before = (timeline.start - time) / timeline.playback
+        after = (time - timeline.end) / timeline.playback
+        share = _eased(before / OPENING if before > 0.0 else after / _PULL)
+        near = self._chase.look(time, aspect)
+        if share == 0.0:
+            return near
+        return between(near, self._whole.look(time, aspect), share)
+
+
+def between(near: Look, far: Look, share: float) -> Look:
+    """A look on the way from one at the robot to one from far away, at a share 0…1 of it."""
+    robot = near.eye + _reach(near) * _unit(near.target - near.eye)
+    offsets = [near.eye - robot, far.eye - far.target]
+    away, turn, steep = np.array([_polar(offset) for offset in offsets]).T
+    # The way is as long to the eye in each second; steps in and down come last.
+    distance = float(np.exp(np.log(away[0]) + share * np.log(away[1] / away[0])))
+    moved = (distance - away[0]) / (away[1] - away[0]) if away[1] != away[0] else share
+    target = robot + moved * (far.target - robot)
+    half = (turn[1] - turn[0] + np.pi) % (2.0 * np.pi) - np.pi
+    angle = turn[0] + share * half
+    down = steep[0] + np.sqrt(share) * (steep[1] - steep[0])
+    level = distance * np.cos(down)
+    way = [level * np.cos(angle), level * np.sin(angle), distance * np.sin(down)]
+    eye = target + np.array(way)
+    field = near.field + share * (far.field - near.field)
+    air = near.air + share * (far.air - near.air)
+    return replace(near, eye=eye, target=target, field=field, air=air)
+
+
+def _reach(look: Look) -> float:
+    """How far off the ground is in the middle of a look [m], within reason."""
+    ahead = _unit(look.target - look.eye)
+    return float(np.clip(look.eye[2] / max(-ahead[2], 0.05), 1.0, 12.0))
+
+
+def _unit(way: Float) -> Float:
+    return np.asarray(way / np.linalg.norm(way))
+
+
+def _polar(offset: Float) -> tuple[float, float, float]:
+    """Length [m], turn and rise [rad] of an offset (3,)."""
+    level = float(np.hypot(offset[0], offset[1]))
+    return (
+        float(np.linalg.norm(offset)),
+        float(np.arctan2(offset[1], offset[0])),
+        float(np.arctan2(offset[2], level)),
+    )
+
+
+def _eased(share: float) -> float:
+    """A share that leaves 0 and reaches 1 at rest."""
+    share = float(np.clip(share, 0.0, 1.0))
+    return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)

@@ -1,0 +1,218 @@
+"""Materials of walls: what becomes of a laser's light at them.
+
+The shares are those at 905 nm, at which most laser range finders work. A material returns light to
+the laser in three ways: diffusely (Lambert's law), in a lobe about the mirrored direction, and as a
+retro-reflector. What a smooth surface mirrors and what passes through goes on as a beam; a pane
+with a refractive index divides the two after Fresnel's equations.
+
+The values of the built-in materials are round numbers, typical of such surfaces when new and dry.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from difflib import get_close_matches
+from typing import Any
+
+from lrf3d.errors import WorldError, shown
+from lrf3d.geometry import is_finite
+
+SMOOTH_DEG = 1.0
+"""Widest lobe [°] of a surface that a beam leaves as a beam; in a wider one its light scatters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """What a wall does to the light of a laser.
+
+    Args:
+        name: Its name, by which objects of a world file refer to it.
+        diffuse: Share of the light that is reflected diffusely; 1 is a white wall.
+        specular: Share that is reflected in a lobe about the mirrored direction.
+        lobe_deg: Standard deviation of that lobe [°]. Up to 1° the surface is a mirror: the beam
+            goes on in the mirrored direction. With 0 no light of the lobe returns to the laser.
+        transmission: Share that passes straight through.
+        index: Refractive index of a pane, or 0. The shares that it mirrors and lets through, of
+            what is not reflected diffusely, then follow from Fresnel's equations.
+        retro: Brightness of a retro-reflector beside that of a white wall.
+
+    Raises:
+        WorldError: A value is out of range, or the shares are more than 1 together.
+
+    Examples:
+        >>> from lrf3d.world import Material
+        >>> Material("frosted glass", diffuse=0.2, transmission=0.6).passes
+        True
+        >>> Material.of("mirror").mirrors
+        True
+    """
+
+    name: str
+    diffuse: float = 0.0
+    specular: float = 0.0
+    lobe_deg: float = 0.0
+    transmission: float = 0.0
+    index: float = 0.0
+    retro: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and self.name):
+            raise WorldError(f"material {shown(self.name)}: expected a name")
+        for key, most in LIMITS.items():
+            value = getattr(self, key)
+            if isinstance(value, bool) or not is_finite(value) or not 0.0 <= value <= most:
+                raise WorldError(
+                    f"material {self.name!r}: {key} is {shown(value)}, expected 0 to {most:g}"
+                )
+            object.__setattr__(self, key, float(value))
+        if self.diffuse + self.specular + self.transmission > 1.0 + 1e-12:
+            raise WorldError(
+                f"material {self.name!r}: diffuse, specular and transmission are more than 1"
+                " together"
+            )
+        if self.index and (self.index < 1.0 or self.specular or self.transmission):
+            raise WorldError(
+                f"material {self.name!r}: index is {self.index:g}; expected 1 or more, and then"
+                " neither specular nor transmission, which follow from it"
+            )
+
+    @classmethod
+    def of(cls, value: "str | Material") -> "Material":
+        """The material itself, or the built-in one of a name.
+
+        Raises:
+            WorldError: There is no built-in material of that name.
+        """
+        return value if isinstance(value, Material) else named(value)
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether a beam goes on in the mirrored direction."""
+        return bool(self.specular or self.index) and self.lobe_deg <= SMOOTH_DEG
+
+    @property
+    def passes(self) -> bool:
+        """Whether a beam goes on straight through."""
+        return bool(self.transmission or self.index)
+
+    @property
+    def optics(self) -> tuple[float, ...]:
+        """The values that kernels take: those of the fields after the name, the lobe in rad."""
+        return (
+            self.diffuse,
+            self.specular,
+            math.radians(self.lobe_deg),
+            self.transmission,
+            self.index,
+            self.retro,
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """The name and the values that are not 0, as a world file has them."""
+        return {key: value for key, value in asdict(self).items() if value}
+
+
+LIMITS = {
+    "diffuse": 1.0,
+    "specular": 1.0,
+    "lobe_deg": 90.0,
+    "transmission": 1.0,
+    "index": 10.0,
+    "retro": 1e6,
+}
+"""Largest value of each field but the name."""
+
+BUILT_IN = {
+    material.name: material
+    for material in (
+        Material("plaster", diffuse=0.8),
+        Material("brick", diffuse=0.35),
+        Material("asphalt", diffuse=0.15),
+        Material("dark cloth", diffuse=0.05),
+        Material("metal", diffuse=0.2, specular=0.5, lobe_deg=8.0),
+        Material("glass", diffuse=0.01, lobe_deg=0.5, index=1.52),
+        Material("mirror", specular=0.95),
+        Material("retro-reflector", diffuse=0.2, retro=300.0),
+    )
+}
+"""The materials that every world knows, by name."""
+
+PLAIN = BUILT_IN["plaster"]
+"""The material of walls without one."""
+
+_OSM = {
+    "plaster": "plaster",
+    "cement_block": "plaster",
+    "concrete": "plaster",
+    "brick": "brick",
+    "glass": "glass",
+    "mirror": "mirror",
+    "metal": "metal",
+    "metal_plates": "metal",
+    "steel": "metal",
+}
+"""Built-in materials for the values of OpenStreetMap's key ``building:material``."""
+
+
+def named(name: object, own: Iterable[Material] = ()) -> Material:
+    """The material of a name, among those of a file and the built-in ones.
+
+    Raises:
+        WorldError: There is none.
+    """
+    known = {**BUILT_IN, **{material.name: material for material in own}}
+    if isinstance(name, str) and name in known:
+        return known[name]
+    near = get_close_matches(str(name), list(known), n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+    raise WorldError(f"there is no material {shown(name)}; {hint}")
+
+
+def osm_material(value: object) -> Material | None:
+    """The material of a building in OpenStreetMap; None where it says nothing of use."""
+    name = _OSM.get(value.strip().lower()) if isinstance(value, str) else None
+    return None if name is None else BUILT_IN[name]
+
+
+def material_of(value: object) -> Material | None:
+    """A material from the properties of a file: a built-in name, or a table of its values.
+
+    Raises:
+        WorldError: The table holds an unknown key or an invalid value.
+    """
+    if isinstance(value, str):
+        return BUILT_IN.get(value) or osm_material(value)
+    if not isinstance(value, dict):
+        return None
+    keys = [field.name for field in fields(Material)]
+    for key in value:
+        if key not in keys:
+            raise WorldError(f"material: unknown key {shown(key)}; known are {', '.join(keys)}")
+    return Material(**{"name": "", **value})
+
+
+def material_value(material: Material) -> str | dict[str, Any]:
+    """A material for the properties of a file: its name where it is built in, else its values."""
+    return material.name if BUILT_IN.get(material.name) == material else material.as_dict()
+
+
+def checked(
+    materials: Sequence[str | Material | None] | None, count: int
+) -> tuple[Material | None, ...]:
+    """One material or None for each of ``count`` objects; nothing at all where none has one.
+
+    Raises:
+        WorldError: They are not as many, or one is unknown.
+    """
+    found = tuple(None if one is None else Material.of(one) for one in materials or ())
+    if not any(found):
+        return ()
+    if len(found) != count:
+        raise WorldError(
+            f"{len(found)} materials for {count} objects: expected one for each, or none at all"
+        )
+    own: dict[str, Material] = {}
+    for material in found:
+        if material is not None and own.setdefault(material.name, material) != material:
+            raise WorldError(f"two different materials of the name {material.name!r}; rename one")
+    return found

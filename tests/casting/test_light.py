@@ -1,0 +1,299 @@
+"""Mirrors, glass and intensities, beside closed forms and beside rationals."""
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
+from lrf3d.casting.exact_light import ExactLight
+from lrf3d.casting.kernels.light import MOST_TURNS
+from lrf3d.errors import InputError
+from lrf3d.laser.light import shares
+from lrf3d.world import Material
+
+WHITE = Material("white", diffuse=1.0)
+PERFECT = Material("perfect mirror", specular=1.0)
+CASTERS = (PlanarCaster, EmbreeCaster)
+both = pytest.mark.parametrize("caster", CASTERS)
+ROUND = LaserRangeFinder(-np.pi, np.pi, beams=91)
+AHEAD = LaserRangeFinder(0.0, 0.0, beams=1)
+
+
+def world_of(*walls, heights=None):
+    """A world of walls, each an object of its own: x1, y1, x2, y2 and a material."""
+    segments = [wall[:4] for wall in walls]
+    return World(segments, np.arange(len(walls)), heights, materials=[wall[4] for wall in walls])
+
+
+def ulps(value, exact):
+    return float(abs(Fraction(float(value)) - exact) / Fraction(math.ulp(float(exact))))
+
+
+@both
+def test_a_white_wall_at_one_metre_has_the_intensity_one(caster):
+    scan = caster(world_of((1, -1, 1, 1, WHITE))).cast(AHEAD, (0, 0, 0))
+    assert scan.intensities.tolist() == [1.0]
+
+
+@both
+def test_intensities_are_those_of_the_laser_equation(caster):
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        distance, angle = rng.uniform(0.5, 60.0), rng.uniform(-1.4, 1.4)
+        diffuse, near = rng.uniform(0.01, 1.0), rng.uniform(0.1, 5.0)
+        normal, along = np.array([math.cos(angle), math.sin(angle)]), rng.uniform(1.0, 9.0)
+        across = along * np.array([-normal[1], normal[0]])
+        middle = np.array([distance, 0.0])
+        ends = np.concatenate([middle - across, middle + across])
+        world = world_of((*ends, Material("wall", diffuse=diffuse)))
+        lrf = replace(AHEAD, near_field=near)
+        scan = caster(world).cast(lrf, (0, 0, 0))
+        catches = (1 - math.exp(-2 * (distance / near) ** 2)) / (1 - math.exp(-2 / near**2))
+        want = diffuse * math.cos(angle) / distance**2 * catches
+        assert scan.intensities[0] == pytest.approx(want, rel=1e-12)
+        assert scan.ranges[0] == pytest.approx(distance, rel=1e-12)
+
+
+def test_a_lobe_and_a_retro_reflector_add_their_light():
+    metal = Material("metal", diffuse=0.2, specular=0.5, lobe_deg=10.0)
+    straight = PlanarCaster(world_of((2, -1, 2, 1, metal))).cast(AHEAD, (0, 0, 0))
+    lobe = math.radians(10.0)
+    assert straight.intensities[0] == pytest.approx((0.2 + 0.5 / (2 * lobe**2)) / 4, rel=1e-12)
+    aside = PlanarCaster(world_of((0, -2, 4, 2, metal))).cast(AHEAD, (0, 0, 0))
+    lost = math.exp(-0.5 * (math.pi / 2 / lobe) ** 2)
+    want = (0.2 * math.sqrt(0.5) + 0.5 / (2 * lobe**2) * lost) / 4
+    assert aside.intensities[0] == pytest.approx(want, rel=1e-12)
+    foil = Material("foil", diffuse=0.25, retro=99.75)
+    shining = PlanarCaster(world_of((2, -1, 2, 1, foil))).cast(AHEAD, (0, 0, 0))
+    assert shining.intensities[0] == pytest.approx(25.0, rel=1e-12)
+
+
+@both
+def test_a_dark_wall_returns_nothing_beyond_the_range_of_its_light(caster):
+    world = world_of((-90, 2, 90, 2, "dark cloth"))
+    lrf = replace(ROUND, threshold=1e-3, beams=721)
+    scan = caster(world).cast(lrf, (0, 0, 0))
+    sine = np.sin(lrf.angles)
+    with np.errstate(divide="ignore"):
+        bright = 0.05 * sine / (2.0 / sine) ** 2
+    seen = (sine > 0.02) & (bright >= 1e-3)
+    assert (np.isfinite(scan.ranges) == seen).all() and 0 < seen.sum() < 300
+    assert (scan.walls == np.where(seen, 0, -1)).all()
+    assert (scan.intensities[~seen] == 0.0).all()
+
+
+@both
+def test_without_mirrors_and_glass_ranges_are_what_they_are_without_materials(caster):
+    world = lrf3d.load_world("city")
+    named = replace(world, materials=["brick"] * world.object_count)
+    lrf = replace(ROUND, range_min=3.0)
+    poses = lrf3d.load_scenario("city").run(rng=0, scans=40).trajectory.poses
+    plain, lit = caster(world).scan_batch(lrf, poses), caster(named).scan_batch(lrf, poses)
+    assert plain[0].tobytes() == lit[0].tobytes() and (plain[1] == lit[1]).all()
+    assert caster(world).cast(lrf, poses[0]).intensities is None
+
+
+@both
+def test_parallel_mirrors_turn_a_beam_up_to_eight_times(caster):
+    # Each crossing of the gap takes the beam 1 m on; the last wall stands behind the mirrors.
+    for turns in range(MOST_TURNS + 2):
+        mirrors = [(-1, 0, 50, 0, PERFECT), (-1, 3, 50, 3, PERFECT)]
+        end = turns - 0.25
+        world = world_of(*mirrors, (end, -1, end, 4, WHITE))
+        start = LaserRangeFinder(math.atan2(3, 1), math.atan2(3, 1), beams=1)
+        scan = caster(world).cast(start, (-0.5, 1.5, 0))
+        if turns > MOST_TURNS:
+            assert np.isinf(scan.ranges[0])
+            continue
+        assert scan.walls[0] == 2
+        assert scan.ranges[0] == pytest.approx((end + 0.5) * math.sqrt(10.0), rel=1e-14)
+        assert scan.intensities[0] == pytest.approx(
+            1 / math.sqrt(10) / scan.ranges[0] ** 2, rel=1e-12
+        )
+        chain = caster(world).chains(start, (-0.5, 1.5, 0))[0]
+        assert chain.tolist() == [*[1, 0, 1, 0, 1, 0, 1, 0][:turns], 2]
+
+
+@both
+def test_a_corner_of_mirrors_returns_each_beam_to_where_it_came_from(caster):
+    # The laser's wall is behind it; the corner is at (5, 4).
+    walls = [(-5, 4, 5, 4, PERFECT), (5, -4, 5, 4, PERFECT), (-5, -4, -5, 4, WHITE)]
+    pose = (1.0, 1.0, math.atan2(3, 4))
+    lrf = LaserRangeFinder(-0.2, 0.2, beams=41)
+    scan = caster(world_of(*walls)).cast(lrf, pose)
+    chains = caster(world_of(*walls)).chains(lrf, pose)
+    twice = chains[:, :2] >= 0
+    assert twice.all(axis=1).sum() > 15
+    image = PlanarCaster(world_of((15, 4, 15, 12, WHITE))).cast(lrf, pose)
+    near = np.isfinite(image.ranges) & (chains[:, 2] == 2)
+    assert near.sum() > 10
+    assert scan.ranges[near] == pytest.approx(image.ranges[near], rel=1e-13)
+
+
+@both
+def test_a_beam_into_the_very_corner_is_turned_by_both_mirrors(caster):
+    walls = [(-5, 4, 5, 4, PERFECT), (5, -4, 5, 4, PERFECT), (-9, -8, -7, -10, WHITE)]
+    world = world_of(*walls)
+    # 3-4-5: the direction (0.6, 0.8) is not exact in float64, (1, 1) / √2 is as good as.
+    lrf, pose = LaserRangeFinder(np.pi / 4, np.pi / 4, beams=1), (1.0, 0.0, 0.0)
+    exact = lrf.directions(pose)[0]
+    if exact[0] == exact[1]:
+        assert caster(world).chains(lrf, pose).tolist() == [[0, 1, 2]]
+    straight = LaserRangeFinder(0.0, 0.0, beams=1)
+    world = world_of((5, 0, 9, 4, PERFECT), (5, 0, 9, -4, PERFECT), (-3, -1, -3, 1, WHITE))
+    assert caster(world).chains(straight, (0, 0, 0)).tolist() == [[0, 1, 2]]
+    assert caster(world).cast(straight, (0, 0, 0)).ranges.tolist() == [13.0]
+
+
+@both
+def test_a_polygon_of_mirrors_is_one_of_image_sources(caster):
+    # From inside a square of mirrors a post is seen at its images in the unfolded plane.
+    square = [(0, 0, 4, 0), (4, 0, 4, 4), (4, 4, 0, 4), (0, 4, 0, 0)]
+    post = (2.5, 2.75, 2.75, 2.5)
+    world = world_of(*[(*side, PERFECT) for side in square], (*post, WHITE))
+    pose = (1.25, 1.5, 0.3)
+    scan, chains = caster(world).cast(ROUND, pose), caster(world).chains(ROUND, pose)
+    images = []
+    for i in range(-12, 13):
+        for j in range(-12, 13):
+            flip = [4 * i + (p if i % 2 == 0 else 4 - p) for p in post[::2]]
+            flop = [4 * j + (p if j % 2 == 0 else 4 - p) for p in post[1::2]]
+            images.append((flip[0], flop[0], flip[1], flop[1]))
+    free = PlanarCaster(World(images)).cast(ROUND, pose)
+    hit = scan.walls == 4
+    assert hit.sum() > 15
+    assert scan.ranges[hit] == pytest.approx(free.ranges[hit], rel=1e-13)
+    turns = (chains[hit] >= 0).sum(axis=1) - 1
+    assert turns.max() >= 4 and (turns <= MOST_TURNS).all()
+
+
+@both
+def test_glass_returns_an_echo_and_lets_the_beam_through(caster):
+    world = world_of((2, -1, 2, 1, "glass"), (5, -9, 5, 9, WHITE))
+    several = replace(AHEAD, echoes=3)
+    scan = caster(world).cast(several, (0, 0, 0))
+    assert scan.echoes.tolist() == [[2.0, 5.0, np.inf]]
+    glass = Material.of("glass")
+    mirrored, passed = shares(1.0, glass.diffuse, 0.0, 0.0, glass.index)
+    lobe = math.radians(glass.lobe_deg)
+    want = [(glass.diffuse + mirrored / (2 * lobe**2)) / 4, passed**2 / 25, 0.0]
+    assert scan.echo_intensities[0] == pytest.approx(want, rel=1e-12)
+    for echo, distance in {"first": 2.0, "last": 5.0, "strongest": 2.0}.items():
+        assert caster(world).cast(replace(AHEAD, echo=echo), (0, 0, 0)).ranges[0] == distance
+    # Seen aslant it returns next to nothing, and the wall behind is the strongest echo.
+    assert caster(world).cast(AHEAD, (0, 0.5, 0.3)).walls.tolist() == [1]
+
+
+@pytest.mark.parametrize("index", [1.3, 1.52, 2.0])
+def test_a_pane_mirrors_as_fresnel_says(index):
+    # At Brewster's angle one polarisation passes whole; along the pane all is mirrored.
+    angle = math.atan(index)
+    across = ((index**2 - 1) / (index**2 + 1)) ** 2
+    assert shares(math.cos(angle), 0.0, 0.0, 0.0, index)[0] == pytest.approx(
+        across / (1 + across), rel=1e-12
+    )
+    assert shares(0.0, 0.0, 0.0, 0.0, index) == (1.0, 0.0)
+    assert shares(0.5, 0.25, 0.0, 0.0, index)[0] + shares(0.5, 0.25, 0.0, 0.0, index)[
+        1
+    ] == pytest.approx(0.75)
+
+
+@both
+def test_limits_hold_for_the_whole_way(caster):
+    world = world_of((2, -1, 2, 1, PERFECT), (-4, -1, -4, 1, WHITE))
+    for lrf, want in [
+        (replace(AHEAD, range_max=8.0), 8.0),
+        (replace(AHEAD, range_max=np.nextafter(8.0, 0.0)), np.inf),
+        (replace(AHEAD, range_min=8.0), 8.0),
+        (replace(AHEAD, range_min=np.nextafter(8.0, 9.0)), -np.inf),
+        (replace(AHEAD, range_min=5.0), 8.0),
+    ]:
+        assert caster(world).cast(lrf, (0, 0, 0)).ranges[0] == want
+
+
+@both
+def test_low_mirrors_do_not_turn_beams_above_them(caster):
+    world = world_of((2, -1, 2, 1, PERFECT), (7, -1, 7, 1, WHITE), heights=[0.4, 2.5])
+    assert caster(world).cast(AHEAD, (0, 0, 0)).ranges.tolist() == [7.0]
+
+
+@both
+def test_numbers_beyond_float64_products_are_lit_by_rationals(caster):
+    tiny = 1e-200
+    world = world_of((2 * tiny, -tiny, 2 * tiny, tiny, PERFECT), (-4, -1, -4, 1, WHITE))
+    assert caster(world).cast(AHEAD, (0, 0, 0)).ranges.tolist() == [4.0]
+    assert caster(world).cast_batch(AHEAD, [(0, 0, 0)]).tolist() == [[4.0]]
+
+
+NAMES = ["mirror", "glass", "plaster", "metal", "retro-reflector"]
+
+
+@pytest.mark.parametrize("kind", ["anywhere", "on a grid", "far away"])
+def test_every_wall_of_each_way_is_as_the_rationals_decide(kind):
+    rng = np.random.default_rng(len(kind))
+    for _ in range(12):
+        count = int(rng.integers(3, 12))
+        walls = rng.uniform(-9.0, 9.0, (count, 4)) + (1e6 if kind == "far away" else 0.0)
+        if kind == "on a grid":
+            walls = np.array([[-4, -4, 4, -4], *rng.integers(-4, 5, (count, 4))], dtype=float)
+            walls = walls[(walls[:, :2] != walls[:, 2:]).any(axis=1)]
+        materials = rng.choice(NAMES, len(walls), p=[0.45, 0.3, 0.15, 0.05, 0.05]).tolist()
+        world = World(walls, np.arange(len(walls)), materials=materials)
+        exact = ExactLight(world.segments, list(world.materials))
+        lrf = LaserRangeFinder(-np.pi, np.pi, beams=25, range_max=40.0, echoes=5)
+        casters = [caster(world) for caster in CASTERS]
+        for _ in range(3):
+            pose = np.array([*rng.uniform(-3, 3, 2), rng.uniform(-3, 3)])
+            pose[:2] += 1e6 if kind == "far away" else 0.0
+            if kind == "on a grid":
+                pose = np.array([*0.5 * rng.integers(-3, 4, 2), np.pi / 4 * rng.integers(-4, 5)])
+            scan, other = (caster.cast(lrf, pose) for caster in casters)
+            for name in ("ranges", "walls", "intensities", "echoes", "echo_intensities"):
+                assert (getattr(scan, name) == getattr(other, name)).all()
+            chains = casters[0].chains(lrf, pose)
+            for beam, direction in enumerate(lrf.directions(pose)):
+                found = exact.echoes(tuple(pose[:2]), tuple(direction), range_max=40.0)
+                assert np.isfinite(scan.ranges[beam]) == bool(found)
+                kept = sorted(found[:5], key=lambda echo: (float(echo.way), -echo.intensity))
+                for slot, echo in enumerate(kept):
+                    assert ulps(scan.echoes[beam, slot], echo.way) < 0.6
+                    assert scan.echo_intensities[beam, slot] == pytest.approx(
+                        echo.intensity, rel=1e-11
+                    )
+                if found:
+                    chain = tuple(chains[beam][chains[beam] >= 0].tolist())
+                    assert chain in [
+                        echo.chain for echo in found if echo.intensity >= 0.999 * found[0].intensity
+                    ]
+
+
+def test_a_batch_is_its_scans():
+    world = world_of((2, -3, 2, 3, "glass"), (-3, -3, -3, 3, "mirror"), (0, 4, 5, 4, "brick"))
+    poses = np.random.default_rng(1).uniform(-1.5, 1.5, (50, 3))
+    caster = PlanarCaster(world)
+    ranges, walls, intensities = caster.light_batch(ROUND, poses)
+    scans = [caster.cast(ROUND, pose) for pose in poses]
+    assert (ranges == [scan.ranges for scan in scans]).all()
+    assert (walls == [scan.walls for scan in scans]).all()
+    assert (intensities == [scan.intensities for scan in scans]).all()
+    assert (caster.cast_batch(ROUND, poses) == ranges).all()
+    with pytest.raises(InputError, match="world without materials"):
+        PlanarCaster(World([[0, 0, 1, 0]])).light_batch(ROUND, poses)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"threshold": -1.0}, "threshold -1.0, expected a finite number"),
+        ({"near_field": np.inf}, "near_field inf"),
+        ({"echo": "loudest"}, "echo 'loudest', expected one of first, last, strongest"),
+        ({"echoes": 6}, "echoes 6: expected a whole number from 1 to 5"),
+    ],
+)
+def test_invalid_settings_of_the_receiver_are_refused(values, message):
+    with pytest.raises(InputError, match=message):
+        LaserRangeFinder(**values)

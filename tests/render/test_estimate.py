@@ -1,0 +1,96 @@
+"""The estimate in films and figures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from estimates import estimated
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.text import Text
+from test_render import city_run, needs_gl, room_run
+
+from lrf3d.render.estimate_marks import CLOSED, DROPPED
+from lrf3d.render.figures import draw_map
+from lrf3d.render.film import Film
+from lrf3d.scene.look import ESTIMATE_COLOUR
+
+SIZE = (480, 270)
+RENDERERS = [pytest.param("gl", marks=needs_gl), "embree"]
+
+
+def drawn(run, time, *, view="chase", renderer="gl"):
+    """Which pixels show the estimate, and which the trail of the truth."""
+    pictures = []
+    for layers in ((), ("trail", "estimate")):
+        film = Film(run, size=SIZE, view=view, samples=0, layers=layers, renderer=renderer)
+        pictures.append(film.draw(time)[:, :, :3].astype(int))
+    red, green, blue = np.moveaxis(pictures[1], 2, 0)
+    changed = np.abs(pictures[1] - pictures[0]).max(axis=2) > 20
+    return changed & (red > green + 60) & (blue > green + 30), changed & (blue > red + 60)
+
+
+@pytest.mark.parametrize("renderer", RENDERERS)
+@pytest.mark.parametrize("view", ["chase", "top"])
+def test_the_film_shows_truth_and_estimate_in_two_colours(renderer, view):
+    run = city_run()
+    believed, true = drawn(run, 3.9, view=view, renderer=renderer)
+    assert not believed.any() and true.any()
+    believed, true = drawn(estimated(run), 3.9, view=view, renderer=renderer)
+    assert believed.sum() > 60 and true.sum() > 20
+
+
+@pytest.mark.parametrize("renderer", RENDERERS)
+def test_of_a_recorded_drive_only_the_estimate_is_drawn(renderer):
+    run = estimated(city_run(), (0.0, 0.0, 0.0))
+    believed, true = drawn(run, 3.9, renderer=renderer)
+    assert believed.sum() > 60 and not true.any()
+
+
+@needs_gl
+def test_both_renderers_draw_the_same_ellipse():
+    run = estimated(room_run())
+    found = [
+        np.argwhere(drawn(run, 2.5, view="top", renderer=name)[0]) for name in ("gl", "embree")
+    ]
+    assert min(map(len, found)) > 60
+    assert found[0].min(axis=0) == pytest.approx(found[1].min(axis=0), abs=2)
+    assert found[0].max(axis=0) == pytest.approx(found[1].max(axis=0), abs=2)
+
+
+@needs_gl
+def test_the_ellipse_grows_with_what_is_not_known():
+    run = estimated(room_run(), (0.0, 0.01, 0.0))
+    counts = [drawn(run, time, view="top")[0].sum() for time in (0.0, 2.5)]
+    assert counts[1] > counts[0] + 30
+
+
+def lines(figure, colour):
+    """The segments of all lines of a colour."""
+    return [
+        segment
+        for each in figure.axes[0].collections
+        if isinstance(each, LineCollection) and np.allclose(each.get_color()[0][:3], to_rgb(colour))
+        for segment in each.get_segments()
+    ]
+
+
+def test_the_map_shows_both_paths_the_ellipses_and_the_loops():
+    run = estimated(city_run())
+    figure = draw_map(run)
+    names = {text.get_text() for text in figure.findobj(Text)}
+    assert {"truth", "estimate, 95 %", "loop closures", "dropped closures"} <= names
+    assert "path" not in names
+    places = run.estimate.poses[:, :2]
+    (closed,), (dropped,) = lines(figure, CLOSED), lines(figure, DROPPED)
+    assert closed == pytest.approx(places[[0, -1]]) and dropped == pytest.approx(places[[1, 2]])
+    rings = lines(figure, ESTIMATE_COLOUR)
+    assert rings and all((ring[0] == ring[-1]).all() for ring in rings)
+
+
+def test_the_map_of_a_recorded_drive_names_no_truth():
+    run = estimated(city_run(), (0.0, 0.0, 0.0))
+    names = {text.get_text() for text in draw_map(run).findobj(Text)}
+    assert "truth" not in names and "estimate, 95 %" in names
+    without = replace(run, estimate=None)
+    assert "path" in {text.get_text() for text in draw_map(without).findobj(Text)}

@@ -1,0 +1,86 @@
+"""Light between faces: an open field, a corner, and what a wall sends on."""
+
+import numpy as np
+import pytest
+from test_render import box
+
+from lrf3d.scene.light import Light, open_light, screen, sky_light
+from lrf3d.scene.look import SKYSHINE
+from lrf3d.scene.structures import Structures
+from lrf3d.scene.walls import paint_walls
+from lrf3d.world import World
+
+
+def painted(walls, height, colours=None):
+    count = len(walls) // 4
+    objects, heights = np.repeat(np.arange(count), 4), np.full(len(walls), float(height))
+    structures = Structures.from_world(World(walls, objects, heights, colours=colours))
+    return structures, paint_walls(structures)
+
+
+def middles(faces):
+    return faces.quads[:, :, :3].mean(axis=1)
+
+
+def test_open_ground_has_the_whole_light_of_the_sky_and_less_of_it_beside_a_house():
+    _, walls = painted(np.array(box(-5.0, -5.0, 10.0, 10.0)), 12.0)
+    x = np.array([5.3, 8.0, 14.0, 40.0, 120.0])
+    light, open_air = walls.light.ground(np.column_stack([x, np.zeros(5)]))
+    assert open_air.all() and (np.diff(light[:, 2]) > -0.01).all()
+    assert light[0, 2] < 0.8 * SKYSHINE[2] and light[-1] == pytest.approx(SKYSHINE, rel=0.03)
+
+
+def test_under_a_house_it_is_dark_and_known_to_be():
+    _, walls = painted(np.array(box(-5.0, -5.0, 10.0, 10.0)), 12.0)
+    light, open_air = walls.light.ground(np.array([[0.0, 0.0], [2.0, -3.0]]))
+    assert not open_air.any() and (light < 0.05).all()
+
+
+def test_a_wall_facing_open_land_sees_half_the_sky_and_land_in_the_sun():
+    _, walls = painted(np.array(box(-5.0, -5.0, 10.0, 10.0)), 12.0)
+    upright = walls.faces.quads[:, 0, 5] < 0.5
+    outer = upright & (np.abs(middles(walls.faces)[:, :2]).max(axis=1) > 4.99)
+    light = walls.light.quads[outer].mean(axis=1)
+    assert (light > 0.45 * SKYSHINE).all() and (light < 1.1 * SKYSHINE).all()
+
+
+def test_light_takes_on_the_colour_of_what_it_comes_from():
+    walls = np.array([*box(0.0, 0.0, 8.0, 8.0), *box(11.0, 0.0, 8.0, 8.0)])
+    ratios = []
+    for colour in ([0.9, 0.1, 0.1], [0.1, 0.1, 0.9]):
+        colours = np.array([[0.5, 0.5, 0.5], colour])
+        structures, found = painted(walls, 10.0, colours)
+        quads = middles(found.faces) + np.append(structures.origin, 0.0)
+        # The grey wall that looks at the coloured one.
+        facing = (np.abs(quads[:, 0] - 8.0) < 0.01) & (found.faces.quads[:, 0, 3] > 0.5)
+        light = found.light.quads[facing].mean(axis=(0, 1))
+        ratios.append(light[0] / light[2])
+    assert ratios[0] > 1.1 * ratios[1]
+
+
+def test_the_inner_corner_of_a_room_is_darker_than_the_middle_of_its_floor():
+    walls = [[0, 0, 6, 0], [6, 0, 6, 5], [6, 5, 0, 5], [0, 5, 0, 0]]
+    structures = Structures.from_world(World(walls), np.array([[3.0, 2.0]]))
+    places = np.array([[3.0, 2.5], [0.15, 0.15]]) - structures.origin
+    light, open_air = paint_walls(structures).light.ground(places)
+    assert open_air.all() and light[1].mean() < 0.85 * light[0].mean()
+
+
+def test_light_is_the_same_each_time_and_that_of_an_open_field_without_a_wall():
+    walls = np.array(box(0.0, 0.0, 6.0, 4.0))
+    one, other = (painted(walls, 7.0)[1].faces.quads for _ in range(2))
+    assert np.array_equal(one, other)
+    empty = Light(
+        Structures.from_world(World(np.zeros((0, 4)))),
+        np.zeros((0, 4, 16), np.float32),
+        np.zeros((0, 3, 16), np.float32),
+    )
+    light, open_air = empty.ground(np.zeros((2, 2)))
+    assert open_air.all() and light[0] == pytest.approx(open_light(indoor=True), rel=1e-6)
+
+
+def test_the_sky_is_even_outdoors_and_brighter_on_the_lamps_side_indoors():
+    up, toward = np.array([[0.0, 0.0, 1.0]]), np.array([[0.33, -0.37, 0.868]])
+    assert np.array_equal(sky_light(up, indoor=False), sky_light(toward, indoor=False))
+    assert (sky_light(toward, indoor=True) > sky_light(-toward, indoor=True)).all()
+    assert screen(np.array([1.0, 0.0])) == pytest.approx([1.0, 0.0])

@@ -1,0 +1,176 @@
+"""Recordings that are cut, doubled, out of order, or whose odometry jumps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.errors import InputError
+from lrf3d.io.laser_log import LaserLog, WheelRecord
+from lrf3d.slam import WheelErrors
+from lrf3d.slam.frames import between, compose
+from lrf3d.slam.log import scaled_wheels, solve_recording
+from lrf3d.slam.repair import Repairs, repaired, without_jumps
+
+COUNT = 100
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """A recording in a flat, with the true poses of its scans."""
+    flat = lrf3d.World(
+        [
+            *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
+            *([4, 0, 4, 2.5], [4, 4, 4, 7], [6, 5, 7, 5], [7, 5, 7, 6], [1, 5.5, 2, 6]),
+        ]
+    )
+    route = np.array([(1, 1), (3, 3.2), (5.5, 3.2), (8, 1), (8, 3.5), (5, 3.4), (1.5, 3), (2, 1)])
+    way = lrf3d.follow_route(route, speed=0.8, dt=0.25)
+    way = lrf3d.Trajectory(way.times[:COUNT], way.poses[:COUNT])
+    noise = lrf3d.ProportionalNoise(0.02)
+    lrf = lrf3d.LaserRangeFinder(beams=181, range_max=20.0)
+    run = lrf3d.simulate(flat, way, lrf, noise=noise, rng=2, snapshots=1)
+    rng, wheels = np.random.default_rng(2), [way.poses[0]]
+    for step in between(way.poses[:-1], way.poses[1:]):
+        wheels.append(compose(wheels[-1], WheelErrors()(step, rng)))
+    record = WheelRecord(way.times, np.array(wheels), np.arange(COUNT))
+    return LaserLog("flat", list(run.scans), wheels=record), way.poses
+
+
+def rearranged(log, order):
+    """The log with scans and lines in another order; some may come twice, some not at all."""
+    wheels = log.wheels
+    record = WheelRecord(wheels.times[order], wheels.poses[order], np.arange(len(order)))
+    return replace(log, scans=[log.scans[k] for k in order], wheels=record)
+
+
+def errors(solution, true, first=0):
+    """How far each line is off [m], where the pose of one of them is given."""
+    start = compose(solution.line_poses[first], between(true[first], true))
+    return np.hypot(*(solution.line_poses - start)[:, :2].T)
+
+
+EVERY = np.arange(COUNT)
+HALF = COUNT // 2
+ORDERS = {
+    "as it is": (EVERY, Repairs()),
+    "each line twice": (
+        np.repeat(EVERY, 2),
+        Repairs(doubled_scans=COUNT, doubled_lines=COUNT),
+    ),
+    "all of it twice": (
+        np.tile(EVERY, 2),
+        Repairs(doubled_scans=COUNT, doubled_lines=COUNT),
+    ),
+    "a part of it twice": (
+        np.concatenate([EVERY[:80], EVERY[40:]]),
+        Repairs(doubled_scans=40, doubled_lines=40),
+    ),
+    "the end first": (np.concatenate([EVERY[HALF:], EVERY[:HALF]]), Repairs(put_in_order=True)),
+    "backwards in time": (EVERY[::-1], Repairs(put_in_order=True)),
+}
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_a_log_that_is_doubled_or_out_of_order_is_solved_as_if_it_were_not(recorded, name):
+    log, true = recorded
+    order, repairs = ORDERS[name]
+    solution = solve_recording(rearranged(log, order))
+    assert solution.repairs == repairs
+    assert len(solution.line_poses) == len(order)
+    assert errors(solution, true[order], int(np.argmin(order))).max() < 0.05
+    sentences = repairs.sentences()
+    assert len(sentences) == (name != "as it is")
+
+
+@pytest.mark.parametrize("lines", [[60], [60, 61]])
+def test_odometry_that_jumps_goes_on_as_before(recorded, lines):
+    log, true = recorded
+    wheels = log.wheels.poses.copy()
+    wheels[60:, 0] += 10.0
+    if len(lines) == 2:
+        wheels[61:, 0] -= 10.0
+    jumping = replace(log, wheels=replace(log.wheels, poses=wheels))
+    solution = solve_recording(jumping)
+    assert solution.repairs.jumps == tuple(lines)
+    assert errors(solution, true).max() < 0.05
+    assert "jump" in solution.repairs.sentences()[0] and "60" in solution.repairs.sentences()[0]
+
+
+def test_a_jump_is_filled_with_the_motion_around_it():
+    steps = np.tile([0.2, 0.0, 0.05], (9, 1))
+    wheels = [np.zeros(3)]
+    for step in steps:
+        wheels.append(compose(wheels[-1], step))
+    wheels = np.array(wheels)
+    jumped = wheels.copy()
+    jumped[5:, :2] += [7.0, -8.0]
+    mended, jumps = without_jumps(jumped)
+    assert jumps == (5,) and mended == pytest.approx(wheels, abs=1e-9)
+
+
+def test_a_robot_that_drove_on_unrecorded_has_not_jumped(recorded):
+    log, true = recorded
+    kept = np.concatenate([EVERY[:24], EVERY[44:]])
+    solution = solve_recording(rearranged(log, kept))
+    assert np.hypot(*(true[44] - true[23])[:2]) > 3.0
+    assert solution.repairs == Repairs(gaps=(24,))
+    assert "1 gap in the recording at line 24" in solution.repairs.sentences()[0]
+    # Only the odometry knows what happened meanwhile.
+    assert errors(solution, true[kept])[:24].max() < 0.05
+    assert errors(solution, true[kept]).max() < 1.5
+
+
+def test_scans_after_the_end_of_the_odometry_are_reported(recorded):
+    log, _ = recorded
+    wheels = log.wheels
+    short = WheelRecord(wheels.times[:60], wheels.poses[:60], np.minimum(EVERY, 59))
+    solution = solve_recording(replace(log, wheels=short))
+    assert solution.repairs == Repairs(scans_without_odometry=COUNT - 60)
+    assert "40 scans without odometry" in solution.repairs.sentences()[0]
+
+
+def test_stamps_that_fall_now_and_then_do_not_change_the_order(recorded):
+    log, true = recorded
+    times = log.wheels.times.copy()
+    times[50:60] -= 4.0
+    scans = [replace(s, time=float(t)) for s, t in zip(log.scans, times, strict=True)]
+    solution = solve_recording(replace(log, scans=scans, wheels=replace(log.wheels, times=times)))
+    assert solution.repairs == Repairs(stamps_not_rising=1)
+    assert errors(solution, true).max() < 0.05
+
+
+@pytest.mark.parametrize("turn", [1.0, 2.0])
+def test_odometry_that_measures_twice_the_way_is_found_out(recorded, turn):
+    log, true = recorded
+    doubled = scaled_wheels(log.wheels.poses, turn, 2.0)
+    solution = solve_recording(replace(log, wheels=replace(log.wheels, poses=doubled)))
+    assert solution.wheel_scale == pytest.approx((1.0 / turn, 0.5), abs=0.1)
+    assert errors(solution, true).max() < 0.06
+
+
+def test_scaled_wheels_are_the_wheels_with_other_steps():
+    rng = np.random.default_rng(0)
+    wheels = np.cumsum(rng.normal(size=(20, 3)), axis=0)
+    assert scaled_wheels(wheels, 1.0, 1.0) == pytest.approx(
+        np.column_stack([wheels[:, :2], np.angle(np.exp(1j * wheels[:, 2]))])
+    )
+    steps = between(wheels[:-1], wheels[1:])
+    other = scaled_wheels(wheels, 0.5, 3.0)
+    assert between(other[:-1], other[1:]) == pytest.approx(steps * [3.0, 3.0, 0.5])
+
+
+def test_odometry_that_jumps_everywhere_is_refused(recorded):
+    log, _ = recorded
+    rng = np.random.default_rng(0)
+    wheels = replace(log.wheels, poses=rng.normal(0.0, 1000.0, (COUNT, 3)))
+    with pytest.raises(InputError, match=r"jumps at \d+ of 100 lines, first at line 1; expected"):
+        solve_recording(replace(log, wheels=wheels))
+
+
+def test_without_stamps_nothing_is_taken_for_a_copy(recorded):
+    log, _ = recorded
+    still = np.zeros((COUNT, 3))
+    put = repaired(log.scans, still, np.zeros(COUNT), np.arange(COUNT))
+    assert len(put.wheels) == COUNT and put.repairs.doubled_lines == 0

@@ -1,0 +1,135 @@
+"""Plots on matplotlib axes, and what a notebook shows of a value."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from io import BytesIO
+
+import av
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image
+from synthetic_run import around, box, make_run, make_world
+
+import lrf3d
+from lrf3d.render.marks import HIT
+from lrf3d.render.page import FAR
+
+AWAY = np.array([85_000.0, 447_500.0])
+
+
+def street(x=0.0, y=0.0):
+    return make_world(box(x, y, 10, 6), box(x + 14, y, 8, 6), name="street")
+
+
+@pytest.fixture(scope="module")
+def run():
+    return make_run(street(), around(11, 3, 20, 12), lrf3d.LaserRangeFinder(beams=91), sigma=0.1)
+
+
+@pytest.fixture
+def axes():
+    return Figure().add_subplot()
+
+
+def picture(value):
+    return np.asarray(Image.open(BytesIO(value._repr_png_())).convert("RGB"))
+
+
+def test_a_plot_is_drawn_on_the_axes_that_are_given(run, axes):
+    scan, before = run.scan(0), pyplot.get_fignums()
+    assert lrf3d.plot.world(run.world, axes) is axes
+    assert lrf3d.plot.map(run.map, axes) is axes
+    assert lrf3d.plot.scan(scan, axes, lrf=run.lrf) is axes
+    assert lrf3d.plot.trajectory(run.trajectory, axes) is axes
+    assert lrf3d.plot.run(run, axes) is axes
+    assert pyplot.get_fignums() == before
+
+
+@pytest.mark.parametrize("x, y", [(0.0, 0.0), tuple(AWAY)])
+def test_walls_stand_at_their_places_in_the_world(x, y, axes):
+    assert abs(AWAY).max() > FAR
+    world = street(x, y)
+    lrf3d.plot.world(world, axes)
+    lines = next(c for c in axes.collections if isinstance(c, LineCollection))
+    assert np.array_equal(np.reshape(lines.get_segments(), (-1, 4)), world.segments)
+
+
+def test_the_view_grows_with_what_is_drawn_and_a_metre_is_a_metre(axes):
+    lrf3d.plot.world(street(), axes)
+    lrf3d.plot.world(street(40.0), axes)
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    assert left < 0.0 and right > 62.0 and bottom < 0.0 and top > 6.0
+    assert axes.get_aspect() == 1.0
+
+
+def test_limits_that_were_set_by_hand_stay(run, axes):
+    axes.set(xlim=(2, 5), ylim=(1, 3))
+    lrf3d.plot.run(run, axes)
+    assert axes.get_xlim() == (2, 5) and axes.get_ylim() == (1, 3)
+
+
+def test_beams_that_met_nothing_do_not_widen_the_view(axes):
+    lrf = lrf3d.LaserRangeFinder(beams=3, range_max=500.0)
+    scan = lrf3d.PlanarCaster(lrf3d.World([[3, -5, 3, 5]])).cast(lrf, (0, 0, 0))
+    lrf3d.plot.scan(scan, axes, lrf=lrf)
+    assert axes.get_ylim()[1] < 10.0
+
+
+def test_without_axes_there_is_a_new_figure_which_pyplot_knows(run):
+    try:
+        axes = lrf3d.plot.trajectory(run.trajectory.poses)
+        assert pyplot.gcf() is axes.figure
+    finally:
+        pyplot.close("all")
+
+
+def test_a_value_has_a_small_picture_of_its_own(run):
+    before = pyplot.get_fignums()
+    for value in (run.world, run.map, run.scan(0), run):
+        height, width, _ = picture(value).shape
+        assert 100 < min(width, height) and max(width, height) < 700
+        assert len(value._repr_png_()) < 200_000
+    assert pyplot.get_fignums() == before
+
+
+def test_the_picture_of_a_scan_shows_its_returns(run):
+    red = np.abs(picture(run.scan(0)) / 255.0 - to_rgb(HIT)).max(axis=2) < 0.1
+    assert red.sum() > 50
+
+
+def test_empty_values_and_runs_without_a_map_have_pictures(run):
+    bare = replace(run, maps=(), snapshot_scans=())
+    for value in (lrf3d.World(np.empty((0, 4))), lrf3d.LineMap.empty(), bare):
+        assert picture(value).size
+    assert picture(lrf3d.World([[0, 0, 4, 0]], name="$x^")).size
+
+
+def test_a_value_loads_matplotlib_only_for_its_picture():
+    code = (
+        "import sys, lrf3d; world = lrf3d.World([[1, -1, 1, 1]]); repr(world);"
+        "before = 'matplotlib' in sys.modules; world._repr_png_();"
+        "print(before, 'matplotlib' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
+
+
+def test_a_frame_is_one_picture_of_the_film(run):
+    early, late = (run.frame(t, size=(64, 36), samples=0, renderer="embree") for t in (0.0, 2.0))
+    assert early.shape == (36, 64, 3) and early.dtype == np.uint8
+    assert (early != late).any()
+    with pytest.raises(lrf3d.InputError, match="time 10000 s"):
+        run.frame(1e4, size=(64, 36), renderer="embree")
+
+
+def test_a_notebook_plays_the_film_of_a_run_in_its_page(run):
+    video = run.video(size=(64, 36), fps=1, renderer="embree", workers=1)
+    assert 'width="64"' in video._repr_html_() and "data:video/mp4;base64," in video._repr_html_()
+    assert len(repr(video)) < 100
+    with av.open(BytesIO(video.data)) as film:
+        assert next(film.decode(video=0)).width == 64

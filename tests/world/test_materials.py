@@ -1,0 +1,107 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.errors import WorldError
+from lrf3d.sweep.plan import digest
+from lrf3d.world import Material, World, load_world, save_world
+from lrf3d.world.materials import BUILT_IN, material_of
+
+WALLS = [[0, 0, 4, 0], [4, 0, 4, 3]]
+DIGEST = "9d986b4b39e77975693cdb179496e51a094b4e942f97f415fc884f7fbde35b1c"
+
+
+@pytest.mark.parametrize("material", BUILT_IN.values(), ids=str)
+def test_a_built_in_material_reflects_no_more_light_than_falls_on_it(material: Material) -> None:
+    assert material.diffuse + material.specular + material.transmission <= 1.0
+    assert World(WALLS, materials=[material.name]).materials == (material,)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"diffuse": -0.1}, "diffuse is -0.1, expected 0 to 1"),
+        ({"diffuse": np.nan}, "diffuse is nan"),
+        ({"retro": "much"}, "retro is 'much'"),
+        ({"index": 0.5}, "index is 0.5; expected 1 or more"),
+        ({"index": 1.5, "transmission": 0.5}, "which follow from it"),
+        ({"diffuse": 0.6, "transmission": 0.6}, "more than 1 together"),
+    ],
+)
+def test_an_invalid_material_is_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises(WorldError, match=message):
+        Material("own", **values)
+
+
+@pytest.mark.parametrize(
+    ("materials", "message"),
+    [
+        (["glass", "brick"], "2 materials for 1 objects"),
+        (["glas"], "there is no material 'glas'; did you mean 'glass'?"),
+    ],
+)
+def test_materials_that_do_not_fit_the_world_are_refused(
+    materials: list[str], message: str
+) -> None:
+    with pytest.raises(WorldError, match=message.replace("?", r"\?")):
+        World(WALLS, materials=materials)
+
+
+def test_two_materials_of_one_name_are_refused() -> None:
+    two = [Material("own", diffuse=0.1), Material("own", diffuse=0.2)]
+    with pytest.raises(WorldError, match="two different materials of the name 'own'"):
+        World(WALLS, objects=[0, 1], materials=two)
+
+
+def test_objects_without_materials_are_a_world_without_materials() -> None:
+    assert World(WALLS, materials=[None]).materials == ()
+
+
+@pytest.mark.parametrize("ending", [".toml", ".geojson", ".glb"])
+def test_a_world_without_materials_is_saved_without_a_word_of_them(
+    ending: str, tmp_path: Path
+) -> None:
+    save_world(World(WALLS), tmp_path / f"world{ending}")
+    # Every glTF file has a list of its materials, without names.
+    written = (tmp_path / f"world{ending}").read_bytes().replace(b'"materials"', b"")
+    written = written.replace(b'"material":0', b"").replace(b'"material": 0', b"")
+    assert b"material" not in written
+
+
+def test_the_digest_of_a_world_without_materials_is_what_it_was() -> None:
+    # Sweeps derive their seeds from it.
+    assert digest(World(WALLS, name="w")) == DIGEST
+    assert digest(World(WALLS, name="w", materials=["glass"])) != DIGEST
+
+
+def test_materials_are_read_as_openstreetmap_says_them() -> None:
+    assert material_of("metal_plates") == BUILT_IN["metal"]
+    assert material_of("Brick ") == BUILT_IN["brick"]
+    assert material_of("rammed_earth") is None
+    assert material_of(None) is None
+
+
+def test_a_run_keeps_the_materials_of_its_world(tmp_path: Path) -> None:
+    own = Material("frosted", diffuse=0.1, transmission=0.5)
+    world = World(WALLS, objects=[0, 2], materials=["mirror", None, own])
+    run = lrf3d.simulate(world, [(1, 1, 0)], rng=0)
+    lrf3d.save_run(run, tmp_path / "run.npz")
+    assert lrf3d.load_run(tmp_path / "run.npz").world.materials == world.materials
+
+
+def test_a_material_of_a_world_file_stands_for_the_built_in_one(tmp_path: Path) -> None:
+    path = tmp_path / "w.toml"
+    path.write_text(
+        '[[object]]\npoints = [[0, 0], [1, 0]]\nmaterial = "glass"\n'
+        '[[material]]\nname = "glass"\nindex = 1.9\n'
+    )
+    assert load_world(path).materials == (Material("glass", index=1.9),)
+
+
+def test_a_run_keeps_what_its_laser_makes_of_light(tmp_path: Path) -> None:
+    lrf = lrf3d.LaserRangeFinder(threshold=1e-4, near_field=0.3, echo="last", echoes=2)
+    run = lrf3d.simulate(World(WALLS, materials=["glass"]), [(1, 1, 0)], lrf, rng=0)
+    lrf3d.save_run(run, tmp_path / "run.npz")
+    assert lrf3d.load_run(tmp_path / "run.npz").lrf == lrf
