@@ -120,6 +120,7 @@ class FrontEnd:
         key_distance: Way between key scans [m].
         key_turn: Turn between key scans [rad].
         resolution: That of the laser.
+        wheels: What is known of the wheels' errors; nothing if not given.
     """
 
     def __init__(
@@ -128,11 +129,12 @@ class FrontEnd:
         key_distance: float = KEY_DISTANCE,
         key_turn: float = KEY_TURN,
         resolution: Resolution = DENSE,
+        wheels: Wheels | None = None,
     ) -> None:
         self.key_distance, self.key_turn = key_distance, key_turn
         self.resolution = resolution
         self.pose = np.zeros(3)
-        self.wheels = Wheels()
+        self.wheels = Wheels() if wheels is None else wheels
         # The surfaces that make the local map, with their poses, for each of the last key scans.
         self._local: list[list[tuple[Float, Float]]] = []
         # Those of a sparse laser's scans since the last key scan.
