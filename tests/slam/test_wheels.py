@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from lrf3d.slam.frames import between
+from lrf3d.slam.lag import WheelPath, fitted_lag
 from lrf3d.slam.log import solve_log
 from lrf3d.slam.wheels import Wheels
 from tests.slam.test_recovery import way_of
@@ -31,6 +32,17 @@ def test_noise_of_a_drive_straight_ahead_is_not_taken_for_turns():
     for _ in range(400):
         wheels.learn(np.array([0.5, 0.0, rng.normal(0, 0.03)]), np.array([0.5, 0.0, 0.0]), True)
     assert abs(wheels.biases[0]) < 0.03
+
+
+def test_the_noise_of_odometry_is_no_lag():
+    rng = np.random.default_rng(0)
+    turns = np.repeat([0.0, 0.4, 0.0, -0.4], 25) * (np.arange(100) % 5 == 0)
+    lines = np.cumsum(turns + rng.normal(0.0, 0.05, 100))
+    path = WheelPath(np.column_stack([np.arange(100.0) / 5.0, np.zeros(100), lines]))
+    places = np.arange(100)
+    assert fitted_lag(turns[1:], path, places) == 0.0
+    late = WheelPath(np.column_stack([np.zeros((100, 2)), np.cumsum(turns)]))
+    assert fitted_lag(np.diff(late.at(places - 0.5)[:, 2]), late, places) == 0.5
 
 
 def test_a_drive_is_right_from_its_beginning_whatever_its_wheels_measure():
