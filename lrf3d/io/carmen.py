@@ -33,6 +33,7 @@ from lrf3d.io.laser_log import (
     WheelRecord,
     log_name,
 )
+from lrf3d.io.no_return import without_no_returns
 from lrf3d.io.packed import LogLine, lines_of
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
@@ -81,7 +82,8 @@ def load_carmen(
     Args:
         path: The log, packed with gzip or not.
         largest_range: Readings from here on are no return [m]; if not given the farthest that
-            the message says its range finder sees, or 50 m.
+            the message says its range finder sees, or 50 m, or less if the largest reading of
+            the log stands out.
         poses: ``auto`` for those of the scans, ``odom`` or ``truth`` for those that ODOM or
             TRUEPOS messages give for the times of the scans, taken as the laser's.
 
@@ -134,6 +136,8 @@ def load_carmen(
         offset,
     )
     wheels_or_none = record if len(record) else None
+    if largest_range is None:
+        scans = without_no_returns(scans)
     # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
     mount = Pose(0.0 if wheels else offset, 0.0, 0.0)
     log = LaserLog(

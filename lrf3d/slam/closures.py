@@ -11,7 +11,7 @@ import numpy as np
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
-from lrf3d.slam.correlation import correlate
+from lrf3d.slam.correlation import AMBIGUOUS, correlate
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.graph_distance import DistanceGraph
 from lrf3d.slam.resolution import DENSE, Resolution
@@ -28,6 +28,9 @@ DRIFT, DRIFT_TURN = 0.01, 0.0015
 
 LEAST_WINDOW, MOST_WINDOW = 0.3, 4.0
 """Bounds of half the side of the window [m] that is searched."""
+
+LOST_WAY = 10.0
+"""Way [m] over which a robot drifts as far as in one scan that matches nothing: 0.1 m."""
 
 FARTHEST_WAY = 0.5 * MOST_WINDOW / DRIFT
 """Ways over the graph are found up to this length [m]; beyond it the window is the largest."""
@@ -49,9 +52,6 @@ CLOSURE_WAY = 0.5
 
 REACH = 0.3
 """How far off walls are looked for [m] when a closure is matched."""
-
-AMBIGUOUS = 0.92
-"""A closure is dropped if another place explains this share of what the best one does."""
 
 BEHIND = 0.3
 """A beam that passes this far behind what the other scan saw [m] contradicts a closure."""
@@ -184,12 +184,17 @@ class LoopCloser:
         """Closures that were found and are rejected: too few others agree with them."""
         return list(self._pending)
 
-    def add_key(self, key: Key) -> None:
-        """Take in the next key scan."""
+    def add_key(self, key: Key, lost: int = 0) -> None:
+        """Take in the next key scan.
+
+        Args:
+            key: The key scan.
+            lost: How many scans since the last one matched nothing.
+        """
         if self.keys:
             step = between(self.keys[-1].pose, key.pose)
             # A turn in place lets the robot drift like a way of the length of its lever.
-            way = float(np.hypot(step[0], step[1]) + abs(step[2]))
+            way = float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST_WAY * lost
             self._graph.add()
             self._graph.link(len(self.keys) - 1, len(self.keys), way)
             self._ways = np.append(self._ways, self._ways[-1] + way)

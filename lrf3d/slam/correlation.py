@@ -26,6 +26,9 @@ PEAKS = 6
 APART, TURNED_APART = 0.3, 0.1
 """Two poses that differ by more [m], [rad] are different places."""
 
+AMBIGUOUS = 0.92
+"""No place is accepted if another one explains this share of what it does."""
+
 LOOSE = np.diag([4.0, 4.0, 25.0])
 """Information of the guess when a peak is refined: 0.5 m and 0.2 rad, which leaves it free."""
 

@@ -10,6 +10,7 @@ from itertools import chain
 import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
+from lrf3d.slam.correlation import AMBIGUOUS, correlate
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.scan_matching import Match, match_scan
@@ -41,11 +42,23 @@ DOUBTFUL, BETTER = 0.65, 0.15
 """Where a match explains a smaller share than the first, others are tried that odometry does not
 lead to, and accepted if they explain more by the second."""
 
+LOST = 0.4
+"""Where not even these explain such a share, all places around are searched."""
+
+LEAST_FOUND = 0.5
+"""Share that a place has to explain if nothing but the search led to it."""
+
+SEARCHED, MOST_SEARCHED, SEARCHED_TURN = 0.6, 2.0, 0.5
+"""How far around [m], [rad], beside the way that the robot may have driven, and at most how far."""
+
 LEAST_POINTS = 20
 """With fewer points than this no others are tried: a few points fit in many places."""
 
 UNGUIDED = np.diag([100.0, 100.0, 400.0])
 """Information of the guess in these: 0.1 m and 0.05 rad."""
+
+UNGUIDED_COVARIANCE = np.diag(1.0 / UNGUIDED.diagonal())
+"""And their covariance."""
 
 BACKWARDS = np.array([-1.0, -1.0, 1.0])
 """What turns an increment into that of a robot that drives backwards."""
@@ -71,6 +84,7 @@ class Tracked:
         deviation: RMS distance [m] of its points to the walls they were matched with.
         motion: (3,) how the robot moved since the scan before by its wheels, without the errors
             that are known of these.
+        covariance: (3, 3) that of the motion.
     """
 
     pose: Float
@@ -79,6 +93,7 @@ class Tracked:
     matched: bool
     deviation: float
     motion: Float
+    covariance: Float
 
     @property
     def weakest(self) -> tuple[Float, float]:
@@ -105,6 +120,7 @@ class FrontEnd:
         key_distance: Way between key scans [m].
         key_turn: Turn between key scans [rad].
         resolution: That of the laser.
+        wheels: What is known of the wheels' errors; nothing if not given.
     """
 
     def __init__(
@@ -113,11 +129,12 @@ class FrontEnd:
         key_distance: float = KEY_DISTANCE,
         key_turn: float = KEY_TURN,
         resolution: Resolution = DENSE,
+        wheels: Wheels | None = None,
     ) -> None:
         self.key_distance, self.key_turn = key_distance, key_turn
         self.resolution = resolution
         self.pose = np.zeros(3)
-        self.wheels = Wheels()
+        self.wheels = Wheels() if wheels is None else wheels
         # The surfaces that make the local map, with their poses, for each of the last key scans.
         self._local: list[list[tuple[Float, Float]]] = []
         # Those of a sparse laser's scans since the last key scan.
@@ -129,6 +146,7 @@ class FrontEnd:
         self._turn_known = self._ahead_known = True
         self._last = np.zeros(3)
         self._signs = np.ones(3)
+        self._dead = False
 
     def track(self, surface: Float, increment: Float) -> Tracked:
         """Place the next scan.
@@ -138,9 +156,11 @@ class FrontEnd:
             increment: (3,) how the robot moved since the last scan by its wheels.
         """
         increment = self._signs * increment
-        expected = self.wheels.corrected(increment)
+        # Encoders that have stood still while scans showed motion are dead until they count again.
+        self._dead &= not increment.any()
+        expected = self._last if self._dead else self.wheels.corrected(increment)
+        covariance = UNGUIDED_COVARIANCE if self._dead else self.wheels.covariance(increment)
         guess = compose(self.pose, expected)
-        covariance = self.wheels.covariance(increment)
         prior = turned(np.diag(1.0 / covariance.diagonal()), float(self.pose[2]))
         match, backwards = Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
         if self._grid is not None and len(surface):
@@ -155,22 +175,25 @@ class FrontEnd:
         accepted = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
         pose = match.pose if accepted else guess
         pose[2] = wrap_angle(pose[2])
-        information = turned(match.information, -float(pose[2]))
+        information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
         found = between(self.pose, pose)
         self._last = found
-        if accepted and not backwards:
+        if accepted and not (backwards or self._dead):
             self.wheels.compare(expected, found, covariance)
+        self._turn_known &= accepted and not self._dead
+        self._ahead_known &= accepted and information[0, 0] > WEAK
+        self._dead |= bool(accepted and not increment.any() and np.abs(found).max() > REVERSED)
         self._raw += increment
         self._found += found
-        self._turn_known &= accepted
-        self._ahead_known &= accepted and information[0, 0] > WEAK
         self.pose = pose
         if self.resolution.sparse and self._apart():
             self._stretch.append((surface, pose.copy()))
             self._grid = wall_map(
                 [*chain.from_iterable(self._local), *self._stretch], self.resolution.along
             )
-        return Tracked(pose, information, match.explained, accepted, match.deviation, expected)
+        return Tracked(
+            pose, information, match.explained, accepted, match.deviation, expected, covariance
+        )
 
     def _better(
         self, surface: Float, grid: SurfaceGrid, match: Match, expected: Float
@@ -178,22 +201,39 @@ class FrontEnd:
         """A match that explains much more than the one that odometry led to, if there is one.
 
         Wheels that spin, or a robot that is pushed, move otherwise than odometry says: the robot
-        stands still, goes on as it did, or drives backwards with encoders that know no sign.
+        stands still, goes on as it did, or drives backwards with encoders that know no sign. Where
+        none of that fits, all places around are searched: encoders may fail, or be missing.
 
         Returns:
             The best match, and whether it was reached backwards.
         """
-        best, backwards = match, False
+        sigma, best = self.resolution.sigma, match
         for motion in (self._last, np.zeros(3), expected * BACKWARDS):
             guess = compose(self.pose, motion)
-            other = match_scan(
-                surface, grid, guess, UNGUIDED, ITERATIONS, REACH, self.resolution.sigma
+            other = match_scan(surface, grid, guess, UNGUIDED, ITERATIONS, REACH, sigma)
+            best = max(best, other, key=_explained)
+        if best.explained < (DOUBTFUL if self._dead else LOST):
+            steps = np.abs([expected, self._last]).max(axis=0)
+            places = correlate(
+                surface,
+                grid,
+                compose(self.pose, expected),
+                window=min(SEARCHED + float(np.hypot(*steps[:2])), MOST_SEARCHED),
+                turn=SEARCHED_TURN + float(steps[2]),
+                reach=REACH,
+                sigma=sigma,
             )
-            if other.explained > best.explained + (BETTER if best is match else 0.0):
-                best = other
-                ahead = between(self.pose, best.pose)[0]
-                backwards = bool(min(-ahead * np.sign(expected[0]), abs(expected[0])) > REVERSED)
-        return best, backwards
+            # Of two places that fit alike the search knows neither.
+            least = max([LEAST_FOUND, *(place.explained / AMBIGUOUS for place in places[1:])])
+            if places and places[0].explained > least:
+                best = max(best, places[0], key=_explained)
+        apart = best.pose - match.pose
+        apart[2] = wrap_angle(apart[2])
+        known = float(apart @ best.information @ apart) > WEAK * float(apart @ apart)
+        if not (known and best.explained > match.explained + BETTER):
+            return match, False
+        ahead = between(self.pose, best.pose)[0]
+        return best, bool(min(-ahead * np.sign(expected[0]), abs(expected[0])) > REVERSED)
 
     def _apart(self) -> bool:
         """Whether the robot has moved far enough for a scan to show other points of the walls."""
@@ -236,3 +276,8 @@ class FrontEnd:
             cloud = cloud[~is_unknown(cloud)]
             surface = moved(cloud[:: 1 + len(cloud) // MOST_POINTS], back)
         return surface, walls
+
+
+def _explained(match: Match) -> float:
+    """By what matches of one scan are compared."""
+    return match.explained

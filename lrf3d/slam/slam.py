@@ -24,6 +24,7 @@ from lrf3d.slam.refinement import refined
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, scaled, variance_factor
+from lrf3d.slam.wheels import Wheels
 
 EDGE_SHARE = 0.3
 """Share of the matching's information that counts for the edge between key scans: neighbours are
@@ -53,6 +54,7 @@ class Slam:
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         key_distance: Way from one key scan to the next [m].
         key_turn: Turn from one key scan to the next [rad].
+        wheels: What is known of the wheels' errors from an earlier drive.
 
     Raises:
         InputError: A number is not finite, or a distance not positive.
@@ -77,6 +79,7 @@ class Slam:
         laser_offset: float = 0.0,
         key_distance: float = KEY_DISTANCE,
         key_turn: float = KEY_TURN,
+        wheels: Wheels | None = None,
     ) -> None:
         values = (laser_offset, key_distance, key_turn)
         if not (np.isfinite(values).all() and key_distance > 0.0 and key_turn > 0.0):
@@ -87,7 +90,7 @@ class Slam:
         self._lrf = lrf
         self._start = np.array(as_pose(start))
         self._laser = sealed(np.array([laser_offset, 0.0]))
-        self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn)
+        self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn, wheels=wheels)
         self._resolution = DENSE
         self._closer = LoopCloser()
         self._tracked: list[Tracked] = []
@@ -133,8 +136,8 @@ class Slam:
             self._front.resolution = self._resolution
             self._closer = LoopCloser(self._resolution)
         surface = surface_of_scan(scan, self._laser, sparse=self._resolution.sparse)
-        self._wheel_covariance += self._front.wheels.covariance(increment)
         self._tracked.append(self._front.track(surface, increment))
+        self._wheel_covariance += self._tracked[-1].covariance
         if self._front.key_due():
             self._add_key(scan, *self._front.add_key(surface))
 
@@ -325,7 +328,8 @@ class Slam:
             self._room = np.concatenate([self._room, np.empty_like(self._room)])
         self._room[self._key_count] = new
         self._key_count += 1
-        self._closer.add_key(key)
+        first = keys[-1].scan + 1 if keys else 0
+        self._closer.add_key(key, sum(not scan.matched for scan in self._tracked[first:]))
         closures = self._closer.search(self._key_poses) if len(keys) > 1 else []
         if closures:
             more = closure_edges(closures)

@@ -6,7 +6,9 @@ instead; corrected increments leave, and their covariances. The wheels are taken
     Δθ = (1 + a)·Δθ_wheels + b·Δs,    Δs = (1 + c)·Δs_wheels
 
 with a, b, c from a linear regression over all stretches so far: b is what wheels of unequal size
-do, a what a wrong wheel base does, and c what a wrong circumference does.
+do, a what a wrong wheel base does, and c what a wrong circumference does. The regression is that of
+the wheels on the scans, and is then solved for the scans: a regression on the wheels, whose noise
+is the larger, would take the noise of a drive straight ahead for turns that are not there.
 """
 
 import numpy as np
@@ -40,20 +42,22 @@ class Wheels:
         self._way_sum = 0.0
         # Squared differences between wheels and scans in units of their variance.
         self._excess = np.ones(2)
-        self._turn_bias: Float = np.zeros(2)
-        self._way_bias = 0.0
+        # What the wheels measure too much, as shares of the true turn, way, and way.
+        self._turn_errors: Float = np.zeros(2)
+        self._way_error = 0.0
 
     @property
     def biases(self) -> Float:
         """The errors (3,): a, b [rad/m] and c."""
-        return np.array([*self._turn_bias, self._way_bias])
+        by_turn, by_way = (self._turn_errors / (1.0 + self._turn_errors[0])).tolist()
+        return -np.array([by_turn, by_way, self._way_error / (1.0 + self._way_error)])
 
     def corrected(self, increment: Float) -> Float:
         """An increment (3,) without the systematic errors that are known by now."""
         ahead, left, turn = increment
-        more = self._turn_bias[0] * turn + self._turn_bias[1] * ahead
-        scale = 1.0 + self._way_bias
-        return np.array([scale * ahead, scale * left, turn + more])
+        a, b, c = self.biases
+        way = ahead + c * ahead
+        return np.array([way, left + c * left, turn + a * turn + b * way])
 
     def covariance(self, increment: Float) -> Float:
         """Covariance (3, 3) of an increment's random errors."""
@@ -86,22 +90,25 @@ class Wheels:
             matched: (3,) the same sums as matching found them.
             ahead_known: Whether the walls in view fixed the way ahead.
         """
-        way, turn = float(measured[0]), float(measured[2])
+        way, turn = float(matched[0]), float(matched[2])
         row = np.array([turn, way])
-        spread = STILL_HEADING + SWERVE * abs(way) + SLIP_TURN * abs(turn)
-        error = float(matched[2]) - turn
-        weight = _weight(error - float(row @ self._turn_bias), spread)
+        # The larger way counts, so that wheels that measure twice the way are learned, too.
+        farthest = max(abs(way), abs(float(measured[0])))
+        spread = STILL_HEADING + SWERVE * farthest
+        spread += SLIP_TURN * max(abs(turn), abs(float(measured[2])))
+        error = float(measured[2]) - turn
+        weight = _weight(error - float(row @ self._turn_errors), spread)
         self._turn_information += weight * np.outer(row, row)
         self._turn_sum += weight * error * row
-        bias = np.linalg.solve(self._turn_information, self._turn_sum)
-        self._turn_bias = np.asarray(bias, dtype=np.float64)
+        errors = np.linalg.solve(self._turn_information, self._turn_sum)
+        self._turn_errors = np.asarray(errors, dtype=np.float64)
         if ahead_known and abs(way) > 0.0:
-            spread = STILL_POSITION + SLIP * abs(way)
-            error = float(matched[0]) - way
-            weight = _weight(error - self._way_bias * way, spread)
+            spread = STILL_POSITION + SLIP * farthest
+            error = float(measured[0]) - way
+            weight = _weight(error - self._way_error * way, spread)
             self._way_information += weight * way**2
             self._way_sum += weight * way * error
-            self._way_bias = self._way_sum / self._way_information
+            self._way_error = self._way_sum / self._way_information
 
 
 def _weight(residual: float, spread: float) -> float:

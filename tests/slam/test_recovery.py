@@ -1,0 +1,54 @@
+"""Drives whose odometry or scans fail for a while."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lrf3d.slam.frames import between, compose
+from lrf3d.slam.log import solve_log
+from lrf3d.slam.repair import without_jumps
+from tests.slam.test_slam import drive, errors, rooms, through
+
+
+def way_of(start, steps):
+    way = [start]
+    for step in steps:
+        way.append(compose(way[-1], step))
+    return np.array(way)
+
+
+@pytest.mark.parametrize("first, last", [(50, 80), (0, None)])
+def test_the_robot_is_followed_where_its_encoders_stand_still(first, last):
+    scans, wheels, true = drive(rooms(2), through(2))
+    steps = between(wheels[:-1], wheels[1:])
+    steps[first:last] = 0.0
+    wheels = way_of(wheels[0], steps)
+    assert errors(true, wheels).max() > 3.0
+    solution = solve_log(scans, wheels, np.arange(len(scans)))
+    # Where the drive begins nothing but encoders can tell how far the robot is along the corridor.
+    assert errors(true, solution.scan_poses)[10:].max() < 0.1
+
+
+def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
+    """Most beams that meet glass go through it, so that little of a scan is explained."""
+    world = rooms(8)
+    scans, wheels, true = drive(world, [(1.0, 1.2), (38.0, 1.2)], seed=3)
+    rng = np.random.default_rng(3)
+    glass = rng.random(len(world.segments)) < 0.5
+    seen = []
+    for scan in scans:
+        lost = (scan.walls >= 0) & glass[scan.walls] & (rng.random(len(scan.ranges)) < 0.85)
+        seen.append(replace(scan, ranges=np.where(lost, np.inf, scan.ranges)))
+    solution = solve_log(seen, wheels, np.arange(len(seen)))
+    poses = np.array([scan.pose for scan in solution.slam.tracked])
+    wrong = np.abs(between(poses[:-1], poses[1:]) - between(true[:-1], true[1:]))
+    assert wrong.max() < 0.15
+
+
+def test_lines_far_apart_are_no_jumps_but_what_is_far_beyond_them_is():
+    lines = np.column_stack([4.0 * np.arange(30), np.zeros(30), np.zeros(30)])
+    times = 2.0 * np.arange(30)
+    assert without_jumps(lines, times)[1] == ()
+    lines[12:, 1] += 20.0
+    assert without_jumps(lines, times)[1] == (12,)

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+from lrf3d.slam.frames import between
+from lrf3d.slam.lag import WheelPath, fitted_lag
+from lrf3d.slam.log import solve_log
+from lrf3d.slam.wheels import Wheels
+from tests.slam.test_recovery import way_of
+from tests.slam.test_slam import drive, errors, rooms
+
+
+def measured(found, a=0.2, b=0.1, c=0.25):
+    """What wheels measure that turn by (1 + a) too little, and so on, of motions (n, 3)."""
+    ahead, left, turn = found.T
+    return np.column_stack([ahead / (1 + c), left, (turn - b * ahead) / (1 + a)])
+
+
+def test_corrected_increments_are_the_motions_of_the_robot():
+    rng = np.random.default_rng(0)
+    found = np.column_stack([rng.uniform(0.3, 0.6, 200), np.zeros(200), rng.normal(0, 0.3, 200)])
+    wheels = Wheels()
+    for raw, motion in zip(measured(found), found, strict=True):
+        wheels.learn(raw, motion, True)
+    assert wheels.biases == pytest.approx([0.2, 0.1, 0.25], abs=0.02)
+    corrected = np.array([wheels.corrected(raw) for raw in measured(found)])
+    assert np.abs(corrected - found).max() < 0.03
+
+
+def test_noise_of_a_drive_straight_ahead_is_not_taken_for_turns():
+    rng = np.random.default_rng(0)
+    wheels = Wheels()
+    for _ in range(400):
+        wheels.learn(np.array([0.5, 0.0, rng.normal(0, 0.03)]), np.array([0.5, 0.0, 0.0]), True)
+    assert abs(wheels.biases[0]) < 0.03
+
+
+def test_the_noise_of_odometry_is_no_lag():
+    rng = np.random.default_rng(0)
+    turns = np.repeat([0.0, 0.4, 0.0, -0.4], 25) * (np.arange(100) % 5 == 0)
+    lines = np.cumsum(turns + rng.normal(0.0, 0.05, 100))
+    path = WheelPath(np.column_stack([np.arange(100.0) / 5.0, np.zeros(100), lines]))
+    places = np.arange(100)
+    assert fitted_lag(turns[1:], path, places) == 0.0
+    late = WheelPath(np.column_stack([np.zeros((100, 2)), np.cumsum(turns)]))
+    assert fitted_lag(np.diff(late.at(places - 0.5)[:, 2]), late, places) == 0.5
+
+
+def test_a_drive_is_right_from_its_beginning_whatever_its_wheels_measure():
+    """Where the corridor is bare only the wheels know the way, and they say a fifth too much."""
+    world = rooms(6)
+    scans, wheels, true = drive(world, [(1.0, 1.2), (28.0, 1.2)])
+    steps = between(wheels[:-1], wheels[1:])
+    steps[:, 0] *= 1.2
+    wheels = way_of(wheels[0], steps)
+    solution = solve_log(scans, wheels, np.arange(len(scans)))
+    assert errors(true, wheels).max() > 4.0
+    assert errors(true, solution.scan_poses).max() < 0.6
