@@ -30,6 +30,9 @@ poses (k, 3)          x, y [m], theta [rad] of each scan
 ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
 truth (k, n)          true ranges [m]
 walls (k, n)          the wall that each beam hit, or −1
+intensities (k, n)    of the measured ranges; missing in worlds without materials
+echoes (k, n, e)      ranges [m] of the echoes, the nearest first, then +inf; missing, like
+                      echo_intensities (k, n, e), if the range finder reports one
 snapshot_scans (s,)   index of the last scan in each map snapshot; empty without a LineMap
 map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
@@ -67,7 +70,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import ECHO_CHOICES
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
-from lrf3d.run import Run
+from lrf3d.run import LIGHT, Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.materials import material_of, material_value
@@ -118,6 +121,7 @@ def save_run(run: Run, path: str | Path) -> None:
             Column.of("ranges", run.ranges),
             Column.of("truth", run.truth),
             Column.of("walls", run.walls),
+            *(Column.of(name, values) for name, values in run.light.items()),
             *map_columns(run.snapshot_scans, run.maps),
             *estimate_columns(run.estimate),
         ],
@@ -324,6 +328,11 @@ def _run(arrays: dict[str, Any]) -> Run:
     for name in ("ranges", "truth", "walls"):
         if arrays[name].shape != scans:
             raise ValueError(f"{name} of shape {arrays[name].shape}, expected {scans}")
+    light = {name: arrays[name] for name in LIGHT if name in arrays}
+    for name, array in light.items():
+        expected = scans if name == "intensities" else (*scans, *arrays["echoes"].shape[2:3])
+        if array.shape != expected:
+            raise ValueError(f"{name} of shape {array.shape}, expected {expected}")
     world = World(
         arrays["segments"],
         arrays["objects"],
@@ -366,4 +375,5 @@ def _run(arrays: dict[str, Any]) -> Run:
         _obstacles(arrays),
         _film(arrays),
         _estimate(arrays, scans[0]),
+        **light,
     )
