@@ -55,11 +55,21 @@ class Frame(NamedTuple):
 
     def map_of(self, table: SegmentTable) -> LineMap:
         """The map in the world of a table in this frame."""
+        turned = SegmentTable(
+            self._turned(table.ends), table.moments, table.points, table.unions
+        )
+        return turned.as_map(np.array([self.x, self.y]))
+
+    def in_world(self, segments: Float) -> Float:
+        """Segments (n, 4) of this frame in the world."""
+        return self._turned(segments) + np.tile([self.x, self.y], 2)
+
+    def _turned(self, segments: Float) -> Float:
+        """Segments (n, 4) of this frame in the world's directions, around its origin."""
         cos, sin = np.cos(self.theta), np.sin(self.theta)
         turn = np.array([[cos, sin], [-sin, cos]])
-        ends = (table.ends.reshape(-1, 2) - SHIFT) @ turn
-        turned = SegmentTable(ends.reshape(-1, 4), table.moments, table.points, table.unions)
-        return turned.as_map(np.array([self.x, self.y]))
+        turned: Float = (segments.reshape(-1, 2) - SHIFT) @ turn
+        return turned.reshape(-1, 4)
 
 
 class Beams(NamedTuple):

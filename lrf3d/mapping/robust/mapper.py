@@ -17,6 +17,7 @@ from lrf3d.mapping.robust.cells import NewEvidence
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
+from lrf3d.mapping.robust.optics import Optics
 from lrf3d.mapping.robust.refinement import LEAST_ROWS, MapRefinement
 from lrf3d.mapping.robust.wall_choice import choose_walls, count_unowned_hits
 from lrf3d.mapping.robust.wall_store import WallStore
@@ -38,6 +39,7 @@ class RobustMapper:
         self._grid = EvidenceGrid()
         self._noise = NoiseEstimate(extract.floor)
         self._refined = MapRefinement(rule, least)
+        self._optics = Optics(extract)
         self._last_scan: int | None = None
         self._frame: Frame | None = None
         self._map: LineMap | None = None
@@ -61,6 +63,7 @@ class RobustMapper:
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._refine(fresh, noise)
+        self._optics.update(scan, place, heading, noise)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
 
@@ -123,7 +126,10 @@ class RobustMapper:
         """The global map as it is now."""
         if self._map is None:
             table = self._refined.table()
-            self._map = LineMap.empty() if self._frame is None else self._frame.map_of(table)
+            if self._frame is None:
+                self._map = LineMap.empty()
+            else:
+                self._map = self._optics.show(self._frame.map_of(table), self._frame)
         return self._map
 
     def state(self) -> dict[str, Any]:
@@ -134,6 +140,7 @@ class RobustMapper:
             **self._grid.state(),
             **self._noise.state(),
             **self._refined.state(),
+            **self._optics.state(),
             "last_scan": np.array([] if self._last_scan is None else [self._last_scan], np.int64),
             "frame": frame,
             "wall_last_scans": self._last_scans.copy(),
@@ -147,6 +154,7 @@ class RobustMapper:
         self._grid.restore(state)
         self._noise.restore(state)
         self._refined.restore(state)
+        self._optics.restore(state)
         last = state["last_scan"].tolist()
         self._last_scan = last[0] if last else None
         frame = state["frame"]
