@@ -10,7 +10,7 @@ A chunk holds, for c scans of n beams:
 ==================  =======================================================================
 state               JSON: the state of the random numbers after the last scan, and the map
                     snapshots among these scans with their numbers of segments
-by snapshot         segments (m, 4), objects (m,), points (m,)
+by snapshot         segments (m, 4), objects (m,), points (m,), codes of kinds (m,)
 times, poses        (c,), (c, 3)
 ranges, truth       (c, n) each
 walls               (c, n)
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from lrf3d.simulation import Simulation
 
 
-MAGIC = b"lrf3d journal 2\n"
+MAGIC = b"lrf3d journal 3\n"
 
 _LENGTH = struct.Struct("<QI")
 """Length and checksum [zlib.crc32] of what follows."""
@@ -145,7 +145,8 @@ class Journal:
         first, scans = self.scans, len(columns["times"])
         parts = [_COUNTS.pack(first, scans, len(state)), state]
         for line_map in snapshots.values():
-            parts += [_bytes(line_map.segments), _bytes(line_map.objects), _bytes(line_map.points)]
+            parts += [_bytes(line_map.segments), _bytes(line_map.objects)]
+            parts += [_bytes(line_map.points), _bytes(line_map.codes)]
         before = sum(map(len, parts))
         rows = [_bytes(columns[name]) for name in self.columns]
         parts += rows
@@ -223,8 +224,11 @@ class Journal:
             objects = np.frombuffer(payload, np.int64, size, at + 32 * size)
             points = np.frombuffer(payload, np.int64, size, at + 40 * size)
             # Copies, so that a map does not keep the whole chunk in memory.
-            snapshots[int(scan)] = LineMap(segments.copy(), objects.copy(), points.copy())
-            at += 48 * size
+            codes = np.frombuffer(payload, np.int64, size, at + 48 * size)
+            snapshots[int(scan)] = LineMap.of_codes(
+                segments.copy(), objects.copy(), points.copy(), codes
+            )
+            at += 56 * size
         if first != self.scans:
             return None
         begin, sums = at, []

@@ -36,7 +36,8 @@ echoes (k, n, e)      ranges [m] of the echoes, the nearest first, then +inf; mi
 snapshot_scans (s,)   index of the last scan in each map snapshot; empty without a LineMap
 map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
-                      map_points likewise
+                      map_points likewise; map_kinds (…,) 0 for walls, 1 for glass and 2 for
+                      mirrors, missing if all are walls
 estimate_poses (k, 3) estimated pose after each scan; missing, like the next five, if the poses
                       were given to the robot, and in older files
 estimate_scans (e,)   scans after which the covariance is known; estimate_covariances (e, 3, 3)
@@ -82,7 +83,9 @@ VERSION = 1
 
 DTYPE_KINDS = {
     **dict.fromkeys(("version", "objects", "walls", "snapshot_scans", "map_sizes"), "iu"),
-    **dict.fromkeys(("map_objects", "map_points", "obstacle_corners", "obstacle_stops"), "iu"),
+    **dict.fromkeys(
+        ("map_objects", "map_points", "map_kinds", "obstacle_corners", "obstacle_stops"), "iu"
+    ),
     **dict.fromkeys(("estimate_scans", "estimate_closures", "estimate_dropped"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
     "materials": "U",
@@ -184,6 +187,9 @@ def map_columns(snapshot_scans: Iterable[int], maps: Sequence[LineMap]) -> list[
         "map_objects": np.concatenate([none.objects, *(part.objects for part in maps)]),
         "map_points": np.concatenate([none.points, *(part.points for part in maps)]),
     }
+    codes = np.concatenate([none.codes, *(part.codes for part in maps)])
+    if codes.any():
+        arrays["map_kinds"] = codes
     return [Column.of(name, array) for name, array in arrays.items()]
 
 
@@ -354,12 +360,14 @@ def _run(arrays: dict[str, Any]) -> Run:
         float(arrays.get("scan_duration", 0.0)),
         *_receiver(arrays),
     )
+    codes = arrays.get("map_kinds", np.zeros(len(arrays["map_objects"]), np.int64))
     bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
     maps = tuple(
-        LineMap(
+        LineMap.of_codes(
             arrays["map_segments"][first:last],
             arrays["map_objects"][first:last],
             arrays["map_points"][first:last],
+            codes[first:last],
         )
         for first, last in pairwise(bounds)
     )

@@ -78,6 +78,21 @@ class LineMap(Value, Pictured):
                 f"map: segment {row} is {segments[row].tolist()}, expected finite numbers"
             )
 
+    @property
+    def codes(self) -> Int:
+        """What each segment (m,) is, as its place in KINDS."""
+        codes: Int = np.select([self.kinds == GLASS, self.kinds == MIRROR], [1, 2]).astype(np.int64)
+        return codes
+
+    @classmethod
+    def of_codes(cls, segments: Float, objects: Int, points: Int, codes: Int) -> "LineMap":
+        """The map of segments with `codes`.
+
+        Raises:
+            IndexError: A code is none.
+        """
+        return cls(segments, objects, points, np.array(KINDS, KIND)[codes])
+
     @classmethod
     def empty(cls) -> "LineMap":
         """The map before the first scan."""
@@ -108,8 +123,8 @@ class LineMap(Value, Pictured):
 def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = None) -> None:
     """Write a map as GeoJSON: a FeatureCollection of one LineString a segment.
 
-    Each has the properties object, alpha [rad], p [m] and points, and kind if it is no wall. :func:`load_world` reads the file
-    as the world that the map shows.
+    Each has the properties object, alpha [rad], p [m] and points, and kind if it is no wall.
+    :func:`load_world` reads the file as the world that the map shows.
 
     Args:
         line_map: The map.

@@ -55,14 +55,13 @@ class Frame(NamedTuple):
 
     def map_of(self, table: SegmentTable) -> LineMap:
         """The map in the world of a table in this frame."""
-        turned = SegmentTable(
-            self._turned(table.ends), table.moments, table.points, table.unions
-        )
+        turned = SegmentTable(self._turned(table.ends), table.moments, table.points, table.unions)
         return turned.as_map(np.array([self.x, self.y]))
 
     def in_world(self, segments: Float) -> Float:
         """Segments (n, 4) of this frame in the world."""
-        return self._turned(segments) + np.tile([self.x, self.y], 2)
+        turned: Float = self._turned(segments) + np.tile([self.x, self.y], 2)
+        return turned
 
     def _turned(self, segments: Float) -> Float:
         """Segments (n, 4) of this frame in the world's directions, around its origin."""
@@ -97,6 +96,11 @@ class Beams(NamedTuple):
         ranges = free_ranges(measured, scan.range_max)
         variances = noise.variance(ranges) + pose_variance(scan, ranges)
         return cls(units, ranges, np.sqrt(variances))
+
+    def limited(self, limits: Float) -> "Beams":
+        """The beams, free no farther than limits (n,) [m], at which those went on elsewhere."""
+        turned = np.isfinite(limits)
+        return self._replace(ranges=np.where(turned, -limits, self.ranges))
 
 
 def in_order(scan: LaserScan) -> tuple[Float, Float]:

@@ -1,4 +1,4 @@
-"""All tuning constants of the default mapper, in the order in which a scan meets them.
+"""Tuning constants of the default mapper, in the order in which a scan meets them.
 
 Each has its unit and its reason, and says what less or more of it does where that is known. The
 settings that users choose are arguments of :class:`lrf3d.LineMapper`. Lengths are in metres; a
@@ -351,62 +351,3 @@ scans only."""
 NOISE_STEPS = 1.2
 """By which factor more must be known before noise is fitted anew. It changes speed, and the error
 of the noise by a few per cent."""
-
-# --- Glass, in scans with intensities ---
-
-USUAL_SHARE = 0.7
-"""[share] The usual brightness of a return, its intensity times the square of its range, is that
-which so many have at most: beside a front of glass most are dim."""
-
-BRIGHTNESSES, STEPS_AN_OCTAVE = 512, 4
-"""[steps] Steps in which brightness is counted, in all and for each factor of two."""
-
-FLASH_SHARE = 5.0
-"""[share] A return is a flash where its brightness is so many times the usual one. Diffuse walls reach about 3 at most; glass some hundreds."""
-
-DIM_SHARE = 0.05
-"""[share] A return is dim where its brightness is less than this part of the usual one: glass returns
-about a hundredth. More takes dark cloth for glass until nothing is seen behind it."""
-
-FLASH_DEVIATION = np.radians(0.6)
-"""[rad] How far off the normal a flash may be: half of the step between two beams of common range
-finders, and of the lobe of glass."""
-
-LONGEST_PAIRED = 4
-"""[beams] Longest run of dim returns of which each two that follow each other are taken for a part
-of a pane: of longer ones a wall is found."""
-
-PANE_DISTANCE = 0.1
-"""[m] How far off a pane a return of it may lie, beside what noise explains: as walls."""
-
-PANE_DEVIATIONS = 3.0
-"""[deviations] The same for its place and its direction, as these are known."""
-
-PANE_DEPTH = 0.3
-"""[m] A beam that goes no farther than this behind a pane does not pass it."""
-
-PANE_GRAZING_COSINE = 0.26
-"""[cosine] Beams at 75° and more from the normal are mirrored as much as they pass."""
-
-PANE_PIECE = 0.25
-"""[m] Length of a piece of a pane, in which beams are counted."""
-
-PANE_PIECES = 256
-"""[pieces] How many pieces a pane may have: 64 m."""
-
-PANE_GAP = 10.0
-"""[m] Longest gap between two returns of one pane where no beam ends on something opaque. Between
-two places from which a robot met a pane at a right angle it returned nothing."""
-
-LEAST_SHOWN = 3
-"""[beams] A pane is glass where at least so many beams returned light as glass does or passed …"""
-
-OPAQUE_SHARE = 0.3
-"""[share] … and those that ended on it, neither bright nor dim, are fewer than this part."""
-
-ABSORBED, ABSORBED_DISTANCE, ABSORBED_SINE = 0.5, 0.2, 0.15
-"""[share, m, sine] A segment of the map is a part of a pane where so much of its length lies by it,
-no farther off and no more askew."""
-
-PANE_JOINS = 0.4
-"""[m] A pane is of the object of a wall whose end it reaches so nearly."""

@@ -58,12 +58,19 @@ class RobustMapper:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
-        fresh = self._add_beams(Beams.of(scan, heading, noise), place)
+        seen = self._optics.look(scan, place, heading, noise)
+        scan = seen.scan
+        beams = Beams.of(scan, heading, noise)
+        if seen.limits is not None:
+            beams = beams.limited(seen.limits)
+        fresh = self._add_beams(beams, place)
         ends, moments, labels = self._extract.walls(scan, heading, noise)
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._refine(fresh, noise)
-        self._optics.update(scan, place, heading, noise)
+        if seen.beams is not None:
+            walls = ends + np.tile(place, 2)
+            self._optics.update(seen, heading, noise, walls, self._refined.table().ends)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
 

@@ -6,7 +6,7 @@ passed. Flashes and dim returns enter; they are fitted to lines, and each beam t
 counted in pieces along it, as a return of glass, as passing, or as ending on something opaque.
 Stretches leave that return light as glass does and that beams pass.
 
-Brightness is relative to what is usual in the scans so far, so that intensities need no calibration.
+Brightness is relative to what is usual in the scans so far: intensities need no calibration.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, principal_direction
-from lrf3d.mapping.robust.constants import (
+from lrf3d.mapping.robust.optics_constants import (
     BRIGHTNESSES,
     DIM_SHARE,
     FLASH_DEVIATION,
@@ -151,9 +151,7 @@ class Panes:
             aside = np.abs(units[:, 0] * offset[:, 1] - units[:, 1] * offset[:, 0])
             variance = 1.0 / self.moments[:, 0] + along**2 / spread + 1.0 / moment[0]
             fits &= aside < PANE_DISTANCE + np.minimum(PANE_DEVIATIONS * np.sqrt(variance), 0.3)
-            stations[end] = np.einsum(
-                "ij,ij->i", segment[2 * end : 2 * end + 2] - points, units
-            )
+            stations[end] = np.einsum("ij,ij->i", segment[2 * end : 2 * end + 2] - points, units)
         half = 0.5 * PANE_PIECE * PANE_PIECES
         fits &= np.abs(stations).max(axis=0) < half
         low, high = self.reach[:, :, 0].min(axis=1), self.reach[:, :, 1].max(axis=1)
@@ -176,13 +174,14 @@ class Panes:
         inside = (crossing > 0.0) & (place >= 0) & (place < PANE_PIECES)
         hit = inside & (np.abs(away) < tolerance) & (beams.ranges > 0.0)
         passed = inside & (away > tolerance + PANE_DEPTH) & (slope > PANE_GRAZING_COSINE)
-        lines = np.broadcast_to(near[:, None], place.shape)
+        # Views: what is written to them is written to the pieces of all lines.
+        pieces, reach = self.pieces.reshape(-1), self.reach.reshape(-1)
+        rows = near[:, None] * PANE_PIECES + place
         for kind, chosen in ((GLASS, hit & glass), (PASSED, passed), (OPAQUE, hit & ~glass)):
-            np.add.at(self.pieces, (lines[chosen], place[chosen], kind), 1)
+            np.add.at(pieces, 3 * rows[chosen] + kind, 1)
         chosen = hit & glass
-        rows = lines[chosen], place[chosen]
-        np.minimum.at(self.reach, (*rows, 0), stations[chosen])
-        np.maximum.at(self.reach, (*rows, 1), stations[chosen])
+        np.minimum.at(reach, 2 * rows[chosen], stations[chosen])
+        np.maximum.at(reach, 2 * rows[chosen] + 1, stations[chosen])
 
     def segments(self) -> Float:
         """The stretches (s, 4) [m] that are glass."""
