@@ -30,6 +30,9 @@ LONGEST_PAIRED = 4
 """[beams] Longest run of dim returns of which each two that follow each other are taken for a part
 of a pane: of longer ones a wall is found."""
 
+FLASH_COSINE = np.cos(np.radians(5.0))
+"""[cosine] Smallest incidence at which glass may flash."""
+
 PANE_DISTANCE = 0.1
 """[m] How far off a pane a return of it may lie, beside what noise explains: as walls."""
 

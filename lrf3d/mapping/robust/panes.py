@@ -18,6 +18,7 @@ from lrf3d.geometry import Bool, Float, Int, principal_direction
 from lrf3d.mapping.robust.optics_constants import (
     BRIGHTNESSES,
     DIM_SHARE,
+    FLASH_COSINE,
     FLASH_DEVIATION,
     FLASH_SHARE,
     LEAST_SHOWN,
@@ -167,7 +168,8 @@ class Panes:
         points, units = (part[near] for part in self.lines())
         crossing, stations, slope = crossings(beams.place, beams.units, points, units)
         flash, dim = beams.classes(slope)
-        glass = flash | dim
+        # What flashes askew is a retro-reflector.
+        glass = dim | (flash & (slope > FLASH_COSINE))
         tolerance = PANE_DISTANCE + 3.0 * beams.deviations * slope
         away = (beams.free - crossing) * slope
         place = np.floor(stations / PANE_PIECE).astype(np.int64) + PANE_PIECES // 2
