@@ -149,11 +149,9 @@ def test_without_intensities_nothing_is_looked_for():
 
 @pytest.mark.parametrize("world", [mirror_hall(), glass_front()])
 def test_what_was_learnt_of_light_is_taken_back_to_the_last_bit(world):
-    poses = (
-        round_trip(40) if len(world.segments) > 7 else np.column_stack([*[np.arange(40) / 2]] * 1)
-    )
-    if poses.shape[1] == 1:
-        poses = np.column_stack([poses[:, 0], np.zeros(40), np.zeros(40)])
+    poses = round_trip(40)
+    if len(world.segments) == 7:
+        poses = np.column_stack([0.5 * np.arange(40), np.zeros(40), np.zeros(40)])
     run = lrf3d.simulate(world, poses, LRF, caster="planar", rng=0)
     one, other = LineMapper(), LineMapper()
     for index, scan in enumerate(run.scans):
@@ -175,14 +173,8 @@ def test_the_order_of_the_beams_does_not_matter():
     ahead, back = LineMapper(), LineMapper()
     for scan in run.scans:
         ahead.update(scan)
-        back.update(
-            replace(
-                scan,
-                angles=scan.angles[::-1],
-                ranges=scan.ranges[::-1],
-                intensities=scan.intensities[::-1],
-            )  # fmt: skip
-        )
+        turned = {name: getattr(scan, name)[::-1] for name in ("angles", "ranges", "intensities")}
+        back.update(replace(scan, **turned))
     assert np.array_equal(ahead.map.segments, back.map.segments)
 
 
@@ -235,7 +227,8 @@ def test_glass_ends_where_beams_end_on_something_opaque():
         pieces[row], reach[row] = (2, 4, 0), (0.25 * row, 0.25 * row + 0.2)
     pieces[3:5, 1] = 5
     pieces[7:9, 2] = 5
-    assert stretches(pieces, reach) == pytest.approx([(0.25, 1.7), (2.25, 2.7)])
+    found = np.array(stretches(pieces, reach))
+    assert found == pytest.approx(np.array([[0.25, 1.7], [2.25, 2.7]]))
     pieces[:, 2] += 9
     assert stretches(pieces, reach) == []
 
