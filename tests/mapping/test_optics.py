@@ -215,21 +215,22 @@ def test_walls_and_their_images_give_the_mirror():
 
 def test_images_are_taken_off_walls_that_go_on_in_them():
     walls = np.array([[0, 0, 24, 0], [24, 0, 24, 8], [24, 8, 0, 8], [0, 8, 0, 0], [13, 3, 15, 4.0]])
-    left, rows = without_images(walls, np.array([[-1.0, 0.0, -12.0]]))
+    left, rows = without_images(walls, np.array([[-1.0, 0.0, -12.0]]), walls)
     assert rows.tolist() == [0, 2, 3, 4]
     assert left[0] == pytest.approx([0, 0, 12, 0], abs=0.3)
     assert left[1] == pytest.approx([12, 8, 0, 8], abs=0.3)
 
 
-def test_glass_ends_where_beams_end_on_something_opaque():
-    pieces, reach = np.zeros((12, 3), np.int64), np.full((12, 2), (np.inf, -np.inf))
-    for row in (1, 2, 5, 6, 9, 10):
-        pieces[row], reach[row] = (2, 4, 0), (0.25 * row, 0.25 * row + 0.2)
-    pieces[3:5, 1] = 5
-    pieces[7:9, 2] = 5
-    found = np.array(stretches(pieces, reach))
-    assert found == pytest.approx(np.array([[0.25, 1.7], [2.25, 2.7]]))
-    pieces[:, 2] += 9
+def test_glass_ends_where_beams_end_on_something_opaque_or_would_have_flashed():
+    pieces, reach = np.zeros((16, 5), np.int64), np.full((16, 2), (np.inf, -np.inf))
+    for row in (1, 2, 5, 6, 9, 10, 13, 14):
+        pieces[row], reach[row] = (1, 1, 4, 0, 0), (0.25 * row, 0.25 * row + 0.2)
+    pieces[3:5, 2] = 5
+    pieces[7:9, 3] = 5
+    pieces[11:13, [2, 4]] = 5
+    want = np.array([[0.25, 1.7], [2.25, 2.7], [3.25, 3.7]])
+    assert np.array(stretches(pieces, reach)) == pytest.approx(want)
+    pieces[:, 3] += 9
     assert stretches(pieces, reach) == []
 
 

@@ -281,12 +281,13 @@ def nearest_segments(points: Float, units: Float, segments: Float) -> tuple[Floa
     return apart[np.arange(len(points)), nearest], nearest, cosine
 
 
-def without_images(segments: Float, lines: Float) -> tuple[Float, Int]:
+def without_images(segments: Float, lines: Float, shown: Float) -> tuple[Float, Int]:
     """Segments (m, 4) [m] without what lies behind mirrors and is an image.
 
     Args:
         segments: The segments of a map.
         lines: (k, 3) the mirrors.
+        shown: (s, 4) segments of which there may be images [m], the former among them.
 
     Returns:
         The parts (n, 4) that are left, and of which segment each is.
@@ -301,12 +302,9 @@ def without_images(segments: Float, lines: Float) -> tuple[Float, Int]:
         for line in lines:
             behind = points @ line[:2] < line[2] - IMAGE_DISTANCE
             if behind.any():
-                others = np.delete(segments, row, axis=0)
-                image = mirrored(points, line)
-                pool = others if len(others) else own[None]
                 # A wall that goes on behind the mirror is its own image.
-                pool = np.vstack([pool, own])
-                apart, _, _ = nearest_segments(image, np.zeros_like(image), pool)
+                image = mirrored(points, line)
+                apart, _, _ = nearest_segments(image, np.zeros_like(image), shown)
                 ghost |= behind & (apart < 2.0 * IMAGE_DISTANCE)
         edges = np.flatnonzero(np.diff(~ghost, prepend=False, append=False)).reshape(-1, 2)
         if not ghost.any():

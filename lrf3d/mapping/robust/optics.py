@@ -127,8 +127,9 @@ class Optics:
             normals = directions(mirrors) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
             distances = np.einsum("ij,ij->i", normals, mirrors[:, :2])
             lines = np.column_stack([normals, distances])
-            segments, rows = without_images(segments, lines)
-            glass, _ = without_images(glass, lines) if len(glass) else (glass, rows)
+            shown = np.concatenate([segments, glass])
+            segments, rows = without_images(segments, lines, shown)
+            glass, _ = without_images(glass, lines, shown)
         special = np.concatenate([glass, mirrors])
         special, kept = absorb(special, segments)
         segments, rows = segments[kept], rows[kept]

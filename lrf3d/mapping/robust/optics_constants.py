@@ -18,7 +18,7 @@ FLASH_SHARE = 5.0
 """[share] A return is a flash where its brightness is so many times the usual one. Diffuse
 walls reach about 3 at most; glass some hundreds."""
 
-DIM_SHARE = 0.05
+DIM_SHARE = 0.04
 """[share] A return is dim where its brightness is less than this part of the usual one: glass
 returns about a hundredth. More takes dark cloth for glass until nothing is seen behind it."""
 
@@ -57,6 +57,10 @@ two places from which a robot met a pane at a right angle it returned nothing.""
 
 LEAST_SHOWN = 3
 """[beams] A pane is glass where at least so many beams returned light as glass does or passed …"""
+
+OPEN_COSINE, OPEN_DEVIATION = np.cos(np.radians(0.4)), np.radians(0.2)
+"""[cosine, rad] A beam that passes so near the normal, of a line whose direction is so well known,
+shows that no glass is there: it would have flashed."""
 
 OPAQUE_SHARE = 0.3
 """[share] … and those that ended on it, neither bright nor dim, are fewer than this part."""
@@ -114,3 +118,6 @@ LEAST_COSINE = 0.2
 
 STRAY_WINDOW = 0.3
 """[m] How far the window of a mirror goes beyond all but two in a hundred of the images in it."""
+
+SHORTEST_PANE = 0.5
+"""[m] Glass is shown from this length on: shorter pieces are where the lines of others cross it."""

@@ -24,6 +24,8 @@ from lrf3d.mapping.robust.optics_constants import (
     LEAST_SHOWN,
     LONGEST_PAIRED,
     OPAQUE_SHARE,
+    OPEN_COSINE,
+    OPEN_DEVIATION,
     PANE_DEPTH,
     PANE_DEVIATIONS,
     PANE_DISTANCE,
@@ -31,15 +33,15 @@ from lrf3d.mapping.robust.optics_constants import (
     PANE_GRAZING_COSINE,
     PANE_PIECE,
     PANE_PIECES,
+    SHORTEST_PANE,
     STEPS_AN_OCTAVE,
     USUAL_SHARE,
 )
 from lrf3d.mapping.segment_table import add_moments
 
-GLASS, PASSED, OPAQUE = 0, 1, 2
-"""What a beam that crosses the line of a pane does there."""
-
-NONE = -1
+DIM, FLASHED, PASSED, OPAQUE, OPEN, KINDS = 0, 1, 2, 3, 4, 5
+"""What a beam that crosses the line of a pane does there: it returns dim light or a flash, passes,
+ends on something opaque, or passes where glass would flash; and the number of these."""
 
 
 class LitBeams(NamedTuple):
@@ -84,8 +86,8 @@ class Panes:
 
     Attributes:
         moments: (k, 6) moments of the returns on each line, as those of walls.
-        pieces: (k, PANE_PIECES, 3) numbers of beams that cross each piece of it, by what they do
-            there.
+        pieces: (k, PANE_PIECES, KINDS) numbers of beams that cross each piece of it, by what they
+            do there.
         reach: (k, PANE_PIECES, 2) the first and the last return of glass in each piece [m], along
             the line.
         anchors: (k, 4) where stations along it count from [m], and its direction when it was found.
@@ -94,7 +96,7 @@ class Panes:
 
     def __init__(self) -> None:
         self.moments = np.empty((0, 6))
-        self.pieces = np.empty((0, PANE_PIECES, 3), np.int64)
+        self.pieces = np.empty((0, PANE_PIECES, KINDS), np.int64)
         self.reach = np.empty((0, PANE_PIECES, 2))
         self.anchors = np.empty((0, 4))
         self.brightness = np.zeros(BRIGHTNESSES, np.int64)
@@ -113,17 +115,22 @@ class Panes:
     def add(self, ends: Float, moments: Float) -> None:
         """Add segments (m, 4) [m] that may be glass, with their moments (m, 6)."""
         for segment, moment in zip(ends, moments, strict=True):
-            row = self._match(segment, moment)
-            if row == NONE:
+            rows = self._match(segment, moment)
+            if not rows:
                 unit = principal_direction(*moment[3:])
-                none = np.zeros((1, PANE_PIECES, 3), np.int64)
+                none = np.zeros((1, PANE_PIECES, KINDS), np.int64)
                 empty = np.full((1, PANE_PIECES, 2), (np.inf, -np.inf))
                 self.moments = np.vstack([self.moments, moment])
                 self.pieces = np.concatenate([self.pieces, none])
                 self.reach = np.concatenate([self.reach, empty])
                 self.anchors = np.vstack([self.anchors, [*moment[1:3], *unit]])
             else:
-                self.moments[row] = add_moments(self.moments[row], moment)
+                self.moments[rows[0]] = add_moments(self.moments[rows[0]], moment)
+                # Others that it fits are the same line only if they fit the first themselves.
+                same = [other for other in rows[1:] if rows[0] in self._match(*self._seen(other))]
+                for other in same:
+                    self._merge(rows[0], other)
+                self._keep(np.setdiff1d(np.arange(len(self)), same))
 
     def lines(self) -> tuple[Float, Float]:
         """A point (k, 2) [m], from which stations count, and the unit direction (k, 2) of each."""
@@ -134,10 +141,40 @@ class Panes:
         along = np.einsum("ij,ij->i", self.anchors[:, :2] - means, units)
         return means + along[:, None] * units, units
 
-    def _match(self, segment: Float, moment: Float) -> int:
-        """The line that a segment is a part of, or NONE."""
+    def _seen(self, row: int) -> tuple[Float, Float]:
+        """A line from its first return to its last (4,) [m], and its moments."""
+        points, units = self.lines()
+        low = min(0.0, float(self.reach[row, :, 0].min()))
+        high = max(0.0, float(self.reach[row, :, 1].max()))
+        ends = np.concatenate([points[row] + low * units[row], points[row] + high * units[row]])
+        return ends, self.moments[row]
+
+    def _merge(self, row: int, other: int) -> None:
+        """Add what is known of a line to that of a row; the other one stays as it is."""
+        points, units = self.lines()
+        offset = float((points[other] - points[row]) @ units[row])
+        sign = 1.0 if units[other] @ units[row] > 0.0 else -1.0
+        middles = (np.arange(PANE_PIECES) + 0.5 - PANE_PIECES // 2) * PANE_PIECE
+        places = np.floor((offset + sign * middles) / PANE_PIECE).astype(np.int64)
+        places += PANE_PIECES // 2
+        inside = (places >= 0) & (places < PANE_PIECES)
+        np.add.at(self.pieces[row], places[inside], self.pieces[other, inside])
+        reach = np.sort(offset + sign * self.reach[other], axis=1)
+        known = inside & np.isfinite(reach).all(axis=1)
+        np.minimum.at(self.reach[row, :, 0], places[known], reach[known, 0])
+        np.maximum.at(self.reach[row, :, 1], places[known], reach[known, 1])
+        self.moments[row] = add_moments(self.moments[row], self.moments[other])
+
+    def _keep(self, rows: Int) -> None:
+        """Keep some of the lines."""
+        if len(rows) < len(self):
+            self.moments, self.pieces = self.moments[rows], self.pieces[rows]
+            self.reach, self.anchors = self.reach[rows], self.anchors[rows]
+
+    def _match(self, segment: Float, moment: Float) -> list[int]:
+        """The lines that a segment is a part of, the best first."""
         if not len(self):
-            return NONE
+            return []
         points, units = self.lines()
         means, spread = self.moments[:, 1:3], _spread(self.moments, units)
         own = principal_direction(*moment[3:])
@@ -159,9 +196,11 @@ class Panes:
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
         gap = np.maximum(stations.min(axis=0) - high, low - stations.max(axis=0))
         fits &= gap < PANE_GAP
-        if not fits.any():
-            return NONE
-        return int(np.argmin(np.where(fits, gap.clip(0.0) + turn, np.inf)))
+        rows = np.flatnonzero(fits)
+        found: list[int] = rows[
+            np.argsort(gap.clip(0.0)[rows] + turn[rows], kind="stable")
+        ].tolist()
+        return found
 
     def count(self, beams: LitBeams, near: Int) -> None:
         """Count the beams of a scan that cross some of the lines (m,)."""
@@ -169,7 +208,8 @@ class Panes:
         crossing, stations, slope = crossings(beams.place, beams.units, points, units)
         flash, dim = beams.classes(slope)
         # What flashes askew is a retro-reflector.
-        glass = dim | (flash & (slope > FLASH_COSINE))
+        flash = flash & (slope > FLASH_COSINE)
+        sure = _spread(self.moments[near], units) > OPEN_DEVIATION**-2.0
         tolerance = PANE_DISTANCE + 3.0 * beams.deviations * slope
         away = (beams.free - crossing) * slope
         place = np.floor(stations / PANE_PIECE).astype(np.int64) + PANE_PIECES // 2
@@ -179,9 +219,15 @@ class Panes:
         # Views: what is written to them is written to the pieces of all lines.
         pieces, reach = self.pieces.reshape(-1), self.reach.reshape(-1)
         rows = near[:, None] * PANE_PIECES + place
-        for kind, chosen in ((GLASS, hit & glass), (PASSED, passed), (OPAQUE, hit & ~glass)):
-            np.add.at(pieces, 3 * rows[chosen] + kind, 1)
-        chosen = hit & glass
+        for kind, chosen in (
+            (DIM, hit & dim),
+            (FLASHED, hit & flash),
+            (PASSED, passed),
+            (OPAQUE, hit & ~(dim | flash)),
+            (OPEN, passed & (slope > OPEN_COSINE) & sure[:, None]),
+        ):
+            np.add.at(pieces, KINDS * rows[chosen] + kind, 1)
+        chosen = hit & (dim | flash)
         np.minimum.at(reach, 2 * rows[chosen], stations[chosen])
         np.maximum.at(reach, 2 * rows[chosen] + 1, stations[chosen])
 
@@ -281,12 +327,13 @@ def stretches(pieces: Int, reach: Float) -> list[tuple[float, float]]:
     """From where to where [m] a line is glass.
 
     Args:
-        pieces: (PANE_PIECES, 3) what beams did at each of its pieces.
+        pieces: (PANE_PIECES, KINDS) what beams did at each of its pieces.
         reach: (PANE_PIECES, 2) the first and the last return of glass in each.
     """
-    there = np.flatnonzero(pieces[:, GLASS])
-    opaque = pieces[:, OPAQUE] > OPAQUE_SHARE * (pieces[:, PASSED] + pieces[:, GLASS])
-    barrier = np.concatenate([[0], np.cumsum(opaque)])
+    shown = pieces[:, DIM] + pieces[:, FLASHED]
+    opaque = pieces[:, OPAQUE] > OPAQUE_SHARE * (pieces[:, PASSED] + shown)
+    there = np.flatnonzero((shown > 0) & ~opaque)
+    barrier = np.concatenate([[0], np.cumsum(opaque | ((pieces[:, OPEN] > 0) & (shown == 0)))])
     found, first = [], 0
     for k in range(len(there)):
         last = there[k]
@@ -297,12 +344,13 @@ def stretches(pieces: Int, reach: Float) -> list[tuple[float, float]]:
             ends = wide or barrier[after] - barrier[last + 1] > 0
         if ends:
             run = slice(there[first], last + 1)
-            glass, passed, stopped = pieces[run].sum(axis=0)
+            dim, flashed, passed, stopped, _ = pieces[run].sum(axis=0)
+            glass = dim + flashed
             low, high = reach[there[first], 0], reach[last, 1]
             if (
                 passed + glass >= LEAST_SHOWN
                 and stopped < OPAQUE_SHARE * (passed + glass)
-                and high - low > PANE_PIECE
+                and high - low > SHORTEST_PANE
             ):
                 found.append((float(low), float(high)))
             first = k + 1
