@@ -23,7 +23,7 @@ from lrf3d.mapping.robust.optics_constants import (
     ABSORBED_SINE,
     PANE_JOINS,
 )
-from lrf3d.mapping.robust.panes import LitBeams, Panes, flashes, pairs
+from lrf3d.mapping.robust.panes import LitBeams, Panes, flashes, grazed, pairs
 
 
 class Seen(NamedTuple):
@@ -31,7 +31,7 @@ class Seen(NamedTuple):
 
     Args:
         scan: The scan by rising angle, without the returns of beams that a mirror turned.
-        limits: (n,) how far [m] each of its beams went before a mirror turned it, or infinity.
+        limits: (n,) how far [m] each of its beams went before it was turned, or infinity.
         beams: All of its beams with their light, None without intensities.
     """
 
@@ -45,11 +45,17 @@ class Optics:
 
     Args:
         extract: Finds the walls of a scan.
+
+    Attributes:
+        panes: The lines on which glass may stand.
+        mirrors: The lines that may be mirrors.
+        glass: (s, 4) the stretches that are glass, in the map's frame [m].
     """
 
     def __init__(self, extract: LikelihoodExtractor) -> None:
         self._extract = extract
         self.panes, self.mirrors = Panes(), Mirrors()
+        self.glass = np.empty((0, 4))
 
     def look(
         self, scan: LaserScan, place: tuple[float, float], heading: float, noise: RangeNoise
@@ -72,7 +78,7 @@ class Optics:
             lights,
             self.panes.usual_brightness(lights[returned] * ranges[returned] ** 2),
         )
-        limits = self.mirrors.turns(beams)
+        limits = np.minimum(self.mirrors.turns(beams), grazed(beams, self.glass))
         direct = replace(
             scan,
             angles=scan.angles[order],
@@ -115,10 +121,11 @@ class Optics:
             self.panes.add(ends + np.tile(beams.place, 2), moments)
         if len(self.panes):
             self.panes.count(beams, np.arange(len(self.panes)))
+            self.glass = self.panes.segments()
 
     def show(self, line_map: LineMap, frame: Frame) -> LineMap:
         """A map in the world with what is known to be glass or a mirror in it."""
-        mirrors, glass = self.mirrors.segments(), self.panes.segments()
+        mirrors, glass = self.mirrors.segments(), self.glass
         if not len(mirrors) and not len(glass):
             return line_map
         segments, rows = line_map.segments, np.arange(len(line_map))
@@ -149,6 +156,7 @@ class Optics:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what was known."""
         self.panes.restore(state)
+        self.glass = self.panes.segments()
         self.mirrors.restore(state)
 
 

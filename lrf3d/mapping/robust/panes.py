@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, principal_direction
+from lrf3d.geometry import Bool, Float, Int, directions, lengths, principal_direction
 from lrf3d.mapping.robust.optics_constants import (
     BRIGHTNESSES,
     DIM_SHARE,
@@ -251,6 +251,20 @@ class Panes:
         """Go on from what was known."""
         for name in vars(self):
             setattr(self, name, state[f"pane_{name}"].copy())
+
+
+def grazed(beams: LitBeams, glass: Float) -> Float:
+    """How far [m] the beams (n,) go to glass (s, 4) [m] that may turn them; infinity for none.
+
+    Towards grazing incidence glass mirrors more than it lets through.
+    """
+    if not len(glass):
+        return np.full(len(beams.free), np.inf)
+    way, stations, slope = crossings(beams.place, beams.units, glass[:, :2], directions(glass))
+    turned = (way > 0.0) & (slope < PANE_GRAZING_COSINE) & (beams.free > way + PANE_DEPTH)
+    turned &= (stations >= 0.0) & (stations <= lengths(glass)[:, None])
+    limits: Float = np.where(turned, way, np.inf).min(axis=0)
+    return limits
 
 
 def flashes(beams: LitBeams, flash: Bool) -> tuple[Float, Float]:
