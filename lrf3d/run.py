@@ -1,12 +1,13 @@
 """Run: the input and the results of a simulation."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
+from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,10 @@ MAP_SNAPSHOTS = 100
 some hundredths of a second."""
 
 
+LIGHT = ("intensities", "echoes", "echo_intensities")
+"""Attributes of scans and runs that hold what is known of the light."""
+
+
 @dataclass(frozen=True, eq=False)
 class Run(Value, Pictured):
     """The input and the results of a simulation: all that pictures and films need.
@@ -50,6 +55,11 @@ class Run(Value, Pictured):
         film: The default settings of its film.
         estimate: The trajectory that the robot estimated; None if its poses were given. In a
             recorded drive, whose truth is unknown, the trajectory has the poses of the estimate.
+        intensities: (k, beams) intensities of the measured scans, NaN where a scan of a user's
+            caster has none; None in worlds without materials.
+        echoes: (k, beams, e) ranges [m] of the echoes of each beam, the nearest first, +inf after
+            the last; None if the range finder reports one.
+        echo_intensities: (k, beams, e) their intensities.
 
     Examples:
         >>> import lrf3d
@@ -72,9 +82,12 @@ class Run(Value, Pictured):
     obstacles: "tuple[DynamicObstacle, ...]" = ()
     film: FilmPlan = USUAL_FILM
     estimate: EstimatedTrajectory | None = None
+    intensities: Float | None = None
+    echoes: Float | None = None
+    echo_intensities: Float | None = None
 
     def __post_init__(self) -> None:
-        self._hold("ranges", "truth")
+        self._hold("ranges", "truth", *self.light)
         self._hold("walls", dtype=np.int64)
 
     def __repr__(self) -> str:
@@ -87,6 +100,12 @@ class Run(Value, Pictured):
 
     def __len__(self) -> int:
         return len(self.trajectory)
+
+    @property
+    def light(self) -> dict[str, Any]:
+        """The intensities and echoes that it has, by the names of its attributes."""
+        light = {name: getattr(self, name) for name in LIGHT}
+        return {name: values for name, values in light.items() if values is not None}
 
     @property
     def knows_truth(self) -> bool:
@@ -137,6 +156,9 @@ class Run(Value, Pictured):
 
     def part(self, scans: Int) -> "Run":
         """The run of some of its scans, in ascending order, with the last of its maps."""
+        light: dict[str, Any] = {
+            name: some_rows(values, scans) for name, values in self.light.items()
+        }
         part = replace(
             self,
             trajectory=Trajectory(self.trajectory.times[scans], self.trajectory.poses[scans]),
@@ -146,6 +168,7 @@ class Run(Value, Pictured):
             snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
             estimate=None if self.estimate is None else self.estimate.part(scans),
+            **light,
         )
         # Its map is that of the whole run, and so are the numbers of the objects in it.
         part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
@@ -162,11 +185,13 @@ class Run(Value, Pictured):
             range_max=self.lrf.range_max,
             time=float(self.trajectory.times[index]),
             time_increment=self.lrf.time_increment,
+            **{name: values[index] for name, values in self.light.items()},
         )
 
     def true_scan(self, index: int) -> LaserScan:
-        """The scan with an index from 0, without noise."""
-        return replace(self.scan(index), ranges=self.truth[index])
+        """The scan with an index from 0, without noise; intensities are kept of measured ones."""
+        unlit: dict[str, Any] = dict.fromkeys(self.light)
+        return replace(self.scan(index), ranges=self.truth[index], **unlit)
 
     def free_cells(self) -> FreeCells:
         """The cells that the measured scans show to be free, for `save_map`."""
@@ -276,7 +301,30 @@ class SnapshotSchedule:
         return (index + 1) * most // self.scans > index * most // self.scans
 
 
-def run_bytes(scans: int, beams: int) -> int:
+def light_shapes(world: World, lrf: LaserRangeFinder) -> dict[str, tuple[int, ...]]:
+    """What a run keeps of the light: shapes for one scan, by the names of the Run's attributes."""
+    if not world.materials:
+        return {}
+    shapes: dict[str, tuple[int, ...]] = {"intensities": (lrf.beams,)}
+    if lrf.echoes > 1:
+        shapes |= dict.fromkeys(("echoes", "echo_intensities"), (lrf.beams, lrf.echoes))
+    return shapes
+
+
+def light_rows(world: World, lrf: LaserRangeFinder, scans: int) -> dict[str, Float]:
+    """Arrays for what a run keeps of the light of a number of scans."""
+    return {name: np.empty((scans, *part)) for name, part in light_shapes(world, lrf).items()}
+
+
+def keep_light(rows: Mapping[str, Float], row: int, scan: LaserScan) -> None:
+    """Write the light of a scan into a row; scans of users' own parts may have none."""
+    for name, values in rows.items():
+        light = getattr(scan, name)
+        values[row] = np.nan if light is None else light
+
+
+def run_bytes(scans: int, world: World, lrf: LaserRangeFinder) -> int:
     """Bytes that the scans of a run take on disk: float64 and int64 numbers."""
+    light = sum(prod(shape) for shape in light_shapes(world, lrf).values())
     # A time and a pose for each scan; a range, a true range and a wall for each beam.
-    return 8 * scans * (4 + 3 * beams)
+    return 8 * scans * (4 + 3 * lrf.beams + light)

@@ -325,7 +325,7 @@ class Scenario(Value):
         if scans is not None and scans > MOST_SCANS:
             from lrf3d.run import run_bytes
 
-            size = 1e-9 * run_bytes(scans, self.lrf.beams)
+            size = 1e-9 * run_bytes(scans, self.world, self.lrf)
             raise InputError(
                 f"{scans:,} scans: would take {size:,.0f} GB of disk, and are more than"
                 f" {MOST_SCANS:,}; ask for fewer"

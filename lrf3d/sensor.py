@@ -11,6 +11,7 @@ from lrf3d.casting.timed import Caster, timed
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
+from lrf3d.laser.echoes import measured_echoes
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
@@ -62,7 +63,7 @@ class Sensor:
         true_scan = self._cast.cast_at(self.lrf, pose, time)
         scan = self.noise(true_scan, rng)
         self._check(scan)
-        return true_scan, scan
+        return true_scan, measured_echoes(true_scan, scan, self.noise, rng)
 
     def measure_batch(
         self, poses: Float, times: Float, rng: np.random.Generator

@@ -22,7 +22,7 @@ from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
-from lrf3d.run import Run, SnapshotSchedule
+from lrf3d.run import Run, SnapshotSchedule, keep_light, light_rows
 from lrf3d.sensor import Sensor
 from lrf3d.steering import ControlledDrive, Controller, Drive, RecordedDrive
 from lrf3d.world import World
@@ -349,12 +349,14 @@ def collect(
     schedule, shape = SnapshotSchedule(total, snapshots), (total, simulation.lrf.beams)
     times, poses = np.empty(total), np.empty((total, 3))
     ranges, truth, walls = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)
+    light = light_rows(simulation.world, simulation.lrf, total)
     kept: dict[int, Any] = {}
     done = 0
     for step in simulation:
         times[step.index], poses[step.index] = step.time, step.pose
         ranges[step.index], truth[step.index] = step.scan.ranges, step.true_scan.ranges
         walls[step.index] = step.true_scan.walls
+        keep_light(light, step.index, step.scan)
         if schedule.holds(step.index):
             kept[step.index] = step.map
         done = step.index + 1
@@ -374,6 +376,7 @@ def collect(
         simulation.obstacles,
         simulation.film,
         simulation.estimate,
+        **{name: sealed(rows)[:done] for name, rows in light.items()},
     )
 
 

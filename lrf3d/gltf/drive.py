@@ -33,6 +33,7 @@ from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, scan_times
 from lrf3d.scene.trail_and_map import DrawnMap
+from lrf3d.scene.turns import WallOptics
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -144,6 +145,7 @@ class ScanMeshes:
         self._walls = run.world.segments - np.tile(self._origin, 2)
         self._material = document.glowing("beams", translucent=True)
         self._chosen = drawn_beams(run.lrf.beams)
+        self._optics = WallOptics.of(run.world)
         # Single beams come first: of them every scan has as many.
         lines = np.zeros((len(self._chosen), 2), np.uint32)
         lines[:, 1] = 1 + np.arange(len(self._chosen))
@@ -155,7 +157,9 @@ class ScanMeshes:
         scan = run.scan(index)
         place = np.array(scan.pose) - [*self._origin, 0.0]
         local = replace(scan, pose=place)
-        beams = DrawnBeams.from_scan(local, self._walls, run.world.objects, place[:2])
+        beams = DrawnBeams.from_scan(
+            local, self._walls, run.world.objects, place[:2], optics=self._optics
+        )
         fan = beams.fan(height).reshape(-1, 3, 5)[:, 1:].reshape(-1, 5).astype(np.float64)
         ends, ranges = fan[:, :2] - beams.apex, fan[:, 3]
         single, reached = beams.ends[self._chosen] - beams.apex, beams.ranges[self._chosen]

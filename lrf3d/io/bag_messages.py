@@ -16,12 +16,16 @@ from lrf3d.io.laser_log import BadLine
 from lrf3d.io.packed import BLOCK_BYTES, LARGEST_RATIO, SMALL_LOG
 
 SCAN = "sensor_msgs/msg/LaserScan"
+ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 UNSURE_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
-TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
+TYPES = (SCAN, ECHOES, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
 """The types of messages that are read."""
+
+ECHOES_TOPIC = "/echoes"
+"""The topic of the echoes of scans, as drivers of range finders with several name it."""
 
 STATIC_FRAMES = "/tf_static"
 """The topic of constant transforms."""

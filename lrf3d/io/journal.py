@@ -10,10 +10,12 @@ A chunk holds, for c scans of n beams:
 ==================  =======================================================================
 state               JSON: the state of the random numbers after the last scan, and the map
                     snapshots among these scans with their numbers of segments
-by snapshot         segments (m, 4), objects (m,), points (m,)
+by snapshot         segments (m, 4), objects (m,), points (m,), codes of kinds (m,)
 times, poses        (c,), (c, 3)
 ranges, truth       (c, n) each
 walls               (c, n)
+intensities         (c, n), in worlds with materials; echoes (c, n, e) and echo_intensities
+                    (c, n, e), if the range finder reports several echoes
 ==================  =======================================================================
 """
 
@@ -35,13 +37,15 @@ from lrf3d.errors import InputError, OutputError
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.noise import DeterministicNoise
 from lrf3d.mapping import LineMap
+from lrf3d.run import light_shapes
 from lrf3d.steering import ControlledDrive, RecordedDrive
+from lrf3d.world import World
 
 if TYPE_CHECKING:
     from lrf3d.simulation import Simulation
 
 
-MAGIC = b"lrf3d journal 2\n"
+MAGIC = b"lrf3d journal 3\n"
 
 _LENGTH = struct.Struct("<QI")
 """Length and checksum [zlib.crc32] of what follows."""
@@ -49,21 +53,23 @@ _LENGTH = struct.Struct("<QI")
 _COUNTS = struct.Struct("<QQQ")
 """First scan, number of scans, and length of the state [bytes] of a chunk."""
 
-COLUMNS: dict[str, tuple[type[Any], str]] = {
-    "times": (np.float64, ""),
-    "poses": (np.float64, "pose"),
-    "ranges": (np.float64, "beams"),
-    "truth": (np.float64, "beams"),
-    "walls": (np.int64, "beams"),
-}
-"""The columns of a chunk, in this order, with their types and shapes."""
-
 Array = NDArray[Any]
 
+Columns = dict[str, tuple[type[Any], tuple[int, ...]]]
+"""The columns of a chunk, in their order, with their types and their shapes for one scan."""
 
-def column_shape(name: str, scans: int, beams: int) -> tuple[int, ...]:
-    """The shape of a column of a number of scans."""
-    return {"": (scans,), "pose": (scans, 3), "beams": (scans, beams)}[COLUMNS[name][1]]
+
+def columns_of(world: World, lrf: LaserRangeFinder) -> Columns:
+    """The columns of a run in a world with a range finder."""
+    beams = (lrf.beams,)
+    return {
+        "times": (np.float64, ()),
+        "poses": (np.float64, (3,)),
+        "ranges": (np.float64, beams),
+        "truth": (np.float64, beams),
+        "walls": (np.int64, beams),
+        **{name: (np.float64, shape) for name, shape in light_shapes(world, lrf).items()},
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +101,14 @@ class Journal:
     Args:
         path: The file.
         fingerprint: Fingerprint of the run; a journal of another run is replaced.
-        beams: Beams of a scan.
+        columns: What is kept of each scan.
         keep: Whether the valid chunks of a journal of the same run are kept.
     """
 
-    def __init__(self, path: Path, fingerprint: dict[str, str], beams: int, *, keep: bool) -> None:
-        self.path, self.beams = path, beams
+    def __init__(
+        self, path: Path, fingerprint: dict[str, str], columns: Columns, *, keep: bool
+    ) -> None:
+        self.path, self.columns = path, columns
         self.chunks: list[Chunk] = []
         # The finished run holds the same text, which must not depend on the order.
         header = json.dumps(fingerprint, sort_keys=True).encode()
@@ -137,9 +145,10 @@ class Journal:
         first, scans = self.scans, len(columns["times"])
         parts = [_COUNTS.pack(first, scans, len(state)), state]
         for line_map in snapshots.values():
-            parts += [_bytes(line_map.segments), _bytes(line_map.objects), _bytes(line_map.points)]
+            parts += [_bytes(line_map.segments), _bytes(line_map.objects)]
+            parts += [_bytes(line_map.points), _bytes(line_map.codes)]
         before = sum(map(len, parts))
-        rows = [_bytes(columns[name]) for name in COLUMNS]
+        rows = [_bytes(columns[name]) for name in self.columns]
         parts += rows
         checksum = 0
         for part in parts:
@@ -161,7 +170,7 @@ class Journal:
         Raises:
             OutputError: The file no longer holds what was written to it.
         """
-        dtype, place = np.dtype(COLUMNS[name][0]), list(COLUMNS).index(name)
+        dtype, place = np.dtype(self.columns[name][0]), list(self.columns).index(name)
         # A separate handle, so that reading does not move the position for writing.
         try:
             reading = self.path.open("rb")
@@ -172,8 +181,8 @@ class Journal:
                 if chunk.first + chunk.scans <= first:
                     continue
                 begin = chunk.begin
-                for other, (other_type, _) in COLUMNS.items():
-                    shape = column_shape(other, chunk.scans, self.beams)
+                for other, (other_type, part) in self.columns.items():
+                    shape = (chunk.scans, *part)
                     if other == name:
                         break
                     begin += int(np.prod(shape)) * np.dtype(other_type).itemsize
@@ -215,13 +224,16 @@ class Journal:
             objects = np.frombuffer(payload, np.int64, size, at + 32 * size)
             points = np.frombuffer(payload, np.int64, size, at + 40 * size)
             # Copies, so that a map does not keep the whole chunk in memory.
-            snapshots[int(scan)] = LineMap(segments.copy(), objects.copy(), points.copy())
-            at += 48 * size
+            codes = np.frombuffer(payload, np.int64, size, at + 48 * size)
+            snapshots[int(scan)] = LineMap.of_codes(
+                segments.copy(), objects.copy(), points.copy(), codes
+            )
+            at += 56 * size
         if first != self.scans:
             return None
         begin, sums = at, []
-        for name, (dtype, _) in COLUMNS.items():
-            size = int(np.prod(column_shape(name, scans, self.beams))) * np.dtype(dtype).itemsize
+        for dtype, part in self.columns.values():
+            size = int(np.prod((scans, *part))) * np.dtype(dtype).itemsize
             sums.append(zlib.crc32(payload[begin : begin + size]))
             begin += size
         if begin != len(payload):

@@ -19,7 +19,7 @@ import numpy as np
 from lrf3d.errors import InputError, OutputError
 from lrf3d.input import check_ordinary
 from lrf3d.interrupts import noting
-from lrf3d.io.journal import COLUMNS, Array, Journal, column_shape, fingerprint_of, read_fingerprint
+from lrf3d.io.journal import Array, Journal, columns_of, fingerprint_of, read_fingerprint
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.io.run_file import (
     estimate_columns,
@@ -33,7 +33,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.output import lock_of, locked
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
-from lrf3d.run import Run, SnapshotSchedule, run_bytes
+from lrf3d.run import LIGHT, Run, SnapshotSchedule, keep_light, run_bytes
 from lrf3d.steering import ControlledDrive
 from lrf3d.world.cameras import FilmPlan
 
@@ -88,7 +88,7 @@ def record(
     path = Path(path)
     if path.suffix != ".npz":
         raise InputError(f"{path}: expected a name that ends in .npz")
-    _check_room(path, run_bytes(simulation.total, simulation.lrf.beams))
+    _check_room(path, run_bytes(simulation.total, simulation.world, simulation.lrf))
     fingerprint = fingerprint_of(simulation)
     if film is not None:
         simulation.film = film
@@ -126,7 +126,8 @@ def _record(
     if resume:
         _check_same(journal_path, fingerprint)
     try:
-        journal = Journal(journal_path, fingerprint, simulation.lrf.beams, keep=resume)
+        columns = columns_of(simulation.world, simulation.lrf)
+        journal = Journal(journal_path, fingerprint, columns, keep=resume)
         kept = noting(lambda: f"{journal.scans} of {total} scans kept; go on with --resume")
         with kept, closing(journal):
             recorder = _Recorder(simulation, journal, checkpoint, SnapshotSchedule(total))
@@ -200,12 +201,13 @@ class _Recorder:
     ) -> None:
         self.simulation, self.journal, self.checkpoint = simulation, journal, checkpoint
         self.schedule = schedule
-        beams = simulation.lrf.beams
-        self._room = min(max(1, CHUNK_BYTES // run_bytes(1, beams)), schedule.scans)
+        size = run_bytes(1, simulation.world, simulation.lrf)
+        self._room = min(max(1, CHUNK_BYTES // size), schedule.scans)
         self._columns: dict[str, Array] = {
-            name: np.empty(column_shape(name, self._room, beams), dtype)
-            for name, (dtype, _) in COLUMNS.items()
+            name: np.empty((self._room, *part), dtype)
+            for name, (dtype, part) in journal.columns.items()
         }
+        self._light = {name: rows for name, rows in self._columns.items() if name in LIGHT}
         self._unwritten = _Unwritten(0, 0, {})
         self._maps: dict[int, LineMap] = {}
         # Number of scans that the mapper had seen at the last checkpoint.
@@ -243,19 +245,20 @@ class _Recorder:
         """The scans in the journal from a number on, each with its number."""
         lrf, journal = self.simulation.lrf, self.journal
         chunks = [chunk for chunk in journal.chunks if chunk.first + chunk.scans > first]
-        columns = zip(*(journal.column(name, first=first) for name in COLUMNS), strict=True)
-        for chunk, (times, poses, ranges, _, walls) in zip(chunks, columns, strict=True):
+        columns = zip(*(journal.column(name, first=first) for name in journal.columns), strict=True)
+        for chunk, (times, poses, ranges, _, walls, *light) in zip(chunks, columns, strict=True):
             # The journal holds the walls of the true scan; a measured beam without return has none.
             walls = np.where(np.isfinite(ranges), walls, -1)
             for row in range(max(first - chunk.first, 0), chunk.scans):
                 pose = Pose(*poses[row].tolist())
-                scan = LaserScan.unchecked(lrf, pose, ranges[row].copy(), walls[row])
+                lit = [values[row].copy() for values in light]
+                scan = LaserScan.unchecked(lrf, pose, ranges[row].copy(), walls[row], *lit)
                 yield chunk.first + row, scan.at_time(float(times[row]))
 
     def write(self, path: Path, fingerprint: str) -> None:
         """Write the finished run, chunk by chunk."""
         journal, simulation = self.journal, self.simulation
-        scans, beams = journal.scans, simulation.lrf.beams
+        scans = journal.scans
         maps: dict[int, LineMap] = {}
         for chunk in journal.chunks:
             maps.update(chunk.snapshots)
@@ -263,8 +266,8 @@ class _Recorder:
         if scans - 1 not in maps and isinstance(line_map := simulation.map, LineMap):
             maps[scans - 1] = line_map
         columns = [
-            Column(name, column_shape(name, scans, beams), dtype, journal.column(name))
-            for name, (dtype, _) in COLUMNS.items()
+            Column(name, (scans, *part), dtype, journal.column(name))
+            for name, (dtype, part) in journal.columns.items()
         ]
         write_npz(
             path,
@@ -284,6 +287,7 @@ class _Recorder:
         columns["times"][row], columns["poses"][row] = step.time, step.pose
         columns["ranges"][row], columns["truth"][row] = step.scan.ranges, step.true_scan.ranges
         columns["walls"][row] = step.true_scan.walls
+        keep_light(self._light, row, step.scan)
         if self.schedule.holds(step.index) and isinstance(line_map := step.map, LineMap):
             self._maps[step.index] = line_map
         rng = dict(self.simulation.rng.bit_generator.state)

@@ -16,19 +16,19 @@ the first pose or after the last are left out and counted.
 """
 
 import math
-from array import array
 from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Int
+from lrf3d.io.bag_frames import FrameTrack, FrameTree, Placed, Rows
 from lrf3d.io.bag_messages import (
+    ECHOES,
+    ECHOES_TOPIC,
     ODOMETRY,
     SCAN,
     STATIC_FRAMES,
@@ -39,6 +39,7 @@ from lrf3d.io.bag_messages import (
 )
 from lrf3d.io.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
 from lrf3d.laser import LaserScan, Stamp
+from lrf3d.laser.echoes import with_echoes
 from lrf3d.pose import Pose
 from lrf3d.world.schema import LARGEST_COORDINATE
 
@@ -74,59 +75,6 @@ def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = 
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """Poses of a frame in another one at some times.
-
-    Args:
-        places: (n, 3) its origin [m].
-        rotations: Its rotation at each of the times.
-        known: (n,) whether the pose is known at that time.
-    """
-
-    places: Float
-    rotations: Rotation
-    known: Bool
-
-    def __matmul__(self, other: "Placed") -> "Placed":
-        """Compose: ``world_from_robot @ robot_from_laser`` is ``world_from_laser``."""
-        return Placed(
-            self.places + self.rotations.apply(other.places),
-            self.rotations * other.rotations,
-            self.known & other.known,
-        )
-
-    @classmethod
-    def identity(cls, count: int) -> "Placed":
-        """The identity at a number of times."""
-        return cls(np.zeros((count, 3)), Rotation.identity(count), np.ones(count, np.bool_))
-
-    def in_the_plane(self) -> tuple[Float, Float]:
-        """Poses (n, 3) x, y, theta in the plane, and the cosine of the z axis's tilt (n,).
-
-        The cosine is 1 for an upright frame and −1 for one upside down.
-        """
-        matrices = self.rotations.as_matrix()
-        theta = np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])
-        return np.column_stack([self.places[:, :2], theta]), matrices[:, 2, 2]
-
-
-class Rows:
-    """Stamped poses in the order of the bag, packed: a bag holds millions of transforms."""
-
-    def __init__(self) -> None:
-        self.stamps = array("q")
-        self.values = array("d")
-
-    def __len__(self) -> int:
-        return len(self.stamps)
-
-    def add(self, stamp: int, values: Iterable[float]) -> None:
-        """Add a stamp [ns] with x, y, z [m] and a quaternion x, y, z, w."""
-        self.stamps.append(stamp)
-        self.values.extend(values)
-
-
-@dataclass(frozen=True, eq=False)
 class PlacedLaser:
     """Where the laser was at the scans.
 
@@ -141,93 +89,13 @@ class PlacedLaser:
     mount: Placed
 
 
-@dataclass(frozen=True, eq=False)
-class FrameTrack:
-    """The pose of a frame in another one over time.
-
-    Args:
-        times: (k,) stamps [ns], in ascending order.
-        places: (k, 3) its origin [m].
-        rotations: Its rotation at each of the stamps.
-        is_static: Whether the pose holds at all times, as on ``/tf_static``.
-    """
-
-    times: Int
-    places: Float
-    rotations: Rotation
-    is_static: bool = False
-
-    @classmethod
-    def of(cls, rows: "Rows", *, is_static: bool = False) -> "FrameTrack":
-        """The track of rows in any order; the later of two with the same stamp counts."""
-        stamps = np.array(rows.stamps, dtype=np.int64)
-        values = np.array(rows.values, dtype=np.float64).reshape(-1, 7)
-        times, last = np.unique(stamps[::-1], return_index=True)
-        values = values[::-1][last]
-        return cls(times, values[:, :3], Rotation.from_quat(values[:, 3:]), is_static)
-
-    @property
-    def moves(self) -> bool:
-        """Whether its pose ever changes; fixed joints may be published repeatedly."""
-        rotations = self.rotations.as_matrix()
-        same = (self.places == self.places[0]).all() and (rotations == rotations[0]).all()
-        return not (self.is_static or same)
-
-    def at(self, times: Int) -> Placed:
-        """Its poses at times (n,) [ns], interpolated linearly between two stamps.
-
-        Before the first stamp and after the last they are unknown.
-        """
-        if self.is_static or len(self.times) == 1:
-            row = np.zeros(len(times), np.int64)
-            known = np.full(len(times), self.is_static) | (times == self.times[0])
-            return Placed(self.places[row], self.rotations[row], known)
-        after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self.times) - 1)
-        before = after - 1
-        span = self.times[after] - self.times[before]
-        share = (times - self.times[before]) / span
-        places = self.places[before]
-        places = places + share[:, None] * (self.places[after] - places)
-        start = self.rotations[before]
-        turn = (start.inv() * self.rotations[after]).as_rotvec()
-        rotations = start * Rotation.from_rotvec(share[:, None] * turn)
-        return Placed(places, rotations, (times >= self.times[0]) & (times <= self.times[-1]))
-
-
-class FrameTree:
-    """Frames with their tracks; each frame has one parent."""
-
-    def __init__(self, edges: dict[str, tuple[str, FrameTrack]]) -> None:
-        self._edges = edges
-
-    def chain(self, frame: str) -> list[str]:
-        """The frame and its ancestors, up to the root."""
-        frames = [frame]
-        while frame in self._edges and self._edges[frame][0] not in frames:
-            frame = self._edges[frame][0]
-            frames.append(frame)
-        return frames
-
-    def moves(self, frame: str) -> bool:
-        """Whether the frame moves relative to the root of its chain."""
-        return any(self._edges[child][1].moves for child in self.chain(frame)[:-1])
-
-    def placed(self, frame: str, above: str, times: Int) -> Placed:
-        """Poses of the frame in one of its ancestors at times (n,) [ns]."""
-        result = Placed.identity(len(times))
-        for child in self.chain(frame):
-            if child == above:
-                break
-            result = self._edges[child][1].at(times) @ result
-        return result
-
-
 @dataclass(slots=True)
 class _Contents:
     """What a bag holds."""
 
     scans: list[LaserScan] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
+    echoes: dict[int, LaserScan] = field(default_factory=dict)
     frame: str = ""
     rows: dict[str, Rows] = field(default_factory=lambda: defaultdict(Rows))
     children: dict[str, str] = field(default_factory=dict)
@@ -243,7 +111,9 @@ class _Contents:
 
 
 def _scan_topic(bag: Bag, wanted: str | None) -> str:
-    topics = sorted(topic for topic, kind in bag.topics.items() if kind == SCAN)
+    kinds = bag.topics.items()
+    plain = sorted(topic for topic, kind in kinds if kind == SCAN)
+    topics = plain + sorted(topic for topic, kind in kinds if kind == ECHOES)
     if not topics:
         raise InputError(f"{bag.path}: no topic of {SCAN} in it")
     if wanted is None:
@@ -255,13 +125,19 @@ def _scan_topic(bag: Bag, wanted: str | None) -> str:
 
 def _read(bag: Bag, scan_topic: str) -> _Contents:
     contents, readings = _Contents(), 0
-    topics = {topic for topic, kind in bag.topics.items() if kind != SCAN} | {scan_topic}
+    kinds = bag.topics.items()
+    topics = {topic for topic, kind in kinds if kind not in (SCAN, ECHOES)} | {scan_topic}
+    if bag.topics.get(ECHOES_TOPIC) == ECHOES:
+        topics.add(ECHOES_TOPIC)
     for message in bag.messages(topics):
         if isinstance(message, BadLine):
             contents.refuse(message)
             continue
         try:
-            if message.kind == SCAN:
+            if message.kind == ECHOES and message.topic != scan_topic:
+                echo_scan = LaserScan.from_ros(message.content)
+                contents.echoes[_stamp(message.content.header)] = echo_scan
+            elif message.kind in (SCAN, ECHOES):
                 _take_scan(contents, message.content)
                 readings += len(contents.scans[-1].ranges)
             elif message.kind == TRANSFORMS:
@@ -272,6 +148,7 @@ def _read(bag: Bag, scan_topic: str) -> _Contents:
             contents.refuse(BadLine(message.number, str(error), "message"))
         if readings > MOST_READINGS:
             raise InputError(f"{bag.path}: more than {MOST_READINGS:,} readings; cut it into parts")
+    contents.scans = with_echoes(contents.scans, contents.stamps, contents.echoes)
     return contents
 
 

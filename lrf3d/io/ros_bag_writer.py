@@ -4,6 +4,7 @@ A run enters; an MCAP file leaves, or the folder with its metadata that rosbag2 
 
     /clock         rosgraph_msgs/Clock    at each scan
     /scan          sensor_msgs/LaserScan  in laser, stamped with its first beam, float32
+    /echoes        sensor_msgs/MultiEchoLaserScan the echoes, if the laser reports several
     /odom          nav_msgs/Odometry      base_link in odom, with its speeds: as the wheels
                                           measured it where the run knows that, else without drift
     /ground_truth  nav_msgs/Odometry      base_link in odom, float64
@@ -26,7 +27,15 @@ from typing import Any, Literal
 import numpy as np
 
 from lrf3d.errors import InputError, OutputError
-from lrf3d.io.bag_messages import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS, missing_rosbags
+from lrf3d.io.bag_messages import (
+    ECHOES,
+    ECHOES_TOPIC,
+    ODOMETRY,
+    SCAN,
+    STATIC_FRAMES,
+    TRANSFORMS,
+    missing_rosbags,
+)
 from lrf3d.io.ros_map_messages import MAP_TOPIC, OBJECTS_TOPIC, MapMessages
 from lrf3d.io.ros_messages import BASE, LASER, MAP, WORLD, Messages
 from lrf3d.laser import Stamp
@@ -117,6 +126,7 @@ def _fill(run: Run, folder: Path) -> None:
                 ("/odom", ODOMETRY, []),
                 ("/ground_truth", ODOMETRY, []),
                 ("/scan", SCAN, []),
+                *([] if run.echoes is None else [(ECHOES_TOPIC, ECHOES, [])]),
             )
         }
 
@@ -152,6 +162,8 @@ def _fill(run: Run, folder: Path) -> None:
             write("/odom", stamp, messages.odometry(stamp, measured, speed))
             write("/ground_truth", stamp, messages.odometry(stamp, scan.pose, speed))
             write("/scan", stamp, messages.scan(scan, step))
+            if scan.echoes is not None:
+                write(ECHOES_TOPIC, stamp, messages.echoes(scan, step))
             for message in maps.after(number, stamp):
                 write(OBJECTS_TOPIC, stamp, message)
 

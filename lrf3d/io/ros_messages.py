@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float
-from lrf3d.io.bag_messages import ODOMETRY, SCAN, TRANSFORMS
-from lrf3d.laser import LaserScan, Stamp
+from lrf3d.io.bag_messages import ECHOES, ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.laser import LaserScan, RosEchoScan, RosScan, Stamp
 from lrf3d.pose import Pose
 
 MAP, WORLD, BASE, LASER = "map", "odom", "base_link", "laser"
@@ -76,8 +76,21 @@ class Messages:
     def scan(self, scan: LaserScan, scan_time: float) -> Any:
         """The scan as a ROS message."""
         content = scan.as_ros(LASER, scan_time=scan_time)
+        return self._scan(SCAN, content, content.ranges, content.intensities)
+
+    def echoes(self, scan: LaserScan, scan_time: float) -> Any:
+        """The echoes of the scan as a ROS message."""
+        content = scan.as_ros_echoes(LASER, scan_time=scan_time)
+        columns = [
+            [self.make("sensor_msgs/msg/LaserEcho", beam.echoes) for beam in column]
+            for column in (content.ranges, content.intensities)
+        ]
+        return self._scan(ECHOES, content, *columns)
+
+    def _scan(self, kind: str, content: RosScan | RosEchoScan, *columns: Any) -> Any:
+        """A message of a kind with the fields that both have, and its columns."""
         return self.make(
-            SCAN,
+            kind,
             self.header(content.header.stamp, content.header.frame_id),
             content.angle_min,
             content.angle_max,
@@ -86,6 +99,5 @@ class Messages:
             content.scan_time,
             content.range_min,
             content.range_max,
-            content.ranges,
-            content.intensities,
+            *columns,
         )

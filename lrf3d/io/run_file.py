@@ -30,10 +30,14 @@ poses (k, 3)          x, y [m], theta [rad] of each scan
 ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
 truth (k, n)          true ranges [m]
 walls (k, n)          the wall that each beam hit, or −1
+intensities (k, n)    of the measured ranges; missing in worlds without materials
+echoes (k, n, e)      ranges [m] of the echoes, the nearest first, then +inf; missing, like
+                      echo_intensities (k, n, e), if the range finder reports one
 snapshot_scans (s,)   index of the last scan in each map snapshot; empty without a LineMap
 map_sizes (s,)        number of segments of each snapshot
 map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
-                      map_points likewise
+                      map_points likewise; map_kinds (…,) 0 for walls, 1 for glass and 2 for
+                      mirrors, missing if all are walls
 estimate_poses (k, 3) estimated pose after each scan; missing, like the next five, if the poses
                       were given to the robot, and in older files
 estimate_scans (e,)   scans after which the covariance is known; estimate_covariances (e, 3, 3)
@@ -67,7 +71,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import ECHO_CHOICES
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
-from lrf3d.run import Run
+from lrf3d.run import LIGHT, Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.materials import material_of, material_value
@@ -79,7 +83,9 @@ VERSION = 1
 
 DTYPE_KINDS = {
     **dict.fromkeys(("version", "objects", "walls", "snapshot_scans", "map_sizes"), "iu"),
-    **dict.fromkeys(("map_objects", "map_points", "obstacle_corners", "obstacle_stops"), "iu"),
+    **dict.fromkeys(
+        ("map_objects", "map_points", "map_kinds", "obstacle_corners", "obstacle_stops"), "iu"
+    ),
     **dict.fromkeys(("estimate_scans", "estimate_closures", "estimate_dropped"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
     "materials": "U",
@@ -118,6 +124,7 @@ def save_run(run: Run, path: str | Path) -> None:
             Column.of("ranges", run.ranges),
             Column.of("truth", run.truth),
             Column.of("walls", run.walls),
+            *(Column.of(name, values) for name, values in run.light.items()),
             *map_columns(run.snapshot_scans, run.maps),
             *estimate_columns(run.estimate),
         ],
@@ -180,6 +187,9 @@ def map_columns(snapshot_scans: Iterable[int], maps: Sequence[LineMap]) -> list[
         "map_objects": np.concatenate([none.objects, *(part.objects for part in maps)]),
         "map_points": np.concatenate([none.points, *(part.points for part in maps)]),
     }
+    codes = np.concatenate([none.codes, *(part.codes for part in maps)])
+    if codes.any():
+        arrays["map_kinds"] = codes
     return [Column.of(name, array) for name, array in arrays.items()]
 
 
@@ -324,6 +334,11 @@ def _run(arrays: dict[str, Any]) -> Run:
     for name in ("ranges", "truth", "walls"):
         if arrays[name].shape != scans:
             raise ValueError(f"{name} of shape {arrays[name].shape}, expected {scans}")
+    light = {name: arrays[name] for name in LIGHT if name in arrays}
+    for name, array in light.items():
+        expected = scans if name == "intensities" else (*scans, *arrays["echoes"].shape[2:3])
+        if array.shape != expected:
+            raise ValueError(f"{name} of shape {array.shape}, expected {expected}")
     world = World(
         arrays["segments"],
         arrays["objects"],
@@ -345,12 +360,14 @@ def _run(arrays: dict[str, Any]) -> Run:
         float(arrays.get("scan_duration", 0.0)),
         *_receiver(arrays),
     )
+    codes = arrays.get("map_kinds", np.zeros(len(arrays["map_objects"]), np.int64))
     bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
     maps = tuple(
-        LineMap(
+        LineMap.of_codes(
             arrays["map_segments"][first:last],
             arrays["map_objects"][first:last],
             arrays["map_points"][first:last],
+            codes[first:last],
         )
         for first, last in pairwise(bounds)
     )
@@ -366,4 +383,5 @@ def _run(arrays: dict[str, Any]) -> Run:
         _obstacles(arrays),
         _film(arrays),
         _estimate(arrays, scans[0]),
+        **light,
     )

@@ -12,6 +12,7 @@ from lrf3d.laser.noise import (
     RangeNoise,
 )
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions, layer_directions
+from lrf3d.laser.ros_echoes import RosEchoes, RosEchoScan
 from lrf3d.laser.ros_scan import RosHeader, RosScan, Stamp
 from lrf3d.laser.scan import LaserScan, reflection_points
 
@@ -30,6 +31,8 @@ __all__ = [
     "ProportionalNoise",
     "Quantised",
     "RangeNoise",
+    "RosEchoScan",
+    "RosEchoes",
     "RosHeader",
     "RosScan",
     "Stamp",

@@ -135,13 +135,13 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     """
     try:
         low, step, increment, range_min, range_max = (
-            float(_field(message, name))
+            float(field_of(message, name))
             for name in "angle_min angle_increment time_increment range_min range_max".split()
         )
-        ranges = np.asarray(_field(message, "ranges"), dtype=np.float64)
+        ranges = np.asarray(field_of(message, "ranges"), dtype=np.float64)
         intensities = np.asarray(_intensities(message), dtype=np.float64)
-        stamp = _field(_field(message, "header"), "stamp")
-        time = Stamp(int(_field(stamp, "sec")), int(_field(stamp, "nanosec"))).seconds
+        stamp = field_of(field_of(message, "header"), "stamp")
+        time = Stamp(int(field_of(stamp, "sec")), int(field_of(stamp, "nanosec"))).seconds
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"message is not a sensor_msgs/LaserScan ({error})") from None
     count = len(ranges) if ranges.ndim == 1 else 0
@@ -170,14 +170,15 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     }
 
 
-def _field(message: Any, name: str) -> Any:
+def field_of(message: Any, name: str) -> Any:
+    """A field of a message, or of a dict in its place."""
     return message[name] if isinstance(message, Mapping) else getattr(message, name)
 
 
 def _intensities(message: Any) -> Any:
     """The intensities of a message, or none: files of some loggers have no such field."""
     try:
-        return _field(message, "intensities")
+        return field_of(message, "intensities")
     except (AttributeError, KeyError):
         return ()
 

@@ -1,11 +1,12 @@
 """LineMap: the map that a mapper builds, and the file that it is kept in."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, Value, normal_lines, sealed
@@ -14,6 +15,15 @@ from lrf3d.notebook import Pictured
 from lrf3d.output import write_text
 from lrf3d.text import counted
 from lrf3d.world.free_cells import FreeCells
+
+WALL, GLASS, MIRROR = KINDS = ("wall", "glass", "mirror")
+"""What a segment of a map may be."""
+
+KIND = np.dtype("<U6")
+"""The type of an array of kinds."""
+
+WALLS = np.array(WALL, KIND)
+"""The kind of all segments of a map of walls alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +34,8 @@ class LineMap(Value, Pictured):
         segments: (m, 4) rows x1 y1 x2 y2 [m] in the world.
         objects: (m,) the object of each segment, numbered from 0.
         points: (m,) number of reflection points that each segment was fitted to.
+        kinds: (m,) what each segment is: ``wall``, ``glass`` or ``mirror``; all are walls if not
+            given.
 
     Examples:
         >>> import lrf3d
@@ -37,6 +49,7 @@ class LineMap(Value, Pictured):
     segments: Float
     objects: Int
     points: Int
+    kinds: NDArray[np.str_] = field(default_factory=lambda: WALLS)
 
     def __post_init__(self) -> None:
         self._hold("segments")
@@ -50,17 +63,42 @@ class LineMap(Value, Pictured):
                 f"map of segments {segments.shape}, objects {objects.shape} and points"
                 f" {points.shape}: expected shapes (m, 4), (m,) and (m,)"
             )
+        kinds = np.asarray(self.kinds, dtype=KIND)
+        if not kinds.ndim:
+            kinds = np.full(len(segments), kinds)
+        if kinds.shape != objects.shape or not np.isin(kinds, KINDS).all():
+            raise InputError(
+                f"map of {len(segments)} segments with kinds {kinds.tolist()}: expected"
+                f" {', '.join(KINDS)}, one for each segment"
+            )
+        object.__setattr__(self, "kinds", sealed(kinds))
         if not np.isfinite(segments).all():
             row = int(np.flatnonzero(~np.isfinite(segments).all(axis=1))[0])
             raise InputError(
                 f"map: segment {row} is {segments[row].tolist()}, expected finite numbers"
             )
 
+    @property
+    def codes(self) -> Int:
+        """What each segment (m,) is, as its place in KINDS."""
+        codes: Int = np.select([self.kinds == GLASS, self.kinds == MIRROR], [1, 2]).astype(np.int64)
+        return codes
+
+    @classmethod
+    def of_codes(cls, segments: Float, objects: Int, points: Int, codes: Int) -> "LineMap":
+        """The map of segments with `codes`.
+
+        Raises:
+            IndexError: A code is none.
+        """
+        return cls(segments, objects, points, np.array(KINDS, KIND)[codes])
+
     @classmethod
     def unchecked(cls, segments: Float, objects: Int, points: Int) -> "LineMap":
-        """The map of read-only arrays of a mapper: they are neither checked nor copied."""
+        """The map of walls in read-only arrays of a mapper: unchecked, and not copied."""
         line_map = object.__new__(cls)
-        line_map.__dict__.update(segments=segments, objects=objects, points=points)
+        kinds = np.broadcast_to(WALLS, len(segments))
+        line_map.__dict__.update(segments=segments, objects=objects, points=points, kinds=kinds)
         return line_map
 
     @classmethod
@@ -93,8 +131,8 @@ class LineMap(Value, Pictured):
 def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = None) -> None:
     """Write a map as GeoJSON: a FeatureCollection of one LineString a segment.
 
-    Each has the properties object, alpha [rad], p [m] and points. :func:`load_world` reads the file
-    as the world that the map shows.
+    Each has the properties object, alpha [rad], p [m] and points, and kind if it is no wall.
+    :func:`load_world` reads the file as the world that the map shows.
 
     Args:
         line_map: The map.
@@ -119,14 +157,20 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
                 "alpha": float(alpha),
                 "p": float(p),
                 "points": int(points),
+                **({} if kind == WALL else {"kind": str(kind)}),
             },
             "geometry": {
                 "type": "LineString",
                 "coordinates": [[float(x1), float(y1)], [float(x2), float(y2)]],
             },
         }
-        for (x1, y1, x2, y2), (alpha, p), number, points in zip(
-            line_map.segments, line_map.lines, line_map.objects, line_map.points, strict=True
+        for (x1, y1, x2, y2), (alpha, p), number, points, kind in zip(
+            line_map.segments,
+            line_map.lines,
+            line_map.objects,
+            line_map.points,
+            line_map.kinds,
+            strict=True,
         )
     ]
     lines = ",\n".join(json.dumps(feature) for feature in features)
@@ -155,8 +199,9 @@ def load_map(path: str | Path) -> LineMap:
         values = [feature["properties"] for feature in features]
         objects = np.array([value["object"] for value in values], dtype=np.int64)
         points = np.array([value["points"] for value in values], dtype=np.int64)
+        kinds = np.array([value.get("kind", WALL) for value in values], dtype=KIND)
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise InputError(f"{path}: not a map of lrf3d ({error!r})") from None
-    return LineMap(segments, objects, points)
+    return LineMap(segments, objects, points, kinds)

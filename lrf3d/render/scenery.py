@@ -26,6 +26,7 @@ from lrf3d.scene.map_bands import BAND_SIZES, WallTops
 from lrf3d.scene.stage import stage_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 from lrf3d.scene.trail_and_map import RIBBON_SIZES, DrawnMap, legs_begun, smoothed, trail_ribbon
+from lrf3d.scene.turns import WallOptics
 
 _BLOB_RADIUS, _BLOB_DARKNESS, _BLOB_SHIFT = 0.52, 0.55, 0.16
 """Radius of the robot's shadow [m], its darkness in the middle, and how far it lies from the robot
@@ -110,6 +111,7 @@ class Scenery:
         self.obstacles = MovingBodies(run.obstacles, self.origin, self.structures.indoor)
         self.ground = GroundLayer(stage, self.scene)
         self.beams: DrawnBeams | None = None
+        self._optics = WallOptics.of(run.world)
         rows, indices = robot_mesh(run.lrf.height)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
         self._keys, self._start = smoothed(drive_keys(timeline)), timeline.start
@@ -322,7 +324,7 @@ class Scenery:
         world = self.run.world
         walls = world.segments - np.tile(self.origin, 2)
         carry = self.obstacles.carrying(moment.time)
-        self.beams = DrawnBeams.from_scan(local, walls, world.objects, place, carry)
+        self.beams = DrawnBeams.from_scan(local, walls, world.objects, place, carry, self._optics)
         self._fan.update(self.beams.fan(height))
         self._lines.update(self.beams.lines(height, self._reach))
         self._trace.update(self.beams.trace(height))

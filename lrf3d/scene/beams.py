@@ -20,7 +20,9 @@ from lrf3d.scene.look import (
     RANGE_COLOURS,
     TRACE_COLOUR,
     TRACE_STRENGTH,
+    TURNED_SHARE,
 )
+from lrf3d.scene.turns import Turns, WallOptics
 
 _JOINED_GAP = 0.6
 """Neighbouring hits farther apart [m] than this, of which no wall is known, are not joined."""
@@ -57,6 +59,8 @@ class DrawnBeams:
         sides: (hits, 2) where the face of the wall looks that each point lies on; 0 where no wall
             is known.
         beam_angle: Angle from one beam to the next [rad].
+        legs: (l, 4) the ways of beams after mirrors turned them [m].
+        leg_beams: (l,) the beam of each of these.
     """
 
     apex: Float
@@ -68,16 +72,24 @@ class DrawnBeams:
     hits: Bool
     sides: Float
     beam_angle: float
+    legs: Float
+    leg_beams: Int
 
     @classmethod
     def from_scan(
-        cls, scan: LaserScan, walls: Float, objects: Int, apex: Float, carry: Carry = _stay
+        cls,
+        scan: LaserScan,
+        walls: Float,
+        objects: Int,
+        apex: Float,
+        carry: Carry = _stay,
+        optics: WallOptics | None = None,
     ) -> "DrawnBeams":
         """Make beams of a scan whose pose, like walls (n, 4) and apex (2,), is in the film's frame.
 
         The apex is where the robot stands now, a little past the pose of the scan: the beams then
         follow the robot while the points stay on their walls, and move with what moves: ends
-        that lie on no known wall are carried on.
+        that lie on no known wall are carried on. Mirrors turn beams, and glass lets them pass.
         """
         origin = np.array([scan.pose.x, scan.pose.y])
         # A beam without return goes as far as it can be measured; one too near ends at once.
@@ -86,21 +98,32 @@ class DrawnBeams:
         ends = origin + ranges[:, None] * beam_directions(scan.pose.theta, scan.angles)
         known = scan.walls >= 0
         ends = carry(ends, scan.hits & ~known, scan.time)
+        hidden, starts = np.ones(len(walls), np.bool_), np.broadcast_to(origin, ends.shape)
+        legs, leg_beams = np.empty((0, 4)), np.empty(0, np.int64)
+        first, turned = ends, np.full(len(ends), -1)
+        if optics is not None:
+            hidden = ~optics.clear
+            if optics.mirrors.any():
+                turns = Turns.of(origin, ends, walls[optics.mirrors])
+                first, ends, starts, turned, legs, leg_beams = turns
         close = np.hypot(*(ends[1:] - ends[:-1]).T) < _JOINED_GAP
         same = np.where(known[1:] & known[:-1], scan.walls[1:] == scan.walls[:-1], close)
-        joined = scan.hits[1:] & scan.hits[:-1] & same
+        joined = scan.hits[1:] & scan.hits[:-1] & same & (turned[1:] == turned[:-1])
         points = ends[scan.hits]
-        sides = _sides(origin, points, walls, scan.walls[scan.hits])
+        sides = _sides(starts[scan.hits], points, walls, scan.walls[scan.hits])
+        ends = first
         if np.hypot(*(apex - origin)) > 1e-6:
             if known.any():
-                near = np.isin(objects, np.unique(objects[scan.walls[known]]))
+                near = np.isin(objects, np.unique(objects[scan.walls[known]])) & hidden
                 ends = _seen_from(apex, ends, walls[near])
             else:
                 apex = origin
         reached = np.hypot(*(ends - apex).T)
         step = float(scan.angles[1] - scan.angles[0]) if len(scan.angles) > 1 else 0.0
         measured = scan.ranges[scan.hits]
-        return cls(apex, ends, reached, points, measured, joined, scan.hits, sides, step)
+        return cls(
+            apex, ends, reached, points, measured, joined, scan.hits, sides, step, legs, leg_beams
+        )
 
     def fan(self, height: float) -> Single:
         """Triangles (3 · n, 5) of the fan: position and range of each corner [m], and its share.
@@ -144,6 +167,12 @@ class DrawnBeams:
             [np.full(len(ends), BEAM_STRENGTH), BEAM_STRENGTH * (1.0 - ranges / reach)]
         )
         alpha *= self.shares[chosen, None]
+        legs = np.isin(self.leg_beams, chosen)
+        if legs.any():
+            start = np.concatenate([start, self.legs[legs, :2]])
+            ends = np.concatenate([ends, self.legs[legs, 2:]])
+            faint = np.full((np.count_nonzero(legs), 2), TURNED_SHARE * BEAM_STRENGTH)
+            alpha = np.concatenate([alpha, faint])
         return line_quads(start, ends, np.full((len(ends), 3), BEAM_COLOUR), alpha, height)
 
     def trace(self, height: float) -> Single:
@@ -235,7 +264,7 @@ def _wedges(kind: Int, beam_angle: float) -> Int:
 
 
 def _sides(origin: Float, points: Float, walls: Float, numbers: Int) -> Float:
-    """Normals (n, 2) of walls by number, towards the origin of the beams; 0 for a number of −1."""
+    """Normals (n, 2) of walls by number, towards where beams come from (n, 2); 0 for −1."""
     if not len(walls):
         return np.zeros_like(points)
     along = walls[numbers, 2:] - walls[numbers, :2]

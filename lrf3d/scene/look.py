@@ -7,6 +7,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int
 from lrf3d.world import World
+from lrf3d.world.materials import Material
 
 SUN = np.array([0.33, -0.37, 0.868])
 """Direction to the sun, of unit length: high, so that shadows leave streets some light."""
@@ -72,6 +73,9 @@ BEAMS_DRAWN = 30
 
 BEAM_COLOUR, BEAM_STRENGTH = (1.0, 0.36, 0.26), 0.55
 """Colour of a single beam, and its opacity at the robot."""
+
+TURNED_SHARE = 0.7
+"""Opacity of beams that a mirror has turned, beside that of others."""
 
 FAN_COLOUR, FAN_CURVE = (1.00, 0.30, 0.20), 1.5
 FAN_STRENGTH, FAN_STRENGTH_INDOOR = 0.20, 0.17
@@ -180,13 +184,35 @@ _RGB_FROM_LMS = np.array(
 )
 
 
+MIRROR_COLOUR, GLASS_COLOUR, RETRO_COLOUR = (
+    (0.80, 0.85, 0.90),
+    (0.62, 0.82, 0.86),
+    (0.93, 0.80, 0.22),
+)
+"""Colours of mirrors, glass and retro-reflectors that have none of their own."""
+
+
+def material_colour(material: Material | None) -> tuple[float, float, float] | None:
+    """The colour by which a material is known at sight; None where it has none."""
+    if material is None:
+        return None
+    if material.passes:
+        return GLASS_COLOUR
+    if material.mirrors:
+        return MIRROR_COLOUR
+    return RETRO_COLOUR if material.retro > 1.0 else None
+
+
 def object_colours(world: World, *, indoor: bool) -> Float:
-    """Colours (objects, 3) of a world's objects: its own, or one from a palette by number."""
+    """Colours (objects, 3) of a world's objects: their own, their material's, or from a palette."""
     palette = PAINT if indoor else PLASTER
     numbers = np.arange(world.object_count)
     chosen = palette[numbers % len(palette)].copy()
     # A slow drift in brightness keeps two houses of one colour from looking the same.
     chosen *= (0.94 + 0.10 * np.modf(numbers * _HUE_STEP)[0])[:, None]
+    for number, material in enumerate(world.materials):
+        if (colour := material_colour(material)) is not None:
+            chosen[number] = colour
     given = np.full((world.object_count, 3), np.nan)
     rows = min(len(world.colours), world.object_count)
     given[:rows] = world.colours[:rows]

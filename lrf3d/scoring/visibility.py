@@ -11,6 +11,9 @@ from lrf3d.scoring.matching import match_segments
 from lrf3d.scoring.report import Report
 from lrf3d.world.touching import joined_objects
 
+DIRECT = 1e-3
+"""Farthest off its wall [m] that the place of a direct return may be."""
+
 LEAST_VISIBLE = 0.5
 """Length [m] above which the visible part of a wall counts."""
 
@@ -47,7 +50,11 @@ def visible_parts(
         wall = hit[returned]
         # Relative to the end of the wall, so that no digits are lost far from the origin.
         reach = ranges[returned, None] * beam_directions(pose[2], angles[returned])
-        station = np.einsum("ij,ij->i", pose[:2] - segments[wall, :2] + reach, along[wall])
+        offset, unit = pose[:2] - segments[wall, :2] + reach, along[wall]
+        # What came by way of a mirror shows an image of the wall, elsewhere.
+        direct = np.abs(offset[:, 0] * unit[:, 1] - offset[:, 1] * unit[:, 0]) < DIRECT
+        wall, offset, unit = wall[direct], offset[direct], unit[direct]
+        station = np.einsum("ij,ij->i", offset, unit)
         np.minimum.at(low, wall, station)
         np.maximum.at(high, wall, station)
     visible = np.flatnonzero(high - low > LEAST_VISIBLE)

@@ -183,7 +183,7 @@ def world_names() -> list[str]:
     Examples:
         >>> import lrf3d
         >>> lrf3d.world_names()
-        ['city', 'corridor', 'paper_room']
+        ['city', 'corridor', 'glass_office', 'mirror_hall', 'paper_room', 'warehouse']
     """
     return sorted(path.stem for path in worlds_folder().glob("*.toml"))
 

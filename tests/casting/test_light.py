@@ -42,7 +42,7 @@ def test_a_white_wall_at_one_metre_has_the_intensity_one(caster):
 @both
 def test_intensities_are_those_of_the_laser_equation(caster):
     rng = np.random.default_rng(0)
-    for _ in range(200):
+    for _ in range(1000):
         distance, angle = rng.uniform(0.5, 60.0), rng.uniform(-1.4, 1.4)
         diffuse, near = rng.uniform(0.01, 1.0), rng.uniform(0.1, 5.0)
         normal, along = np.array([math.cos(angle), math.sin(angle)]), rng.uniform(1.0, 9.0)

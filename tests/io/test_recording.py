@@ -20,7 +20,7 @@ from lrf3d import (
     World,
 )
 from lrf3d.io import recording
-from lrf3d.io.journal import Journal
+from lrf3d.io.journal import Journal, columns_of
 
 ROOM = World(
     np.array(
@@ -279,7 +279,7 @@ def test_a_killed_process_loses_next_to_nothing(tmp_path):
     process.stdout.close()
     assert process.wait() == -signal.SIGKILL
     fingerprint = recording.fingerprint_of(simulation(scans=1500))
-    journal = Journal(path.with_suffix(".journal"), fingerprint, LRF.beams, keep=True)
+    journal = Journal(path.with_suffix(".journal"), fingerprint, columns_of(ROOM, LRF), keep=True)
     assert 900 <= journal.scans < 1500
     journal.close()
     lrf3d.record(simulation(scans=1500), path, resume=True)
@@ -395,7 +395,7 @@ def test_an_interrupt_while_a_chunk_is_written_keeps_each_scan_once(tmp_path, mo
     journal = Journal(
         path.with_suffix(".journal"),
         recording.fingerprint_of(simulation(scans=40)),
-        LRF.beams,
+        columns_of(ROOM, LRF),
         keep=True,
     )
     kept = journal.scans

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_run import around, as_map, box, make_run, make_world, ring
 
+import lrf3d
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
@@ -395,3 +396,14 @@ def test_a_view_that_tells_all_that_others_told_replaces_them():
 def test_no_polylines_at_all_take_no_numbers(blocks):
     count = storage(blocks, [[] for _ in range(len(blocks))])
     assert (count.polylines, count.polyline_lines, count.polyline_numbers) == (0, 0, 0)
+
+
+def test_what_a_mirror_shows_is_no_visible_part_of_a_wall():
+    walls = [[4, -3, 4, 3], [-2, -1, -2, 1], [-3, 2, 3, 2]]
+    world = lrf3d.World(walls, range(3), materials=["mirror", "plaster", "plaster"])
+    run = lrf3d.simulate(world, [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)], rng=0, caster="planar")
+    parts, seen = visible_walls(run)
+    # The wall behind the robot is seen in the mirror alone.
+    assert (run.walls == 1).any()
+    assert seen.tolist() == [2]
+    assert (parts[0, [0, 2]] >= -3.0).all() and (parts[0, [0, 2]] <= 3.0).all()

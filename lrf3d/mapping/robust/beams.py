@@ -51,6 +51,18 @@ class Frame(NamedTuple):
         place = float(cos * dx + sin * dy + SHIFT[0]), float(cos * dy - sin * dx + SHIFT[1])
         return place, float(scan.pose.theta - self.theta)
 
+    def in_world(self, segments: Float) -> Float:
+        """Segments (n, 4) of this frame in the world."""
+        turned: Float = self._turned(segments) + np.tile([self.x, self.y], 2)
+        return turned
+
+    def _turned(self, segments: Float) -> Float:
+        """Segments (n, 4) of this frame in the world's directions, around its origin."""
+        cos, sin = np.cos(self.theta), np.sin(self.theta)
+        turn = np.array([[cos, sin], [-sin, cos]])
+        turned: Float = (segments.reshape(-1, 2) - SHIFT) @ turn
+        return turned.reshape(-1, 4)
+
 
 class Beams(NamedTuple):
     """The beams of a scan in the map's frame.
@@ -77,6 +89,11 @@ class Beams(NamedTuple):
         np.sin(headings, out=beams.units[:, 1])
         measure_beams(plain(measured), float(scan.range_max), noise, pose_spread(scan), beams)
         return beams
+
+    def limited(self, limits: Float) -> "Beams":
+        """The beams, free no farther than limits (n,) [m], at which those went on elsewhere."""
+        turned = np.isfinite(limits)
+        return self._replace(ranges=np.where(turned, -limits, self.ranges))
 
 
 def in_order(scan: LaserScan) -> tuple[Float, Float]:

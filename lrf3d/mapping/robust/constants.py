@@ -1,4 +1,4 @@
-"""All tuning constants of the default mapper, in the order in which a scan meets them.
+"""Tuning constants of the default mapper, in the order in which a scan meets them.
 
 Each has its unit and its reason, and says what less or more of it does where that is known. The
 settings that users choose are arguments of :class:`lrf3d.LineMapper`. Lengths are in metres; a

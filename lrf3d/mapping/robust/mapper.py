@@ -17,6 +17,7 @@ from lrf3d.mapping.robust.cells import NewEvidence
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
+from lrf3d.mapping.robust.optics import Optics
 from lrf3d.mapping.robust.refinement import LEAST_ROWS, MapRefinement
 from lrf3d.mapping.robust.wall_choice import choose_walls, count_unowned_hits
 from lrf3d.mapping.robust.wall_store import WallStore
@@ -38,6 +39,7 @@ class RobustMapper:
         self._grid = EvidenceGrid()
         self._noise = NoiseEstimate(extract.floor)
         self._refined = MapRefinement(rule, least)
+        self._optics = Optics(extract)
         self._last_scan: int | None = None
         self._frame: Frame | None = None
         self._map: LineMap | None = None
@@ -57,11 +59,19 @@ class RobustMapper:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
-        fresh = self._add_beams(Beams.of(scan, heading, noise), place)
+        seen = self._optics.look(scan, place, heading, noise)
+        scan = seen.scan
+        beams = Beams.of(scan, heading, noise)
+        if seen.limits is not None:
+            beams = beams.limited(seen.limits)
+        fresh = self._add_beams(beams, place)
         ends, moments, labels = self._extract.walls(scan, heading, noise)
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._refine(fresh, noise)
+        if seen.beams is not None:
+            walls = ends + np.tile(place, 2)
+            self._optics.update(seen, heading, noise, walls, self._refined.ends)
         self._refined.publish(self._frame)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
@@ -126,6 +136,8 @@ class RobustMapper:
         """The global map as it is now."""
         if self._map is None:
             self._map = self._refined.map
+            if self._frame is not None:
+                self._map = self._optics.show(self._map, self._frame)
         return self._map
 
     def state(self) -> dict[str, Any]:
@@ -136,6 +148,7 @@ class RobustMapper:
             **self._grid.state(),
             **self._noise.state(),
             **self._refined.state(),
+            **self._optics.state(),
             "last_scan": np.array([] if self._last_scan is None else [self._last_scan], np.int64),
             "frame": frame,
             "wall_last_scans": self._last_scans.copy(),
@@ -149,6 +162,7 @@ class RobustMapper:
         self._walls.restore(state)
         self._grid.restore(state)
         self._noise.restore(state)
+        self._optics.restore(state)
         last = state["last_scan"].tolist()
         self._last_scan = last[0] if last else None
         frame = state["frame"]

@@ -131,6 +131,11 @@ class MapRefinement:
         return self.groups.closed, self.segments.walls.points, self.groups.labels
 
     @property
+    def ends(self) -> Float:
+        """The segments (m, 4) of the map in its own frame [m]."""
+        return self.groups.closed[self.segments.rows()]
+
+    @property
     def map(self) -> LineMap:
         """The map in the world, as it was published last."""
         return self._live.value()

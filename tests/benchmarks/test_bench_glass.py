@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+
+from benchmarks.glass import images, measure, samples, with_glass
+from lrf3d import LaserRangeFinder, World, load_world, simulate
+from lrf3d.geometry import lengths
+
+
+def test_a_share_of_the_walls_is_glass():
+    world = load_world("city")
+    lit, glass = with_glass(world, 0.1, np.random.default_rng(0))
+    size = lengths(world.segments)
+    assert size[glass].sum() == pytest.approx(0.1 * size.sum(), rel=0.1)
+    assert [one.name == "glass" for one in lit.materials] == glass.tolist()
+
+
+def test_samples_are_by_others_where_these_are_near_and_parallel():
+    own = np.array([[0.0, 0, 4, 0], [0, 1, 0, 3]])
+    others = np.array([[1.0, 0.05, 3, 0.05], [-1, 2, 1, 2]])
+    size, shares = samples(own, others)
+    assert size.tolist() == [4.0, 2.0]
+    assert shares == pytest.approx([0.5 + 0.17 / 4, 0.0], abs=0.03)
+    assert samples(own, np.empty((0, 4)))[1].tolist() == [0.0, 0.0]
+
+
+def test_what_a_mirror_shows_is_an_image():
+    walls = [[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0]]
+    world = World(walls, range(4), materials=["plaster", "mirror", "plaster", "brick"])
+    # One pose is too few to tell a mirror from a room.
+    run = simulate(world, [(2.0, 3.0, 0.0)] * 2, LaserRangeFinder(beams=361), rng=0)
+    assert images(run) > 0
+
+
+def test_glass_of_the_city_is_found_and_no_image_is_mapped():
+    lrf = LaserRangeFinder(-np.pi, np.pi, 361)
+    seen, found, marked, right, ghosts, segments = measure(load_world("city"), 0, lrf, 40, 0.1)
+    assert seen > 50.0 and marked > 20.0 and segments > 50
+    assert found > 0.5 and right > 0.9 and ghosts == 0

@@ -1,0 +1,171 @@
+"""Intensities and echoes on their way through noise, runs, files and ROS messages."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d import LaserRangeFinder, World
+from lrf3d.errors import InputError
+from lrf3d.laser import DropOuts, ProportionalNoise
+from lrf3d.laser.echoes import with_echoes
+
+LRF = LaserRangeFinder(-2.0, 2.0, beams=81, range_min=0.4, range_max=20.0, echoes=3)
+POSES = np.column_stack([np.linspace(1.0, 4.0, 7), np.full(7, 2.0), np.linspace(0.0, 1.0, 7)])
+NAMES = ("intensities", "echoes", "echo_intensities")
+
+
+def hall():
+    """A room with a mirror on the right, and a pane in the middle."""
+    walls = [[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0], [5, 0.5, 5, 5.5]]
+    materials = ["plaster", "mirror", "brick", "plaster", "glass"]
+    return World(walls, objects=range(5), materials=materials)
+
+
+def simulation(noise=None, lrf=LRF):
+    return lrf3d.Simulation(hall(), POSES, lrf, noise=noise, rng=3)
+
+
+def equal(one, other):
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in NAMES)
+
+
+@pytest.mark.parametrize("caster", ["planar", "embree"])
+def test_a_run_keeps_what_its_scans_show_of_the_light(caster):
+    steps = list(lrf3d.Simulation(hall(), POSES, LRF, caster=caster, rng=3))
+    run = lrf3d.simulate(hall(), POSES, LRF, caster=caster, rng=3)
+    assert all(equal(step.scan, run.scan(step.index)) for step in steps)
+    assert (np.isfinite(run.echoes).sum(axis=2) > 1).any()
+    part = run.part(np.array([2, 5]))
+    assert equal(part.scan(1), run.scan(5))
+
+
+def test_a_run_without_materials_or_with_one_echo_keeps_no_more_than_it_has():
+    room = lrf3d.load_world("paper_room")
+    assert lrf3d.simulate(room, [(1, 1, 0)], LRF, rng=0).light == {}
+    run = lrf3d.simulate(hall(), POSES, replace(LRF, echoes=1), rng=0)
+    assert list(run.light) == ["intensities"]
+
+
+def test_files_and_recordings_give_the_light_back(tmp_path):
+    noise = ProportionalNoise(0.1)
+    run = lrf3d.simulate(hall(), POSES, LRF, noise=noise, rng=3)
+    lrf3d.save_run(run, tmp_path / "saved.npz")
+    lrf3d.record(simulation(noise), tmp_path / "recorded.npz")
+    for name in ("saved", "recorded"):
+        assert equal(lrf3d.load_run(tmp_path / f"{name}.npz"), run)
+
+
+def test_an_interrupted_recording_goes_on_with_the_same_light(tmp_path):
+    def stop(done, total):
+        if done == 4:
+            raise KeyboardInterrupt
+
+    class Watching:
+        """A mapper that keeps the scans that it is given."""
+
+        def __init__(self):
+            self.scans = []
+
+        def update(self, scan):
+            self.scans.append(scan)
+
+    def watched(mapper):
+        return lrf3d.Simulation(hall(), POSES, LRF, mapper=mapper, rng=3)
+
+    once, again = Watching(), Watching()
+    lrf3d.record(watched(once), tmp_path / "once.npz")
+    with pytest.raises(KeyboardInterrupt):
+        lrf3d.record(watched(Watching()), tmp_path / "again.npz", progress=stop)
+    lrf3d.record(watched(again), tmp_path / "again.npz", resume=True)
+    assert (tmp_path / "once.npz").read_bytes() == (tmp_path / "again.npz").read_bytes()
+    assert all(equal(one, other) for one, other in zip(once.scans, again.scans, strict=True))
+
+
+def test_light_of_another_shape_in_a_file_is_refused(tmp_path):
+    run = lrf3d.simulate(hall(), POSES, LRF, rng=3)
+    lrf3d.save_run(run, tmp_path / "run.npz")
+    arrays = dict(np.load(tmp_path / "run.npz"))
+    arrays["echo_intensities"] = arrays["echo_intensities"][:, :, :1]
+    np.savez(tmp_path / "run.npz", **arrays)
+    with pytest.raises(InputError, match="echo_intensities of shape"):
+        lrf3d.load_run(tmp_path / "run.npz")
+
+
+def test_the_echo_that_is_the_range_has_its_noise_and_each_other_one_its_own():
+    noise = ProportionalNoise(0.05)
+    for step in simulation(noise):
+        scan, true = step.scan, step.true_scan
+        hits = np.isfinite(scan.ranges)
+        assert (scan.echoes[hits] == scan.ranges[hits, None]).any(axis=1).all()
+        assert (scan.echoes[:, 1:] >= scan.echoes[:, :-1]).all()
+        assert np.array_equal(np.isfinite(scan.echoes), np.isfinite(true.echoes))
+        several = np.isfinite(true.echoes[:, 1])
+        moved = scan.echoes[several, :2] - true.echoes[several, :2]
+        assert (moved != 0.0).all() and (np.abs(moved) < 0.2).all()
+
+
+def test_lost_echoes_have_no_intensity():
+    lost = 0
+    for step in simulation(DropOuts(far=0.9)):
+        scan = step.scan
+        gone = np.isinf(scan.echoes)
+        assert (scan.echo_intensities[gone] == 0.0).all()
+        assert (scan.intensities[~np.isfinite(scan.ranges)] == 0.0).all()
+        lost += (gone & np.isfinite(step.true_scan.echoes)).sum()
+    assert lost > 20
+
+
+def test_a_noise_that_forgets_the_light_leaves_unknown_intensities_in_the_run():
+    def forgetful(scan):
+        return lrf3d.LaserScan(scan.pose, scan.angles, scan.ranges, range_max=scan.range_max)
+
+    run = lrf3d.simulate(hall(), POSES, replace(LRF, echoes=1), noise=forgetful, rng=0)
+    assert np.isnan(run.intensities).all()
+
+
+def test_a_message_of_several_echoes_is_the_scan_to_float32():
+    for step in simulation():
+        scan = step.scan
+        message = scan.as_ros_echoes("laser", scan_time=0.5)
+        again = lrf3d.LaserScan.from_ros(message, scan.pose)
+        slots = again.echoes.shape[1]
+        assert np.array_equal(again.echoes, scan.echoes[:, :slots].astype(np.float32))
+        assert np.isinf(scan.echoes[:, slots:]).all()
+        assert np.array_equal(
+            again.echo_intensities, scan.echo_intensities[:, :slots].astype(np.float32)
+        )
+        # Nothing in the message says that something was too near.
+        ranges = np.where(np.isneginf(scan.ranges), np.inf, scan.ranges)
+        assert np.array_equal(again.ranges, ranges.astype(np.float32))
+        assert again.angles == pytest.approx(scan.angles, abs=1e-6)
+        as_dicts = lrf3d.LaserScan.from_ros(message.as_dict(), scan.pose)
+        assert np.array_equal(as_dicts.echoes, again.echoes)
+
+
+def test_messages_with_holes_are_read_and_wrong_ones_refused():
+    message = next(iter(simulation())).scan.as_ros_echoes().as_dict()
+    beams = len(message["ranges"])
+    message["ranges"] = [{"echoes": [np.nan, 0.1, 3.0, 99.0]}] * beams
+    message["intensities"] = []
+    scan = lrf3d.LaserScan.from_ros(message)
+    assert (scan.ranges == 3.0).all() and scan.intensities is None
+    message["ranges"] = [{"echoes": []}] * beams
+    assert np.isinf(lrf3d.LaserScan.from_ros(message).ranges).all()
+    message["ranges"] = [{"returns": []}] * beams
+    with pytest.raises(InputError, match="MultiEchoLaserScan"):
+        lrf3d.LaserScan.from_ros(message)
+    with pytest.raises(InputError, match="without echoes"):
+        lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 1.0]).as_ros_echoes()
+
+
+def test_echoes_that_come_by_themselves_find_their_scans():
+    scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 2.0])
+    one = replace(scan, echoes=[[1.0], [2.0]], echo_intensities=[[0.5], [0.2]])
+    two = replace(scan, echoes=[[1.0, 4.0]] * 2, echo_intensities=[[0.5, 0.1]] * 2)
+    found = with_echoes([scan, scan, scan], [10, 20, 30], {10: one, 30: two})
+    assert found[0].echoes.tolist() == [[1.0, np.inf], [2.0, np.inf]]
+    assert found[0].echo_intensities.tolist() == [[0.5, 0.0], [0.2, 0.0]]
+    assert found[1].echoes is None
+    assert found[2].echoes.tolist() == [[1.0, 4.0]] * 2

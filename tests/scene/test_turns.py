@@ -1,0 +1,86 @@
+"""Beams that mirrors turn, as they are drawn."""
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.geometry import lengths
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.scene.beams import DrawnBeams
+from lrf3d.scene.look import GLASS_COLOUR, MIRROR_COLOUR, RETRO_COLOUR, object_colours
+from lrf3d.scene.turns import Turns, WallOptics
+
+WALLS = [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [4, 1, 5, 2.5]]
+
+
+def hall(*materials):
+    return lrf3d.World(WALLS, range(5), materials=materials)
+
+
+def drawn(world, pose=(7.0, 4.0, 0.3)):
+    lrf = LaserRangeFinder(-np.pi, np.pi, 181)
+    scan = lrf3d.PlanarCaster(world).cast(lrf, pose)
+    beams = DrawnBeams.from_scan(
+        scan, world.segments, world.objects, np.array(pose[:2]), optics=WallOptics.of(world)
+    )
+    return scan, beams
+
+
+def off_walls(points):
+    """How far (n,) points (n, 2) lie off the nearest wall."""
+    found = np.full(len(points), np.inf)
+    for x1, y1, x2, y2 in WALLS:
+        along = np.array([x2 - x1, y2 - y1])
+        share = np.clip((points - (x1, y1)) @ along / (along @ along), 0.0, 1.0)
+        apart = points - (x1, y1) - share[:, None] * along
+        found = np.minimum(found, np.hypot(apart[:, 0], apart[:, 1]))
+    return found
+
+
+def test_points_lie_on_the_walls_that_mirrors_show():
+    scan, beams = drawn(hall("plaster", "mirror", "plaster", "mirror", "brick"))
+    assert np.count_nonzero(scan.hits) == len(beams.points) > 150
+    assert off_walls(beams.points).max() < 1e-9
+    assert off_walls(beams.ends[scan.hits]).max() < 1e-9
+    whole = np.hypot(*(beams.ends - beams.apex).T)
+    np.add.at(whole, beams.leg_beams, lengths(beams.legs))
+    assert whole[scan.hits] == pytest.approx(scan.ranges[scan.hits], abs=1e-9)
+    assert np.bincount(beams.leg_beams).max() >= 3
+    straight = drawn(hall("plaster", "plaster", "plaster", "plaster", "brick"))[1]
+    assert len(beams.lines(0.5, 80.0)) > len(straight.lines(0.5, 80.0))
+    assert len(beams.fan(0.5)) and len(beams.trace(0.5))
+
+
+def test_a_leg_begins_where_the_one_before_ends():
+    rng = np.random.default_rng(0)
+    mirrors = np.array([[0.0, -50.0, 0.0, 50.0], [3.0, -50.0, 3.0, 50.0]])
+    ends = np.array([1.0, 0.0]) + rng.uniform(-20, 20, (50, 2))
+    turns = Turns.of(np.array([1.0, 0.0]), ends, mirrors)
+    for beam in range(50):
+        legs = turns.legs[turns.beams == beam]
+        if not len(legs):
+            assert turns.mirrors[beam] == -1 and (turns.first[beam] == ends[beam]).all()
+            continue
+        assert (legs[0, :2] == turns.first[beam]).all()
+        assert (legs[1:, :2] == legs[:-1, 2:]).all()
+        assert (legs[-1] == np.concatenate([turns.starts[beam], turns.last[beam]])).all()
+        # Between two parallel mirrors the unfolded place is folded back by reflection.
+        fold = abs((ends[beam, 0] + 3.0) % 6.0 - 3.0)
+        if len(legs) < 8:
+            assert turns.last[beam] == pytest.approx([fold, ends[beam, 1]], abs=1e-9)
+
+
+def test_worlds_whose_walls_end_beams_have_no_optics():
+    assert WallOptics.of(lrf3d.load_world("paper_room")) is None
+    assert WallOptics.of(hall("plaster", "metal", None, "brick", "retro-reflector")) is None
+    optics = WallOptics.of(hall("glass", "mirror", None, "brick", "metal"))
+    assert optics.mirrors.tolist() == [False, True, False, False, False]
+    assert optics.clear.tolist() == [True, False, False, False, False]
+
+
+def test_mirrors_glass_and_retro_reflectors_have_their_colours():
+    world = hall("glass", "mirror", "retro-reflector", "brick", None)
+    colours = object_colours(world, indoor=True)
+    assert colours[:3] == pytest.approx(np.array([GLASS_COLOUR, MIRROR_COLOUR, RETRO_COLOUR]))
+    own = lrf3d.World(WALLS, range(5), materials=["mirror"] * 5, colours=[[0.1, 0.2, 0.3]] * 5)
+    assert object_colours(own, indoor=True)[0] == pytest.approx([0.1, 0.2, 0.3])
