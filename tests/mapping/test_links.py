@@ -7,7 +7,7 @@ from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 from lrf3d.mapping.robust.object_groups import ObjectGroups
-from lrf3d.mapping.robust.segment_pool import SegmentPool
+from lrf3d.mapping.robust.segment_pool import Change, NewSegments, SegmentPool
 
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 
@@ -79,11 +79,12 @@ def test_beams_that_cross_a_link_at_a_small_angle_part_what_it_joins(pose, numbe
 def test_objects_come_apart_when_beams_cross_the_link_that_held_them_together():
     walls = np.array([[-5, 0, 0, 0], [6, 0, 12, 0.0]])
     pool, groups, grid = SegmentPool(), ObjectGroups(), EvidenceGrid()
-    rows = pool.add(walls, np.ones((2, 6)), np.full(2, 9), np.arange(2))
+    new = NewSegments(walls, np.ones((2, 6)), np.full(2, 9), np.arange(2))
+    rows = pool.add(new, 2)
     none = rows[:0]
-    groups.update(pool, none, rows, none, none, grid.cells, NOISE)
+    groups.update(pool, Change(none, rows, none, none), grid.cells, NOISE)
     assert len(set(groups.labels[rows])) == 1
     look(grid, [[-9, -3, 15, -3]], [(3, 3, 0)])
     # Nothing is new of the walls themselves.
-    groups.update(pool, none, none, none, none, grid.cells, NOISE)
+    groups.update(pool, Change(none, none, none, none), grid.cells, NOISE)
     assert len(set(groups.labels[rows])) == 2
