@@ -79,7 +79,8 @@ def test_beams_that_cross_a_link_at_a_small_angle_part_what_it_joins(pose, numbe
 def test_objects_come_apart_when_beams_cross_the_link_that_held_them_together():
     walls = np.array([[-5, 0, 0, 0], [6, 0, 12, 0.0]])
     pool, groups, grid = SegmentPool(), ObjectGroups(), EvidenceGrid()
-    rows = pool.add(NewSegments(walls, np.ones((2, 6)), np.full(2, 9), np.arange(2)), 2)
+    new = NewSegments(walls, np.ones((2, 6)), np.full(2, 9), np.arange(2))
+    rows = pool.add(new, 2)
     none = rows[:0]
     groups.update(pool, Change(none, rows, none, none), grid.cells, NOISE)
     assert len(set(groups.labels[rows])) == 1

@@ -196,7 +196,7 @@ def widen(moments: Float, scan: LaserScan) -> None:
 
 def fingerprint(scan: LaserScan) -> int:
     """A number of 64 bits that no other scan has."""
-    digest = blake2b(scan.ranges.tobytes(), digest_size=8)
-    digest.update(scan.angles.tobytes())
-    digest.update(np.array(scan.pose).tobytes())
+    digest = blake2b(np.ascontiguousarray(scan.ranges).data, digest_size=8)
+    digest.update(np.ascontiguousarray(scan.angles).data)
+    digest.update(np.array(scan.pose).data)
     return int.from_bytes(digest.digest(), "little", signed=True)

@@ -14,6 +14,7 @@ import numpy as np
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
+from lrf3d.mapping.robust.beams import plain
 from lrf3d.mapping.robust.constants import (
     NOISE_JUMP,
     NOISE_PRIOR,
@@ -44,7 +45,7 @@ class NoiseEstimate:
         self._floor = floor
         # How many differences there were, by range and by size.
         self._counts = np.zeros((RANGE_BINS, RESIDUAL_BINS), np.int64)
-        self._fitted = 0
+        self._total = self._fitted = 0
         self._noise: RangeNoise | None = None
 
     def update(self, scan: LaserScan, assumed: RangeNoise) -> RangeNoise:
@@ -55,12 +56,13 @@ class NoiseEstimate:
             assumed: The noise that was assumed at first.
         """
         known = assumed if self._noise is None else self._noise
-        count_residuals(scan.angles, scan.ranges, known, NOISE_RANGES, self._counts)
-        total = int(self._counts.sum())
+        self._total += count_residuals(
+            plain(scan.angles), plain(scan.ranges), known, NOISE_RANGES, self._counts
+        )
         # The more is known, the less another scan changes it.
-        if self._noise is None or total > NOISE_STEPS * self._fitted:
+        if self._noise is None or self._total > NOISE_STEPS * self._fitted:
             self._noise = self._fit(assumed)
-            self._fitted = total
+            self._fitted = self._total
         return self._noise
 
     @property
@@ -105,7 +107,7 @@ class NoiseEstimate:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from a state."""
         self._counts = state["noise_counts"].copy()
-        self._fitted = int(state["noise_fitted"][0])
+        self._total, self._fitted = int(self._counts.sum()), int(state["noise_fitted"][0])
         noise = state["noise"].tolist()
         self._noise = RangeNoise(*noise) if noise else None
 
@@ -113,7 +115,7 @@ class NoiseEstimate:
 @compiled
 def count_residuals(
     angles: Float, ranges: Float, noise: RangeNoise, edges: Float, counts: Int
-) -> None:  # pragma: no cover
+) -> int:  # pragma: no cover
     """Count by how much ranges differ from those that their neighbours give on a flat wall.
 
     Args:
@@ -122,10 +124,13 @@ def count_residuals(
         noise: The noise as it is known so far.
         edges: (bins + 1,) the ranges [m] between which differences are counted together.
         counts: (bins, sizes) is added to.
+
+    Returns:
+        How many were counted.
     """
     # The last five beams that returned, and how many of them follow each other without a jump.
     last = np.full(5, -1)
-    smooth = 0
+    smooth = counted = 0
     for beam in range(len(ranges)):
         own = ranges[beam]
         if not (np.isfinite(own) and own > 0.0):
@@ -158,6 +163,8 @@ def count_residuals(
         if 0 <= row < len(edges) - 1:
             decades = np.log10(max(size, NOISE_UNIT) / NOISE_UNIT)
             counts[row, min(int(decades * PER_DECADE), counts.shape[1] - 1)] += 1
+            counted += 1
+    return counted
 
 
 @compiled

@@ -54,7 +54,8 @@ class WallStore:
 
     def _unite(self, fresh: Int) -> None:
         """Merge fresh rows with all that they fit, in a grid that is large enough."""
-        waiting, turn = np.append(fresh, 0), np.array([0, len(fresh)])
+        waiting, turn = np.zeros(len(fresh) + 1, np.int64), np.array([0, len(fresh)])
+        waiting[:-1] = fresh
         while not unite_walls(
             self._walls,
             self._touched,

@@ -1,0 +1,121 @@
+"""The map as a value: current after each update, and never changed once it is handed out."""
+
+import numpy as np
+import pytest
+
+from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
+from lrf3d.mapping.robust.beams import SHIFT, Frame
+from lrf3d.mapping.robust.live_map import MOST_COPIES, MOST_WAITING, LiveMap
+
+WORLD = World(
+    [[4, -3, 4, 3], [4, 3, -4, 3], [-4, 3, -4, -3], [1, -1, 2, -1], [2, -1, 2, 0], [-2, 0, -2, 1]]
+)
+LRF = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=181, range_max=30.0)
+FRAME = Frame(0.0, 0.0, 0.0)
+
+
+def scans(count):
+    rng, caster = np.random.default_rng(0), PlanarCaster(WORLD)
+    places = rng.uniform(-0.8, 0.8, (count, 2))
+    poses = np.column_stack([places, rng.uniform(-3.0, 3.0, count)])
+    return [ProportionalNoise(0.02)(caster.cast(LRF, pose), rng) for pose in poses]
+
+
+def columns(line_map):
+    return [line_map.segments.copy(), line_map.objects.copy(), line_map.points.copy()]
+
+
+def is_same(line_map, kept):
+    return all(map(np.array_equal, columns(line_map), kept))
+
+
+@pytest.mark.parametrize("held", [1, 2, MOST_COPIES + MOST_WAITING + 3])
+def test_a_map_that_somebody_holds_never_changes(held):
+    mapper = LineMapper()
+    maps = []
+    for scan in scans(40):
+        mapper.update(scan)
+        maps = [*maps, (mapper.map, columns(mapper.map))][-held:]
+        assert all(is_same(line_map, kept) for line_map, kept in maps)
+
+
+def test_part_of_an_array_of_a_map_never_changes():
+    mapper = LineMapper()
+    parts = []
+    for scan in scans(30):
+        mapper.update(scan)
+        view = mapper.map.segments[1::2].T
+        parts.append((view, view.copy()))
+        parts = parts[-5:]
+        assert all(np.array_equal(view, kept) for view, kept in parts)
+
+
+def test_the_map_is_the_same_however_often_it_is_looked_at():
+    always, once, held = LineMapper(), LineMapper(), LineMapper()
+    maps = []
+    for scan in scans(40):
+        for mapper in (always, once, held):
+            mapper.update(scan)
+        assert len(always.map) >= 0
+        maps.append(held.map)
+    kept = columns(once.map)
+    assert is_same(always.map, kept) and is_same(held.map, kept)
+
+
+def test_a_map_cannot_be_written():
+    mapper = LineMapper()
+    mapper.update(scans(1)[0])
+    with pytest.raises(ValueError, match="read-only"):
+        mapper.map.segments[0, 0] = 1.0
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        mapper.map.segments.setflags(write=True)
+
+
+def test_objects_are_numbered_without_gaps_while_segments_come_and_go():
+    rng, live = np.random.default_rng(1), LiveMap()
+    ends = rng.uniform(-9.0, 9.0, (60, 4))
+    points, labels = np.zeros(60, np.int64), np.zeros(60, np.int64)
+    for _ in range(200):
+        rows = rng.choice(60, 9, replace=False)
+        points[rows], labels[rows] = rng.integers(0, 3, 9), rng.integers(0, 12, 9)
+        ends[rows] += 0.1
+        # One whose ends are one place is not shown.
+        ends[rows[0], 2:] = ends[rows[0], :2]
+        live.update(rows, ends, points, labels, FRAME)
+        line_map = live.value()
+        shown = np.flatnonzero((points > 0) & (ends[:, :2] != ends[:, 2:]).any(axis=1))
+        place = {tuple(row): k for k, row in enumerate(line_map.segments + np.tile(SHIFT, 2))}
+        order = [
+            min(range(len(line_map)), key=lambda k: np.abs(ends[row] - list(place)[k]).max())
+            for row in shown
+        ]
+        assert len(line_map) == len(shown) and sorted(order) == list(range(len(shown)))
+        assert np.array_equal(line_map.points[order], points[shown])
+        same = labels[shown][:, None] == labels[shown]
+        objects = line_map.objects[order]
+        assert np.array_equal(objects[:, None] == objects, same)
+        assert set(objects.tolist()) == set(range(len(set(labels[shown].tolist()))))
+
+
+def test_an_object_that_grows_keeps_its_number():
+    live = LiveMap()
+    ends = np.arange(24.0).reshape(6, 4)
+    points, labels = np.array([5, 5, 5, 0, 0, 0]), np.array([0, 1, 2, 2, 1, 0])
+    live.update(np.arange(3), ends, points, labels, FRAME)
+    before = live.value().objects.tolist()
+    points[3:] = 5
+    live.update(np.arange(3, 6), ends, points, labels, FRAME)
+    assert before == [0, 1, 2] and live.value().objects.tolist() == [0, 1, 2, 2, 1, 0]
+
+
+def test_a_restored_mapper_has_the_same_map_in_the_same_order():
+    mapper, again = LineMapper(), LineMapper()
+    drive = scans(60)
+    for scan in drive[:40]:
+        mapper.update(scan)
+    again.restore(mapper.state())
+    assert is_same(again.map, columns(mapper.map))
+    for scan in drive[40:]:
+        mapper.update(scan)
+        again.update(scan)
+    assert is_same(again.map, columns(mapper.map))
