@@ -188,9 +188,13 @@ DEEPEST_HIT = 5.0
 """[share] How far a hit may lie from the wall along its beam, as a multiple of how far it may lie
 off: beams that all but run along a wall hit it anywhere."""
 
+SPREAD_FACTOR = 4.0
+"""[share] How many times the variance of the noise returns may be spread across a wall in a cell
+and still be of that wall alone. Less takes noise for corners."""
+
 # --- Refinement: refitting the segments of a wall ---
 
-VIOLATION_WEIGHT = 0.04
+VIOLATION_WEIGHT = 0.02
 """[hits] What a free-space violation weighs against a hit: poses and edges are a little wrong, so a
 wall that one beam in twenty-five hit is still more than nothing."""
 
