@@ -174,7 +174,10 @@ class LoopCloser:
         self._drift = DRIFT * resolution.drift
         self._drift_turn = DRIFT_TURN * resolution.drift
         self.accepted: list[Closure] = []
+        self._rejected: list[Closure] = []
+        # Those of the last stretch: not accepted yet, and accepted.
         self._pending: list[Closure] = []
+        self._recent: list[Closure] = []
         self._graph = DistanceGraph()
         # How far the robot had driven at each key scan [m].
         self._ways = np.empty(0)
@@ -182,7 +185,7 @@ class LoopCloser:
     @property
     def unconfirmed(self) -> list[Closure]:
         """Closures that were found and are rejected: too few others agree with them."""
-        return list(self._pending)
+        return self._rejected + self._pending
 
     def add_key(self, key: Key, lost: int = 0) -> None:
         """Take in the next key scan.
@@ -211,6 +214,11 @@ class LoopCloser:
         """
         new = len(self.keys) - 1
         found = self._found(new, poses)
+        # What lies farther back is beside no closure to come.
+        oldest = self._ways[new] - STRETCH
+        self._rejected += [c for c in self._pending if self._ways[c.new] <= oldest]
+        self._pending = [c for c in self._pending if self._ways[c.new] > oldest]
+        self._recent = [c for c in self._recent if self._ways[c.new] > oldest]
         accepted: list[Closure] = []
         for closure in found:
             self._pending.append(closure)
@@ -218,6 +226,7 @@ class LoopCloser:
         for closure in accepted:
             self._graph.link(closure.old, closure.new, CLOSURE_WAY)
         self.accepted += accepted
+        self._recent += accepted
         return accepted
 
     def _found(self, new: int, poses: Float) -> list[Closure]:
@@ -229,7 +238,7 @@ class LoopCloser:
         fits = (self._ways < self._ways[new] - LEAST_WAY) & (apart < NEAR + 0.5 * MOST_WINDOW)
         if not fits.any():
             return []
-        ways = self._graph.distances(new, FARTHEST_WAY)
+        ways = self._graph.distances(new, FARTHEST_WAY, fits)
         window = np.clip(2.0 * self._drift * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
         fits &= (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
         closures: list[Closure] = []
@@ -291,7 +300,7 @@ class LoopCloser:
         """The pending closures that are accepted, now that another one has come."""
         around = [other for other in self._pending if self._beside(other, newest)]
         agreeing = [other for other in around if self._agree(other, newest)]
-        known = [other for other in self.accepted if self._beside(other, newest)]
+        known = [other for other in self._recent if self._beside(other, newest)]
         backed = sum(self._agree(other, newest) for other in known)
         together = len(agreeing) + backed
         # Of sets that contradict each other the larger one is accepted.

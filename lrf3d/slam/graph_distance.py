@@ -1,13 +1,13 @@
 """Graph distances: how far key scans are from each other over driven ways and closures.
 
 Links between key scans enter one by one; the shortest ways from one key scan to those around it
-leave, at a cost that depends on how many there are within a limit and not on the whole graph.
+leave, at a cost that depends on how many are as near as those asked for, not on the whole graph.
 """
 
 import numpy as np
 
 from lrf3d.compiling import compiled
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Bool, Float, Int
 
 LEAST_ROOM = 256
 """Links that a new graph has room for."""
@@ -44,18 +44,26 @@ class DistanceGraph:
             self._newest[start] = self._links
             self._links += 1
 
-    def distances(self, start: int, limit: float) -> Float:
-        """The shortest way [m] from a key scan to each; +inf beyond a limit [m]."""
+    def distances(self, start: int, limit: float, wanted: Bool) -> Float:
+        """The shortest ways (k,) [m] from a key scan to those of a mask (k,).
+
+        It is +inf beyond a limit [m]; to others it may be longer than the shortest one.
+        """
         newest = self._newest[: self._count]
-        return shortest_distances(start, limit, newest, self._before, self._ends, self._lengths)
+        return shortest_distances(
+            start, limit, wanted, newest, self._before, self._ends, self._lengths
+        )
 
 
 @compiled
 def shortest_distances(
-    start: int, limit: float, newest: Int, before: Int, ends: Int, lengths: Float
+    start: int, limit: float, wanted: Bool, newest: Int, before: Int, ends: Int, lengths: Float
 ) -> Float:  # pragma: no cover
-    """Dijkstra's ways from a start, over linked lists of links, up to a limit."""
+    """Dijkstra's ways from a start, over linked lists of links, until no wanted one is left."""
     ways = np.full(len(newest), np.inf)
+    left = 0
+    for node in range(len(wanted)):
+        left += wanted[node]
     # A heap of key scans by their ways; one that was found again, and nearer, stands in it twice.
     nodes = np.empty(64, np.int64)
     keys = np.empty(64)
@@ -78,6 +86,11 @@ def shortest_distances(
         nodes[place], keys[place] = last, key
         if way > ways[node]:
             continue
+        # A robot that comes by again is near what it saw before over few links, however many
+        # others there are within the limit.
+        left -= wanted[node]
+        if left == 0:
+            break
         link = newest[node]
         while link >= 0:
             farther = way + lengths[link]

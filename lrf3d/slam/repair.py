@@ -21,6 +21,9 @@ FASTEST, FASTEST_TURN = 3.0, 3.0
 """A robot that moves farther [m] or turns more [rad] between two lines of a log has jumped, or in a
 second [m/s], [rad/s] where there is more time between them."""
 
+FASTER, VEHICLE = 3.0, 15.0
+"""Yet as many times the usual speed are no jump, up to that of a vehicle [m/s]."""
+
 SHORTER = 0.5
 """The order of the stamps is taken where the way in it is shorter by this [m]."""
 
@@ -198,7 +201,9 @@ def without_jumps(wheels: Float, times: Float | None = None) -> tuple[Float, tup
     """
     steps = between(wheels[:-1], wheels[1:])
     time = np.maximum(np.diff(times), 1.0) if times is not None else np.ones(len(steps))
-    jumped: Bool = np.hypot(steps[:, 0], steps[:, 1]) > FASTEST * time
+    speeds = np.hypot(steps[:, 0], steps[:, 1]) / time
+    usual_speed = float(np.quantile(speeds, 0.8)) if len(speeds) else 0.0
+    jumped: Bool = speeds > min(max(FASTEST, FASTER * usual_speed), VEHICLE)
     jumped |= np.abs(steps[:, 2]) > FASTEST_TURN * time
     if not jumped.any():
         return wheels, ()

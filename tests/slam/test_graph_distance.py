@@ -22,4 +22,6 @@ def test_distances_are_those_of_dijkstra(count, seed, limit):
     rows, columns = np.nonzero(np.isfinite(table))
     known = csr_array((table[rows, columns], (rows, columns)), shape=table.shape)
     expected = dijkstra(known, directed=False, indices=np.array([0]), limit=limit)[0]
-    assert np.allclose(graph.distances(0, limit), expected)
+    assert np.allclose(graph.distances(0, limit, np.ones(count, bool)), expected)
+    wanted = rng.random(count) < 0.1
+    assert np.allclose(graph.distances(0, limit, wanted)[wanted], expected[wanted])

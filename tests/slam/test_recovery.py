@@ -52,3 +52,10 @@ def test_lines_far_apart_are_no_jumps_but_what_is_far_beyond_them_is():
     assert without_jumps(lines, times)[1] == ()
     lines[12:, 1] += 20.0
     assert without_jumps(lines, times)[1] == (12,)
+
+
+def test_a_vehicle_that_drives_fast_does_not_jump():
+    lines = np.column_stack([4.0 * np.arange(30), np.zeros(30), np.zeros(30)])
+    assert without_jumps(lines, np.arange(30.0))[1] == ()
+    lines[12:, 1] += 20.0
+    assert without_jumps(lines, np.arange(30.0))[1] == (12,)
