@@ -65,7 +65,9 @@ def image_points(run: Run) -> Float:
         points = reflection_points(scan.pose, scan.angles[hits], scan.ranges[hits])
         walls = run.world.segments[scan.walls[hits]]
         unit, offset = directions(walls), points - walls[:, :2]
-        found.append(points[np.abs(unit[:, 0] * offset[:, 1] - unit[:, 1] * offset[:, 0]) > DIRECT])
+        along = np.einsum("ij,ij->i", offset, unit)
+        away = np.abs(unit[:, 0] * offset[:, 1] - unit[:, 1] * offset[:, 0]) > DIRECT
+        found.append(points[away | (along < -DIRECT) | (along > lengths(walls) + DIRECT)])
     return np.concatenate(found)
 
 

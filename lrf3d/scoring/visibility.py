@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, directions
+from lrf3d.geometry import Float, Int, directions, lengths
 from lrf3d.laser import beam_directions
 from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments
@@ -43,7 +43,7 @@ def visible_parts(
     Returns:
         (v, 4) the parts longer than 0.5 m, and (v,) their segments, in ascending order.
     """
-    along = directions(segments)
+    along, size = directions(segments), lengths(segments)
     low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
     for pose, ranges, hit in zip(poses, truth, walls, strict=True):
         returned = (hit >= 0) & np.isfinite(ranges)
@@ -52,9 +52,10 @@ def visible_parts(
         reach = ranges[returned, None] * beam_directions(pose[2], angles[returned])
         offset, unit = pose[:2] - segments[wall, :2] + reach, along[wall]
         # What came by way of a mirror shows an image of the wall, elsewhere.
-        direct = np.abs(offset[:, 0] * unit[:, 1] - offset[:, 1] * unit[:, 0]) < DIRECT
-        wall, offset, unit = wall[direct], offset[direct], unit[direct]
         station = np.einsum("ij,ij->i", offset, unit)
+        direct = np.abs(offset[:, 0] * unit[:, 1] - offset[:, 1] * unit[:, 0]) < DIRECT
+        direct &= (station > -DIRECT) & (station < size[wall] + DIRECT)
+        wall, station = wall[direct], station[direct]
         np.minimum.at(low, wall, station)
         np.maximum.at(high, wall, station)
     visible = np.flatnonzero(high - low > LEAST_VISIBLE)

@@ -72,7 +72,8 @@ def test_a_front_of_glass_is_one_segment_that_is_marked():
     run, _ = mapped(world, poses)
     glass = run.map.segments[run.map.kinds == "glass"]
     assert len(glass) == 1
-    assert np.sort(glass[0, [0, 2]]) == pytest.approx([6.0, 14.0], abs=0.15)
+    # Its ends flash where the robot passes them, a scan every 0.34 m.
+    assert np.sort(glass[0, [0, 2]]) == pytest.approx([6.0, 14.0], abs=0.4)
     assert glass[0, [1, 3]] == pytest.approx([4.0, 4.0], abs=0.05)
     assert off(run.map.segments, world.segments).max() < 0.1
 
@@ -222,13 +223,13 @@ def test_images_are_taken_off_walls_that_go_on_in_them():
 
 
 def test_glass_ends_where_beams_end_on_something_opaque_or_would_have_flashed():
-    pieces, reach = np.zeros((16, 5), np.int64), np.full((16, 2), (np.inf, -np.inf))
-    for row in (1, 2, 5, 6, 9, 10, 13, 14):
+    pieces, reach = np.zeros((20, 5), np.int64), np.full((20, 2), (np.inf, -np.inf))
+    for row in (1, 2, 5, 6, 9, 10, 11, 15, 16, 17):
         pieces[row], reach[row] = (1, 1, 4, 0, 0), (0.25 * row, 0.25 * row + 0.2)
     pieces[3:5, 2] = 5
     pieces[7:9, 3] = 5
-    pieces[11:13, [2, 4]] = 5
-    want = np.array([[0.25, 1.7], [2.25, 2.7], [3.25, 3.7]])
+    pieces[12:15, [2, 4]] = 5
+    want = np.array([[0.25, 1.7], [2.25, 2.95], [3.75, 4.45]])
     assert np.array(stretches(pieces, reach)) == pytest.approx(want)
     pieces[:, 3] += 9
     assert stretches(pieces, reach) == []
