@@ -40,12 +40,13 @@ def test_the_overview_shows_all_of_the_path_and_fills_the_picture(make, aspect):
 
 @pytest.mark.parametrize("aspect", [16 / 9, 9 / 16])
 def test_the_overview_shows_all_of_a_world_that_stands_askew(aspect):
-    # Of a world that is turned, a box around the robot's path cut the corners off.
+    # The long sides of such a world are not those of a box around it.
     turn = np.array([[np.cos(0.6), np.sin(0.6)], [-np.sin(0.6), np.cos(0.6)]])
     run = city_run()
     ends = run.world.segments.reshape(-1, 2)
     poses = run.trajectory.poses.copy()
-    poses[:, :2] = np.linspace(ends.min(axis=0), ends.max(axis=0), len(poses)) @ turn
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    poses[:, :2] = (low + np.linspace(0.25, 0.75, len(poses))[:, None] * (high - low)) @ turn
     ends = ends @ turn
     world = replace(run.world, segments=ends.reshape(-1, 4))
     run = replace(run, world=world, trajectory=Trajectory(run.trajectory.times, poses))
