@@ -38,6 +38,10 @@ _RAMP = 1.8
 """Width of the change between two paints in a picture [texels]: magnified, it is one pixel long
 away from the eye, and some pixels wide across the view."""
 
+_RIM, _RIM_INDOOR = 0.5, 12.0
+"""Width of the change from a picture to the land around it [m]: a town ends in lawns, which
+go on there; a floor may be cut off."""
+
 _BELOW = -0.02
 """Height [m] of what lies under the tiles."""
 
@@ -80,7 +84,7 @@ class GroundLayer:
         self._land = Primitive("beyond", (2,), land)
         self._whole.texture = self._land.texture = Texture(whole.picture, far=True)
         self._all = _Tile(self._whole, _area(whole), _texel(whole))
-        self._beyond = (*whole.beyond, 12.0 if indoor else 30.0)
+        self._beyond = (*whole.beyond, _RIM_INDOOR if indoor else _RIM)
         scene.add(Mesh([self._whole, self._land]))
 
     def draws(self, eye: Float, reach: float, focus: float) -> Iterator[Draw]:

@@ -1,9 +1,12 @@
 """Cameras that tell a story: the whole, the way down to the robot, and cameras that turn."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_render import city_run, room_run
 
+from lrf3d.robot import Trajectory
 from lrf3d.scene.camera import Chase
 from lrf3d.scene.cameras import Fixed, margins
 from lrf3d.scene.overview import CLOSING, OPENING, Overview, Story
@@ -33,6 +36,35 @@ def test_the_overview_shows_all_of_the_path_and_fills_the_picture(make, aspect):
         assert np.abs(corners).max() == pytest.approx(Overview.FILL, abs=0.02)
         # The middle of what is shown is the middle of the picture.
         assert corners.max(axis=0) == pytest.approx(-corners.min(axis=0), abs=0.03)
+
+
+@pytest.mark.parametrize("aspect", [16 / 9, 9 / 16])
+def test_the_overview_shows_all_of_a_world_that_stands_askew(aspect):
+    # The long sides of such a world are not those of a box around it.
+    turn = np.array([[np.cos(0.6), np.sin(0.6)], [-np.sin(0.6), np.cos(0.6)]])
+    run = city_run()
+    ends = run.world.segments.reshape(-1, 2)
+    poses = run.trajectory.poses.copy()
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    poses[:, :2] = (low + np.linspace(0.25, 0.75, len(poses))[:, None] * (high - low)) @ turn
+    ends = ends @ turn
+    world = replace(run.world, segments=ends.reshape(-1, 4))
+    run = replace(run, world=world, trajectory=Trajectory(run.trajectory.times, poses))
+    timeline = Timeline(run, playback=1.0)
+    structures = Structures.from_run(run)
+    look = Overview(timeline, structures).look(0.0, aspect)
+    walls = structures.segments.reshape(-1, 2)
+    assert (np.abs(seen(look, np.column_stack([walls, 0 * walls[:, 0]]), aspect)) < 1.0).all()
+
+
+def test_in_a_tall_picture_the_overview_is_not_smaller_than_it_must_be():
+    timeline = Timeline(city_run(), playback=1.0)
+    camera = Overview(timeline, Structures.from_run(timeline.run))
+    upright = camera.look(0.0, 9 / 16)
+    camera._wide = not camera._wide
+    turned = camera.look(0.0, 9 / 16)
+    away = [float(np.linalg.norm(look.eye - look.target)) for look in (upright, turned)]
+    assert away[0] <= away[1] * 1.02
 
 
 def test_a_story_begins_and_ends_with_the_whole_and_follows_the_robot_between():

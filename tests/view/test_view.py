@@ -157,6 +157,7 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
         until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
 
 
+@pytest.mark.slow
 @needs_browser
 def test_four_hundred_buildings_are_a_few_draw_calls(tmp_path, chromium):
     house = (
@@ -173,8 +174,8 @@ def test_four_hundred_buildings_are_a_few_draw_calls(tmp_path, chromium):
         assert int(drawn["calls"]) < 60
 
 
-@needs_browser
 @pytest.mark.slow
+@needs_browser
 def test_the_page_shows_what_moved_in_a_run(tmp_path, chromium):
     way = Trajectory([0.0, 4.0], [(-22.0, 3.0, 0.0), (-14.0, 3.0, 0.0)])
     save_run(

@@ -101,17 +101,28 @@ export class Inset {
     this.draw.stroke();
   }
 
-  // How much is seen, as in the film.
+  // A bar of a round length with its number, as in the film.
   drawScale() {
-    const { draw, ratio, side } = this;
-    const text = `${Math.round(side / this.scale)} m`;
+    const { draw, ratio, side, scale } = this;
+    // The longest of 1, 2 and 5 times a power of ten that takes up to a third of the side.
+    const most = side / scale / 3;
+    const power = 10 ** Math.floor(Math.log10(most));
+    const metres = power * [5, 2, 1].find((step) => step * power <= most);
+    const [text, long] = [`${metres} m`, metres * scale];
     draw.setTransform(ratio, 0, 0, ratio, 0, 0);
     draw.font = '12px "DejaVu Sans", "Segoe UI", system-ui, sans-serif';
-    const wide = draw.measureText(text).width;
     draw.fillStyle = css(this.look.inset.paper, 0.8);
-    draw.fillRect(0, side - 24, wide + 16, 24);
+    draw.fillRect(0, side - 32, Math.max(long, draw.measureText(text).width) + 16, 32);
     draw.fillStyle = "#3c4654";
-    draw.fillText(text, 8, side - 8);
+    draw.fillText(text, 8, side - 14);
+    draw.strokeStyle = "#3c4654";
+    draw.lineWidth = 1.5;
+    draw.beginPath();
+    draw.moveTo(8, side - 10);
+    draw.lineTo(8, side - 6);
+    draw.lineTo(8 + long, side - 6);
+    draw.lineTo(8 + long, side - 10);
+    draw.stroke();
   }
 
   drawFan(robot, { ends, reach }) {
