@@ -1,6 +1,6 @@
 """A robot that learns to drive: evolution strategies and a small network, in NumPy alone.
 
-    python examples/learn_to_drive.py --minutes 10
+    python examples/learn_to_drive.py --minutes 3
 
 Robots start anywhere in the city, and each drives to a goal between 5 and 20 m away by its ranges.
 Each is given a network that differs a little from the present one. After an episode the present
@@ -130,7 +130,7 @@ def draw_curve(curve, path):
 def main():
     """Learn for some minutes."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--minutes", type=float, default=3.0)
     parser.add_argument("--robots", type=int, default=512, help="an even number")
     parser.add_argument("--out", type=Path, default=Path("out/learn_to_drive"))
     options = parser.parse_args()
