@@ -339,6 +339,17 @@ def test_equation_9_is_its_eight_conditions(one, by, length, distance):
         assert gap <= rule.reach(longest) + 1e-9
 
 
+def test_thresholds_of_equation_9_themselves_are_too_far():
+    # Sides of 3, 4 and 5 make sums that are exact; of four conditions one is met, three are ties.
+    rule = EndPointMerging(4.0, 5.0)
+    segment, others = np.array([0.0, 0.0, 6.0, 0.0]), np.array([[3.0, 4, 3, 0], [3, 0, 3, 4]])
+    assert rule.conditions(segment, others).tolist() == [False, False]
+    assert EndPointMerging(4.001, 5.0).conditions(segment, others).tolist() == [True, True]
+    segment, others = np.array([0.0, 0.0, 10.0, 0.0]), np.array([[5.0, 0.5, 15.0, 0.5]])
+    assert not EndPointMerging(1.0, 0.5).conditions(segment, others)[0]
+    assert EndPointMerging(1.0, 0.501).conditions(segment, others)[0]
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_merged_segment_keeps_the_direction_of_the_first(turned):
     first, second = [0.0, 0.0, 10.0, 0.0], [9.0, 0.0, 15.0, 0.0]
