@@ -141,6 +141,7 @@ def test_the_site_fetches_nothing_from_the_net(site):
         assert "url(http" not in sheet.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_every_equation_became_one(site):
     pages = {page: page.read_text(encoding="utf-8") for page in (site / "theory").glob("*.html")}
     assert sum(text.count("<math") for text in pages.values()) > 50

@@ -127,6 +127,7 @@ def test_a_frame_is_one_picture_of_the_film(run):
         run.frame(1e4, size=(64, 36), renderer="embree")
 
 
+@pytest.mark.slow
 def test_a_notebook_plays_the_film_of_a_run_in_its_page(run):
     video = run.video(size=(64, 36), fps=1, renderer="embree", workers=1)
     assert 'width="64"' in video._repr_html_() and "data:video/mp4;base64," in video._repr_html_()

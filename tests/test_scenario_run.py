@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from program import lrf3d as program
 from test_cli import ROOM
-from test_cli import lrf3d as program
 
 import lrf3d
 from lrf3d.laser import Chain, ConstantNoise, Quantised
@@ -53,11 +53,12 @@ def test_the_lines_of_the_readme_give_the_map_of_the_command_line(tmp_path, monk
     )
     assert len(lines.splitlines()) <= 12
     simulation = lrf3d.Scenario.simulation
-    monkeypatch.setattr(
-        lrf3d.Scenario, "simulation", lambda self, **how: simulation(self, scans=12, **how)
-    )
-    monkeypatch.setattr(lrf3d, "render_video", lambda run, path: None)
-    exec(compile(lines, "README.md", "exec"), {})
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            lrf3d.Scenario, "simulation", lambda self, **how: simulation(self, scans=12, **how)
+        )
+        patch.setattr(lrf3d, "render_video", lambda run, path: None)
+        exec(compile(lines, "README.md", "exec"), {})
     program("run", "city", "--seed", 0, "--scans", 12, "--no-video", "--out", tmp_path / "out")
     assert Path("map.geojson").read_bytes() == (tmp_path / "out/map.geojson").read_bytes()
 

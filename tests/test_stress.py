@@ -227,6 +227,7 @@ def test_the_command_prints_one_json_object():
     assert len(report["rows"]) == len(CASTING) and report["failures"] == []
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_table():
     parts = "casting", "lines", "angles"
     chosen = [word for part in parts for word in ("--part", part)]

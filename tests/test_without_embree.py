@@ -110,6 +110,7 @@ np.save("page.npy", np.frombuffer(scene.glb + pack_run(run)[0], np.uint8))
 """
 
 
+@pytest.mark.slow
 def test_pictures_without_both_are_those_of_embree_in_open_light(
     without_both, tmp_path, monkeypatch
 ):

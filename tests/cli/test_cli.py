@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+from program import lrf3d, refused
 
 ROOM = """\
 name = "box"
@@ -37,22 +38,9 @@ def room(tmp_path):
     return path
 
 
-def lrf3d(*arguments, cwd=None):
-    command = [sys.executable, "-m", "lrf3d", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120)
-
-
-def refused(*arguments, cwd=None):
-    """The one line on stderr with which a command ends that meets a known error."""
-    done = lrf3d(*arguments, cwd=cwd)
-    assert done.returncode == 1, done.stderr
-    assert done.stdout == ""
-    assert done.stderr.count("\n") == 1 and done.stderr.startswith("lrf3d: ")
-    return done.stderr
-
-
 def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):
-    done = lrf3d("run", room, "--no-video", "--json", "--out", tmp_path / "out")
+    command = [sys.executable, "-m", "lrf3d", "run", room, "--no-video", "--json"]
+    done = subprocess.run([*command, "--out", tmp_path / "out"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     summary = json.loads(done.stdout)
@@ -63,6 +51,7 @@ def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):
     assert summary["map"]["segments"] == 4 and summary["buildings"]["whole"] == 1
 
 
+@pytest.mark.slow
 def test_a_film_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_path):
     out = tmp_path / "an out"
     # A folder stands where the film should go.

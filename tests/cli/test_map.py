@@ -1,13 +1,11 @@
 import gzip
 import json
-import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from program import lrf3d, refused
 from synthetic_run import around, box, make_run, make_world
 
-from lrf3d.cli import main
 from lrf3d.io import load_log
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.log_mapping import map_log
@@ -38,37 +36,11 @@ def log(text, tmp_path):
     return path
 
 
-@pytest.fixture
-def lrf3d(monkeypatch, capsys):
-    """The program within this process, which spares the start of another."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["lrf3d", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        return SimpleNamespace(code=end.value.code or 0, **capsys.readouterr()._asdict())
-
-    return call
-
-
-@pytest.fixture
-def refused(lrf3d):
-    """The one line on stderr with which a command ends that meets a known error."""
-
-    def call(*arguments):
-        done = lrf3d(*arguments)
-        assert (done.code, done.out) == (1, "")
-        assert done.err.count("\n") == 1 and done.err.startswith("lrf3d: ")
-        return done.err
-
-    return call
-
-
-def test_map_writes_its_files_and_json_is_the_only_output(lrf3d, log, tmp_path, monkeypatch):
+def test_map_writes_its_files_and_json_is_the_only_output(log, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = lrf3d("map", log, "--json")
-    assert (done.code, done.err) == (0, "")
-    summary = json.loads(done.out)
+    assert (done.returncode, done.stderr) == (0, "")
+    summary = json.loads(done.stdout)
     folder = tmp_path / "out" / "room"
     assert summary == json.loads((folder / "summary.json").read_text())
     written = {path.name for path in folder.iterdir()}
@@ -105,13 +77,13 @@ def test_the_map_is_built_from_the_even_scans_alone(text, log, tmp_path):
     assert mixed.score.explained == 0.0
 
 
-def test_bad_lines_are_named_and_do_not_stop_the_map(lrf3d, text, tmp_path):
+def test_bad_lines_are_named_and_do_not_stop_the_map(text, tmp_path):
     path = tmp_path / "room.log"
     path.write_text(text.replace("\n", "\nFLASER 3 1 nan 2 0 0 0 0 0 0 1 host 1\n", 1))
     done = lrf3d("map", path, "--out", tmp_path / "out")
-    assert done.code == 0, done.err
-    assert "1 bad line" in done.out
-    assert "line 2: reading 2 is 'nan'" in done.out
+    assert done.returncode == 0, done.stderr
+    assert "1 bad line" in done.stdout
+    assert "line 2: reading 2 is 'nan'" in done.stdout
 
 
 def test_modes_and_noise_reach_the_mapper(log):
@@ -120,15 +92,15 @@ def test_modes_and_noise_reach_the_mapper(log):
     assert not np.array_equal(map_log(drive, sigma=5.0).map.segments, map_log(drive).map.segments)
 
 
-def test_a_log_of_one_scan_gives_a_map_and_no_score(lrf3d, text, tmp_path):
+def test_a_log_of_one_scan_gives_a_map_and_no_score(text, tmp_path):
     path = tmp_path / "one.log"
     path.write_text("\n".join(text.splitlines()[:2]))
     done = lrf3d("map", path, "--json", "--out", tmp_path / "out")
-    assert done.code == 0, done.err
-    assert json.loads(done.out)["score"]["explained"] is None
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["score"]["explained"] is None
 
 
-def test_what_cannot_be_read_is_refused_in_one_line(refused, tmp_path):
+def test_what_cannot_be_read_is_refused_in_one_line(tmp_path):
     assert "no.log" in refused("map", tmp_path / "no.log")
     (tmp_path / "junk.log").write_bytes(bytes(range(256)) * 10)
     assert "junk.log: no laser scan" in refused("map", tmp_path / "junk.log")
@@ -136,13 +108,13 @@ def test_what_cannot_be_read_is_refused_in_one_line(refused, tmp_path):
     assert ".log.gz" in refused("map", tmp_path / "world.toml")
 
 
-def test_settings_that_make_no_sense_are_refused(lrf3d, refused, log, tmp_path):
+def test_settings_that_make_no_sense_are_refused(log, tmp_path):
     assert "sigma" in refused("map", log, "--sigma", "-1", "--out", tmp_path / "out")
     assert "largest range" in refused("map", log, "--largest-range", "0")
-    assert lrf3d("map", log, "--mode", "best").code == 2
+    assert lrf3d("map", log, "--mode", "best").returncode == 2
     assert not list(tmp_path.glob("out/*"))
 
 
-def test_help_shows_an_example(lrf3d):
+def test_help_shows_an_example():
     done = lrf3d("map", "--help")
-    assert done.code == 0 and "Example: lrf3d map" in done.out
+    assert done.returncode == 0 and "Example: lrf3d map" in done.stdout

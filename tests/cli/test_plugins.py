@@ -2,16 +2,16 @@
 
 import json
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from program import lrf3d as program
+from program import refused
 
 import lrf3d
 from lrf3d import CollisionError, InputError, LaserRangeFinder, Simulation, World
-from lrf3d.cli import main
 from lrf3d.cli.plugins import load_plugin
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -79,10 +79,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(folder, *arguments):
-    command = [sys.executable, "-m", "lrf3d", "run", "box.toml", "--no-video", "--json"]
-    return subprocess.run(
-        [*command, *arguments], capture_output=True, text=True, cwd=folder, timeout=120
-    )
+    return program("run", "box.toml", "--no-video", "--json", *arguments, cwd=folder)
 
 
 def test_a_mapper_a_controller_and_a_noise_are_named_on_the_command_line(folder):
@@ -313,20 +310,11 @@ def blurred(scan): return replace(scan, ranges=scan.ranges * float("nan"))
         ("noise", "broken", r"KeyError: 'key' \(mistakes\.py, line 21\)"),
     ],
 )
-def test_what_a_plug_in_raises_is_one_line_with_its_name(
-    kind, name, said, tmp_path, monkeypatch, capsys
-):
+def test_what_a_plug_in_raises_is_one_line_with_its_name(kind, name, said, tmp_path, monkeypatch):
     (tmp_path / "mistakes.py").write_text(MISTAKES)
-    monkeypatch.chdir(tmp_path)
     arguments = ["paper_room", "--no-video", "--scans", "3", "--caster", "planar"]
-    named = [f"--{kind}", f"mistakes.py:{name}"]
-    monkeypatch.setattr(sys, "argv", ["lrf3d", "run", *arguments, *named])
-    monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.delitem(sys.modules, "mistakes", raising=False)
-    with pytest.raises(SystemExit) as end:
-        main()
-    out, err = capsys.readouterr()
-    assert end.value.code == 1 and out == "" and err.count("\n") == 1
+    err = refused("run", *arguments, f"--{kind}", f"mistakes.py:{name}", cwd=tmp_path)
     assert f"--{kind} mistakes.py:{name}" in err and re.search(said, err)
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from test_cli import ROOM, lrf3d
+from program import lrf3d
+from test_cli import ROOM
 
 from lrf3d import InputError
 from lrf3d.cli.folder import folder_name, results_folder

@@ -1,14 +1,13 @@
 import json
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import bags
 import numpy as np
 import pytest
+from program import lrf3d as program
 
 import lrf3d
-from lrf3d.cli import main
 from lrf3d.io import load_run
 from lrf3d.mapping import load_map
 from lrf3d.slam.frames import compose
@@ -44,28 +43,15 @@ def log(log_text, tmp_path):
     return path
 
 
-@pytest.fixture
-def program(monkeypatch, capsys):
-    """The program within this process."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["lrf3d", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        return SimpleNamespace(code=end.value.code or 0, **capsys.readouterr()._asdict())
-
-    return call
-
-
-def test_slam_writes_run_map_trajectory_and_summary(program, log, log_text, tmp_path):
+def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
     true = log_text[1]
     relative = lrf3d.odometry_increments(true[[0, len(true) - 1]])[0]
     relations = tmp_path / "room.relations"
     relations.write_text(f"0 {len(true) - 1} {relative[0]} {relative[1]} {relative[2]}\n")
     folder = tmp_path / "out"
     done = program("slam", log, "--relations", relations, "--out", folder, "--json")
-    assert (done.code, done.err) == (0, "")
-    summary = json.loads(done.out)
+    assert (done.returncode, done.stderr) == (0, "")
+    summary = json.loads(done.stdout)
     assert summary == json.loads((folder / "summary.json").read_text())
     written = {path.name for path in folder.iterdir()}
     expected = {"run.npz", "map.geojson", "map.png", "trajectory.tum", "summary.json"}
@@ -84,7 +70,7 @@ def test_slam_writes_run_map_trajectory_and_summary(program, log, log_text, tmp_
 
 
 @pytest.mark.parametrize("turn", ["forward", "to the left"])
-def test_the_trajectory_of_a_bag_is_that_of_the_base(program, tmp_path, turn):
+def test_the_trajectory_of_a_bag_is_that_of_the_base(tmp_path, turn):
     room = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
     way = lrf3d.follow_route(np.array([(2, 1.5), (6, 1.5), (6, 4), (4, 4)]), dt=0.25)
     mount = lrf3d.Pose(0.3, -0.1, 0.5 * np.pi if turn == "to the left" else 0.0)
@@ -101,7 +87,7 @@ def test_the_trajectory_of_a_bag_is_that_of_the_base(program, tmp_path, turn):
     bag = bags.write(tmp_path / "drive", *messages)
     folder = tmp_path / "out"
     done = program("slam", bag, "--out", folder, "--json")
-    assert (done.code, done.err) == (0, "")
+    assert (done.returncode, done.stderr) == (0, "")
     table = np.loadtxt(folder / "trajectory.tum")
     # One line a scan, of the robot's base, where the laser's is a hand's breadth away.
     assert table[:, 0] == pytest.approx(way.times, abs=1e-6)
@@ -112,7 +98,7 @@ def test_the_trajectory_of_a_bag_is_that_of_the_base(program, tmp_path, turn):
     assert np.hypot(*(run.trajectory.poses - lasers)[:, :2].T).max() < 0.04
 
 
-def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(program, tmp_path):
+def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
     room = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
     way = lrf3d.follow_route(np.array([(2, 1.5), (6, 1.5), (6, 4), (4, 4)]), dt=0.125)
     lasers = compose(way.poses, np.array([0.3, 0.0, 0.0]))
@@ -129,25 +115,25 @@ def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(program, tmp_path):
     log = tmp_path / "drive.log"
     log.write_text("\n".join(lines) + "\n")
     done = program("slam", log, "--out", tmp_path / "out", "--json")
-    assert (done.code, done.err) == (0, "")
+    assert (done.returncode, done.stderr) == (0, "")
     table = np.loadtxt(tmp_path / "out" / "trajectory.tum")
     assert len(table) == len(way) and table[:, 0] == pytest.approx(way.times, abs=1e-6)
     assert table[:, 1:3] == pytest.approx(way.poses[:, :2], abs=0.04)
     # Without ODOM lines the poses of the scans are the odometry, and there is a line for each.
     log.write_text("\n".join(line for line in lines if not line.startswith("ODOM")) + "\n")
     done = program("slam", log, "--out", tmp_path / "out", "--json")
-    assert done.code == 0
+    assert done.returncode == 0
     table = np.loadtxt(tmp_path / "out" / "trajectory.tum")
     assert table[:, 1:3] == pytest.approx(way.poses[::2, :2], abs=0.04)
 
 
-def test_a_table_is_printed_for_people(program, log, tmp_path):
+def test_a_table_is_printed_for_people(log, tmp_path):
     done = program("slam", log, "--out", tmp_path / "out")
-    assert done.code == 0
-    assert "0 bad lines" in done.out and "loop closure" in done.out and "rad/m" in done.out
+    assert done.returncode == 0
+    assert "0 bad lines" in done.stdout and "loop closure" in done.stdout and "rad/m" in done.stdout
 
 
-def test_what_was_wrong_with_a_log_is_said(program, log_text, tmp_path):
+def test_what_was_wrong_with_a_log_is_said(log_text, tmp_path):
     text, true = log_text
     lines = text.splitlines()
     # Cut in the middle of a scan, and all of it before the cut twice.
@@ -157,10 +143,10 @@ def test_what_was_wrong_with_a_log_is_said(program, log_text, tmp_path):
     log.write_text(part + part + lines[2 * scans + 1][:200])
     folder = tmp_path / "out"
     done = program("slam", log, "--out", folder)
-    assert done.code == 0
+    assert done.returncode == 0
     twice = f"{scans} scans and {scans + 1} odometry lines in the log more than once: read once"
-    assert twice in done.out
-    assert "1 bad line" in done.out and f"first bad line {4 * scans + 3}: " in done.out
+    assert twice in done.stdout
+    assert "1 bad line" in done.stdout and f"first bad line {4 * scans + 3}: " in done.stdout
     found = json.loads((folder / "summary.json").read_text())["log"]
     assert (found["scans"], found["doubled_scans"], found["bad_lines"]) == (2 * scans, scans, 1)
     table, half = np.loadtxt(folder / "trajectory.tum"), scans + 1
@@ -169,7 +155,7 @@ def test_what_was_wrong_with_a_log_is_said(program, log_text, tmp_path):
     assert np.hypot(*(table[:scans, 1:3] - true[:scans, :2]).T).max() < 0.05
 
 
-def test_known_errors_are_one_line(program, log, tmp_path):
+def test_known_errors_are_one_line(log, tmp_path):
     bad = tmp_path / "bad.relations"
     bad.write_text("0 100000 1 0 0\n")
     for arguments in (
@@ -178,8 +164,8 @@ def test_known_errors_are_one_line(program, log, tmp_path):
         ("slam", log, "--key-distance", "-1", "--out", tmp_path / "out"),
     ):
         done = program(*arguments)
-        assert (done.code, done.out) == (1, "")
-        assert done.err.count("\n") == 1 and done.err.startswith("lrf3d: ")
+        assert (done.returncode, done.stdout) == (1, "")
+        assert done.stderr.count("\n") == 1 and done.stderr.startswith("lrf3d: ")
 
 
 @pytest.mark.parametrize("before", ["", "import lrf3d.slam.lag; "])
@@ -198,12 +184,12 @@ def test_a_log_becomes_a_run(log):
     assert run.snapshot_scans[-1] == len(run) - 1 and len(run.snapshot_scans) == len(sizes)
 
 
-def test_a_run_with_slam_reports_its_errors(program, tmp_path):
+def test_a_run_with_slam_reports_its_errors(tmp_path):
     folder = tmp_path / "out"
     arguments = ("run", "corridor", "--slam", "--scans", "60", "--no-video", "--out", folder)
     done = program(*arguments, "--json")
-    assert (done.code, done.err) == (0, "")
-    report = json.loads(done.out)["report"]
+    assert (done.returncode, done.stderr) == (0, "")
+    report = json.loads(done.stdout)["report"]
     assert report["slam_largest_error_m"] < 0.15
     done = program(*arguments, "--mode", "paper")
-    assert done.code == 1 and "--slam: it is a mapper itself" in done.err
+    assert done.returncode == 1 and "--slam: it is a mapper itself" in done.stderr

@@ -1,17 +1,11 @@
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from program import lrf3d
 
 from lrf3d import load_run, load_world
 from lrf3d.scenario_file import read_scenario_file, scenario_of
-
-
-def lrf3d(*arguments):
-    command = [sys.executable, "-m", "lrf3d", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
 def test_a_generated_world_goes_through_every_format(tmp_path):

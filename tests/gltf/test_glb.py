@@ -8,7 +8,7 @@ import pygltflib
 import pytest
 from estimates import estimated
 from khronos import faults, needs_validator
-from test_cli import lrf3d, refused
+from program import lrf3d, refused
 from test_render import city_run, run_of
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
@@ -67,6 +67,7 @@ def files(tmp_path_factory):
 
 
 @needs_validator
+@pytest.mark.slow
 def test_the_khronos_validator_finds_no_fault_in_runs(files):
     assert faults(*(path for _, path in files.values())) == []
 

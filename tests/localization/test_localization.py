@@ -1,14 +1,13 @@
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from program import lrf3d
 from synthetic_run import box, make_run, make_world
 
-from lrf3d.cli import main
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder, RangeNoise
 from lrf3d.localization import (
@@ -266,18 +265,15 @@ def test_what_makes_no_sense_is_refused(run):
             localise(localiser, list(run.scans)[:5], np.zeros((count, 3)))
 
 
-def test_localise_prints_one_json_object(tmp_path, monkeypatch, capsys):
+def test_localise_prints_one_json_object(tmp_path):
     path = tmp_path / "yard.toml"
     path.write_text(
         '[[object]]\nname = "walls"\npoints = [[0, 0], [10, 0], [10, 8], [0, 8]]\nclosed = true\n'
         "[robot]\nroute = [[2, 2], [8, 2]]\nspeed = 2.0\nscan_interval = 0.5\n"
     )
     command = ["localise", path, "--seeds", "2", "--workers", "1", "--known", "map", "--json"]
-    monkeypatch.setattr(sys, "argv", ["lrf3d", *map(str, command)])
-    with pytest.raises(SystemExit) as end:
-        main()
-    out, err = capsys.readouterr()
-    assert (end.value.code or 0, err) == (0, "")
-    report = json.loads(out)
+    done = lrf3d(*command)
+    assert (done.returncode, done.stderr) == (0, "")
+    report = json.loads(done.stdout)
     assert report["seeds"] == 2 and report["known"] == "map"
     assert report["mean_position_error_m"] < 0.05

@@ -31,7 +31,7 @@ def drawn(run, time, *, view="chase", renderer="gl"):
 
 
 @pytest.mark.parametrize("renderer", RENDERERS)
-@pytest.mark.parametrize("view", ["chase", "top"])
+@pytest.mark.parametrize("view", [pytest.param("chase", marks=pytest.mark.slow), "top"])
 def test_the_film_shows_truth_and_estimate_in_two_colours(renderer, view):
     run = city_run()
     believed, true = drawn(run, 3.9, view=view, renderer=renderer)

@@ -38,7 +38,9 @@ class Everything:
 
 
 @needs_gl
-@pytest.mark.parametrize("view", ["chase", "first", "orbit", "top"])
+@pytest.mark.parametrize(
+    "view", [pytest.param("chase", marks=pytest.mark.slow), "first", "orbit", "top"]
+)
 def test_what_is_left_out_could_not_be_seen(large_run, view):
     from lrf3d.render.film import Film
 
@@ -247,6 +249,7 @@ def test_cameras_of_a_world_are_kept_with_its_run(tmp_path):
 
 
 @needs_gl
+@pytest.mark.slow
 def test_more_tiles_of_ground_than_are_kept_are_drawn_while_they_are_shown():
     from lrf3d.render.film import Film
 

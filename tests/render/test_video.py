@@ -127,7 +127,12 @@ def pictures_of(path):
 
 @needs_gl
 @pytest.mark.parametrize(
-    ("ending", "fps", "unlike"), [(".webp", 12.0, 6.5), (".gif", 12.0, 6.0), (".gif", 50.0, 6.0)]
+    ("ending", "fps", "unlike"),
+    [
+        (".webp", 12.0, 6.5),
+        pytest.param(".gif", 12.0, 6.0, marks=pytest.mark.slow),
+        pytest.param(".gif", 50.0, 6.0, marks=pytest.mark.slow),
+    ],
 )
 def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, fps, unlike):
     run = city_run(seconds=2.0)
@@ -151,6 +156,7 @@ def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, f
 
 
 @needs_gl
+@pytest.mark.slow
 def test_a_webp_of_a_scene_that_stands_still_is_as_long_as_the_film(tmp_path):
     run = room_run(stops=True)
     path = tmp_path / "run.webp"
@@ -161,7 +167,7 @@ def test_a_webp_of_a_scene_that_stands_still_is_as_long_as_the_film(tmp_path):
 
 @needs_gl
 @pytest.mark.parametrize("ending", [".mp4", ".webp", ".gif"])
-@pytest.mark.parametrize("frames", [1, 2, 3])
+@pytest.mark.parametrize("frames", [1, pytest.param(2, marks=pytest.mark.slow), 3])
 def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):
     # A run of one scan lasts no time, and is looked at for a moment.
     run = room_run()
@@ -207,6 +213,7 @@ def test_progress_goes_once_from_start_to_end(tmp_path, ending):
 
 
 @needs_gl
+@pytest.mark.slow
 def test_single_frames_are_the_pictures_of_their_times(tmp_path):
     run = city_run(seconds=2.0)
     folder = tmp_path / "frames"

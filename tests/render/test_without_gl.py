@@ -58,7 +58,7 @@ def drawn(run, time=1.0, *, renderer="embree", view="chase", samples=0, size=SIZ
 
 
 @needs_gl
-@pytest.mark.parametrize("samples", [0, 4])
+@pytest.mark.parametrize("samples", [0, pytest.param(4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("view", ["chase", "first", "orbit", "top"])
 @pytest.mark.parametrize("make", [city_run, room_run, wide_run])
 def test_both_renderers_draw_the_same_picture(make, view, samples):
@@ -105,6 +105,7 @@ class Outside:
         return Look(eye, eye - [5.0, 0.0, 0.1], 1.0)
 
 
+@pytest.mark.slow
 def test_without_opengl_a_film_is_drawn_and_one_line_says_what_to_install(tmp_path, without_gl):
     run, film = tmp_path / "run.npz", tmp_path / "film.mp4"
     save_run(city_run(seconds=1.0), run)

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from browser import needs_browser, number, opened, picture, served, started, until
-from test_cli import lrf3d, refused
+from program import lrf3d, refused
 from test_glb import FAR, simulated
 from test_render import city_run
 
@@ -136,6 +136,7 @@ def test_the_page_of_a_run_draws_plays_and_is_scrubbed(recorded, played, chromiu
 
 
 @needs_browser
+@pytest.mark.slow
 def test_the_page_shows_what_moved_in_a_run(tmp_path, chromium):
     way = Trajectory([0.0, 4.0], [(-22.0, 3.0, 0.0), (-14.0, 3.0, 0.0)])
     save_run(

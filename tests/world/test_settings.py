@@ -1,13 +1,13 @@
 import json
-import sys
 
 import numpy as np
 import pytest
+from program import lrf3d as program
+from program import refused
 
 import lrf3d
 from lrf3d import load_scenario
 from lrf3d.casting.timed import SweepCaster
-from lrf3d.cli import main
 from lrf3d.errors import InputError
 from lrf3d.laser import Imperfections
 from lrf3d.world.schema import read_settings
@@ -142,32 +142,19 @@ def test_a_slip_in_the_file_is_named_with_its_line(room, old, new, said):
     assert said in str(error.value)
 
 
-@pytest.fixture
-def program(monkeypatch, capsys):
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["lrf3d", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        return end.value.code or 0, *capsys.readouterr()
-
-    return call
-
-
-def test_a_run_goes_out_in_every_format_and_comes_back_as_the_same_map(room, tmp_path, program):
+def test_a_run_goes_out_in_every_format_and_comes_back_as_the_same_map(room, tmp_path):
     out = tmp_path / "out"
-    code, _, err = program(
-        "run", room, "--no-video", "--out", out, "--set", "laser.scan_duration=0.0"
-    )
-    assert (code, err) == (0, "")
+    done = program("run", room, "--no-video", "--out", out, "--set", "laser.scan_duration=0.0")
+    assert (done.returncode, done.stderr) == (0, "")
     maps = []
     for kind in ("carmen", "mcap", "rosbag2"):
-        code, said, err = program("export", out, "--to", kind, "--json")
-        assert (code, err) == (0, "")
-        report = json.loads(said)
+        done = program("export", out, "--to", kind, "--json")
+        assert (done.returncode, done.stderr) == (0, "")
+        report = json.loads(done.stdout)
         assert report["format"] == kind and report["bytes"] > 1000
         maps.append(program("map", report["file"], "--all", "--json", "--out", tmp_path / kind))
     maps.append(program("map", out, "--all", "--json", "--out", tmp_path / "npz"))
-    summaries = [json.loads(said) for _, said, _ in maps]
+    summaries = [json.loads(done.stdout) for done in maps]
     assert all(each["map"] == summaries[0]["map"] for each in summaries)
     assert all(each["score"]["scans"] == 0 for each in summaries)
     assert [each["log"]["poses"] for each in summaries] == [
@@ -178,12 +165,11 @@ def test_a_run_goes_out_in_every_format_and_comes_back_as_the_same_map(room, tmp
     ]
     # Not where the map of the run itself would be; a file called run has its folder's name, too.
     assert {each["name"] for each in summaries} == {"out_run", "run_bag", "out_map"}
-    assert "a run has only true poses" in program("map", out, "--poses", "odom")[2]
+    assert "a run has only true poses" in refused("map", out, "--poses", "odom")
 
 
-def test_a_format_that_is_none_is_answered_with_those_there_are(room, program):
-    code, out, err = program("export", room, "--to", "bag")
-    assert (code, out) == (1, "") and "carmen, mcap, rosbag2" in err
+def test_a_format_that_is_none_is_answered_with_those_there_are(room):
+    assert "carmen, mcap, rosbag2" in refused("export", room, "--to", "bag")
 
 
 def test_scans_take_time_only_where_they_are_said_to(room):

@@ -1,0 +1,40 @@
+"""The program lrf3d within the process of the tests, which spares the start of another."""
+
+import contextlib
+import io
+import signal
+import sys
+from subprocess import CompletedProcess
+from unittest import mock
+
+from lrf3d.cli import main
+
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM)
+
+
+def lrf3d(*arguments, cwd="."):
+    """Run a command; modules of the working folder can be named, as when it is started there."""
+    out, err = io.StringIO(), io.StringIO()
+    before = {number: signal.getsignal(number) for number in ENDS}
+    try:
+        with (
+            contextlib.chdir(cwd),
+            mock.patch.object(sys, "argv", ["lrf3d", *map(str, arguments)]),
+            mock.patch.object(sys, "path", ["", *sys.path]),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+        ):
+            main()
+    except SystemExit as end:
+        return CompletedProcess(arguments, end.code or 0, out.getvalue(), err.getvalue())
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def refused(*arguments, cwd="."):
+    """The one line on stderr with which a command ends that meets a known error."""
+    done = lrf3d(*arguments, cwd=cwd)
+    assert (done.returncode, done.stdout) == (1, ""), done.stderr
+    assert done.stderr.count("\n") == 1 and done.stderr.startswith("lrf3d: ")
+    return done.stderr
