@@ -3,12 +3,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrf3d.errors import InputError
 from lrf3d.geometry import (
     directions,
     fit_line,
+    is_finite,
     lengths,
     normal_lines,
+    numbers,
     principal_direction,
+    quad_indices,
+    read_only,
+    whole_number,
     wrap_angle,
 )
 
@@ -70,3 +76,80 @@ def test_the_principal_direction_is_that_of_the_largest_spread():
 def test_directions_are_unit_vectors():
     segments = np.array([[0.0, 0.0, 3.0, 4.0], [1.0, 1.0, 1.0, -1.0]])
     assert directions(segments) == pytest.approx(np.array([[0.6, 0.8], [0.0, -1.0]]))
+
+
+def test_an_angle_just_above_pi_is_pi():
+    # Its remainder rounds to a full turn, which would give −π.
+    assert wrap_angle(np.nextafter(np.pi, 4.0)) == np.pi
+
+
+def test_a_line_through_the_origin_has_the_left_normal_of_its_segment():
+    lines = normal_lines(np.array([[1.0, 1.0, 2.0, 2.0], [2.0, 2.0, 1.0, 1.0]]))
+    assert lines[:, 0] == pytest.approx([0.75 * np.pi, -0.25 * np.pi])
+    assert lines[:, 1] == pytest.approx([0.0, 0.0])
+
+
+@given(st.lists(st.tuples(metres, metres, st.integers(1, 5)), min_size=2, max_size=8))
+def test_a_weight_counts_a_point_so_many_times(weighted):
+    points = np.array([(x, y) for x, y, _ in weighted])
+    weights = np.array([float(weight) for *_, weight in weighted])
+    mean, unit = fit_line(points, weights)
+    repeated = np.repeat(points, weights.astype(int), axis=0)
+    centred = repeated - repeated.mean(axis=0)
+    assert mean == pytest.approx(repeated.mean(axis=0))
+    assert np.hypot(*unit) == pytest.approx(1.0)
+    # No other direction has a larger spread.
+    along = ((centred @ unit) ** 2).sum()
+    assert along == pytest.approx(np.linalg.svd(centred)[1][0] ** 2, rel=1e-6, abs=1e-6)
+
+
+def test_a_quad_is_two_triangles_that_turn_the_same_way():
+    assert quad_indices(2).tolist() == [0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7]
+    assert quad_indices(1).dtype == np.uint32 and len(quad_indices(0)) == 0
+
+
+def test_arrays_from_outside_are_copied_unless_nobody_can_write_to_them():
+    given_array = np.arange(6.0).reshape(2, 3)
+    kept = read_only(given_array, "name")
+    assert not kept.flags.writeable and not np.shares_memory(kept, given_array)
+    given_array[0, 0] = 9.0
+    assert kept[0, 0] == 0.0
+    assert read_only(kept, "name") is kept and read_only(kept[:1], "name").base is kept
+    for other in (kept.T, kept.astype(np.float32), kept.tolist()):
+        made = read_only(other, "name")
+        assert made is not other and made.dtype == np.float64 and not made.flags.writeable
+        assert made.flags.c_contiguous or made.shape == (3, 2)
+    # A read-only view of an array that can be written to may still change.
+    view = given_array[:]
+    view.setflags(write=False)
+    assert not np.shares_memory(read_only(view, "name"), given_array)
+
+
+def test_numbers_of_any_kind_are_numbers_and_words_are_not():
+    assert numbers([1, 2.5], "name").tolist() == [1, 2.5]
+    assert numbers([True, False], "name").dtype == bool
+    assert numbers([2**70, 1], "name").tolist() == [2.0**70, 1.0]
+    assert numbers(np.array([1, 2], np.uint8), "name").dtype == np.uint8
+    for wrong in ("word", ["a"], [1, [2, 3]], [1j], [object()]):
+        with pytest.raises(InputError, match="name: expected numbers in rows of equal length"):
+            numbers(wrong, "name")
+
+
+def test_finite_numbers_are_finite():
+    assert is_finite() and is_finite(1, 2.5, True, np.float32(3.0))
+    for wrong in (np.nan, np.inf, "1", None, [1.0], 10**400):
+        assert not is_finite(wrong) and not is_finite(0.0, wrong)
+
+
+def test_whole_numbers_are_those_within_their_limits():
+    for value in (1, 5, 5.0, np.int64(3)):
+        assert whole_number(value, "beams", most=5) == value
+        assert type(whole_number(value, "beams", most=5)) is int
+    assert whole_number(1, "beams") == 1 and whole_number(10**9, "beams") == 10**9
+    assert whole_number(0, "beams", least=0) == 0
+    for wrong in (0, 6, 2.5, -3, np.nan, np.inf, "3", None):
+        with pytest.raises(InputError, match=r"beams .*: expected a whole number from 1 to 5"):
+            whole_number(wrong, "beams", most=5)
+    for wrong in (0, 2.5):
+        with pytest.raises(InputError, match="expected a whole number of at least 1"):
+            whole_number(wrong, "beams")

@@ -32,7 +32,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 NOT_OURS = re.compile(
     r"git clone |python3 -m venv |\. \.venv|\.venv/bin/pip |pip install |dask "
-    r"|scripts/(?!bench|paper|stress)"
+    r"|python examples/|scripts/(?!bench|paper|stress)"
 )
 """Lines of shell that set up lrf3d, or call other programs."""
 

@@ -65,10 +65,10 @@ def test_intensity_falls_with_the_square_of_the_distance(distance, bright):
     assert intensity(bright, 1.0, 2.0) == pytest.approx(bright)
 
 
-def test_the_near_field_is_darker_and_the_far_field_is_not():
-    length = 2.0
+@pytest.mark.parametrize("length", [0.5, 2.0])
+def test_the_near_field_is_darker_and_the_far_field_is_not(length):
     caught = -math.expm1(-2.0 / length**2)
     assert intensity(1.0, 50.0, length) == pytest.approx(1.0 / 50.0**2 / caught)
-    near = [intensity(1.0, 0.01 * count, length) for count in (1, 2, 4)]
+    near = [intensity(1.0, 0.005 * length * count, length) for count in (1, 2, 4)]
     # Close by, the share that is caught makes up for the square of the distance.
     assert near == pytest.approx([2.0 / length**2 / caught] * 3, rel=1e-2)

@@ -1,4 +1,5 @@
 import json
+import math
 import pickle
 import types
 from collections import deque
@@ -6,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -293,6 +295,73 @@ def test_equation_9_to_the_letter(other, merged):
     assert bool(RULE.conditions(segment, np.array([other]))[0]) is merged
     turned = np.array(other)[[2, 3, 0, 1]]
     assert bool(RULE.conditions(segment, turned[None])[0]) is merged
+
+
+def equation_9(one, other, length, distance):
+    """Eq. 9 of two segments, condition by condition, as the figure of section 3.1 shows them."""
+    (*a_end, bx, by), (*c_end, dx, dy) = one, other
+    b_end, d_end = (bx, by), (dx, dy)
+
+    def aside(point, begin, end):
+        (px, py), (x1, y1), (x2, y2) = point, begin, end
+        area = (x2 - x1) * (py - y1) - (y2 - y1) * (px - x1)
+        return abs(area) / math.dist(begin, end)
+
+    a, b = math.dist(a_end, c_end), math.dist(b_end, c_end)
+    c, d = math.dist(a_end, d_end), math.dist(b_end, d_end)
+    own, its = math.dist(a_end, b_end) + length, math.dist(c_end, d_end) + length
+    c1, c2, c3, c4 = a + b < own, c + d < own, a + c < its, b + d < its
+    near = [aside(point, a_end, b_end) < distance for point in (c_end, d_end)]
+    near += [aside(point, c_end, d_end) < distance for point in (a_end, b_end)]
+    return (sum((c1, c2, c3, c4)) >= 2 and all(near)) or (c1 and c2) or (c3 and c4)
+
+
+@settings(max_examples=300)
+@given(
+    st.tuples(*[st.floats(-3.0, 3.0)] * 4),
+    st.tuples(*[st.floats(-1.0, 1.0)] * 4),
+    st.sampled_from([0.02, 0.2, 2.0]),
+    st.sampled_from([0.05, 0.5, 5.0]),
+)
+def test_equation_9_is_its_eight_conditions(one, by, length, distance):
+    other = tuple(np.add(one, by).tolist())
+    if math.dist(one[:2], one[2:]) < 1e-3 or math.dist(other[:2], other[2:]) < 1e-3:
+        return
+    rule = EndPointMerging(length, distance)
+    found = rule.conditions(np.array(one), np.array([other]))
+    assert bool(found[0]) is equation_9(one, other, length, distance)
+    # Whatever it merges is within its reach of the other segment.
+    longest = max(math.dist(one[:2], one[2:]), math.dist(other[:2], other[2:]))
+    if found[0]:
+        gap = shapely.LineString(np.reshape(one, (2, 2))).distance(
+            shapely.LineString(np.reshape(other, (2, 2)))
+        )
+        assert gap <= rule.reach(longest) + 1e-9
+
+
+def test_thresholds_of_equation_9_themselves_are_too_far():
+    # Sides of 3, 4 and 5 make sums that are exact; of four conditions one is met, three are ties.
+    rule = EndPointMerging(4.0, 5.0)
+    segment, others = np.array([0.0, 0.0, 6.0, 0.0]), np.array([[3.0, 4, 3, 0], [3, 0, 3, 4]])
+    assert rule.conditions(segment, others).tolist() == [False, False]
+    assert EndPointMerging(4.001, 5.0).conditions(segment, others).tolist() == [True, True]
+    segment, others = np.array([0.0, 0.0, 10.0, 0.0]), np.array([[5.0, 0.5, 15.0, 0.5]])
+    assert not EndPointMerging(1.0, 0.5).conditions(segment, others)[0]
+    assert EndPointMerging(1.0, 0.501).conditions(segment, others)[0]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_merged_segment_keeps_the_direction_of_the_first(turned):
+    first, second = [0.0, 0.0, 10.0, 0.0], [9.0, 0.0, 15.0, 0.0]
+    ends, _ = RULE.merge(table_of([first[2:] + first[:2] if turned else first, second]), 0, 1)
+    assert ends == pytest.approx([15, 0, 0, 0] if turned else [0, 0, 15, 0], abs=1e-9)
+
+
+def test_the_first_candidate_that_fits_is_the_partner():
+    table = table_of([[0, 0, 4, 0], [0, 3, 4, 3], [4, 0, 8, 0], [3, 0, 6, 0]])
+    assert RULE.partner(table, 0, np.array([1, 2, 3])) == 2
+    assert RULE.partner(table, 0, np.array([1])) == -1
+    assert RULE.partner(table, 0, np.array([], dtype=int)) == -1
 
 
 def test_merging_end_points_fits_all_four():
