@@ -49,8 +49,12 @@ def test_who_walks_through_a_corridor_leaves_hardly_a_wall(speed, start, most):
 
 
 def test_beams_through_what_one_scan_hit_weigh_more_than_through_what_many_did():
-    near = violation_weight.py_func if hasattr(violation_weight, "py_func") else violation_weight
-    assert near(20.0, 2.0, 0.0) > near(20.0, 20.0, 0.0) > near(20.0, 20.0, 20.0)
+    def weight(hits, violations, scans, between):
+        return violation_weight.py_func(np.array([hits, violations, 0.0, scans, between]))
+
+    assert weight(20, 40, 2, 0) > weight(20, 40, 20, 0) > weight(20, 40, 20, 20)
+    # What came between hits is little beside all that came before and after.
+    assert weight(20, 400, 2, 2) == weight(20, 400, 2, 0) > weight(20, 4, 2, 2)
 
 
 def test_what_all_beams_go_through_leaves_the_cells():

@@ -26,6 +26,7 @@ from lrf3d.mapping.robust.constants import (
     MOST_PASSES,
     PASS_DIRECTIONS,
     PIECE,
+    SPREAD_FACTOR,
     WALL_SINE,
 )
 
@@ -261,8 +262,14 @@ def gather_evidence(
         along, aside = ox * ux + oy * uy, oy * ux - ox * uy
         slope = max(abs(total[7] * uy - total[8] * ux), LEAST_INCIDENCE)
         factor = 1.0 / (slope * slope)
-        weight = factor * total[1]
         xx, xy, yy = total[4], total[5], total[6]
+        # Returns spread wider than by noise are of two walls in one cell, or of poses that err:
+        # the mean of any number of them is no better than they are spread.
+        spread = (xx * uy * uy - 2.0 * xy * ux * uy + yy * ux * ux) / total[1]
+        excess = spread - SPREAD_FACTOR * total[0] / (factor * total[1])
+        if excess > 0.0:
+            factor /= 1.0 + factor * total[1] * excess
+        weight = factor * total[1]
         sums[piece, 0] += weight
         sums[piece, 1] += weight * along
         sums[piece, 2] += weight * aside

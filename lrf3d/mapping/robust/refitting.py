@@ -24,6 +24,7 @@ from lrf3d.mapping.robust.constants import (
     SHORT_WALL,
     TAKEN_TURNS,
     TRANSIENT_WEIGHT,
+    TURNS_SHARE,
     UNSEEN_COST,
     VIOLATION_WEIGHT,
     WALL_COST,
@@ -102,17 +103,19 @@ def refit_walls(refit: Refit, cells: Cells) -> tuple[NewSegments, Float]:  # pra
 
 
 @inner
-def violation_weight(hits: float, scans: float, between: float) -> float:  # pragma: no cover
+def violation_weight(counts: Float) -> float:  # pragma: no cover
     """What a free-space violation of a piece weighs against a hit.
 
     Args:
-        hits: Its hits.
-        scans: How many scans they are from.
-        between: Beams that went through between two of these scans.
+        counts: (5,) its hits, its violations, returns nearer to another wall, the scans that the
+            hits are from, and the beams that went through between two of these scans.
     """
+    hits, violations, scans, between = counts[0], counts[1], counts[3], counts[4]
+    if hits == 0.0:
+        return OPEN_WEIGHT
     # What moves, or stood for a while, is hit in a few scans one after the other, be they ever so
     # many beams; what beams hit and miss in turns is there.
-    if scans == 0.0 or between >= TAKEN_TURNS * scans:
+    if scans == 0.0 or between >= max(TAKEN_TURNS * scans, TURNS_SHARE * violations):
         return VIOLATION_WEIGHT
     weight: float = max(TRANSIENT_WEIGHT * hits / scans, VIOLATION_WEIGHT)
     return weight
@@ -142,7 +145,7 @@ def real_pieces(counts: Float) -> Int:  # pragma: no cover
         if costs[1] < following[3]:
             following[3], came[i, 3] = costs[1], 1
         hits, violations, nearer = counts[i, 0], counts[i, 1], counts[i, 2]
-        weight = violation_weight(hits, counts[i, 3], counts[i, 4]) if hits else OPEN_WEIGHT
+        weight = violation_weight(counts[i])
         for state in range(4):
             following[state] += hits
         following[1] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
@@ -266,7 +269,7 @@ def refit_segments(
                 total = np.zeros(6)
                 for k in range(low + start, low + stop):
                     hits += counts[k, 0]
-                    weight = violation_weight(counts[k, 0], counts[k, 3], counts[k, 4])
+                    weight = violation_weight(counts[k]) if counts[k, 0] else VIOLATION_WEIGHT
                     violations += weight * counts[k, 1]
                     for column in range(6):
                         total[column] += sums[k, column]
