@@ -64,6 +64,31 @@ def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no co
 
 
 @inner
+def _planes_of(cells: Cells, block: int, ways: int, planes: Int) -> int:  # pragma: no cover
+    """Find the planes of a block that count beams of some directions, each a bit.
+
+    In most blocks they are few, and all cells of a line in the block are looked up in them.
+
+    Args:
+        cells: The cells.
+        block: The block; −1 where there is none.
+        ways: The directions.
+        planes: (directions, 2) is filled with the planes and the direction of each.
+
+    Returns:
+        How many there are.
+    """
+    count = 0
+    if block >= 0:
+        for way in range(PASS_DIRECTIONS):
+            plane = cells.planes[block, way]
+            if plane > 0 and (ways >> way) & 1:
+                planes[count, 0], planes[count, 1] = plane, way
+                count += 1
+    return count
+
+
+@inner
 def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma: no cover
     """Count the beams that went through each piece (n, 3) of a wall (4,)."""
     x1, y1, x2, y2 = ends[0], ends[1], ends[2], ends[3]
@@ -71,8 +96,8 @@ def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma
     length = np.hypot(x2 - x1, y2 - y1)
     ux, uy = (x2 - x1) / length, (y2 - y1) / length
     ways = _ways_across(ux, uy, WALL_SINE)
-    planes, passes = cells.planes, cells.passes
-    at_x, at_y, block = 1 << 40, 0, -1
+    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
+    at_x, at_y, known = 1 << 40, 0, 0
     for piece in range(pieces):
         along = (piece + 0.5) * length / pieces
         column = int(np.floor((x1 + along * ux) / CELL))
@@ -80,13 +105,12 @@ def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma
         # Most pieces are in the block of the one before, which is not looked up again.
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-            block = block_at(cells.open, at_x, at_y)
-        if block >= 0:
+            known = _planes_of(cells, block_at(cells.open, at_x, at_y), ways, planes)
+        if known:
             place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
             count = 0
-            for way in range(PASS_DIRECTIONS):
-                if (ways >> way) & 1:
-                    count += passes[planes[block, way], place] & MOST_PASSES
+            for k in range(known):
+                count += passes[planes[k, 0], place] & MOST_PASSES
             counts[piece, 1] += count * (PIECE / CELL)
 
 
@@ -278,8 +302,8 @@ def is_crossed(
     length -= 2.0 * end
     steps = int(length / CELL) + 1
     ways = _ways_across(ux, uy, sine)
-    planes, passes, deeper = cells.planes, cells.passes, depth - FREE_DEPTH
-    at_x, at_y, block = 1 << 40, 0, -1
+    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
+    deeper, at_x, at_y, known = depth - FREE_DEPTH, 1 << 40, 0, 0
     # Most lines are crossed in wide open space, which long steps away from their ends find first.
     for turn in range(STRIDE):
         for step in range((turn + STRIDE // 2) % STRIDE, steps, STRIDE):
@@ -288,17 +312,15 @@ def is_crossed(
             column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
             if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
                 at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-                block = block_at(cells.open, at_x, at_y)
-            if block < 0:
-                continue
+                known = _planes_of(cells, block_at(cells.open, at_x, at_y), ways, planes)
             place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-            for way in range(PASS_DIRECTIONS):
-                if (ways >> way) & 1:
-                    passed = passes[planes[block, way], place] & MOST_PASSES
-                    if passed and deeper > 0.0:
-                        dx, dy = COSINES[way], SINES[way]
-                        passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
-                    spare -= passed
+            for k in range(known):
+                passed = passes[planes[k, 0], place] & MOST_PASSES
+                if passed and deeper > 0.0:
+                    way = planes[k, 1]
+                    dx, dy = COSINES[way], SINES[way]
+                    passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
+                spare -= passed
             if spare < 0:
                 return True
     return False
@@ -328,8 +350,8 @@ def is_crossed_aslant(
     length -= 2.0 * end
     steps = int(length / CELL) + 1
     across, along = _ways_across(ux, uy, sine), 0
-    planes, passes = cells.planes, cells.passes
-    at_x, at_y, block = 1 << 40, 0, -1
+    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
+    at_x, at_y, known = 1 << 40, 0, 0
     # Few lines have such beams at all.
     for step in range(steps):
         place = end + (step + 0.5) * length / steps
@@ -337,13 +359,11 @@ def is_crossed_aslant(
         row = int(np.floor((y1 + place * uy) / CELL))
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-            block = block_at(cells.open, at_x, at_y)
-        if block >= 0:
-            cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-            for way in range(PASS_DIRECTIONS):
-                if not (across >> way) & 1:
-                    if passes[planes[block, way], cell] & MOST_PASSES > spare:
-                        along |= 1 << way
+            known = _planes_of(cells, block_at(cells.open, at_x, at_y), ~across, planes)
+        cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+        for k in range(known):
+            if passes[planes[k, 0], cell] & MOST_PASSES > spare:
+                along |= 1 << planes[k, 1]
     for way in range(PASS_DIRECTIONS):
         if not (along >> way) & 1:
             continue
