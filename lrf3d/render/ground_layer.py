@@ -38,7 +38,7 @@ _RAMP = 1.8
 """Width of the change between two paints in a picture [texels]: magnified, it is one pixel long
 away from the eye, and some pixels wide across the view."""
 
-_RIM, _RIM_INDOOR = 0.5, 12.0
+_RIM, _RIM_INDOOR = 1e-3, 12.0
 """Width of the change from a picture to the land around it [m]: a town ends in lawns, which
 go on there; a floor may be cut off."""
 
