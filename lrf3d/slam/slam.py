@@ -105,7 +105,9 @@ class Slam:
         self._variance = 0.0
         self._scans: list[LaserScan] = []
         self._mapper = LineMapper()
-        self._mapped_poses: list[Float] = []
+        # Where the map shows the key scans, and how many of them the mapper has taken in.
+        self._shown = np.empty((0, 3))
+        self._mapped = 0
 
     def __repr__(self) -> str:
         return (
@@ -213,17 +215,23 @@ class Slam:
     @property
     def map(self) -> LineMap:
         """The map of all key scans as they are placed now; computed when it is read."""
-        now = self._key_poses
-        moved = [
-            np.hypot(*(then - place)[:2]) > REDRAWN
-            for then, place in zip(self._mapped_poses, now, strict=False)
-        ]
-        if any(moved):
-            self._mapper, self._mapped_poses = LineMapper(), []
-        for number in range(len(self._mapped_poses), len(now)):
-            self._mapper.update(self.placed(self._scans[number], now[number]))
-            self._mapped_poses.append(now[number].copy())
+        for number in range(self._mapped, self._key_count):
+            self._mapper.update(self.placed(self._scans[number], self._shown[number]))
+        self._mapped = self._key_count
         return self._mapper.map
+
+    def _show_keys(self) -> None:
+        """Let the map show new key scans where they are, and all anew if some have moved.
+
+        This happens as the scans come, so that the map does not depend on when it is read.
+        """
+        now = self._key_poses
+        steps = (self._shown - now[: len(self._shown)])[:, :2]
+        if (np.hypot(steps[:, 0], steps[:, 1]) > REDRAWN).any():
+            self._mapper, self._mapped = LineMapper(), 0
+            self._shown = now.copy()
+        else:
+            self._shown = np.concatenate([self._shown, now[len(self._shown) :]])
 
     def placed(self, scan: LaserScan, pose: Float) -> LaserScan:
         """A scan with the pose of its laser, where the robot is at a pose (3,) since the start."""
@@ -280,6 +288,7 @@ class Slam:
             poses = optimised(self._key_poses, edges, FINAL_ITERATIONS)
             surfaces = [key.surface for key in self._closer.keys]
             self._room[: len(poses)] = adjusted(poses, edges.part(~edges.robust), surfaces)
+            self._show_keys()
 
     def refined(self, scans: Sequence[LaserScan]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
@@ -339,6 +348,7 @@ class Slam:
                 poses = optimised(self._key_poses, edges, ONLINE_ITERATIONS)
                 self._room[: len(poses)] = poses
                 self._variance = min(self._variance_factor(edges), 1.0)
+        self._show_keys()
 
 
 def closure_edges(closures: list[Closure]) -> Edges:
