@@ -148,6 +148,7 @@ def test_every_equation_became_one(site):
     assert not [page for page, text in pages.items() if "arithmatex" in text or "merror" in text]
 
 
+@pytest.mark.slow
 def test_every_public_name_and_every_command_has_its_place(site):
     lines = (site / "objects.inv").read_bytes().split(b"\n", 4)
     names = {line.split()[0] for line in zlib.decompress(lines[4]).decode().splitlines()}

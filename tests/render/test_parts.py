@@ -39,7 +39,13 @@ class Everything:
 
 @needs_gl
 @pytest.mark.parametrize(
-    "view", [pytest.param("chase", marks=pytest.mark.slow), "first", "orbit", "top"]
+    "view",
+    [
+        pytest.param("chase", marks=pytest.mark.slow),
+        pytest.param("first", marks=pytest.mark.slow),
+        "orbit",
+        "top",
+    ],
 )
 def test_what_is_left_out_could_not_be_seen(large_run, view):
     from lrf3d.render.film import Film
@@ -85,6 +91,7 @@ def test_parts_are_drawn_from_near_to_far(large_run):
 
 
 @needs_gl
+@pytest.mark.slow
 def test_ground_tiles_hang_on_the_eye_alone(large_run, monkeypatch):
     from lrf3d.render import ground_layer
     from lrf3d.render.film import Film
