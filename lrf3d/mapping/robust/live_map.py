@@ -174,7 +174,8 @@ class LiveMap:
         self, state: Mapping[str, Any], ends: Float, points: Int, labels: Int, frame: Frame
     ) -> None:
         """Go on from what was placed where."""
-        self.__init__()  # type: ignore[misc]
+        self._placed = Placed.of_size(LEAST_ROWS)
+        self._copies = []
         while len(self._placed.places) < len(points):
             self._placed = self._placed.doubled()
         known = state["map_labels"]
