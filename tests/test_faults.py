@@ -18,6 +18,7 @@ pytest.importorskip("resource", reason="Windows has no limits of a process")
 
 from faults import (
     FAULTS,
+    MANY,
     Calls,
     any_call,
     calls_within,
@@ -132,11 +133,11 @@ def test_a_fault_at_any_call_leaves_the_older_file_or_the_new_one(writer, fault,
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("writer", WRITERS)
-def test_a_fault_at_every_call_leaves_the_older_file_or_the_new_one(writer, fault, tmp_path):
+def test_a_fault_at_many_calls_leaves_the_older_file_or_the_new_one(writer, fault, tmp_path):
     if writer in ("mcap", "bag"):
         pytest.importorskip("rosbags")
-    most = SLOW.get(writer, 10_000)
-    print(writer, fault, fault_at_each_call(WRITERS[writer], fault, tmp_path, most))
+    most = SLOW.get(writer, MANY)
+    assert fault_at_each_call(WRITERS[writer], fault, tmp_path, most) >= 3
 
 
 @pytest.mark.parametrize("writer", [name for name in WRITERS if name not in ("film", "glb")])
@@ -303,5 +304,5 @@ def test_a_recorder_that_fails_at_any_call_goes_on_where_it_says(fault, tmp_path
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_recorder_that_fails_at_every_call_goes_on_where_it_says(fault, tmp_path, monkeypatch):
-    print("recorder", fault, record_with_faults(fault, tmp_path, 10_000, monkeypatch))
+def test_a_recorder_that_fails_at_many_calls_goes_on_where_it_says(fault, tmp_path, monkeypatch):
+    assert record_with_faults(fault, tmp_path, MANY, monkeypatch) > 10
