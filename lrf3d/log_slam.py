@@ -120,7 +120,7 @@ class SlamLog:
         rows.append(("drive", text))
         if slam["scans_by_odometry_alone"]:
             lost = counted(slam["scans_by_odometry_alone"], "scan")
-            rows.append(("", f"{lost} matched nothing and stand where odometry has them"))
+            rows.append(("", f"{lost} matched nothing: placed by odometry"))
         rows.append(("map", self.run.map.counts))
         if self.score is not None:
             score = self.score

@@ -5,7 +5,7 @@ import pytest
 
 from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
 from lrf3d.mapping.robust.beams import SHIFT, Frame
-from lrf3d.mapping.robust.live_map import MOST_COPIES, MOST_WAITING, LiveMap
+from lrf3d.mapping.robust.live_map import LEAST_ROWS, MOST_COPIES, MOST_WAITING, LiveMap
 
 WORLD = World(
     [[4, -3, 4, 3], [4, 3, -4, 3], [-4, 3, -4, -3], [1, -1, 2, -1], [2, -1, 2, 0], [-2, 0, -2, 1]]
@@ -119,3 +119,18 @@ def test_a_restored_mapper_has_the_same_map_in_the_same_order():
         mapper.update(scan)
         again.update(scan)
     assert is_same(again.map, columns(mapper.map))
+
+
+def test_a_map_that_was_larger_for_a_while_is_right_again():
+    # Segments beyond the room of a copy were written beside it.
+    live, count = LiveMap(), 2 * LEAST_ROWS
+    ends = np.random.default_rng(3).uniform(-9.0, 9.0, (count, 4))
+    points, labels = np.full(count, 7), np.arange(count)
+    few, more = np.arange(LEAST_ROWS // 2), np.arange(LEAST_ROWS // 2, count)
+    room = slice(LEAST_ROWS)
+    live.update(few, ends[room], points[room], labels[room], FRAME)
+    kept = columns(live.value())
+    live.update(more, ends, points, labels, FRAME)
+    points[more] = 0
+    live.update(more[::-1].copy(), ends, points, labels, FRAME)
+    assert is_same(live.value(), kept)

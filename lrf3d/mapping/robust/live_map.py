@@ -299,6 +299,9 @@ def copy_places(
     """Copy places (n,) of the map; those that are there no more have no meaning."""
     for k in range(len(changed)):
         place = changed[k]
+        # The map was larger for a while than the copy has room for.
+        if place >= len(objects):
+            continue
         for side in range(4):
             segments[place, side] = placed.segments[place, side]
         objects[place], points[place] = placed.objects[place], placed.points[place]
