@@ -4,7 +4,7 @@ It is made from a LaserScan with echoes; any object or dict with ROS's fields ca
 Ranges and intensities are float32, as in a `RosScan`; echoes that did not return are left out.
 """
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,8 +13,7 @@ from lrf3d.errors import InputError
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.laser.ros_scan import (
     Float32,
-    RosHeader,
-    RosScan,
+    ScanFields,
     field_of,
     make_ros_scan,
     read_ros_scan,
@@ -23,7 +22,7 @@ from lrf3d.laser.ros_scan import (
 if TYPE_CHECKING:
     from lrf3d.laser.scan import LaserScan
 
-OTHERS = [field.name for field in fields(RosScan) if field.name not in ("ranges", "intensities")]
+OTHERS = [field.name for field in fields(ScanFields)]
 """Fields that both messages have alike."""
 
 
@@ -39,36 +38,16 @@ class RosEchoes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RosEchoScan:
-    """``sensor_msgs/MultiEchoLaserScan``; the other fields are those of a RosScan.
+class RosEchoScan(ScanFields):
+    """``sensor_msgs/MultiEchoLaserScan``: its fields are those of `ScanFields`, and these.
 
     Args:
-        header: Stamp of the first beam, and frame of the laser.
-        angle_min: Angle of the first beam [rad].
-        angle_max: Angle of the last beam [rad].
-        angle_increment: Angle from one beam to the next [rad].
-        time_increment: Time from one beam to the next [s].
-        scan_time: Time between two scans [s].
-        range_min: Nearest range that counts [m].
-        range_max: Farthest range that counts [m].
-        ranges: (n,) the ranges of the echoes of each beam, without any for one that none returned.
+        ranges: (n,) the ranges of the echoes of each beam; none for a beam without a return.
         intensities: (n,) their intensities.
     """
 
-    header: RosHeader
-    angle_min: float
-    angle_max: float
-    angle_increment: float
-    time_increment: float
-    scan_time: float
-    range_min: float
-    range_max: float
     ranges: tuple[RosEchoes, ...]
     intensities: tuple[RosEchoes, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """The message as nested dicts."""
-        return asdict(self)
 
 
 def has_echoes(message: Any) -> bool:

@@ -69,8 +69,8 @@ class RosHeader:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RosScan:
-    """``sensor_msgs/LaserScan``; all numbers are exact in float32.
+class ScanFields:
+    """What ``sensor_msgs/LaserScan`` and ``MultiEchoLaserScan`` have alike; numbers are float32.
 
     Args:
         header: Stamp of the first beam, and frame of the laser.
@@ -81,8 +81,6 @@ class RosScan:
         scan_time: Time between two scans [s].
         range_min: Nearest range that counts [m].
         range_max: Farthest range that counts [m].
-        ranges: (n,) float32 ranges [m]; +inf and −inf after REP 117.
-        intensities: (n,) float32, or empty.
     """
 
     header: RosHeader
@@ -93,12 +91,23 @@ class RosScan:
     scan_time: float
     range_min: float
     range_max: float
-    ranges: Float32
-    intensities: Float32
 
     def as_dict(self) -> dict[str, Any]:
         """The message as nested dicts."""
         return asdict(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RosScan(ScanFields):
+    """``sensor_msgs/LaserScan``: its fields are those of `ScanFields`, and these.
+
+    Args:
+        ranges: (n,) float32 ranges [m]; +inf and −inf after REP 117.
+        intensities: (n,) float32, or empty.
+    """
+
+    ranges: Float32
+    intensities: Float32
 
 
 def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan:

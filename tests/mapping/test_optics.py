@@ -8,9 +8,8 @@ import pytest
 import lrf3d
 from lrf3d import LaserRangeFinder, LineMap, LineMapper, ProportionalNoise, World
 from lrf3d.errors import InputError
-from lrf3d.mapping.robust.mirrors import mirror_lines, mirrored, without_images
+from lrf3d.mapping.robust.mirrors import Reflectance, mirror_lines, mirrored, without_images
 from lrf3d.mapping.robust.panes import stretches
-from lrf3d.mapping.robust.reflectance import Reflectance
 from lrf3d.world import Material
 
 LRF = LaserRangeFinder(-np.pi, np.pi, beams=361, range_max=40.0)

@@ -14,21 +14,10 @@ from lrf3d.sweep.grid import SweepGrid
 from lrf3d.sweep.plan import make_plan
 from lrf3d.sweep.store import TABLE, Store
 from lrf3d.sweep.task import carry_out, unpack
+from tests.sweep.test_sweep import ROOM
 
 # A fault within a destructor, as that of a writer, cannot be raised: Python only warns of it.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-
-ROOM = """\
-[[object]]
-points = [[0, 0], [10, 0], [10, 8], [0, 8]]
-closed = true
-
-[robot]
-poses = [[2, 2, 0], [8, 6, 180]]
-
-[laser]
-range_max = 20.0
-"""
 
 
 def store_with_faults(fault, folder, most):

@@ -286,6 +286,25 @@ def gather_evidence(
 
 
 @inner
+def _middle_of(
+    line: Float,
+) -> tuple[float, float, float, float, float, float, int]:  # pragma: no cover
+    """A line (4,) without its ends, near which walls are: how it is walked along.
+
+    Returns:
+        Where the line begins [m], its direction, where on it the middle begins, the middle's
+        length [m], and the steps of a cell in it; none in a line without length.
+    """
+    x1, y1, x2, y2 = line
+    length = np.hypot(x2 - x1, y2 - y1)
+    if length == 0.0:
+        return x1, y1, 0.0, 0.0, 0.0, 0.0, 0
+    end = min(LINK_END, 0.25 * length)
+    middle = length - 2.0 * end
+    return x1, y1, (x2 - x1) / length, (y2 - y1) / length, end, middle, int(middle / CELL) + 1
+
+
+@inner
 def is_crossed(
     line: Float, cells: Cells, depth: float, spare: int, sine: float
 ) -> bool:  # pragma: no cover
@@ -293,14 +312,9 @@ def is_crossed(
 
     The sine is that of the angle from which on a beam may cross it.
     """
-    x1, y1, x2, y2 = line
-    length = np.hypot(x2 - x1, y2 - y1)
-    if length == 0.0:
+    x1, y1, ux, uy, end, length, steps = _middle_of(line)
+    if steps == 0:
         return False
-    ux, uy = (x2 - x1) / length, (y2 - y1) / length
-    end = min(LINK_END, 0.25 * length)
-    length -= 2.0 * end
-    steps = int(length / CELL) + 1
     ways = _ways_across(ux, uy, sine)
     planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
     deeper, at_x, at_y, known = depth - FREE_DEPTH, 1 << 40, 0, 0
@@ -341,14 +355,9 @@ def is_crossed_aslant(
         spare: How many beams may cross it.
         sine: That of the angle up to which they cross it.
     """
-    x1, y1, x2, y2 = line
-    length = np.hypot(x2 - x1, y2 - y1)
-    if length == 0.0:
+    x1, y1, ux, uy, end, length, steps = _middle_of(line)
+    if steps == 0:
         return False
-    ux, uy = (x2 - x1) / length, (y2 - y1) / length
-    end = min(LINK_END, 0.25 * length)
-    length -= 2.0 * end
-    steps = int(length / CELL) + 1
     across, along = _ways_across(ux, uy, sine), 0
     planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
     at_x, at_y, known = 1 << 40, 0, 0
