@@ -19,6 +19,7 @@ from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.constants import LEAST_HITS
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 from lrf3d.mapping.robust.refitting import violation_weight
+from lrf3d.scoring.matching import sample_offsets
 
 LRF = LaserRangeFinder(range_max=30.0)
 CORRIDOR = World(np.array([[-2, -1.5, 20, -1.5], [20, -1.5, 20, 1.5], [20, 1.5, -2, 1.5]]))
@@ -48,9 +49,44 @@ def test_who_walks_through_a_corridor_leaves_hardly_a_wall(speed, start, most):
     assert len(segments) - inside.sum() == 3 and inside.sum() <= most
 
 
+def test_who_is_slow_and_never_seen_again_leaves_few_walls():
+    times = 0.25 * np.arange(80)
+    drive = Trajectory(times, np.column_stack([0.8 * times, np.zeros(80), np.zeros(80)]))
+    # The robot drives through them, and looks back at none.
+    people = [
+        DynamicObstacle(
+            round_outline(0.25), Trajectory([0.0, 20.0], [(x + 1.0, y, 0.0), (x - 1.0, y, 0.0)])
+        )
+        for x, y in ((6.0, 0.1), (10.0, -0.1), (14.0, 0.1))
+    ]
+    run = simulate(
+        CORRIDOR, drive, LRF, noise=ProportionalNoise(0.02), mapper=LineMapper(), rng=0,
+        obstacles=people,
+    )  # fmt: skip
+    # They left 22.
+    assert len(run.map) - 3 <= 10
+
+
+def test_a_door_that_closes_after_half_of_a_drive_is_in_the_map():
+    sides = [[4.6, 1.5, -2, 1.5], [20, 1.5, 5.8, 1.5], [4, 6, 4, 1.5], [7, 1.5, 7, 6], [7, 6, 4, 6]]
+    corridor = World(np.vstack([CORRIDOR.segments[:2], sides]))
+    there = np.column_stack([np.linspace(0.0, 10.0, 50), np.zeros((50, 2))])
+    drive = np.vstack([there, there[::-1] + np.array([0.0, 0.0, np.pi])])
+    leaf = np.array([[-0.6, -0.02], [0.6, -0.02], [0.6, 0.02], [-0.6, 0.02]])
+    away, shut = (500.0, 0.0, 0.0), (5.2, 1.52, 0.0)
+    door = DynamicObstacle(leaf, Trajectory([0.0, 49.4, 49.5], [away, away, shut]))
+    run = simulate(
+        corridor, drive, LRF, noise=ProportionalNoise(0.02), mapper=LineMapper(), rng=0,
+        obstacles=[door],
+    )  # fmt: skip
+    closed = np.array([[4.7, 1.5, 5.7, 1.5]])
+    on_map = sample_offsets(closed, run.map.segments, reach=0.1, angle=np.radians(5.0))
+    assert np.isfinite(on_map).all()
+
+
 def test_beams_through_what_one_scan_hit_weigh_more_than_through_what_many_did():
     def weight(hits, violations, scans, between):
-        return violation_weight.py_func(np.array([hits, violations, 0.0, scans, between]))
+        return violation_weight.py_func(np.array([hits, violations, 0.0, scans, between, 0.0, 0.0]))
 
     assert weight(20, 40, 2, 0) > weight(20, 40, 20, 0) > weight(20, 40, 20, 20)
     # What came between hits is little beside all that came before and after.

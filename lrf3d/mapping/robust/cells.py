@@ -60,9 +60,10 @@ class Cells(NamedTuple):
         heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
         following: (clusters,) the next of the same cell, or of those given back; −1 at the end.
         ways: (clusters,) which way its beams came.
-        moments: (clusters, 10) number of returns, weight 1/variance [1/m²] of their ranges, mean
-            x, y [m], scatter xx, xy, yy about it, mean direction x, y of the beams, and number of
-            scans that they are from.
+        moments: (clusters, 13) number of returns, weight 1/variance [1/m²] of their ranges, mean
+            x, y [m], scatter xx, xy, yy about it, mean direction x, y of the beams, number of
+            scans that they are from, and of beams that went through between them; beams that had
+            gone through the cell before its first return, and the scan of that.
         seen: (clusters,) the last of these scans.
         owners: (clusters, 2) the wall that each hit, in the first round of the refinement and in
             the second; −1 where none.
@@ -287,7 +288,7 @@ def _give_back(
     for k in range(2):
         cells.owners[cluster, k] = -1
     cells.seen[cluster] = 0
-    for k in range(11):
+    for k in range(13):
         cells.moments[cluster, k] = 0.0
 
 
@@ -308,9 +309,21 @@ def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
     if block >= 0:
         cluster = cells.heads[block, cell]
         while cluster >= 0:
-            for k in (0, 1, 4, 5, 6, 9, 10):
+            for k in (0, 1, 4, 5, 6, 9, 10, 11):
                 cells.moments[cluster, k] *= 0.5
             cluster = cells.following[cluster]
+
+
+@inner
+def _passes_of(cells: Cells, column: int, row: int) -> float:  # pragma: no cover
+    """How many beams have gone through a cell, whichever way."""
+    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
+    passed = 0.0
+    if block >= 0:
+        for way in range(PASS_DIRECTIONS):
+            passed += cells.passes[cells.planes[block, way], cell] & MOST_PASSES
+    return passed
 
 
 @inner
@@ -346,7 +359,12 @@ def _add_hit(
             cluster = cells.used[0]
             cells.used[0] += 1
         cells.ways[cluster] = way
-        cells.following[cluster] = cells.heads[block, cell]
+        other = cells.heads[block, cell]
+        cells.moments[cluster, 11] = (
+            cells.moments[other, 11] if other >= 0 else _passes_of(cells, column, row)
+        )
+        cells.moments[cluster, 12] = cells.moments[other, 12] if other >= 0 else cells.used[2]
+        cells.following[cluster] = other
         cells.heads[block, cell] = cluster
     total = cells.moments[cluster]
     if total[0] >= MOST_HITS:

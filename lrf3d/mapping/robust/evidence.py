@@ -150,21 +150,18 @@ def gather_evidence(
         margin: How much of each wall [m], at either end, only continues what was seen.
 
     Returns:
-        (pieces, 3) numbers of hits, of free-space violations, and of beams that would be hits had
-        they not hit another wall more nearly; (pieces, 6) sums over the hits, of their weight,
-        times place along the wall, offset from it, and the products of the two.
+        (pieces, 7) numbers of hits, of free-space violations, of beams that would be hits had they
+        not hit another wall more nearly, of scans that hit, and of beams that went through between
+        them; the sum over the hits of beams that went through before the first; and the scans from
+        the first to the last. (pieces, 6) sums over the hits, of their weight, times place along
+        the wall, offset from it, and the products of the two.
     """
     # Arrays of named tuples are taken out once: compiled code counts references at each access.
     number, ends, first, stamps = turn.number, turn.ends, turn.first, turn.stamps
     walls, lost = turn.walls, turn.counts
-    following, owners, owner_stamps, apart = (
-        cells.following,
-        cells.owners,
-        cells.owner_stamps,
-        cells.apart,
-    )
-    solid = cells.solid
-    counts = np.zeros((first[-1], 5))
+    following, owners, owner_stamps = cells.following, cells.owners, cells.owner_stamps
+    apart, seen, solid = cells.apart, cells.seen, cells.solid
+    counts = np.zeros((first[-1], 7))
     # What belongs to the walls before is free, so that all of it is claimed anew.
     for k in range(len(ends)):
         stamps[walls[k]] += 1
@@ -258,6 +255,9 @@ def gather_evidence(
         counts[piece, 2] -= total[0]
         counts[piece, 3] += total[9]
         counts[piece, 4] += total[10]
+        # Of these two, those of a piece are the hits' mean and the longest of its cells.
+        counts[piece, 5] += total[0] * total[11]
+        counts[piece, 6] = max(counts[piece, 6], seen[cluster] - total[12] + 1.0)
         ox, oy = total[2] - x1, total[3] - y1
         along, aside = ox * ux + oy * uy, oy * ux - ox * uy
         slope = max(abs(total[7] * uy - total[8] * ux), LEAST_INCIDENCE)

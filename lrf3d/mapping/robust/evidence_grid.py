@@ -35,7 +35,7 @@ class EvidenceGrid:
             np.full((LEAST_BLOCKS, SIDE * SIDE), -1, np.int32),
             np.full(LEAST_CLUSTERS, -1, np.int32),
             np.zeros(LEAST_CLUSTERS, np.int8),
-            np.zeros((LEAST_CLUSTERS, 11)),
+            np.zeros((LEAST_CLUSTERS, 13)),
             np.zeros(LEAST_CLUSTERS, np.int32),
             np.full((LEAST_CLUSTERS, 2), -1, np.int32),
             np.zeros((LEAST_CLUSTERS, 2), np.int32),

@@ -14,6 +14,8 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
+    CAME_BEAMS,
+    CAME_SCANS,
     CHANGE_COST,
     DUPLICATE_WEIGHT,
     END_SPARE,
@@ -21,6 +23,7 @@ from lrf3d.mapping.robust.constants import (
     MAP_DEVIATION,
     OPEN_WEIGHT,
     PIECE,
+    SETTLED_AFTER,
     SHORT_WALL,
     TAKEN_TURNS,
     TRANSIENT_WEIGHT,
@@ -85,6 +88,9 @@ def refit_walls(refit: Refit, cells: Cells) -> tuple[NewSegments, Float]:  # pra
     for part in range(len(parts)):
         length = np.hypot(parts[part, 2] - parts[part, 0], parts[part, 3] - parts[part, 1])
         factor = 2 if length < SHORT_WALL else 1
+        # The stretches of the first round may be parts of a long wall.
+        if refit.number == 1 and length < SHORT_WALL and labels[part, 3]:
+            continue
         if labels[part, 1] >= factor * refit.least and factor * labels[part, 2] <= labels[part, 1]:
             for k in range(4):
                 parts[found, k] = parts[part, k]
@@ -107,8 +113,7 @@ def violation_weight(counts: Float) -> float:  # pragma: no cover
     """What a free-space violation of a piece weighs against a hit.
 
     Args:
-        counts: (5,) its hits, its violations, returns nearer to another wall, the scans that the
-            hits are from, and the beams that went through between two of these scans.
+        counts: (7,) the counts of the piece; see `gather_evidence`.
     """
     hits, violations, scans, between = counts[0], counts[1], counts[3], counts[4]
     if hits == 0.0:
@@ -117,8 +122,23 @@ def violation_weight(counts: Float) -> float:  # pragma: no cover
     # many beams; what beams hit and miss in turns is there.
     if scans == 0.0 or between >= max(TAKEN_TURNS * scans, TURNS_SHARE * violations):
         return VIOLATION_WEIGHT
-    weight: float = max(TRANSIENT_WEIGHT * hits / scans, VIOLATION_WEIGHT)
+    # What went through before it came says nothing of what has stood there ever since.
+    settled = min(counts[5], hits * violations) if counts[6] >= SETTLED_AFTER else 0.0
+    share = 1.0 - settled / max(hits * violations, 1e-9)
+    weight: float = max(TRANSIENT_WEIGHT * share * hits / scans, VIOLATION_WEIGHT)
     return weight
+
+
+@inner
+def came_lately(before: float, scans: float, spell: float) -> bool:  # pragma: no cover
+    """Whether a place that was free for long has been hit for a short spell only.
+
+    Args:
+        before: Beams that went through before the first one hit.
+        scans: Scans that hit.
+        spell: Scans from the first to the last of these.
+    """
+    return spell < SETTLED_AFTER and before > max(CAME_BEAMS, CAME_SCANS * scans)
 
 
 @compiled
@@ -238,12 +258,12 @@ def refit_segments(
     """The real parts of walls (m, 4), refit to their hits.
 
     Returns:
-        (k, 4) their ends [m], (k, 6) their moments, (k, 3) wall, hits, and the
-        free-space violations by what they weigh [hits].
+        (k, 4) their ends [m], (k, 6) their moments, (k, 4) wall, hits, the free-space
+        violations by what they weigh [hits], and whether they came lately (1) or not (0).
     """
     parts = np.empty((len(counts), 4))
     moments = np.empty((len(counts), 6))
-    labels = np.empty((len(counts), 3))
+    labels = np.empty((len(counts), 4))
     breaks = np.empty(len(counts) + 1, np.int64)
     found = 0
     for wall in range(len(ends)):
@@ -265,10 +285,13 @@ def refit_segments(
             start = begin
             for part in range(number):
                 stop = begin + breaks[part]
-                hits = violations = 0.0
+                hits = violations = before = scans = spell = 0.0
                 total = np.zeros(6)
                 for k in range(low + start, low + stop):
                     hits += counts[k, 0]
+                    before += counts[k, 5]
+                    scans += counts[k, 3]
+                    spell = max(spell, counts[k, 6])
                     weight = violation_weight(counts[k]) if counts[k, 0] else VIOLATION_WEIGHT
                     violations += weight * counts[k, 1]
                     for column in range(6):
@@ -283,7 +306,7 @@ def refit_segments(
                     seen = i < pieces and counts[low + i, 1] > 0.0
                     place = _end_of_hits(counts[low + i - 1], sums[low + i - 1], 1.0)
                     b = min(b + PIECE, place if seen else place + END_SPARE)
-                start = stop
+                pieces_of, start = stop - start, stop
                 w = total[0]
                 if w <= 0.0:
                     continue
@@ -304,5 +327,6 @@ def refit_segments(
                 moments[found, 4] = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
                 moments[found, 5] = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux
                 labels[found, 0], labels[found, 1], labels[found, 2] = wall, hits, violations
+                labels[found, 3] = came_lately(before / max(hits, 1e-9), scans / pieces_of, spell)
                 found += 1
     return parts[:found], moments[:found], labels[:found]
