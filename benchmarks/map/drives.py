@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.result import Result, Table
+from benchmarks.result import Result, Table, percent
 from benchmarks.timing import timed
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
@@ -19,7 +19,7 @@ from lrf3d.geometry import Float
 from lrf3d.laser import ProportionalNoise
 from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMapper
-from lrf3d.robot import Trajectory
+from lrf3d.robot import Trajectory, follow_route
 from lrf3d.scenario import Scenario
 from lrf3d.scenario_file import load_scenario
 from lrf3d.scoring import MapScore, score_run
@@ -33,6 +33,25 @@ OFF_ROUTE = 0.05
 
 PERSON = 0.25
 """Radius of an obstacle [m]."""
+
+FAR_AWAY = (1000.0, 0.0, 0.0)
+"""Where an obstacle is that is not there."""
+
+BOARD_AHEAD = 0.4
+"""How far ahead of the robot the board stands [m]."""
+
+DOOR = np.array([5.0, 2.6, 6.2, 2.6])
+"""The door between the corridor and the store [m]."""
+
+DOOR_ROUTE = np.array([
+    [1.2, 1.3], [4.2, 1.1], [5.3, 1.8], [5.6, 2.8], [6.0, 4.4], [7.4, 5.6], [7.4, 6.6], [6.0, 5.2],
+    [5.55, 3.8], [5.6, 2.2], [6.8, 1.3], [12.8, 1.3], [20.0, 1.1], [22.0, 1.3], [21.9, 1.6],
+    [20.0, 1.5], [12.8, 1.3], [6.8, 1.2], [4.0, 1.2], [1.5, 1.3],
+])  # fmt: skip
+"""Through it and back past it [m]."""
+
+DOOR_CLOSES = "a door that closes after half"
+"""What the drive is called in which it does."""
 
 RIGHT_REACH, RIGHT_ANGLE = 0.1, np.radians(5.0)
 """How near [m] and how parallel [rad] to a true wall a map is right."""
@@ -63,10 +82,11 @@ OBSTACLES = Table(
         "length_f1": ("length F1", "{:.3f}".format),
         "segments": ("segments", "{:.1f}".format),
         "false_segments": ("false", "{:.1f}".format),
+        "door_mapped": ("door", percent),
         "seeds": "seeds",
     },
     "The corridor with dynamic obstacles. false: segments of which less than half lies on a true"
-    " wall.",
+    " wall.\ndoor: how much of the door that closed is on the map.",
     names=("obstacles",),
 )
 """What dynamic obstacles leave in a map."""
@@ -143,6 +163,35 @@ def obstacles_of(corridor: Scenario) -> dict[str, list[DynamicObstacle]]:
     }
 
 
+def board_of(corridor: Scenario) -> tuple[Trajectory, list[DynamicObstacle]]:
+    """A robot that stands for 60 s, and a board that stands before it for 0.3 s of them."""
+    start, times = corridor.trajectory().poses[0], np.arange(0.0, 60.0, corridor.scan_interval)
+    x, y, theta = start
+    place = (x + BOARD_AHEAD * np.cos(theta), y + BOARD_AHEAD * np.sin(theta), theta)
+    board = DynamicObstacle(_box(0.05, 2.0), _shown(place, 30.0, 30.3))
+    return Trajectory(times, np.tile(start, (len(times), 1))), [board]
+
+
+def door_of(corridor: Scenario) -> tuple[Trajectory, list[DynamicObstacle]]:
+    """A robot that has left the store, and comes back past its door, which has closed since."""
+    drive = follow_route(DOOR_ROUTE, speed=corridor.speed, dt=corridor.scan_interval)
+    x1, y1, x2, y2 = DOOR
+    place = (0.5 * (x1 + x2), 0.5 * (y1 + y2), 0.0)
+    door = DynamicObstacle(_box(x2 - x1, 0.04), _shown(place, 0.5 * drive.duration, drive.duration))
+    return drive, [door]
+
+
+def _box(length: float, width: float) -> Float:
+    return 0.5 * np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
+
+
+def _shown(place: tuple[float, float, float], begin: float, end: float) -> Trajectory:
+    """The path of what is at a place from one time to another, and far away at all others."""
+    moment = 1e-3
+    times = [begin - moment, begin, end, end + moment]
+    return Trajectory(times, [FAR_AWAY, place, place, FAR_AWAY])
+
+
 def _obstacle(times: Float, places: Float, headings: Float) -> DynamicObstacle:
     path = Trajectory(times, np.column_stack([places, headings]))
     return DynamicObstacle(round_outline(PERSON), path)
@@ -161,17 +210,29 @@ def measure_obstacles(
     """
     corridor = load_scenario("corridor")
     walls = corridor.world.segments[corridor.world.heights >= corridor.lrf.height]
-    for words, obstacles in obstacles_of(corridor).items():
+    drives: dict[str, tuple[Trajectory | None, list[DynamicObstacle]]] = {
+        words: (None, obstacles) for words, obstacles in obstacles_of(corridor).items()
+    }
+    drives |= {"60 s in one place": (board_of(corridor)[0], [])}
+    drives |= {"60 s, a board for 0.3 s": board_of(corridor), DOOR_CLOSES: door_of(corridor)}
+    for words, (drive, obstacles) in drives.items():
         if kinds is not None and words not in kinds:
             continue
+        # What is there at the end is true.
+        true = np.vstack([walls, DOOR]) if words == DOOR_CLOSES else walls
         scores: list[MapScore] = []
         counts: list[int] = []
         false: list[int] = []
+        door: list[float] = []
         for seed in range(seeds):
-            run = corridor.run(rng=seed, obstacles=obstacles, snapshots=1, scans=scans)
+            run = corridor.run(rng=seed, obstacles=obstacles, snapshots=1, scans=scans, drive=drive)
             scores.append(score_run(run))
             counts.append(len(run.map))
-            false.append(sum(_is_false(segment, walls) for segment in run.map.segments))
+            false.append(sum(_is_false(segment, true) for segment in run.map.segments))
+            on_map = sample_offsets(
+                DOOR[None], run.map.segments, reach=RIGHT_REACH, angle=RIGHT_ANGLE
+            )
+            door.append(float(np.isfinite(on_map).mean()))
         result.add(
             OBSTACLES,
             obstacles=words,
@@ -179,6 +240,7 @@ def measure_obstacles(
             length_f1=float(np.mean([score.length_f1 for score in scores])),
             segments=float(np.mean(counts)),
             false_segments=float(np.mean(false)),
+            door_mapped=float(np.mean(door)) if words == DOOR_CLOSES else None,
             seeds=seeds,
         )
 

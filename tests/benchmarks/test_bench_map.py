@@ -51,7 +51,7 @@ def test_the_city_is_driven_round_and_the_corridor_with_obstacles_in_it(benchmar
         # There is no second thousand to compare the last with.
         assert row["early_s"] is row["late_s"] is row["memory_bytes"] is None
     rows = {row["obstacles"]: row for row in result[OBSTACLES]}
-    assert len(rows) == 5 and all(row["seeds"] == 2 for row in rows.values())
+    assert len(rows) == 8 and all(row["seeds"] == 2 for row in rows.values())
     assert rows["none"]["segments"] > 3 and rows["none"]["false_segments"] <= 2
 
 
