@@ -14,7 +14,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, Search, near, order_of
 from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, MERGE_CELL, WALL_SINE
-from lrf3d.mapping.robust.evidence import is_crossed
+from lrf3d.mapping.robust.crossing import is_crossed
 from lrf3d.mapping.robust.segment_pool import Pool, drop_rows, rows_of
 from lrf3d.mapping.robust.walls import Rule, Walls, may_fit, merge, misfit, partner
 

@@ -36,7 +36,7 @@ from lrf3d.mapping.robust.constants import (
     STRAY_BEAMS,
     TOUCH,
 )
-from lrf3d.mapping.robust.evidence import is_crossed, is_crossed_aslant
+from lrf3d.mapping.robust.crossing import is_crossed, is_crossed_aslant
 from lrf3d.mapping.robust.links import UNASKED, Links, drop_link, reach_before
 
 CROSSED, JOINS, BLOCKED, OPEN, BEFORE = 1, 2, 3, 4, 5

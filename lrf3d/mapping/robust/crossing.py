@@ -1,0 +1,264 @@
+"""Crossing: how many beams went which way through the cells along a line, compiled.
+
+Enter a line and the cells of all beams; leaves whether any of them has crossed it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.compiling import inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.blocks import SIDE, SIDE_BITS, block_at
+from lrf3d.mapping.robust.cells import Cells
+from lrf3d.mapping.robust.constants import (
+    CELL,
+    FREE_DEPTH,
+    LINK_END,
+    MOST_PASSES,
+    PASS_DIRECTIONS,
+)
+
+COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
+SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
+"""The directions by which the beams through a cell are told apart."""
+
+FLANK = 1.5 * CELL
+"""[m] How far beside a line its sides begin: no cell there reaches the line."""
+
+ALL_WAYS = (1 << PASS_DIRECTIONS) - 1
+"""All directions of beams, each a bit."""
+
+STRIDE = 8
+"""Steps from one to the next where a line is first searched for beams that cross it."""
+
+
+@inner
+def ways_across(ux: float, uy: float, sine: float) -> int:  # pragma: no cover
+    """The directions of the beams that cross a direction (ux, uy), each a bit."""
+    ways = 0
+    for way in range(PASS_DIRECTIONS):
+        if abs(COSINES[way] * uy - SINES[way] * ux) > sine:
+            ways |= 1 << way
+    return ways
+
+
+@inner
+def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no cover
+    """How many beams went one way through the cell of a place [m]."""
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
+    if block < 0:
+        return 0
+    place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    passed: int = cells.passes[cells.planes[block, way], place] & MOST_PASSES
+    return passed
+
+
+@inner
+def planes_of(cells: Cells, block: int, ways: int, planes: Int) -> int:  # pragma: no cover
+    """Find the planes of a block that count beams of some directions, each a bit.
+
+    In most blocks they are few, and all cells of a line in the block are looked up in them.
+
+    Args:
+        cells: The cells.
+        block: The block; −1 where there is none.
+        ways: The directions.
+        planes: (directions, 2) is filled with the planes and the direction of each.
+
+    Returns:
+        How many there are.
+    """
+    count = 0
+    if block >= 0:
+        for way in range(PASS_DIRECTIONS):
+            plane = cells.planes[block, way]
+            if plane > 0 and (ways >> way) & 1:
+                planes[count, 0], planes[count, 1] = plane, way
+                count += 1
+    return count
+
+
+class Walk(NamedTuple):
+    """How a line is walked along, in steps of a cell.
+
+    Args:
+        x: Where the line begins [m].
+        y: Where it begins [m].
+        ux: Its direction.
+        uy: Its direction.
+        begin: Where on it the walk begins [m].
+        length: How long the walk is [m].
+        steps: How many steps it has; none where the line has no length.
+    """
+
+    x: float
+    y: float
+    ux: float
+    uy: float
+    begin: float
+    length: float
+    steps: int
+
+
+@inner
+def _along(line: Float) -> Walk:  # pragma: no cover
+    """The walk along a line (4,) without its ends, near which walls are."""
+    x1, y1, x2, y2 = line
+    length = np.hypot(x2 - x1, y2 - y1)
+    if length == 0.0:
+        return Walk(x1, y1, 0.0, 0.0, 0.0, 0.0, 0)
+    end = min(LINK_END, 0.25 * length)
+    middle = length - 2.0 * end
+    steps = int(middle / CELL) + 1
+    return Walk(x1, y1, (x2 - x1) / length, (y2 - y1) / length, end, middle, steps)
+
+
+@inner
+def _place(walk: Walk, step: int, aside: float) -> tuple[float, float]:  # pragma: no cover
+    """Where a step is [m], so far [m] to the left of the line."""
+    along = walk.begin + (step + 0.5) * walk.length / walk.steps
+    x, y = walk.x + along * walk.ux, walk.y + along * walk.uy
+    return x - aside * walk.uy, y + aside * walk.ux
+
+
+@inner
+def _last_within(
+    walk: Walk, step: int, aside: float, at_x: int, at_y: int
+) -> int:  # pragma: no cover
+    """A late step of a walk that is in the block of an earlier one.
+
+    Args:
+        walk: The walk.
+        step: The earlier step.
+        aside: How far to the left of the line it is [m].
+        at_x: The column of its block.
+        at_y: The row of its block.
+    """
+    side, ux, uy = SIDE * CELL, walk.ux, walk.uy
+    x, y = walk.x - aside * uy, walk.y + aside * ux
+    wide = ((at_x + (ux > 0.0)) * side - x) / ux if ux != 0.0 else np.inf
+    high = ((at_y + (uy > 0.0)) * side - y) / uy if uy != 0.0 else np.inf
+    late = int((min(wide, high) - walk.begin) * walk.steps / walk.length - 0.5)
+    late = min(late, walk.steps - 1)
+    if late <= step:
+        return step
+    # Places rise from step to step: what is between two steps in a block is in it, too.
+    x, y = _place(walk, late, aside)
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    return late if column >> SIDE_BITS == at_x and row >> SIDE_BITS == at_y else step
+
+
+@inner
+def is_crossed(
+    line: Float, cells: Cells, depth: float, spare: int, sine: float
+) -> bool:  # pragma: no cover
+    """Whether more beams than are to spare have crossed a line (4,) by more than a depth [m].
+
+    The sine is that of the angle from which on a beam may cross it.
+    """
+    walk = _along(line)
+    ways = ways_across(walk.ux, walk.uy, sine)
+    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
+    deeper, at_x, at_y, known = depth - FREE_DEPTH, 1 << 40, 0, 0
+    # Most lines are crossed in wide open space, which a few steps far from each other find first.
+    for turn in range(2):
+        step = 0 if turn else STRIDE // 2
+        while step < walk.steps:
+            x, y = _place(walk, step, 0.0)
+            column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+            if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
+                at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+                known = planes_of(cells, block_at(cells.open, at_x, at_y), ways, planes)
+                if turn and not known:
+                    step = _last_within(walk, step, 0.0, at_x, at_y)
+            if known and (not turn or step % STRIDE != STRIDE // 2):
+                place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+                for k in range(known):
+                    passed = passes[planes[k, 0], place] & MOST_PASSES
+                    if passed and deeper > 0.0:
+                        way = planes[k, 1]
+                        dx, dy = COSINES[way], SINES[way]
+                        passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
+                    spare -= passed
+                if spare < 0:
+                    return True
+            step += 1 if turn else STRIDE
+    return False
+
+
+@inner
+def _ways_along(
+    walk: Walk, aside: float, ways: int, cells: Cells, spare: int
+) -> int:  # pragma: no cover
+    """Those of some directions that more beams than are to spare went, somewhere beside a line.
+
+    Args:
+        walk: How the line is walked along.
+        aside: How far to the left of it the beams went [m].
+        ways: The directions, each a bit.
+        cells: The cells.
+        spare: How many beams do not count.
+    """
+    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
+    at_x, at_y, known, step, found = 1 << 40, 0, 0, 0, 0
+    while step < walk.steps and found != ways:
+        x, y = _place(walk, step, aside)
+        column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+        if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
+            at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+            known = planes_of(cells, block_at(cells.open, at_x, at_y), ways & ~found, planes)
+            if known == 0:
+                step = _last_within(walk, step, aside, at_x, at_y)
+        cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+        for k in range(known):
+            if passes[planes[k, 0], cell] & MOST_PASSES > spare:
+                found |= 1 << planes[k, 1]
+        step += 1
+    return found
+
+
+@inner
+def is_crossed_aslant(
+    line: Float, cells: Cells, spare: int, sine: float
+) -> bool:  # pragma: no cover
+    """Whether more beams than are to spare have crossed a line (4,) at a small angle.
+
+    Beams that run along the line go through its cells, too. One that crosses it is on its one side
+    before it is on the line, and then on its other side.
+
+    Args:
+        line: The line [m].
+        cells: The cells.
+        spare: How many beams may cross it.
+        sine: That of the angle up to which they cross it.
+    """
+    walk = _along(line)
+    # Few lines have such beams at all, and most of those have them on one side only.
+    ways = ALL_WAYS & ~ways_across(walk.ux, walk.uy, sine)
+    for aside in (0.0, FLANK, -FLANK):
+        ways = _ways_along(walk, aside, ways, cells, spare)
+    for way in range(PASS_DIRECTIONS):
+        if not (ways >> way) & 1:
+            continue
+        # The most beams so far: on either side, and of each of them on the line after that.
+        left = right = from_left = from_right = 0
+        for step in range(walk.steps):
+            middle = 0
+            for aside in (0.0, 0.5 * FLANK, -0.5 * FLANK):
+                x, y = _place(walk, step, aside)
+                middle = max(middle, _passes(cells, x, y, way))
+            x, y = _place(walk, step, FLANK)
+            one = _passes(cells, x, y, way)
+            x, y = _place(walk, step, -FLANK)
+            other = _passes(cells, x, y, way)
+            if min(from_right, one) > spare or min(from_left, other) > spare:
+                return True
+            if middle == 0 and one == 0 and other == 0:
+                left = right = from_left = from_right = 0
+                continue
+            left, right = max(left, one), max(right, other)
+            from_left = max(from_left, min(left, middle))
+            from_right = max(from_right, min(right, middle))
+    return False
