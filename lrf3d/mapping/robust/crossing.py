@@ -160,8 +160,7 @@ def is_crossed(
     """
     walk = _along(line)
     ways = ways_across(walk.ux, walk.uy, sine)
-    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
-    deeper, at_x, at_y, known = depth - FREE_DEPTH, 1 << 40, 0, 0
+    deeper, at_x, at_y, block = depth - FREE_DEPTH, 1 << 40, 0, -1
     # Most lines are crossed in wide open space, which a few steps far from each other find first.
     for turn in range(2):
         step = 0 if turn else STRIDE // 2
@@ -170,22 +169,37 @@ def is_crossed(
             column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
             if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
                 at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-                known = planes_of(cells, block_at(cells.open, at_x, at_y), ways, planes)
-                if turn and not known:
+                block = block_at(cells.open, at_x, at_y)
+                if turn and block < 0:
                     step = _last_within(walk, step, 0.0, at_x, at_y)
-            if known and (not turn or step % STRIDE != STRIDE // 2):
-                place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-                for k in range(known):
-                    passed = passes[planes[k, 0], place] & MOST_PASSES
-                    if passed and deeper > 0.0:
-                        way = planes[k, 1]
-                        dx, dy = COSINES[way], SINES[way]
-                        passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
-                    spare -= passed
-                if spare < 0:
-                    return True
+            if block >= 0 and (not turn or step % STRIDE != STRIDE // 2):
+                cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+                passed = ways & cells.passed[block, cell]
+                if passed:
+                    spare -= _beams(cells, block, cell, passed, x, y, deeper)
+                    if spare < 0:
+                        return True
             step += 1 if turn else STRIDE
     return False
+
+
+@inner
+def _beams(
+    cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
+) -> int:  # pragma: no cover
+    """How many beams went through a cell at a place (x, y) [m], and so much deeper [m] than it.
+
+    Only directions count, each a bit, in which some went.
+    """
+    count = 0
+    for way in range(PASS_DIRECTIONS):
+        if (ways >> way) & 1:
+            passed = cells.passes[cells.planes[block, way], cell] & MOST_PASSES
+            if deeper > 0.0:
+                dx, dy = COSINES[way], SINES[way]
+                passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
+            count += passed
+    return count
 
 
 @inner
@@ -201,20 +215,22 @@ def _ways_along(
         cells: The cells.
         spare: How many beams do not count.
     """
-    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
-    at_x, at_y, known, step, found = 1 << 40, 0, 0, 0, 0
+    at_x, at_y, block, step, found = 1 << 40, 0, -1, 0, 0
     while step < walk.steps and found != ways:
         x, y = _place(walk, step, aside)
         column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-            known = planes_of(cells, block_at(cells.open, at_x, at_y), ways & ~found, planes)
-            if known == 0:
+            block = block_at(cells.open, at_x, at_y)
+            if block < 0:
                 step = _last_within(walk, step, aside, at_x, at_y)
-        cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-        for k in range(known):
-            if passes[planes[k, 0], cell] & MOST_PASSES > spare:
-                found |= 1 << planes[k, 1]
+        if block >= 0:
+            cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+            passed = ways & cells.passed[block, cell] & ~found
+            for way in range(PASS_DIRECTIONS if passed else 0):
+                if (passed >> way) & 1:
+                    if cells.passes[cells.planes[block, way], cell] & MOST_PASSES > spare:
+                        found |= 1 << way
         step += 1
     return found
 
