@@ -23,6 +23,9 @@ COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 """The directions by which the beams through a cell are told apart."""
 
+PER_METRE = 1.0 / CELL
+"""Cells in a metre: processors multiply several times faster than they divide."""
+
 FLANK = 1.5 * CELL
 """[m] How far beside a line its sides begin: no cell there reaches the line."""
 
@@ -46,7 +49,7 @@ def ways_across(ux: float, uy: float, sine: float) -> int:  # pragma: no cover
 @inner
 def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no cover
     """How many beams went one way through the cell of a place [m]."""
-    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    column, row = int(np.floor(x * PER_METRE)), int(np.floor(y * PER_METRE))
     block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
     if block < 0:
         return 0
@@ -88,9 +91,9 @@ class Walk(NamedTuple):
         y: Where it begins [m].
         ux: Its direction.
         uy: Its direction.
-        begin: Where on it the walk begins [m].
-        length: How long the walk is [m].
-        steps: How many steps it has; none where the line has no length.
+        begin: Where on it the first step is [m].
+        stride: How far it is from step to step [m].
+        steps: How many there are; none where the line has no length.
     """
 
     x: float
@@ -98,7 +101,7 @@ class Walk(NamedTuple):
     ux: float
     uy: float
     begin: float
-    length: float
+    stride: float
     steps: int
 
 
@@ -112,13 +115,15 @@ def _along(line: Float) -> Walk:  # pragma: no cover
     end = min(LINK_END, 0.25 * length)
     middle = length - 2.0 * end
     steps = int(middle / CELL) + 1
-    return Walk(x1, y1, (x2 - x1) / length, (y2 - y1) / length, end, middle, steps)
+    stride = middle / steps
+    ux, uy = (x2 - x1) / length, (y2 - y1) / length
+    return Walk(x1, y1, ux, uy, end + 0.5 * stride, stride, steps)
 
 
 @inner
 def _place(walk: Walk, step: int, aside: float) -> tuple[float, float]:  # pragma: no cover
     """Where a step is [m], so far [m] to the left of the line."""
-    along = walk.begin + (step + 0.5) * walk.length / walk.steps
+    along = walk.begin + step * walk.stride
     x, y = walk.x + along * walk.ux, walk.y + along * walk.uy
     return x - aside * walk.uy, y + aside * walk.ux
 
@@ -140,13 +145,12 @@ def _last_within(
     x, y = walk.x - aside * uy, walk.y + aside * ux
     wide = ((at_x + (ux > 0.0)) * side - x) / ux if ux != 0.0 else np.inf
     high = ((at_y + (uy > 0.0)) * side - y) / uy if uy != 0.0 else np.inf
-    late = int((min(wide, high) - walk.begin) * walk.steps / walk.length - 0.5)
-    late = min(late, walk.steps - 1)
+    late = min(int((min(wide, high) - walk.begin) / walk.stride), walk.steps - 1)
     if late <= step:
         return step
     # Places rise from step to step: what is between two steps in a block is in it, too.
     x, y = _place(walk, late, aside)
-    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    column, row = int(np.floor(x * PER_METRE)), int(np.floor(y * PER_METRE))
     return late if column >> SIDE_BITS == at_x and row >> SIDE_BITS == at_y else step
 
 
@@ -166,7 +170,7 @@ def is_crossed(
         step = 0 if turn else STRIDE // 2
         while step < walk.steps:
             x, y = _place(walk, step, 0.0)
-            column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+            column, row = int(np.floor(x * PER_METRE)), int(np.floor(y * PER_METRE))
             if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
                 at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
                 block = block_at(cells.open, at_x, at_y)
@@ -204,7 +208,7 @@ def _beams(
 
 @inner
 def _ways_along(
-    walk: Walk, aside: float, ways: int, cells: Cells, spare: int
+    walk: Walk, aside: float, ways: int, enough: int, cells: Cells, spare: int
 ) -> int:  # pragma: no cover
     """Those of some directions that more beams than are to spare went, somewhere beside a line.
 
@@ -212,26 +216,29 @@ def _ways_along(
         walk: How the line is walked along.
         aside: How far to the left of it the beams went [m].
         ways: The directions, each a bit.
+        enough: Those of which one is enough: further ones may then be missed.
         cells: The cells.
         spare: How many beams do not count.
     """
-    at_x, at_y, block, step, found = 1 << 40, 0, -1, 0, 0
-    while step < walk.steps and found != ways:
-        x, y = _place(walk, step, aside)
-        column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-        if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
-            at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-            block = block_at(cells.open, at_x, at_y)
-            if block < 0:
-                step = _last_within(walk, step, aside, at_x, at_y)
-        if block >= 0:
-            cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-            passed = ways & cells.passed[block, cell] & ~found
-            for way in range(PASS_DIRECTIONS if passed else 0):
-                if (passed >> way) & 1:
-                    if cells.passes[cells.planes[block, way], cell] & MOST_PASSES > spare:
-                        found |= 1 << way
-        step += 1
+    at_x, at_y, block, found = 1 << 40, 0, -1, 0
+    for turn in range(2):
+        step = 0 if turn else STRIDE // 2
+        while step < walk.steps and found != ways and found & enough == 0:
+            x, y = _place(walk, step, aside)
+            column, row = int(np.floor(x * PER_METRE)), int(np.floor(y * PER_METRE))
+            if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
+                at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
+                block = block_at(cells.open, at_x, at_y)
+                if turn and block < 0:
+                    step = _last_within(walk, step, aside, at_x, at_y)
+            if block >= 0:
+                cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+                passed = ways & cells.passed[block, cell] & ~found
+                for way in range(PASS_DIRECTIONS if passed else 0):
+                    if (passed >> way) & 1:
+                        if cells.passes[cells.planes[block, way], cell] & MOST_PASSES > spare:
+                            found |= 1 << way
+            step += 1 if turn else STRIDE
     return found
 
 
@@ -241,9 +248,6 @@ def is_crossed_aslant(
 ) -> bool:  # pragma: no cover
     """Whether more beams than are to spare have crossed a line (4,) at a small angle.
 
-    Beams that run along the line go through its cells, too. One that crosses it is on its one side
-    before it is on the line, and then on its other side.
-
     Args:
         line: The line [m].
         cells: The cells.
@@ -251,10 +255,39 @@ def is_crossed_aslant(
         sine: That of the angle up to which they cross it.
     """
     walk = _along(line)
-    # Few lines have such beams at all, and most of those have them on one side only.
     ways = ALL_WAYS & ~ways_across(walk.ux, walk.uy, sine)
-    for aside in (0.0, FLANK, -FLANK):
-        ways = _ways_along(walk, aside, ways, cells, spare)
+    return _changes_sides(walk, _ways_along(walk, 0.0, ways, 0, cells, spare), cells, spare)
+
+
+@inner
+def is_crossed_at_all(line: Float, cells: Cells, sine: float) -> bool:  # pragma: no cover
+    """Whether any beam has crossed a line (4,), at whatever angle.
+
+    It is `is_crossed` or `is_crossed_aslant`, with nothing to spare, at once.
+    """
+    walk = _along(line)
+    across = ways_across(walk.ux, walk.uy, sine)
+    ways = _ways_along(walk, 0.0, ALL_WAYS, across, cells, 0)
+    return ways & across != 0 or _changes_sides(walk, ways, cells, 0)
+
+
+@inner
+def _changes_sides(walk: Walk, ways: int, cells: Cells, spare: int) -> bool:  # pragma: no cover
+    """Whether more beams than are to spare that run along a line also cross it.
+
+    Beams that run along the line go through its cells, too. One that crosses it is on its one side
+    before it is on the line, and then on its other side.
+
+    Args:
+        walk: How the line is walked along.
+        ways: The directions of the beams, each a bit.
+        cells: The cells.
+        spare: How many beams may cross it.
+    """
+    # Few lines have such beams at all, and most of those have them on one side only.
+    for aside in (FLANK, -FLANK):
+        if ways:
+            ways = _ways_along(walk, aside, ways, 0, cells, spare)
     for way in range(PASS_DIRECTIONS):
         if not (ways >> way) & 1:
             continue
