@@ -320,6 +320,6 @@ def _is_separated(link: Float, cells: Cells) -> bool:  # pragma: no cover
     depth = max(FREE_DEPTH, NICHE_DEPTH * link[4]) if link[5] > 0.0 else FREE_DEPTH
     return (
         is_crossed(link[:4], cells, depth, STRAY_BEAMS, LINK_SINE)
-        or is_crossed(link[:4], cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE)
+        or (depth > FREE_DEPTH and is_crossed(link[:4], cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE))
         or is_crossed_aslant(link[:4], cells, STRAY_BEAMS, LINK_SINE)
     )

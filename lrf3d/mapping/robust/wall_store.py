@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, insert, remove
 from lrf3d.mapping.robust.constants import MERGE_CELL
-from lrf3d.mapping.robust.walls import Rule, Touched, Walls, add_walls, unite_walls
+from lrf3d.mapping.robust.walls import Rule, Touched, Walls, unite_walls
 from lrf3d.mapping.segment_table import SegmentTable
 
 LEAST_ROWS = 256
@@ -43,30 +43,17 @@ class WallStore:
         self._updates += 1
         try:
             free = self._take(len(ends))
-            # Compiled code takes a column without gaps.
-            points = np.ascontiguousarray(points)
-            add_walls(self._walls, self._touched, free, ends, moments, points, place, self._updates)
-            self._unite(free)
+            waiting, turn = np.append(free, 0), np.array([0, 0])
+            new = Walls(ends, moments, points), place
+            while not unite_walls(
+                *(self._walls, self._touched, self._grid, new, waiting, turn),
+                *(self._updates, self._rule, self._cell),
+            ):
+                self._regrid(2 * len(self._grid.rows))
         finally:
             # An update that is interrupted leaves free rows as well.
             rows = self._touched.rows[: self._touched.number[0]]
             self._free += rows[self._walls.points[rows] == 0].tolist()
-
-    def _unite(self, fresh: Int) -> None:
-        """Merge fresh rows with all that they fit, in a grid that is large enough."""
-        waiting, turn = np.zeros(len(fresh) + 1, np.int64), np.array([0, len(fresh)])
-        waiting[:-1] = fresh
-        while not unite_walls(
-            self._walls,
-            self._touched,
-            self._grid,
-            waiting,
-            turn,
-            self._updates,
-            self._rule,
-            self._cell,
-        ):
-            self._regrid(2 * len(self._grid.rows))
 
     def _take(self, count: int) -> Int:
         """Free rows (count,)."""
