@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.compiling import inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float
 from lrf3d.mapping.robust.blocks import SIDE, SIDE_BITS, block_at
 from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.constants import (
@@ -56,31 +56,6 @@ def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no co
     place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     passed: int = cells.passes[cells.planes[block, way], place] & MOST_PASSES
     return passed
-
-
-@inner
-def planes_of(cells: Cells, block: int, ways: int, planes: Int) -> int:  # pragma: no cover
-    """Find the planes of a block that count beams of some directions, each a bit.
-
-    In most blocks they are few, and all cells of a line in the block are looked up in them.
-
-    Args:
-        cells: The cells.
-        block: The block; −1 where there is none.
-        ways: The directions.
-        planes: (directions, 2) is filled with the planes and the direction of each.
-
-    Returns:
-        How many there are.
-    """
-    count = 0
-    if block >= 0:
-        for way in range(PASS_DIRECTIONS):
-            plane = cells.planes[block, way]
-            if plane > 0 and (ways >> way) & 1:
-                planes[count, 0], planes[count, 1] = plane, way
-                count += 1
-    return count
 
 
 class Walk(NamedTuple):
@@ -180,7 +155,7 @@ def is_crossed(
                 cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
                 passed = ways & cells.passed[block, cell]
                 if passed:
-                    spare -= _beams(cells, block, cell, passed, x, y, deeper)
+                    spare -= count_beams(cells, block, cell, passed, x, y, deeper)
                     if spare < 0:
                         return True
             step += 1 if turn else STRIDE
@@ -188,7 +163,7 @@ def is_crossed(
 
 
 @inner
-def _beams(
+def count_beams(
     cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
 ) -> int:  # pragma: no cover
     """How many beams went through a cell at a place (x, y) [m], and so much deeper [m] than it.

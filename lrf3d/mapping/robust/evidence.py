@@ -21,13 +21,11 @@ from lrf3d.mapping.robust.constants import (
     HIT_DEVIATIONS,
     HIT_DIRECTIONS,
     LEAST_INCIDENCE,
-    MOST_PASSES,
-    PASS_DIRECTIONS,
     PIECE,
     SPREAD_FACTOR,
     WALL_SINE,
 )
-from lrf3d.mapping.robust.crossing import planes_of, ways_across
+from lrf3d.mapping.robust.crossing import count_beams, ways_across
 
 
 @inner
@@ -38,22 +36,21 @@ def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma
     length = np.hypot(x2 - x1, y2 - y1)
     ux, uy = (x2 - x1) / length, (y2 - y1) / length
     ways = ways_across(ux, uy, WALL_SINE)
-    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
-    at_x, at_y, known = 1 << 40, 0, 0
+    at_x, at_y, block = 1 << 40, 0, -1
     for piece in range(pieces):
         along = (piece + 0.5) * length / pieces
-        column = int(np.floor((x1 + along * ux) / CELL))
-        row = int(np.floor((y1 + along * uy) / CELL))
+        x, y = x1 + along * ux, y1 + along * uy
+        column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
         # Most pieces are in the block of the one before, which is not looked up again.
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-            known = planes_of(cells, block_at(cells.open, at_x, at_y), ways, planes)
-        if known:
+            block = block_at(cells.open, at_x, at_y)
+        if block >= 0:
             place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-            count = 0
-            for k in range(known):
-                count += passes[planes[k, 0], place] & MOST_PASSES
-            counts[piece, 1] += count * (PIECE / CELL)
+            passed = ways & cells.passed[block, place]
+            if passed:
+                beams = count_beams(cells, block, place, passed, x, y, 0.0)
+                counts[piece, 1] += beams * (PIECE / CELL)
 
 
 class Round(NamedTuple):
