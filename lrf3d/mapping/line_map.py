@@ -25,6 +25,9 @@ KIND = np.dtype("<U6")
 WALLS = np.array(WALL, KIND)
 """The kind of all segments of a map of walls alone."""
 
+MANY_WALLS = np.broadcast_to(WALLS, 1 << 40)
+"""The same for each of more segments than any map has; it takes no memory."""
+
 
 @dataclass(frozen=True, eq=False)
 class LineMap(Value, Pictured):
@@ -97,7 +100,7 @@ class LineMap(Value, Pictured):
     def unchecked(cls, segments: Float, objects: Int, points: Int) -> "LineMap":
         """The map of walls in read-only arrays of a mapper: unchecked, and not copied."""
         line_map = object.__new__(cls)
-        kinds = np.broadcast_to(WALLS, len(segments))
+        kinds = MANY_WALLS[: len(segments)]
         line_map.__dict__.update(segments=segments, objects=objects, points=points, kinds=kinds)
         return line_map
 

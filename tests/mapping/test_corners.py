@@ -4,6 +4,7 @@ import pytest
 from lrf3d.mapping.grid import Grid, Search, insert_rows, remove
 from lrf3d.mapping.robust.constants import MERGE_CELL
 from lrf3d.mapping.robust.corners import close_corners
+from lrf3d.mapping.robust.walls import Walls
 
 
 def closed_of(ends, objects):
@@ -12,8 +13,10 @@ def closed_of(ends, objects):
     grid, search = Grid.of_size(1 << 10), Search.of_size(len(ends))
     assert insert_rows(grid, rows, 0, ends, MERGE_CELL) == len(ends)
     closed, points = ends.copy(), np.ones(len(ends), np.int64)
-    close_corners(rows, ends, points, objects, grid, search, closed)
-    return closed, points, grid, search
+    walls, marks = Walls(ends, np.zeros((len(ends), 6)), points), np.zeros(len(ends), np.bool_)
+    close_corners(rows, walls, objects, grid, search, closed, marks)
+    assert not marks.any()
+    return closed, walls, grid, search
 
 
 def test_ends_that_all_but_meet_are_moved_to_where_the_lines_cross():
@@ -39,11 +42,12 @@ def test_what_an_update_closes_is_what_closing_all_corners_gives(seed):
     places = rng.uniform(0, 6, (80, 2))
     ends = np.hstack([places, places + rng.uniform(-1.5, 1.5, (80, 2))])
     objects = rng.integers(0, 3, 80)
-    closed, points, grid, search = closed_of(ends, objects)
+    closed, walls, grid, search = closed_of(ends, objects)
     moved = np.sort(rng.choice(80, 9, replace=False))
     for row in moved:
         remove(grid, row, ends[row], MERGE_CELL)
     ends[moved] += rng.uniform(-0.4, 0.4, (9, 4))
     assert insert_rows(grid, moved, 0, ends, MERGE_CELL) == 9
-    close_corners(moved, ends, points, objects, grid, search, closed)
+    marks = np.zeros(80, np.bool_)
+    close_corners(moved, walls, objects, grid, search, closed, marks)
     assert closed == pytest.approx(closed_of(ends, objects)[0], abs=1e-12)

@@ -56,6 +56,7 @@ class Cells(NamedTuple):
         planes: (blocks, directions) which plane counts the beams of each direction; 0 where none
             went.
         passes: (planes, cells) numbers of beams that went through each; plane 0 stays empty.
+        passed: (blocks, cells) in which directions any of them went, each a bit.
         solid: The blocks of cells that beams ended in.
         heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
         following: (clusters,) the next of the same cell, or of those given back; −1 at the end.
@@ -79,6 +80,7 @@ class Cells(NamedTuple):
     open: Blocks
     planes: NDArray[np.int32]
     passes: NDArray[np.uint8]
+    passed: NDArray[np.uint16]
     solid: Blocks
     heads: NDArray[np.int32]
     following: NDArray[np.int32]
@@ -145,7 +147,8 @@ def add_beams(
     """
     x, y = place
     units, ranges, deviations = beams
-    blocks, solid, planes, passes = cells.open, cells.solid, cells.planes, cells.passes
+    blocks, solid, planes = cells.open, cells.solid, cells.planes
+    passes, directions = cells.passes, cells.passed
     if begin == 0:
         cells.used[2] += 1
     for beam in range(begin, len(ranges)):
@@ -168,7 +171,7 @@ def add_beams(
         scale = (1 << REACH_BITS) / (abs(reading) / CELL + 2.0)
         cell, right, ahead, wide, high, across, up = enter_cells(x, y, dx, dy, scale)
         entered, left, last = 0, min(across, up), int(2.0 * free * scale)
-        plane, inside = 0, cell ^ LEAVES
+        block, plane, inside, bit = 0, 0, cell ^ LEAVES, np.uint16(1 << way)
         # The middle of the beam's way through a cell decides.
         while entered + left <= last:
             if (cell ^ inside) & LEAVES:
@@ -181,6 +184,8 @@ def add_beams(
                     plane = _take_plane(cells, block, way, block_at(solid, at_x, at_y))
             at = ((cell >> (ROW_BITS - SIDE_BITS)) & ROW_MASK) | (cell & (SIDE - 1))
             passed = passes[plane, at]
+            if passed & MOST_PASSES == 0:
+                directions[block, at] |= bit
             if passed & SOLID:
                 _contradict(cells, plane, cell, dx, dy, fresh)
             elif passed < MOST_PASSES:
@@ -305,6 +310,8 @@ def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
             plane = cells.planes[block, way]
             passed = cells.passes[plane, cell]
             cells.passes[plane, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
+            if passed & MOST_PASSES == 1:
+                cells.passed[block, cell] ^= np.uint16(1 << way)
     block = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
     if block >= 0:
         cluster = cells.heads[block, cell]

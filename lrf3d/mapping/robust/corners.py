@@ -7,51 +7,60 @@ depends on nothing but the ends around it, and an update closes just those that 
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, Search, near
 from lrf3d.mapping.robust.constants import CORNER_REACH, CORNER_SINE, CORNER_TRIM, MERGE_CELL
+from lrf3d.mapping.robust.walls import Walls
 
 
 @compiled
 def close_corners(
-    rows: Int, ends: Float, points: Int, objects: Int, grid: Grid, search: Search, closed: Float
+    rows: Int,
+    walls: Walls,
+    objects: Int,
+    grid: Grid,
+    search: Search,
+    closed: Float,
+    marks: Bool,
 ) -> Int:  # pragma: no cover
     """Close the corners of some walls anew, and of those that they meet or have met.
 
     Args:
         rows: (n,) the walls that changed, those that are gone among them.
-        ends: (rows, 4) all walls [m].
-        points: (rows,) 0 where there is no wall.
+        walls: All walls.
         objects: (rows,) the object of each.
         grid: Where the walls are, in cells of MERGE_CELL.
         search: Is written by searches of the grid.
         closed: (rows, 4) the walls with closed corners [m]; is written.
+        marks: (rows,) False; is written, and restored.
 
     Returns:
         (m,) the walls whose corners were closed.
     """
+    ends, points = walls.ends, walls.points
     around, place = np.empty(len(points), np.int64), np.empty(4)
     count = 0
     for k in range(len(rows)):
         row = rows[k]
         for side in range(4):
             # Where the wall ended before, and where it ends now.
-            own = closed[row] if side < 2 else ends[row]
-            place[0] = place[2] = own[2 * (side % 2)]
-            place[1] = place[3] = own[2 * (side % 2) + 1]
+            own, first = closed[row] if side < 2 else ends[row], 2 * (side % 2)
+            place[0] = place[2] = own[first]
+            place[1] = place[3] = own[first + 1]
+            if side >= 2 and place[0] == closed[row, first] and place[1] == closed[row, first + 1]:
+                continue
             size = _search(place, grid, search)
             for i in range(size):
                 other = search.found[i]
-                if points[other] > 0 and _ends_near(ends[other], place[0], place[1]):
-                    known = False
-                    for before in range(count):
-                        known = known or around[before] == other
-                    if not known:
+                if points[other] > 0 and not marks[other]:
+                    if _ends_near(ends[other], place[0], place[1]):
+                        marks[other] = True
                         around[count] = other
                         count += 1
     corner, back = np.empty(2), np.empty(2)
     for k in range(count):
         row = around[k]
+        marks[row] = False
         for side in range(2):
             end = 2 * row + side
             closed[row, 2 * side], closed[row, 2 * side + 1] = ends[row, 2 * side : 2 * side + 2]
@@ -92,7 +101,8 @@ def _partner(
     place[0] = place[2] = ends[wall, 2 * side]
     place[1] = place[3] = ends[wall, 2 * side + 1]
     count = _search(place, grid, search)
-    best, least = -1, np.inf
+    # Ends that are farther apart meet nowhere near to both.
+    best, least = -1, (2.01 * CORNER_REACH) ** 2
     for k in range(count):
         other = search.found[k]
         if other == wall or points[other] == 0 or objects[other] != objects[wall]:

@@ -1,7 +1,7 @@
 """Evidence: which walls the beams hit, and where they violate them by going on behind, compiled.
 
 Enter walls and the cells of all beams; leave, for each piece of a wall, how many beams hit it and
-how many are free-space violations, or whether any beam has crossed a line.
+how many are free-space violations.
 """
 
 from typing import NamedTuple
@@ -18,74 +18,14 @@ from lrf3d.mapping.robust.constants import (
     CONTINUATION_PENALTY,
     CONTINUATION_STRICTNESS,
     DEEPEST_HIT,
-    FREE_DEPTH,
     HIT_DEVIATIONS,
     HIT_DIRECTIONS,
     LEAST_INCIDENCE,
-    LINK_END,
-    MOST_PASSES,
-    PASS_DIRECTIONS,
     PIECE,
     SPREAD_FACTOR,
     WALL_SINE,
 )
-
-COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
-SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
-"""The directions by which the beams through a cell are told apart."""
-
-FLANK = 1.5 * CELL
-"""[m] How far beside a line its sides begin: no cell there reaches the line."""
-
-STRIDE = 8
-"""Steps from one to the next where a line is first searched for beams that cross it."""
-
-
-@inner
-def _ways_across(ux: float, uy: float, sine: float) -> int:  # pragma: no cover
-    """The directions of the beams that cross a direction (ux, uy), each a bit."""
-    ways = 0
-    for way in range(PASS_DIRECTIONS):
-        if abs(COSINES[way] * uy - SINES[way] * ux) > sine:
-            ways |= 1 << way
-    return ways
-
-
-@inner
-def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no cover
-    """How many beams went one way through the cell of a place [m]."""
-    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
-    if block < 0:
-        return 0
-    place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    passed: int = cells.passes[cells.planes[block, way], place] & MOST_PASSES
-    return passed
-
-
-@inner
-def _planes_of(cells: Cells, block: int, ways: int, planes: Int) -> int:  # pragma: no cover
-    """Find the planes of a block that count beams of some directions, each a bit.
-
-    In most blocks they are few, and all cells of a line in the block are looked up in them.
-
-    Args:
-        cells: The cells.
-        block: The block; −1 where there is none.
-        ways: The directions.
-        planes: (directions, 2) is filled with the planes and the direction of each.
-
-    Returns:
-        How many there are.
-    """
-    count = 0
-    if block >= 0:
-        for way in range(PASS_DIRECTIONS):
-            plane = cells.planes[block, way]
-            if plane > 0 and (ways >> way) & 1:
-                planes[count, 0], planes[count, 1] = plane, way
-                count += 1
-    return count
+from lrf3d.mapping.robust.crossing import count_beams, ways_across
 
 
 @inner
@@ -95,23 +35,22 @@ def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma
     pieces = len(counts)
     length = np.hypot(x2 - x1, y2 - y1)
     ux, uy = (x2 - x1) / length, (y2 - y1) / length
-    ways = _ways_across(ux, uy, WALL_SINE)
-    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
-    at_x, at_y, known = 1 << 40, 0, 0
+    ways = ways_across(ux, uy, WALL_SINE)
+    at_x, at_y, block = 1 << 40, 0, -1
     for piece in range(pieces):
         along = (piece + 0.5) * length / pieces
-        column = int(np.floor((x1 + along * ux) / CELL))
-        row = int(np.floor((y1 + along * uy) / CELL))
+        x, y = x1 + along * ux, y1 + along * uy
+        column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
         # Most pieces are in the block of the one before, which is not looked up again.
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-            known = _planes_of(cells, block_at(cells.open, at_x, at_y), ways, planes)
-        if known:
+            block = block_at(cells.open, at_x, at_y)
+        if block >= 0:
             place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-            count = 0
-            for k in range(known):
-                count += passes[planes[k, 0], place] & MOST_PASSES
-            counts[piece, 1] += count * (PIECE / CELL)
+            passed = ways & cells.passed[block, place]
+            if passed:
+                beams = count_beams(cells, block, place, passed, x, y, 0.0)
+                counts[piece, 1] += beams * (PIECE / CELL)
 
 
 class Round(NamedTuple):
@@ -283,115 +222,3 @@ def gather_evidence(
             xx * uy * uy - 2.0 * xy * ux * uy + yy * ux * ux
         )
     return counts, sums
-
-
-@inner
-def _middle_of(
-    line: Float,
-) -> tuple[float, float, float, float, float, float, int]:  # pragma: no cover
-    """A line (4,) without its ends, near which walls are: how it is walked along.
-
-    Returns:
-        Where the line begins [m], its direction, where on it the middle begins, the middle's
-        length [m], and the steps of a cell in it; none in a line without length.
-    """
-    x1, y1, x2, y2 = line
-    length = np.hypot(x2 - x1, y2 - y1)
-    if length == 0.0:
-        return x1, y1, 0.0, 0.0, 0.0, 0.0, 0
-    end = min(LINK_END, 0.25 * length)
-    middle = length - 2.0 * end
-    return x1, y1, (x2 - x1) / length, (y2 - y1) / length, end, middle, int(middle / CELL) + 1
-
-
-@inner
-def is_crossed(
-    line: Float, cells: Cells, depth: float, spare: int, sine: float
-) -> bool:  # pragma: no cover
-    """Whether more beams than are to spare have crossed a line (4,) by more than a depth [m].
-
-    The sine is that of the angle from which on a beam may cross it.
-    """
-    x1, y1, ux, uy, end, length, steps = _middle_of(line)
-    if steps == 0:
-        return False
-    ways = _ways_across(ux, uy, sine)
-    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
-    deeper, at_x, at_y, known = depth - FREE_DEPTH, 1 << 40, 0, 0
-    # Most lines are crossed in wide open space, which long steps away from their ends find first.
-    for turn in range(STRIDE):
-        for step in range((turn + STRIDE // 2) % STRIDE, steps, STRIDE):
-            along = end + (step + 0.5) * length / steps
-            x, y = x1 + along * ux, y1 + along * uy
-            column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-            if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
-                at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-                known = _planes_of(cells, block_at(cells.open, at_x, at_y), ways, planes)
-            place = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-            for k in range(known):
-                passed = passes[planes[k, 0], place] & MOST_PASSES
-                if passed and deeper > 0.0:
-                    way = planes[k, 1]
-                    dx, dy = COSINES[way], SINES[way]
-                    passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
-                spare -= passed
-            if spare < 0:
-                return True
-    return False
-
-
-@inner
-def is_crossed_aslant(
-    line: Float, cells: Cells, spare: int, sine: float
-) -> bool:  # pragma: no cover
-    """Whether more beams than are to spare have crossed a line (4,) at a small angle.
-
-    Beams that run along the line go through its cells, too. One that crosses it is on its one side
-    before it is on the line, and then on its other side.
-
-    Args:
-        line: The line [m].
-        cells: The cells.
-        spare: How many beams may cross it.
-        sine: That of the angle up to which they cross it.
-    """
-    x1, y1, ux, uy, end, length, steps = _middle_of(line)
-    if steps == 0:
-        return False
-    across, along = _ways_across(ux, uy, sine), 0
-    planes, passes = np.empty((PASS_DIRECTIONS, 2), np.int64), cells.passes
-    at_x, at_y, known = 1 << 40, 0, 0
-    # Few lines have such beams at all.
-    for step in range(steps):
-        place = end + (step + 0.5) * length / steps
-        column = int(np.floor((x1 + place * ux) / CELL))
-        row = int(np.floor((y1 + place * uy) / CELL))
-        if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
-            at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-            known = _planes_of(cells, block_at(cells.open, at_x, at_y), ~across, planes)
-        cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-        for k in range(known):
-            if passes[planes[k, 0], cell] & MOST_PASSES > spare:
-                along |= 1 << planes[k, 1]
-    for way in range(PASS_DIRECTIONS):
-        if not (along >> way) & 1:
-            continue
-        # The most beams so far: on either side, and of each of them on the line after that.
-        left = right = from_left = from_right = 0
-        for step in range(steps):
-            place = end + (step + 0.5) * length / steps
-            x, y = x1 + place * ux, y1 + place * uy
-            middle = _passes(cells, x, y, way)
-            for aside in (-0.5 * FLANK, 0.5 * FLANK):
-                middle = max(middle, _passes(cells, x - aside * uy, y + aside * ux, way))
-            one = _passes(cells, x - FLANK * uy, y + FLANK * ux, way)
-            other = _passes(cells, x + FLANK * uy, y - FLANK * ux, way)
-            if min(from_right, one) > spare or min(from_left, other) > spare:
-                return True
-            if middle == 0 and one == 0 and other == 0:
-                left = right = from_left = from_right = 0
-                continue
-            left, right = max(left, one), max(right, other)
-            from_left = max(from_left, min(left, middle))
-            from_right = max(from_right, min(right, middle))
-    return False

@@ -31,6 +31,7 @@ class EvidenceGrid:
             Blocks.of_size(LEAST_BLOCKS),
             np.zeros((LEAST_BLOCKS, PASS_DIRECTIONS), np.int32),
             np.zeros((LEAST_PLANES, SIDE * SIDE), np.uint8),
+            np.zeros((LEAST_BLOCKS, SIDE * SIDE), np.uint16),
             Blocks.of_size(LEAST_BLOCKS),
             np.full((LEAST_BLOCKS, SIDE * SIDE), -1, np.int32),
             np.full(LEAST_CLUSTERS, -1, np.int32),
@@ -60,7 +61,11 @@ class EvidenceGrid:
         """Have room for twice as many open blocks (0), solid blocks, clusters or planes (3)."""
         cells = self.cells
         if short == 0:
-            cells = cells._replace(open=rehashed(cells.open), planes=_doubled(cells.planes, 0))
+            cells = cells._replace(
+                open=rehashed(cells.open),
+                planes=_doubled(cells.planes, 0),
+                passed=_doubled(cells.passed, 0),
+            )
         elif short == 1:
             cells = cells._replace(solid=rehashed(cells.solid), heads=_doubled(cells.heads, -1))
         elif short == 3:
@@ -96,11 +101,13 @@ class EvidenceGrid:
             # Free rows are as those of a new grid.
             free = np.repeat(column[-1:], rows - len(kept), axis=0)
             columns.append(np.concatenate([kept, free]))
-        beams_through, beams_at = Blocks(*columns[:3]), Blocks(*columns[5:8])
-        self.cells = Cells(beams_through, columns[3], columns[4], beams_at, *columns[8:])
+        beams_through, beams_at = Blocks(*columns[:3]), Blocks(*columns[6:9])
+        self.cells = Cells(beams_through, *columns[3:6], beams_at, *columns[9:])
         # Blocks have room for half as many as their hash tables.
         while 2 * len(self.cells.planes) < len(self.cells.open.keys):
-            self.cells = self.cells._replace(planes=_doubled(self.cells.planes, 0))
+            self.cells = self.cells._replace(
+                planes=_doubled(self.cells.planes, 0), passed=_doubled(self.cells.passed, 0)
+            )
         while 2 * len(self.cells.heads) < len(self.cells.solid.keys):
             self.cells = self.cells._replace(heads=_doubled(self.cells.heads, -1))
 
@@ -121,7 +128,7 @@ def _columns(cells: Cells) -> list[tuple[str, NDArray[Any], int]]:
             columns.append((name, column, len(column)))
         else:
             taken = {"planes": cells.open.used[0], "heads": cells.solid.used[0]}
-            taken["passes"] = cells.used[3]
+            taken["passes"], taken["passed"] = cells.used[3], cells.open.used[0]
             columns.append((name, column, int(taken.get(name, cells.used[0]))))
     return columns
 

@@ -13,9 +13,10 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, Search, near, order_of
 from lrf3d.mapping.robust.cells import Cells
-from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, MERGE_CELL, WALL_SINE
-from lrf3d.mapping.robust.evidence import is_crossed
-from lrf3d.mapping.robust.segment_pool import Pool, drop_rows, rows_of
+from lrf3d.mapping.robust.constants import FREE_DEPTH, LONGEST_GAP, MERGE_CELL, PIECE, WALL_SINE
+from lrf3d.mapping.robust.crossing import is_crossed
+from lrf3d.mapping.robust.refitting import Refit, refit_walls
+from lrf3d.mapping.robust.segment_pool import NewSegments, Pool, drop_rows, rows_of
 from lrf3d.mapping.robust.walls import Rule, Walls, may_fit, merge, misfit, partner
 
 
@@ -99,8 +100,9 @@ def rejoin_stretches(
     joints: Joints,
     rule: Rule,
     cells: Cells,
-) -> tuple[Int, Int, Float]:  # pragma: no cover
-    """Join loose stretches (n,) with each other or with others.
+    least: int,
+) -> tuple[Int, NewSegments]:  # pragma: no cover
+    """Join loose stretches (n,) with each other or with others, and refit what they make.
 
     Args:
         loose: Their rows.
@@ -111,10 +113,11 @@ def rejoin_stretches(
         joints: The walls that they are joined to; is written.
         rule: What one wall is.
         cells: The cells.
+        least: Walls with fewer hits than this are left out.
 
     Returns:
-        The names of all walls that are no more as they were, the names of those that there are
-        now, and where these are (m, 4) [m].
+        The names of all walls that are no more as they were, and the real parts of those that
+        there are now.
     """
     loose = loose[order_of(loose)]
     others = neighbours_of(loose, pool.walls, grid, search, joints.rings, joints.marks, rule)
@@ -152,7 +155,13 @@ def rejoin_stretches(
         joints.marks[old[k]] = False
         joints.stamps[old[k]] += 1
     tie_rings(touched[:moved], joints.names, joints.rings)
-    return old[:number], names[:kept], walls.ends[:kept]
+    refit = Refit(
+        # They end at hits, which a little less would miss.
+        1, names[:kept], walls.ends[:kept], 0.1 * PIECE, 0.0, rule.distance, least,
+        joints.stamps, joints.lost,
+    )  # fmt: skip
+    found, _ = refit_walls(refit, cells)
+    return old[:number], found
 
 
 @inner
@@ -285,13 +294,17 @@ def join_stretches(
         if joints[row] == joints[row - 1]:
             parents[row] = parents[row - 1]
             merge(walls, parents[row], row)
-    changed = everyone < loose
+    changed, alive = everyone < loose, 0
+    for row in range(count):
+        if walls.points[row] > 0:
+            everyone[alive] = row
+            alive += 1
     turn, top = 0, loose
     while turn < top:
         row = waiting[turn]
         turn += 1
         if walls.points[row] > 0:
-            other = partner(walls, row, everyone, rule)
+            other = partner(walls, row, everyone[:alive], rule)
             if other >= 0:
                 kept, gone = min(row, other), max(row, other)
                 merge(walls, kept, gone)
@@ -314,19 +327,27 @@ def _bridge(
     """Merge stretches on one line where no beam has crossed the gap, the narrowest gap first."""
     count = len(walls.ends)
     straight = _straight(rule)
-    pairs = np.empty((count * (count - 1) // 2, 2), np.int64)
-    lines = np.empty((len(pairs), 4))
-    gaps = np.empty(len(pairs))
+    # In each pair at least one has changed, and few have.
+    fresh, size, most = np.empty(count, np.int64), 0, 0
+    for row in range(count):
+        most += walls.points[row] > 0
+        if walls.points[row] > 0 and changed[row]:
+            fresh[size] = row
+            size += 1
+    most *= size
+    pairs, lines, gaps = np.empty((most, 2), np.int64), np.empty((most, 4)), np.empty(most)
     found = 0
     for one in range(count):
-        for other in range(one):
-            if walls.points[one] > 0 and walls.points[other] > 0:
-                if not (changed[one] or changed[other]):
-                    continue
-                if _fits(walls, one, other, straight):
-                    gaps[found] = _span(walls.ends[one], walls.ends[other], lines[found])
-                    pairs[found, 0], pairs[found, 1] = one, other
-                    found += 1
+        if walls.points[one] == 0:
+            continue
+        for place in range(one if changed[one] else size):
+            other = place if changed[one] else fresh[place]
+            if other >= one:
+                break
+            if walls.points[other] > 0 and _fits(walls, one, other, straight):
+                gaps[found] = _span(walls.ends[one], walls.ends[other], lines[found])
+                pairs[found, 0], pairs[found, 1] = one, other
+                found += 1
     order = order_of(gaps[:found])
     for place in range(found):
         k = order[place]

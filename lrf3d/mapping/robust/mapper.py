@@ -19,7 +19,7 @@ from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
 from lrf3d.mapping.robust.optics import Optics
 from lrf3d.mapping.robust.refinement import LEAST_ROWS, MapRefinement
-from lrf3d.mapping.robust.wall_choice import choose_walls, count_unowned_hits
+from lrf3d.mapping.robust.wall_choice import KnownWalls
 from lrf3d.mapping.robust.wall_store import WallStore
 from lrf3d.mapping.robust.walls import Rule, longer
 
@@ -105,22 +105,11 @@ class RobustMapper:
                 walls=np.concatenate([fresh.walls, np.empty(rows, np.int64)]),
                 last_scans=self._last_scans,
             )
-        count_unowned_hits(
-            fresh, cells, store.walls, store.touched, store.grid, self._rule.distance
-        )
-        chosen = np.empty(rows, np.int64)
-        count = choose_walls(
-            fresh, store.changed, store.walls, self._refit, self._refined.evidence,
-            self._following, chosen,
+        known = KnownWalls(
+            store.walls, store.touched, store.grid, self._refit, self._refined.evidence,
+            self._following,
         )  # fmt: skip
-        if not count:
-            return
-        chosen = np.sort(chosen[:count])
-        alive = store.walls.points[chosen] > 0
-        walls = chosen[alive]
-        for row in self._refined.refine(
-            walls, store.walls.ends[walls], chosen[~alive], cells, noise
-        ):
+        for row in self._refined.refine(fresh, known, cells, noise):
             # Beams went through it: if it comes back, it is found anew.
             store.drop(row)
             self._refined.stamps[row] += 1

@@ -36,7 +36,7 @@ from lrf3d.mapping.robust.constants import (
     STRAY_BEAMS,
     TOUCH,
 )
-from lrf3d.mapping.robust.evidence import is_crossed, is_crossed_aslant
+from lrf3d.mapping.robust.crossing import is_crossed, is_crossed_aslant, is_crossed_at_all
 from lrf3d.mapping.robust.links import UNASKED, Links, drop_link, reach_before
 
 CROSSED, JOINS, BLOCKED, OPEN, BEFORE = 1, 2, 3, 4, 5
@@ -307,9 +307,7 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no c
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])
             length = np.hypot(line[2] - line[0], line[3] - line[1])
             if max(reach_before(one, line), reach_before(other, line)) <= BEHIND_SINE * length:
-                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE) or is_crossed_aslant(
-                    line, cells, 0, LINK_SINE
-                ):
+                if is_crossed_at_all(line, cells, LINK_SINE):
                     return False
     return True
 
@@ -318,12 +316,10 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no c
 def _is_separated(link: Float, cells: Cells) -> bool:  # pragma: no cover
     """Whether beams have crossed a link (6,), a short one many of them or deeper than a corner."""
     if link[4] > SHORT_LINK:
-        return is_crossed(link[:4], cells, FREE_DEPTH, 0, LINK_SINE) or is_crossed_aslant(
-            link[:4], cells, 0, LINK_SINE
-        )
+        return is_crossed_at_all(link[:4], cells, LINK_SINE)
     depth = max(FREE_DEPTH, NICHE_DEPTH * link[4]) if link[5] > 0.0 else FREE_DEPTH
     return (
         is_crossed(link[:4], cells, depth, STRAY_BEAMS, LINK_SINE)
-        or is_crossed(link[:4], cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE)
+        or (depth > FREE_DEPTH and is_crossed(link[:4], cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE))
         or is_crossed_aslant(link[:4], cells, STRAY_BEAMS, LINK_SINE)
     )

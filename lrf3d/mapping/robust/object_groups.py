@@ -155,8 +155,9 @@ def regroup(groups: Groups, pool: Pool, change: Change, sight: Sight) -> Int:  #
     for k in range(count):
         marks[changed[k]] = False
     changed = changed[:count]
-    ends, points = pool.walls.ends, pool.walls.points
-    around = close_corners(changed, ends, points, labels, sight.grid, sight.search, groups.closed)
+    around = close_corners(
+        changed, pool.walls, labels, sight.grid, sight.search, groups.closed, marks
+    )
     rows = np.empty(count + len(around), np.int64)
     for k in range(len(rows)):
         rows[k] = changed[k] if k < count else around[k - count]

@@ -124,11 +124,10 @@ class Optics:
 
     def show(self, line_map: LineMap, frame: Frame) -> LineMap:
         """A map in the world with what is known to be glass or a mirror in it."""
-        mirrors, glass = self.mirrors.segments(), self.glass
-        if not len(mirrors) and not len(glass):
+        if not len(self.mirrors.found) and not len(self.glass):
             return line_map
         segments, rows = line_map.segments, np.arange(len(line_map))
-        mirrors, glass = frame.in_world(mirrors), frame.in_world(glass)
+        mirrors, glass = frame.in_world(self.mirrors.segments()), frame.in_world(self.glass)
         if len(mirrors):
             normals = directions(mirrors) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
             distances = np.einsum("ij,ij->i", normals, mirrors[:, :2])

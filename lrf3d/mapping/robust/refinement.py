@@ -10,27 +10,29 @@ joined, and checked again: what the first round cut free, the second merges.
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import RangeNoise
+from lrf3d.mapping.grid import Grid
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.robust.beams import Frame
-from lrf3d.mapping.robust.cells import Cells
+from lrf3d.mapping.robust.cells import Cells, NewEvidence
 from lrf3d.mapping.robust.constants import (
     FOLLOWED,
     FORSAKEN,
     OPEN_WEIGHT,
-    PIECE,
     VIOLATION_WEIGHT,
 )
 from lrf3d.mapping.robust.joining import Joints, loosen_walls, rejoin_stretches, tie_rings
 from lrf3d.mapping.robust.live_map import LiveMap
 from lrf3d.mapping.robust.object_groups import ObjectGroups
 from lrf3d.mapping.robust.refitting import Refit, refit_walls
-from lrf3d.mapping.robust.segment_pool import SegmentPool
+from lrf3d.mapping.robust.segment_pool import NewSegments, Pool, SegmentPool
+from lrf3d.mapping.robust.wall_choice import KnownWalls, choose_walls
 from lrf3d.mapping.robust.walls import Rule, longer
 
 LEAST_ROWS = 256
@@ -69,14 +71,13 @@ class MapRefinement:
             self.new_evidence, self.evidence = longer(self.new_evidence), longer(self.evidence)
 
     def refine(
-        self, walls: Int, ends: Float, gone: Int, cells: Cells, noise: RangeNoise
+        self, fresh: NewEvidence, known: KnownWalls, cells: Cells, noise: RangeNoise
     ) -> list[int]:
-        """Refine some walls anew.
+        """Refine those walls anew whose evidence has changed.
 
         Args:
-            walls: (m,) their rows.
-            ends: (m, 4) where they are [m].
-            gone: (k,) rows that are no walls any more.
+            fresh: What is new of the walls; is written.
+            known: The walls; is written.
             cells: What the beams have shown.
             noise: The noise of the ranges.
 
@@ -84,42 +85,25 @@ class MapRefinement:
             Those of them that the beams went through and that have nothing real.
         """
         stretches = self._stretches
-        self.stamps[gone] += 1
-        changed = np.concatenate([walls, gone])
         stretches.make_room(0, len(self.stamps))
-        loose, broken = loosen_walls(changed, stretches.pool, stretches.grid, self._joints)
-        if not len(walls) and not len(broken):
+        cut = cut_walls(
+            *(fresh, known, cells, stretches.pool, stretches.grid),
+            *(self._joints, self._rule, self._least),
+        )
+        if not len(cut.walls) and not len(cut.broken):
             return []
-        refit = Refit(
-            0, walls, ends, FOLLOWED, FOLLOWED, self._rule.distance, self._least,
-            self.stamps, self.new_evidence,
-        )  # fmt: skip
-        found, totals = refit_walls(refit, cells)
-        self.evidence[walls] = totals[:, 0] + OPEN_WEIGHT * totals[:, 1]
-        contradicted = VIOLATION_WEIGHT * totals[:, 1] > FORSAKEN * totals[:, 0]
-        contradicted &= totals[:, 2] == 0.0
-        fresh = stretches.add(found, len(self.stamps))
+        rows = stretches.add(cut.found, len(self.stamps))
         while len(self._joints.names) < stretches.size:
             self._joints = self._joints.doubled()
-        self._rejoin(np.concatenate([loose, fresh]), broken, cells, noise)
-        gone_through: list[int] = walls[contradicted].tolist()
-        return gone_through
-
-    def _rejoin(self, loose: Int, broken: Int, cells: Cells, noise: RangeNoise) -> None:
-        """Join loose stretches with each other or with others, and find the segments they make."""
-        stretches, joints = self._stretches, self._joints
-        old, walls, ends = rejoin_stretches(
-            *(loose, broken, stretches.pool, stretches.grid, stretches.search),
-            *(joints, self._rule, cells),
-        )
-        refit = Refit(
-            # They end at hits, which a little less would miss.
-            1, walls, ends, 0.1 * PIECE, 0.0, self._rule.distance, self._least,
-            joints.stamps, joints.lost,
+        old, found = rejoin_stretches(
+            np.concatenate([cut.loose, rows]), cut.broken,
+            *(stretches.pool, stretches.grid, stretches.search, self._joints, self._rule),
+            *(cells, self._least),
         )  # fmt: skip
-        found, _ = refit_walls(refit, cells)
         change = self.segments.exchange(old, found, stretches.size)
         self._changed.append(self.groups.update(self.segments, change, cells, noise))
+        forsaken: list[int] = cut.forsaken.tolist()
+        return forsaken
 
     def publish(self, frame: Frame) -> None:
         """Bring the map in the world up to date."""
@@ -168,3 +152,52 @@ class MapRefinement:
             names=names, stamps=state["joint_stamps"].copy()
         )
         tie_rings(self._stretches.rows(), names, self._joints.rings)
+
+
+class Cut(NamedTuple):
+    """What the first round of the refinement leaves of some walls.
+
+    Args:
+        walls: The rows of the walls.
+        found: Their real stretches.
+        loose: The rows of the other stretches of what their old ones were joined to.
+        broken: The names of that.
+        forsaken: Those of the walls that beams went through and that have nothing real.
+    """
+
+    walls: Int
+    found: NewSegments
+    loose: Int
+    broken: Int
+    forsaken: Int
+
+
+@compiled
+def cut_walls(
+    fresh: NewEvidence,
+    known: KnownWalls,
+    cells: Cells,
+    pool: Pool,
+    grid: Grid,
+    joints: Joints,
+    rule: Rule,
+    least: int,
+) -> Cut:  # pragma: no cover
+    """Find the real stretches of the walls whose evidence has changed; takes their old ones out."""
+    walls, gone = choose_walls(fresh, cells, known, rule.distance)
+    for k in range(len(gone)):
+        fresh.stamps[gone[k]] += 1
+    loose, broken = loosen_walls(np.concatenate((walls, gone)), pool, grid, joints)
+    refit = Refit(
+        0, walls, known.walls.ends[walls], FOLLOWED, FOLLOWED, rule.distance, least,
+        fresh.stamps, fresh.counts,
+    )  # fmt: skip
+    found, totals = refit_walls(refit, cells)
+    forsaken, count = np.empty(len(walls), np.int64), 0
+    for k in range(len(walls)):
+        hits, violations = totals[k, 0], totals[k, 1]
+        known.evidence[walls[k]] = hits + OPEN_WEIGHT * violations
+        if totals[k, 2] == 0.0 and VIOLATION_WEIGHT * violations > FORSAKEN * hits:
+            forsaken[count] = walls[k]
+            count += 1
+    return Cut(walls, found, loose, broken, forsaken[:count])

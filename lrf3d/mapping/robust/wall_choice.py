@@ -1,10 +1,12 @@
 """Choice of walls: those of which a scan has changed so much that they are refined again."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import inner
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.grid import Grid, near
+from lrf3d.mapping.grid import Grid, near, order_of
 from lrf3d.mapping.robust.cells import Cells, NewEvidence, count_evidence
 from lrf3d.mapping.robust.constants import (
     FEW_WALLS,
@@ -19,8 +21,28 @@ from lrf3d.mapping.robust.constants import (
 from lrf3d.mapping.robust.walls import Touched, Walls
 
 
-@compiled
-def count_unowned_hits(
+class KnownWalls(NamedTuple):
+    """The walls of a store, and how they were when they were refit last.
+
+    Args:
+        walls: The walls.
+        touched: Which rows the last scan changed; is written by searches.
+        grid: Where the walls are.
+        refit: (rows, 4) where each was when it was refit last [m]; infinite where it never was.
+        evidence: (rows,) hits and violations that it had then.
+        following: (1,) the wall from which on the next is looked for whose turn it is.
+    """
+
+    walls: Walls
+    touched: Touched
+    grid: Grid
+    refit: Float
+    evidence: Float
+    following: Int
+
+
+@inner
+def _count_unowned_hits(
     fresh: NewEvidence, cells: Cells, walls: Walls, touched: Touched, grid: Grid, distance: float
 ) -> None:  # pragma: no cover
     """Note clusters that are hits of no wall at all walls whose hits they may be.
@@ -58,30 +80,25 @@ def _reaches(ends: Float, x: float, y: float, off: float) -> bool:  # pragma: no
     return bool(abs(aside) <= off and -FOLLOWED <= along <= size + FOLLOWED)
 
 
-@compiled
+@inner
 def choose_walls(
-    fresh: NewEvidence,
-    changed: Int,
-    walls: Walls,
-    refit: Float,
-    evidence: Float,
-    following: Int,
-    chosen: Int,
-) -> int:  # pragma: no cover
+    fresh: NewEvidence, cells: Cells, known: KnownWalls, distance: float
+) -> tuple[Int, Int]:  # pragma: no cover
     """Choose the walls that are to be refined again.
 
     Args:
         fresh: What is new of the walls; is written.
-        changed: (n,) the rows of the store that changed.
-        walls: The walls of the store.
-        refit: (rows, 4) where each wall was when it was refit last; infinite where it never was.
-        evidence: (rows,) hits and violations that it had then.
-        following: (1,) the wall from which on the next is looked for whose turn it is; is written.
-        chosen: (rows,) is filled with their rows.
+        cells: The cells.
+        known: The walls; is written.
+        distance: How far from a wall [m] a return may lie, beside what noise explains.
 
     Returns:
-        How many there are.
+        The rows (m,) of these walls and (k,) of those that are no walls any more, rising.
     """
+    walls, touched, refit, evidence = known.walls, known.touched, known.refit, known.evidence
+    following, chosen = known.following, np.empty(len(known.walls.points), np.int64)
+    _count_unowned_hits(fresh, cells, walls, touched, known.grid, distance)
+    changed = touched.rows[: touched.number[0]]
     for k in range(len(changed)):
         if fresh.last_scans[changed[k]] != fresh.numbers[2]:
             count_evidence(fresh, changed[k], 0.0)
@@ -125,7 +142,16 @@ def choose_walls(
                 chosen[count] = wall
                 count += 1
             break
-    return count
+    chosen = chosen[order_of(chosen[:count])]
+    gone, alive, lost = np.empty(count, np.int64), 0, 0
+    for k in range(count):
+        if walls.points[chosen[k]] > 0:
+            chosen[alive] = chosen[k]
+            alive += 1
+        else:
+            gone[lost] = chosen[k]
+            lost += 1
+    return chosen[:alive], gone[:lost]
 
 
 @inner

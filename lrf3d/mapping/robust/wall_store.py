@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.grid import Grid, insert, remove
+from lrf3d.mapping.grid import Grid, insert_rows, remove
 from lrf3d.mapping.robust.constants import MERGE_CELL
-from lrf3d.mapping.robust.walls import Rule, Touched, Walls, add_walls, unite_walls
+from lrf3d.mapping.robust.walls import Rule, Touched, Walls, unite_walls
 from lrf3d.mapping.segment_table import SegmentTable
 
 LEAST_ROWS = 256
@@ -41,32 +41,20 @@ class WallStore:
         if not len(ends):
             return
         self._updates += 1
+        free = self._take(len(ends))
         try:
-            free = self._take(len(ends))
-            # Compiled code takes a column without gaps.
-            points = np.ascontiguousarray(points)
-            add_walls(self._walls, self._touched, free, ends, moments, points, place, self._updates)
-            self._unite(free)
+            waiting, turn = np.empty(len(free) + 1, np.int64), np.zeros(2, np.int64)
+            waiting[:-1] = free
+            new = Walls(ends, moments, points), place
+            while not unite_walls(
+                *(self._walls, self._touched, self._grid, new, waiting, turn),
+                *(self._updates, self._rule, self._cell),
+            ):
+                self._regrid(2 * len(self._grid.rows))
         finally:
             # An update that is interrupted leaves free rows as well.
-            rows = self._touched.rows[: self._touched.number[0]]
+            rows = self.changed if len(self.changed) else free
             self._free += rows[self._walls.points[rows] == 0].tolist()
-
-    def _unite(self, fresh: Int) -> None:
-        """Merge fresh rows with all that they fit, in a grid that is large enough."""
-        waiting, turn = np.zeros(len(fresh) + 1, np.int64), np.array([0, len(fresh)])
-        waiting[:-1] = fresh
-        while not unite_walls(
-            self._walls,
-            self._touched,
-            self._grid,
-            waiting,
-            turn,
-            self._updates,
-            self._rule,
-            self._cell,
-        ):
-            self._regrid(2 * len(self._grid.rows))
 
     def _take(self, count: int) -> Int:
         """Free rows (count,)."""
@@ -82,11 +70,11 @@ class WallStore:
 
     def _regrid(self, entries: int) -> None:
         """Put all walls into a new, larger grid."""
-        grid = Grid.of_size(entries)
-        for row in np.flatnonzero(self._walls.points[: self._top]).tolist():
-            if not insert(grid, row, self._walls.ends[row], self._cell):
-                return self._regrid(2 * entries)
-        self._grid = grid
+        rows, done = np.flatnonzero(self._walls.points[: self._top]), 0
+        while done < len(rows):
+            self._grid = Grid.of_size(entries)
+            done = insert_rows(self._grid, rows, 0, self._walls.ends, self._cell)
+            entries *= 2
 
     @property
     def walls(self) -> Walls:

@@ -105,22 +105,24 @@ def unite_walls(
     walls: Walls,
     touched: Touched,
     grid: Grid,
+    new: tuple[Walls, tuple[float, float]],
     waiting: Int,
     turn: Int,
     update: int,
     rule: Rule,
     cell: float,
 ) -> bool:  # pragma: no cover
-    """Merge the waiting rows with whatever they fit, until no two are left that the rule merges.
+    """Add walls, and merge them with whatever they fit, until no two are left that the rule merges.
 
     Only fresh and merged walls are compared anew: the others were compared before.
 
     Args:
-        walls: All walls, the waiting ones among them.
+        walls: All walls.
         touched: Which rows change; is written.
         grid: Where all walls are; the waiting ones may be missing.
-        waiting: (n,) a ring of rows that wait, with room for all; is written.
-        turn: (2,) how many have had their turn, and how many ever waited; is written.
+        new: The (n,) walls of a scan around the laser, and where the laser is [m].
+        waiting: (n + 1,) a ring of rows that wait, first the free ones for these; is written.
+        turn: (2,) how many have had their turn, and how many ever waited, first 0; is written.
         update: Number of this update.
         rule: What one wall is.
         cell: Size of a cell of the grid [m].
@@ -128,6 +130,9 @@ def unite_walls(
     Returns:
         Whether all is done; if not, this is to be called again with a larger grid.
     """
+    if turn[1] == 0:
+        turn[1] = len(new[0].points)
+        _add_walls(walls, touched, waiting, *new, update)
     found = np.empty(len(walls.points), np.int64)
     # The farthest that two segments of one wall may lie apart.
     reach = rule.length + rule.distance + rule.most_explained
@@ -167,30 +172,28 @@ def _touch(touched: Touched, row: int, update: int) -> None:  # pragma: no cover
         touched.number[0] += 1
 
 
-@compiled
-def add_walls(
+@inner
+def _add_walls(
     walls: Walls,
     touched: Touched,
     free: Int,
-    ends: Float,
-    moments: Float,
-    points: Int,
+    new: Walls,
     place: tuple[float, float],
     update: int,
 ) -> None:  # pragma: no cover
     """Write local walls into free rows, moved by a place [m]."""
     x, y = place
-    for i in range(len(ends)):
+    for i in range(len(new.ends)):
         row = free[i]
         _touch(touched, row, update)
         for k in range(0, 4, 2):
-            walls.ends[row, k] = ends[i, k] + x
-            walls.ends[row, k + 1] = ends[i, k + 1] + y
+            walls.ends[row, k] = new.ends[i, k] + x
+            walls.ends[row, k + 1] = new.ends[i, k + 1] + y
         for k in range(6):
-            walls.moments[row, k] = moments[i, k]
+            walls.moments[row, k] = new.moments[i, k]
         walls.moments[row, 1] += x
         walls.moments[row, 2] += y
-        walls.points[row] = points[i]
+        walls.points[row] = new.points[i]
 
 
 @compiled
