@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single, directions, lengths
+from lrf3d.progress import Progress, silent
 from lrf3d.scene.facades import CAP, FACADE, PLAIN, lay_roofs, lay_walls
 from lrf3d.scene.light import Light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
@@ -85,12 +86,15 @@ class PaintedWalls(NamedTuple):
     light: Light
 
 
-def paint_walls(structures: Structures, *, shadows: bool = True) -> PaintedWalls:
+def paint_walls(
+    structures: Structures, *, shadows: bool = True, progress: Progress = silent
+) -> PaintedWalls:
     """The faces of all walls and roofs as pictures show them.
 
     Args:
         structures: What the walls make up.
         shadows: Whether the sun's shadows are baked into them.
+        progress: Called with finished steps and their number while light is baked.
     """
     faces = wall_faces(structures)
     if shadows:
@@ -115,7 +119,7 @@ def paint_walls(structures: Structures, *, shadows: bool = True) -> PaintedWalls
     free = (owner >= int(structures.closed.sum())) & (owner < len(faces.quads))
     free &= pieces[:, 0, 5] < 0.5
     pieces[free, :, :3] += _APART * pieces[free, :, 3:6]
-    light = Light(structures, pieces, roofs)
+    light = Light(structures, pieces, roofs, progress)
     painted = Faces(
         _with_light(pieces, light.quads, indoor=structures.indoor),
         objects[owner],
