@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single, directions, lengths
 from lrf3d.progress import Progress, silent
-from lrf3d.scene.facades import CAP, FACADE, PLAIN, lay_roofs, lay_walls
+from lrf3d.scene.facades import CAP, FACADE, PLAIN, bare_above_foot, lay_roofs, lay_walls
 from lrf3d.scene.light import Light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
 from lrf3d.scene.roofs import build_tops, flat_faces, roof_faces
@@ -114,6 +114,7 @@ def paint_walls(
     roofs = lay_roofs(_with_shadow(top.roofs, under[:, None, None]), indoor=structures.indoor)
     step = _STEP_INDOOR if structures.indoor else _STEP
     pieces, part = cut_small(pieces, step, _MOST_PIECES)
+    pieces = bare_above_foot(pieces, indoor=structures.indoor)
     # The two faces of a free wall are apart: a ray meets the one that looks at it.
     owner = number[owner][part]
     free = (owner >= int(structures.closed.sum())) & (owner < len(faces.quads))
