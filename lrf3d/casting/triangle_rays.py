@@ -15,6 +15,7 @@ class TriangleRays:
     """
 
     def __init__(self, triangles: NDArray[np.float32]) -> None:
+        self._triangles = triangles
         self._embree = self._mesh = None
         if not len(triangles):
             return
@@ -29,6 +30,10 @@ class TriangleRays:
         self._embree = EmbreeScene()
         # Embree reads the corners from it for as long as the scene is used.
         self._kept = TriangleMesh(self._embree, corners, numbers)
+
+    def __reduce__(self) -> tuple[type["TriangleRays"], tuple[NDArray[np.float32]]]:
+        # Embree's own structures stay in their process; they are built again within milliseconds.
+        return TriangleRays, (self._triangles,)
 
     def first(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32]

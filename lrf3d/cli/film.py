@@ -75,6 +75,7 @@ def make_film(run: Run, path: Path, options: FilmOptions, part: Part = (None, No
         arguments = options.moving(path.suffix.lower(), renderer)
         frames = 0
         began = perf_counter()
+        _light(run)
         with progress_bar("film") as progress:
 
             def count(done: int, total: int) -> None:
@@ -98,6 +99,7 @@ def make_frames(run: Run, folder: Path, options: FilmOptions, part: Part = (None
 
     def draw(renderer: str) -> int:
         arguments = options.moving(".png", renderer)
+        _light(run)
         with progress_bar("frames") as progress:
             return render_frames(run, folder, **arguments, part=part, progress=progress)
 
@@ -115,6 +117,14 @@ def make_picture(run: Run, path: Path, time: float, options: FilmOptions) -> Non
     )
     with replacing(path) as unfinished:
         save_png(picture, unfinished)
+
+
+def _light(run: Run) -> None:
+    """Bake the light of a run's world, which the films and pictures that follow have at hand."""
+    from lrf3d.scene.stage import stage_of
+
+    with progress_bar("light") as progress:
+        stage_of(run, progress)
 
 
 def drawn_by(wanted: str | None, draw: Callable[[str], Result]) -> Result:

@@ -18,6 +18,7 @@ from lrf3d.render.scenery import Frame, Goal, Scenery
 from lrf3d.run import Run
 from lrf3d.scene.camera import Look
 from lrf3d.scene.cameras import make_camera
+from lrf3d.scene.stage import Stage
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline
 
@@ -54,6 +55,7 @@ class Film:
         layers: What is drawn over the scene, of :data:`LAYERS`.
         renderer: What draws: ``gl``, or ``embree`` where there is no OpenGL.
         goal: A goal to be marked on the ground.
+        stage: What stands in the run's world, if it has been painted already.
     """
 
     def __init__(
@@ -67,10 +69,11 @@ class Film:
         layers: Collection[str] = LAYERS,
         renderer: str = "gl",
         goal: Goal | None = None,
+        stage: Stage | None = None,
     ) -> None:
         self.timeline = Timeline(run, playback=playback)
         self.renderer = _renderer(renderer, size, samples)
-        self.scenery = Scenery(self.timeline, goal)
+        self.scenery = Scenery(self.timeline, goal, stage)
         small = _SMALL if view == "top" else 1.0
         layout = lay_out(size, widest_lines(run, self.timeline.playback), small)
         self._size = size

@@ -23,6 +23,7 @@ from lrf3d.errors import Lrf3dError
 from lrf3d.geometry import Float
 from lrf3d.render.pictures import FrameProgress
 from lrf3d.run import Run
+from lrf3d.scene.stage import Stage
 
 FRAME_DONE = b"."
 
@@ -44,6 +45,7 @@ class Job:
         samples: Samples a pixel, 0 or 4.
         renderer: Name of the renderer.
         ending: Ending of the film's file, which says how parts are encoded.
+        stage: What stands in the run's world: its light is baked once for all parts.
     """
 
     run: Run
@@ -55,6 +57,7 @@ class Job:
     samples: int
     renderer: str
     ending: str
+    stage: Stage
 
 
 def draw_part(job: Job, first: int, last: int, part: Path) -> None:
@@ -73,6 +76,7 @@ def draw_part(job: Job, first: int, last: int, part: Path) -> None:
         samples=job.samples,
         playback=job.playback,
         renderer=job.renderer,
+        stage=job.stage,
     )
     make = PngEncoder if job.ending == FRAMES else FORMATS[job.ending].part
     with make(part, size=job.size, fps=job.fps, first=first) as encoder:

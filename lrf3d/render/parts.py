@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Float, Int, Single, quad_indices
-from lrf3d.render.primitives import Primitive, Texture
-from lrf3d.scene.facades import layers
+from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
+from lrf3d.render.primitives import Primitive, Span, Texture
+from lrf3d.scene.facades import BLANK, layers
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.walls import PaintedWalls
 
@@ -224,6 +224,7 @@ class PartedPrimitive(Primitive):
         triangles: (m, 3) which vertices make the triangles.
         owners: (m,) the part that each triangle belongs to.
         parts: How many parts there are.
+        bare: The program of triangles without a texture, and which of the triangles (m,) those are.
     """
 
     def __init__(
@@ -234,10 +235,15 @@ class PartedPrimitive(Primitive):
         triangles: NDArray[np.uint32],
         owners: Int,
         parts: int,
+        bare: tuple[str, Bool],
     ) -> None:
-        order = np.argsort(owners, kind="stable")
+        # Of each part there are two runs of triangles, first of all with a texture, then of bare.
+        self._bare, without = bare
+        self._parts = parts
+        runs = owners + parts * without
+        order = np.argsort(runs, kind="stable")
         self._all = np.ascontiguousarray(triangles[order], dtype=np.uint32)
-        self._sizes = np.bincount(owners, minlength=parts)
+        self._sizes = np.bincount(runs, minlength=2 * parts)
         self._starts = np.cumsum(self._sizes) - self._sizes
         self._shown: Int = np.zeros(0, dtype=np.int64)
         super().__init__(program, sizes, vertices, indices=self._all.ravel(), cull=True)
@@ -252,7 +258,14 @@ class PartedPrimitive(Primitive):
         if np.array_equal(parts, self._shown):
             return
         self._shown = parts
-        self.choose(self._all[ranges(self._starts, self._sizes, parts)].ravel())
+        runs = np.concatenate([parts, parts + self._parts])
+        self.choose(self._all[ranges(self._starts, self._sizes, runs)].ravel())
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """Its triangles with a texture and those without, which have a program of their own."""
+        cut = 3 * int(self._sizes[self._shown].sum())
+        return (self.program, 0, cut), (self._bare, cut, self.count - cut)
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,6 +297,7 @@ def build_walls(structures: Structures, painted: PaintedWalls) -> PartedWalls:
         np.concatenate([quad_indices(len(quads)), corners]).reshape(-1, 3).astype(np.uint32),
         np.concatenate([np.repeat(quad_parts, 2), roof_parts]),
         len(parts.boxes.low),
+        ("plain", np.concatenate([np.repeat(quads[:, 0, 8], 2), roofs[:, 0, 8]]) == BLANK),
     )
     faces.texture = Texture(layers(structures.indoor))
     return PartedWalls(faces, parts)

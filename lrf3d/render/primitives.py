@@ -88,7 +88,10 @@ class Texture:
 
 
 _FLOAT = 4
-"""Bytes of a float32."""
+"""Bytes of a float32, and of an index."""
+
+Span = tuple[str, int, int]
+"""A program, and the first and the number of the vertices or indices that it draws."""
 
 
 class Primitive(pyrender.Primitive):  # type: ignore[misc]
@@ -157,15 +160,19 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             GL.glBindVertexArray(self._vaid)
             GL.glBufferSubData(GL.GL_ELEMENT_ARRAY_BUFFER, 0, indices.nbytes, indices)
 
-    def draw(self) -> None:
-        """Draw it with the program in use."""
-        if not self.count:
-            return
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """What is drawn of it by which program."""
+        return ((self.program, 0, self.count),)
+
+    def draw(self, first: int, count: int) -> None:
+        """Draw so many of its vertices, or of their indices, with the program in use."""
         GL.glBindVertexArray(self._vaid)
         if self.elements is None:
-            GL.glDrawArrays(self.mode, 0, self.count)
+            GL.glDrawArrays(self.mode, first, count)
         else:
-            GL.glDrawElements(self.mode, self.count, GL.GL_UNSIGNED_INT, ctypes.c_void_p(0))
+            start = ctypes.c_void_p(_FLOAT * first)
+            GL.glDrawElements(self.mode, count, GL.GL_UNSIGNED_INT, start)
 
     def _add_to_context(self) -> None:
         self._vaid = GL.glGenVertexArrays(1)

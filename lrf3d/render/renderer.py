@@ -208,18 +208,22 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         """Draw a primitive with uniforms for its program."""
         if not primitive.count:
             return
-        program = self._programs.get(primitive.program)
-        if program is None:
-            program = self._programs[primitive.program] = ShaderProgram(primitive.program)
         if not primitive._in_context():
             primitive._add_to_context()
-        program.use(uniforms)
         _switch(GL.GL_BLEND, primitive.blend)
         _switch(GL.GL_CULL_FACE, primitive.cull)
         GL.glDepthMask(not primitive.blend)
         if primitive.texture is not None:
             primitive.texture.bind()
-        primitive.draw()
+        for name, first, count in primitive.spans:
+            if count:
+                self._program(name).use(uniforms)
+                primitive.draw(first, count)
+
+    def _program(self, name: str) -> ShaderProgram:
+        if name not in self._programs:
+            self._programs[name] = ShaderProgram(name)
+        return self._programs[name]
 
     def flatten(self) -> None:
         """Have all so far drawn, and go on with one sample a pixel: what comes has soft edges.

@@ -23,7 +23,7 @@ from lrf3d.scene.bodies import goal_disc, robot_arrow, robot_mesh, world_from_ro
 from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import DrawnEstimate
 from lrf3d.scene.map_bands import BAND_SIZES, WallTops
-from lrf3d.scene.stage import stage_of
+from lrf3d.scene.stage import Stage, stage_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 from lrf3d.scene.trail_and_map import RIBBON_SIZES, DrawnMap, legs_begun, smoothed, trail_ribbon
 from lrf3d.scene.turns import WallOptics
@@ -94,6 +94,7 @@ class Scenery:
     Args:
         timeline: The run, as time goes by in its film.
         goal: A goal to be marked on the ground.
+        stage: What stands in the run's world, if it has been painted already.
 
     Attributes:
         scene: pyrender's scene of them.
@@ -101,9 +102,11 @@ class Scenery:
         beams: The beams of the newest frame.
     """
 
-    def __init__(self, timeline: Timeline, goal: Goal | None = None) -> None:
+    def __init__(
+        self, timeline: Timeline, goal: Goal | None = None, stage: Stage | None = None
+    ) -> None:
         run = self.run = timeline.run
-        stage = stage_of(run)
+        stage = stage or stage_of(run)
         self.structures = stage.structures
         self.origin = self.structures.origin
         self.scene = pyrender.Scene()

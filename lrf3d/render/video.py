@@ -17,6 +17,7 @@ from lrf3d.render.gl import gl_available, require_gl
 from lrf3d.render.pictures import FrameProgress
 from lrf3d.run import Run
 from lrf3d.scene.cameras import margins
+from lrf3d.scene.stage import stage_of
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
 
@@ -241,7 +242,7 @@ def _job(
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
     drawn = choose_renderer(renderer)
-    return Job(run, times, size, fps, playback, view, samples, drawn, ending)
+    return Job(run, times, size, fps, playback, view, samples, drawn, ending, stage_of(run))
 
 
 def _within(timeline: Timeline, times: Float, first: float | None, last: float | None) -> Float:

@@ -208,6 +208,21 @@ def lay_walls(quads: Single, faces: Int, *, indoor: bool) -> tuple[Single, Int]:
     return np.concatenate(pieces).astype(np.float32), np.concatenate(owners)
 
 
+def bare_above_foot(pieces: Single, *, indoor: bool) -> Single:
+    """Pieces (n, 4, 16) of walls, with nothing painted on those above the foot of their wall.
+
+    Half of a picture may be such walls, and without a texture they are drawn in half the time.
+    """
+    low, layer = pieces[:, :, 7].min(axis=1), pieces[:, 0, 8]
+    # The foot of a plain wall is painted in rooms only.
+    foot = (_SKIRTING_HEIGHT / STOREY * ROWS) if indoor else -1.0
+    above = (layer == FOOT) & (low > foot)
+    above |= (layer == PLINTH) & (low > _PLINTH_HEIGHT / STOREY)
+    bare = pieces.copy()
+    bare[above, :, 8] = BLANK
+    return bare
+
+
 def lay_roofs(roofs: Single, *, indoor: bool) -> Single:
     """Roof triangles (t, 3, 15) as corners (t, 3, 16) like those of :func:`lay_walls`."""
     rows = np.zeros((len(roofs), 3, 16), np.float32)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from lrf3d.casting.embree_library import embreex_installed
 from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
+from lrf3d.progress import Progress, silent
 from lrf3d.scene.facades import layers
 from lrf3d.scene.look import (
     GAMMA,
@@ -85,13 +86,16 @@ class Light:
         structures: What stands in it.
         quads: (m, 4, ≥ 12) its walls, in the rows of :func:`~lrf3d.scene.walls.paint_walls`.
         roofs: (t, 3, ≥ 12) its roofs.
+        progress: Called with the points that light has been gathered at, and the number of all.
 
     Attributes:
         quads: (m, 4, 3) light at the corners of the walls.
         roofs: (t, 3, 3) light at those of the roofs.
     """
 
-    def __init__(self, structures: Structures, quads: Single, roofs: Single) -> None:
+    def __init__(
+        self, structures: Structures, quads: Single, roofs: Single, progress: Progress = silent
+    ) -> None:
         self._indoor = structures.indoor
         self._count = len(quads) + len(roofs)
         self._open = open_light(indoor=self._indoor)
@@ -107,8 +111,11 @@ class Light:
         self._grid(structures)
         corners, owner = _corners(quads, roofs)
         cells = self._cells()
-        seen, sky = self._gather(corners, _RAYS)
-        seen_below, sky_below = self._gather(cells, _GROUND_RAYS)
+        first, total = len(corners.places), len(corners.places) + len(cells.places)
+        seen, sky = self._gather(corners, _RAYS, lambda done, _: progress(done, total))
+        seen_below, sky_below = self._gather(
+            cells, _GROUND_RAYS, lambda done, _: progress(first + done, total)
+        )
         sun, albedo = self._sunlit(quads, roofs, cells), self._albedo(quads, roofs)
         # What patches send on: faces, cells of the ground, the land around; insides of houses
         # and the sky, whose light is known, nothing.
@@ -162,7 +169,9 @@ class Light:
             np.column_stack([places, np.full(count, _OFF)]), np.tile([0.0, 0.0, 1.0], (count, 1))
         )
 
-    def _gather(self, points: _Points, rays: int) -> tuple[NDArray[np.int32], Float]:
+    def _gather(
+        self, points: _Points, rays: int, progress: Progress = silent
+    ) -> tuple[NDArray[np.int32], Float]:
         """Which patches (n, rays) the rays of points meet, and the mean light (n, 3) of the sky."""
         count = len(points.places)
         seen = np.empty((count, rays), np.int32)
@@ -179,6 +188,7 @@ class Light:
             light = sky_light(ways.reshape(-1, 3), indoor=self._indoor).reshape(ways.shape)
             free = (patches == self._land + 2).reshape(-1, rays, 1)
             sky[part] = np.where(free, light, 0.0).mean(axis=1)
+            progress(first + len(places), count)
         return seen, sky
 
     def _met_faces(self, origins: Float, ways: Float) -> NDArray[np.int32]:

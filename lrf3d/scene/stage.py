@@ -1,12 +1,41 @@
-"""What stands in a run's world, painted once for all pictures of it."""
+"""What stands in a run's world, painted and lit once for all pictures of it.
 
-from functools import lru_cache
+A run enters; faces and ground in their light leave. Baking that light takes seconds, so a stage is
+kept: the one asked for last in memory, and those that took long in the user's cache folder, where
+the next film of the same walls finds it. A stage can be pickled, to be handed to other processes.
+"""
+
+import hashlib
+import os
+import pickle
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import fields
+from functools import cache, lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+import shapely
+
+from lrf3d.casting.embree_library import embreex_installed
+from lrf3d.errors import OutputError
+from lrf3d.output import make_folder, replacing
+from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
 from lrf3d.scene.ground import Ground, paint_ground
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.walls import PaintedWalls, paint_walls
+
+_GROUND_SHARE = 0.25
+"""What the ground takes of a bake, against the walls."""
+
+_WORTH_KEEPING = 0.3
+"""Seconds of work from which on a stage is kept on disk: small rooms are painted as fast."""
+
+_MOST_KEPT = 256_000_000
+"""Bytes of all stages on disk; that of the city takes 14 million. The oldest go first."""
 
 
 class Stage(NamedTuple):
@@ -23,9 +52,98 @@ class Stage(NamedTuple):
     ground: Ground
 
 
-@lru_cache(maxsize=1)
-def stage_of(run: Run) -> Stage:
-    """Paint what can be seen of a run's world; that of the run asked for last is kept."""
+def stage_of(run: Run, progress: Progress = silent) -> Stage:
+    """Paint what can be seen of a run's world, or find it painted.
+
+    Args:
+        run: The run.
+        progress: Called with finished steps and their number while the light is baked.
+    """
+    kept = _in_memory(run)
+    if kept:
+        return kept[0]
     structures = Structures.from_run(run)
-    walls = paint_walls(structures)
-    return Stage(structures, walls, paint_ground(structures, walls.light))
+    place = _place(structures)
+    stage = _read(place, structures)
+    if stage is None:
+        began = time.process_time()
+        stage = _paint(structures, progress)
+        if time.process_time() - began > _WORTH_KEEPING:
+            _keep(place, stage)
+    kept.append(stage)
+    return stage
+
+
+@lru_cache(maxsize=1)
+def _in_memory(run: Run) -> list[Stage]:
+    """The stage of the run asked for last, once there is one."""
+    return []
+
+
+def _paint(structures: Structures, progress: Progress) -> Stage:
+    whole = 1
+
+    def report(done: int, total: int) -> None:
+        nonlocal whole
+        whole = total + max(1, round(_GROUND_SHARE * total))
+        progress(done, whole)
+
+    walls = paint_walls(structures, progress=report)
+    ground = paint_ground(structures, walls.light)
+    progress(whole, whole)
+    return Stage(structures, walls, ground)
+
+
+def _place(structures: Structures) -> Path:
+    """The file that a stage is kept in: its name says of what walls, and painted by what code."""
+    digest = hashlib.sha256(_stamp())
+    for field in fields(structures):
+        value = getattr(structures, field.name)
+        solids = field.name == "solids"
+        array = np.ascontiguousarray(shapely.to_wkb(value) if solids else value)
+        digest.update(f"{field.name} {array.shape}".encode())
+        digest.update(b"".join(array.tolist()) if solids else array.tobytes())
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(home) / "lrf3d" / f"{digest.hexdigest()[:32]}.stage"
+
+
+@cache
+def _stamp() -> bytes:
+    """What changes with the code of this package: its files, their sizes and times."""
+    package = Path(__file__).parents[1]
+    stamps: list[object] = [np.__version__, shapely.__version__, embreex_installed()]
+    for file in sorted(package.rglob("*.py")):
+        seen = file.stat()
+        stamps.append((str(file.relative_to(package)), seen.st_size, seen.st_mtime_ns))
+    return repr(stamps).encode()
+
+
+def _read(place: Path, structures: Structures) -> Stage | None:
+    """A stage that was kept, or None; one that cannot be read is painted again."""
+    try:
+        walls, ground = pickle.loads(place.read_bytes())
+        os.utime(place)
+    except Exception:
+        # A damaged pickle can raise anything.
+        return None
+    return Stage(structures, walls, ground)
+
+
+def _keep(place: Path, stage: Stage) -> None:
+    """Keep a stage, where files can be written, and remove the oldest ones."""
+    with suppress(OutputError, OSError):
+        make_folder(place.parent)
+        with replacing(place) as unfinished:
+            unfinished.write_bytes(pickle.dumps((stage.walls, stage.ground), 5))
+        for old in _beyond(place.parent, _MOST_KEPT):
+            old.unlink(missing_ok=True)
+
+
+def _beyond(folder: Path, most: int) -> Iterator[Path]:
+    """The stages in a folder that are too many [bytes], those used longest ago."""
+    found = [(file, file.stat()) for file in folder.glob("*.stage")]
+    total = 0
+    for file, seen in sorted(found, key=lambda each: -each[1].st_mtime_ns):
+        total += seen.st_size
+        if total > most:
+            yield file

@@ -101,6 +101,10 @@ def _cut(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:
 INDOOR_HEIGHT = 3.5
 """Walls up to here [m] are those of rooms: a storey; they get no windows and no sun."""
 
+_RECORDED_HEIGHT = 1.2
+"""Height [m] of walls in recorded drives, of which scans say nothing: these hide neither the robot
+nor the map from an eye behind it."""
+
 _PROBE = 0.005
 """How far beside a wall [m] its inside is felt for: less than any wall is thick."""
 
@@ -141,8 +145,14 @@ class Structures:
 
     @classmethod
     def from_run(cls, run: Run) -> "Structures":
-        """Find the solids of a run's world; outlines that it drove inside of are not."""
-        return cls.from_world(run.world, run.trajectory.poses[:, :2])
+        """Find the solids of a run's world; outlines that it drove inside of are not.
+
+        Walls that are known from scans alone are low.
+        """
+        world = run.world
+        if not run.knows_truth:
+            world = replace(world, heights=np.minimum(world.heights, _RECORDED_HEIGHT))
+        return cls.from_world(world, run.trajectory.poses[:, :2])
 
     @classmethod
     def from_world(cls, world: World, path: Float | None = None) -> "Structures":

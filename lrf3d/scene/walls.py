@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single, directions, lengths
-from lrf3d.scene.facades import CAP, FACADE, PLAIN, lay_roofs, lay_walls
+from lrf3d.progress import Progress, silent
+from lrf3d.scene.facades import CAP, FACADE, PLAIN, bare_above_foot, lay_roofs, lay_walls
 from lrf3d.scene.light import Light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
 from lrf3d.scene.roofs import build_tops, flat_faces, roof_faces
@@ -85,12 +86,15 @@ class PaintedWalls(NamedTuple):
     light: Light
 
 
-def paint_walls(structures: Structures, *, shadows: bool = True) -> PaintedWalls:
+def paint_walls(
+    structures: Structures, *, shadows: bool = True, progress: Progress = silent
+) -> PaintedWalls:
     """The faces of all walls and roofs as pictures show them.
 
     Args:
         structures: What the walls make up.
         shadows: Whether the sun's shadows are baked into them.
+        progress: Called with finished steps and their number while light is baked.
     """
     faces = wall_faces(structures)
     if shadows:
@@ -110,12 +114,13 @@ def paint_walls(structures: Structures, *, shadows: bool = True) -> PaintedWalls
     roofs = lay_roofs(_with_shadow(top.roofs, under[:, None, None]), indoor=structures.indoor)
     step = _STEP_INDOOR if structures.indoor else _STEP
     pieces, part = cut_small(pieces, step, _MOST_PIECES)
+    pieces = bare_above_foot(pieces, indoor=structures.indoor)
     # The two faces of a free wall are apart: a ray meets the one that looks at it.
     owner = number[owner][part]
     free = (owner >= int(structures.closed.sum())) & (owner < len(faces.quads))
     free &= pieces[:, 0, 5] < 0.5
     pieces[free, :, :3] += _APART * pieces[free, :, 3:6]
-    light = Light(structures, pieces, roofs)
+    light = Light(structures, pieces, roofs, progress)
     painted = Faces(
         _with_light(pieces, light.quads, indoor=structures.indoor),
         objects[owner],

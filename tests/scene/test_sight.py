@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from estimates import estimated
 from test_render import box, needs_gl, run_of
 
 from lrf3d.gltf import run_glb
@@ -118,3 +119,11 @@ def test_walls_in_sight_stay_as_they_are_and_others_are_cut():
     ]
     nothing = Sight.of(tall(np.add(HOUSE, 90e3)), path)
     assert not len(nothing.world.segments) and nothing.origin.tolist() == [5.0, 0.0]
+
+
+def test_walls_known_from_scans_alone_are_low_and_others_as_high_as_they_are():
+    run = run_of(tall(HOUSE), np.arange(3.0), [(-5, 0, 0), (-5, 1, 0), (-5, 2, 0)])
+    recorded = estimated(run, shift=(0.0, 0.0, 0.0))
+    assert Structures.from_run(run).heights == pytest.approx(8.0)
+    assert Structures.from_run(recorded).heights == pytest.approx(1.2)
+    assert recorded.world.heights == pytest.approx(8.0)
