@@ -268,6 +268,11 @@ class Slam:
         return self._closer.unconfirmed
 
     @property
+    def wheels(self) -> Wheels:
+        """What is known of the wheels' errors."""
+        return self._front.wheels
+
+    @property
     def wheel_biases(self) -> Float:
         """What the wheels measure systematically wrong (3,): see `lrf3d.slam.wheels`."""
         return self._front.wheels.biases
