@@ -159,7 +159,7 @@ def matched_lag(surface: Surfaces, path: WheelPath, places: Int, resolution: Res
         before, after = surface(number), surface(number + 1)
         if min(len(before), len(after)) < LEAST_POINTS or ways[number] > 0.5:
             continue
-        guess = np.array([ways[number], 0.0, at_scans[number + 1, 2] - at_scans[number, 2]])
+        guess = between(at_scans[number], at_scans[number + 1])
         grid = grid_of(evenly_spaced(before), resolution.along)
         match = match_scan(after, grid, guess, GUIDED, 20, 0.3, resolution.sigma)
         if match.explained > 0.5:
@@ -175,7 +175,8 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
         path: The way of the wheels.
         places: (k,) for each scan the index of the last odometry line before it.
     """
-    chosen = np.flatnonzero(np.isfinite(turns))
+    # Of scans without a line between them odometry says nothing, whatever the lag is.
+    chosen = np.flatnonzero(np.isfinite(turns) & (np.diff(places) > 0))
     if len(np.intersect1d(chosen, telling_pairs(path, places))) < LEAST_PAIRS:
         return 0.0
     ways = np.hypot(*np.diff(path.at(places.astype(np.float64))[:, :2], axis=0).T)[chosen]

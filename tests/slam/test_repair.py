@@ -10,6 +10,7 @@ from lrf3d.errors import InputError
 from lrf3d.io.laser_log import LaserLog, WheelRecord
 from lrf3d.slam import WheelErrors
 from lrf3d.slam.frames import between, compose
+from lrf3d.slam.lag import WheelPath, fitted_lag
 from lrf3d.slam.log import solve_recording
 from lrf3d.slam.repair import Repairs, repaired, without_jumps
 
@@ -154,6 +155,19 @@ def test_odometry_that_measures_twice_the_way_is_found_out(recorded, turn):
     assert (1.0 + found)[[0, 2]] == pytest.approx((1.0 / turn, 0.5), abs=0.1)
     assert solution.passes > 1
     assert errors(solution, true).max() < 0.06
+
+
+def test_the_lag_is_found_where_a_part_of_the_odometry_is_missing_and_in_reverse(recorded):
+    """Scans without a line between them fit no lag better than another; so do none by default."""
+    log, _ = recorded
+    rng = np.random.default_rng(0)
+    lines = np.arange(COUNT)
+    turns = 0.3 * rng.normal(size=COUNT).cumsum()
+    path = WheelPath(np.column_stack([-0.2 * lines, 0.0 * lines, turns]))
+    places = np.where(lines < 60, lines, np.maximum(lines - 40, 60))
+    seen = np.diff(path.at(lines - 0.5)[:, 2])
+    assert fitted_lag(seen, path, lines) == pytest.approx(0.5, abs=0.05)
+    assert fitted_lag(seen, path, places) == pytest.approx(0.5, abs=0.05)
 
 
 def test_odometry_that_jumps_everywhere_is_refused(recorded):
