@@ -31,10 +31,11 @@ CALIBRATED = 400
 """Scans at the beginning of a log that the errors of its wheels are first learned from. With them
 a loop of 460 m, driven with wheels 15 % off, closes ten times as well."""
 
-LEARNED = 0.01
-"""Wheels whose turn or way turns out to be wrong by more than this share, beside what was known at
+LEARNED, LEARNED_TURN = 0.012, 0.15
+"""Wheels whose way or turn turns out to be wrong by more than this share, beside what was known at
 first, have misplaced the beginning: the drive is solved once more. Around blocks of 400 to 640 m of
-corridor that takes half to three quarters of the error away; 0.02 leaves a part of it."""
+corridor that takes half to three quarters of the error away. Scans show turns, but hardly the way
+along a corridor, so that only large errors of turns matter."""
 
 MOST_PASSES = 3
 """How often a drive is solved at most."""
@@ -271,7 +272,8 @@ def solve_log(
         solution = _solved(drive, known, key_distance=key_distance, progress=progress)
         passes += 1
         change = (1.0 + solution.slam.wheel_biases) / (1.0 + before) - 1.0
-        if max(abs(change[0]), abs(change[2])) <= LEARNED or passes == MOST_PASSES:
+        as_known = abs(change[2]) <= LEARNED and abs(change[0]) <= LEARNED_TURN
+        if as_known or passes == MOST_PASSES:
             return replace(solution, passes=passes)
         known = solution.slam.wheels
 
