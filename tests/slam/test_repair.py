@@ -157,14 +157,13 @@ def test_odometry_that_measures_twice_the_way_is_found_out(recorded, turn):
     assert errors(solution, true).max() < 0.06
 
 
-def test_the_lag_is_found_where_a_part_of_the_odometry_is_missing_and_in_reverse(recorded):
-    """Scans without a line between them fit no lag better than another; so do none by default."""
-    log, _ = recorded
+def test_the_lag_is_found_where_a_part_of_the_odometry_is_missing():
+    """Scans without a line between them fit no lag better than another."""
     rng = np.random.default_rng(0)
-    lines = np.arange(COUNT)
-    turns = 0.3 * rng.normal(size=COUNT).cumsum()
+    lines = np.arange(300)
+    turns = 0.3 * rng.normal(size=300).cumsum()
     path = WheelPath(np.column_stack([-0.2 * lines, 0.0 * lines, turns]))
-    places = np.where(lines < 60, lines, np.maximum(lines - 40, 60))
+    places = np.minimum(lines, 40)
     seen = np.diff(path.at(lines - 0.5)[:, 2])
     assert fitted_lag(seen, path, lines) == pytest.approx(0.5, abs=0.05)
     assert fitted_lag(seen, path, places) == pytest.approx(0.5, abs=0.05)
