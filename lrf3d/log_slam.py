@@ -53,9 +53,7 @@ class SlamLog:
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         solution, tracked = self.solution, self.solution.slam.tracked
-        repairs, scale = solution.repairs, solution.wheel_scale
-        # The correction of the whole log, combined with the errors that were estimated after it.
-        biases = (1.0 + solution.slam.wheel_biases[[0, 2]]) * scale - 1.0
+        repairs, biases = solution.repairs, solution.slam.wheel_biases.tolist()
         return {
             "name": self.log.name,
             "log": {
@@ -76,10 +74,10 @@ class SlamLog:
             },
             "wheels": {
                 "lag_lines": solution.lag,
-                "turn_share": float(biases[0]),
-                "turn_rad_per_m": float(solution.slam.wheel_biases[1]),
-                "way_share": float(biases[1]),
-                "corrected_as_a_whole": scale != (1.0, 1.0),
+                "turn_share": biases[0],
+                "turn_rad_per_m": biases[1],
+                "way_share": biases[2],
+                "solved_times": solution.passes,
             },
             "slam": {
                 "length_m": self.run.trajectory.length,
@@ -109,10 +107,10 @@ class SlamLog:
         rows += [("", sentence) for sentence in self.solution.repairs.sentences()]
         text = f"lag {wheels['lag_lines']:.2f} lines, turn {wheels['turn_rad_per_m']:+.4f} rad/m"
         rows.append(("wheels", text))
-        if wheels["corrected_as_a_whole"]:
+        if wheels["solved_times"] > 1:
             turn, distance = 1.0 + wheels["turn_share"], 1.0 + wheels["way_share"]
             text = f"scans show {turn:.2f} times their turns and {distance:.2f} times their way"
-            rows.append(("", f"{text}: corrected, and solved once more"))
+            rows.append(("", f"{text}: solved {wheels['solved_times']} times to learn that"))
         closed = counted(slam["loop_closures"], "loop closure")
         if slam["loop_closures_dropped"]:
             closed += f", {slam['loop_closures_dropped']} more dropped"

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import Akima1DInterpolator
 
 from lrf3d.geometry import Float, Int
 from lrf3d.slam.frames import between
@@ -60,8 +59,7 @@ class WheelPath:
 
     def __init__(self, poses: Float) -> None:
         self._whole = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
-        lines = np.arange(len(poses), dtype=np.float64)
-        self._curve = Akima1DInterpolator(lines, self._whole) if len(poses) > 1 else None
+        self._slopes = akima_slopes(self._whole)
 
     def __len__(self) -> int:
         return len(self._whole)
@@ -74,9 +72,38 @@ class WheelPath:
     def at(self, places: NDArray[np.floating[Any]]) -> Float:
         """Poses (k, 3) at fractional places (k,) between the lines; headings go on over π."""
         inside = np.clip(places, 0.0, len(self._whole) - 1.0)
-        if self._curve is None:
+        if len(self._whole) == 1:
             return np.repeat(self._whole, len(inside), axis=0)
-        return np.asarray(self._curve(inside), dtype=np.float64)
+        first = np.minimum(inside.astype(np.int64), len(self._whole) - 2)
+        u = (inside - first)[:, None]
+        start, step = self._whole[first], self._whole[first + 1] - self._whole[first]
+        begin, end = self._slopes[first], self._slopes[first + 1]
+        # Hermite's cubic through both lines with their slopes.
+        bend = (1.0 - u) * (begin - step) - u * (end - step)
+        return np.asarray(start + u * (step + (1.0 - u) * bend))
+
+
+def akima_slopes(values: Float) -> Float:
+    """Slopes (n, c) of Akima's curves (1970) through values (n, c) that are one apart.
+
+    The slope at a value is the mean of those of the steps to both sides, each of which counts by
+    how little it differs from its own other neighbour: a step that is off bends the curve nearby.
+    """
+    if len(values) < 2:
+        return np.zeros(values.shape)
+    steps = np.diff(values, axis=0)
+    # Two more steps at each end go on as the last two change.
+    for _ in range(2):
+        last = steps[[0, -1]], steps[[min(1, len(steps) - 1), max(len(steps) - 2, 0)]]
+        before, after = 2.0 * last[0] - last[1]
+        steps = np.vstack([before, steps, after])
+    turns = np.abs(np.diff(steps, axis=0))
+    by_before, by_after = turns[2:], turns[:-2]
+    total = by_before + by_after
+    # Where the curve is straight to both sides the weights are rounding.
+    bent = total > 1e-9 * total.max(axis=0)
+    weights = np.where(bent, by_before / np.where(bent, total, 1.0), 0.5)
+    return np.asarray(weights * steps[1:-2] + (1.0 - weights) * steps[2:-1])
 
 
 def tracked_lag(surface: Surfaces, path: WheelPath, places: Int, resolution: Resolution) -> float:
@@ -132,7 +159,7 @@ def matched_lag(surface: Surfaces, path: WheelPath, places: Int, resolution: Res
         before, after = surface(number), surface(number + 1)
         if min(len(before), len(after)) < LEAST_POINTS or ways[number] > 0.5:
             continue
-        guess = np.array([ways[number], 0.0, at_scans[number + 1, 2] - at_scans[number, 2]])
+        guess = between(at_scans[number], at_scans[number + 1])
         grid = grid_of(evenly_spaced(before), resolution.along)
         match = match_scan(after, grid, guess, GUIDED, 20, 0.3, resolution.sigma)
         if match.explained > 0.5:
@@ -148,7 +175,8 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
         path: The way of the wheels.
         places: (k,) for each scan the index of the last odometry line before it.
     """
-    chosen = np.flatnonzero(np.isfinite(turns))
+    # Of scans without a line between them odometry says nothing, whatever the lag is.
+    chosen = np.flatnonzero(np.isfinite(turns) & (np.diff(places) > 0))
     if len(np.intersect1d(chosen, telling_pairs(path, places))) < LEAST_PAIRS:
         return 0.0
     ways = np.hypot(*np.diff(path.at(places.astype(np.float64))[:, :2], axis=0).T)[chosen]

@@ -6,7 +6,7 @@ leave, by Gauss-Newton over SE(2) with sparse normal equations. The error of an 
     e = (Rᵢᵀ(tⱼ − tᵢ) − z_t, θⱼ − θᵢ − z_θ)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -55,25 +55,12 @@ class Edges:
     @classmethod
     def joined(cls, parts: "list[Edges]") -> "Edges":
         """Edges of several kinds together."""
-        return cls(
-            np.concatenate([part.first for part in parts]),
-            np.concatenate([part.second for part in parts]),
-            np.concatenate([part.measured for part in parts]),
-            np.concatenate([part.information for part in parts]),
-            np.concatenate([part.robust for part in parts]),
-            np.concatenate([part.prior for part in parts]),
-        )
+        return cls(*(np.concatenate([getattr(part, each.name) for part in parts])
+                     for each in fields(cls)))  # fmt: skip
 
     def part(self, chosen: Bool) -> "Edges":
         """Some of the edges, of a mask (e,)."""
-        return Edges(
-            self.first[chosen],
-            self.second[chosen],
-            self.measured[chosen],
-            self.information[chosen],
-            self.robust[chosen],
-            self.prior[chosen],
-        )
+        return Edges(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
     def errors(self, poses: Float) -> Float:
         """Errors (e, 3) [m, rad] at poses (k, 3)."""

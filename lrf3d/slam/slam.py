@@ -23,7 +23,7 @@ from lrf3d.slam.pose_graph import Edges, optimised
 from lrf3d.slam.refinement import refined
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.surface import surface_of_scan
-from lrf3d.slam.uncertainty import joint_covariance, relative_covariance, scaled, variance_factor
+from lrf3d.slam.uncertainty import honest, joint_covariance, relative_covariance, variance_factor
 from lrf3d.slam.wheels import Wheels
 
 EDGE_SHARE = 0.3
@@ -157,10 +157,15 @@ class Slam:
 
         It takes a step over the whole pose graph, and is computed when it is asked for.
         """
-        if len(self._closer.keys) < 2:
+        poses, edges = self._key_poses, self._gathered_edges()
+        if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
+            last = self._edge_to_last()
+            poses = np.vstack([poses, compose(poses[-1], last.measured[0])])
+            edges = Edges.joined([edges, last])
+        if len(poses) < 2:
             return np.zeros((3, 3))
-        poses = self._key_poses
-        return self._turned(joint_covariance(poses, self._honest_edges(), [len(poses) - 1]))
+        edges = honest(poses, edges, self._deviation())
+        return self._turned(joint_covariance(poses, edges, [len(poses) - 1]))
 
     def covariances(self, numbers: Sequence[int] | Int) -> Float:
         """Covariances (m, 3, 3) of the poses of some key scans, x, y [m], theta [rad].
@@ -198,15 +203,13 @@ class Slam:
 
     def _honest_edges(self) -> Edges:
         """The edges of the pose graph with covariances as closures and deviations show them."""
-        edges = self._gathered_edges()
-        return scaled(edges, self._variance_factor(edges))
+        return honest(self._key_poses, self._gathered_edges(), self._deviation())
 
-    def _variance_factor(self, edges: Edges) -> float:
-        """What the covariances that matching gives are to be multiplied with."""
+    def _deviation(self) -> float:
+        """How far matched points lie off their walls, over what one counts with."""
         matched = [scan.deviation for scan in self._tracked if scan.matched]
         sigma = self._resolution.sigma
-        deviation = float(np.median(matched)) if matched else sigma
-        return variance_factor(self._key_poses, edges, deviation / sigma)
+        return float(np.median(matched)) / sigma if matched else 1.0
 
     def _turned(self, covariance: Float) -> Float:
         """A covariance since the start along the axes of the world."""
@@ -268,6 +271,11 @@ class Slam:
         return self._closer.unconfirmed
 
     @property
+    def wheels(self) -> Wheels:
+        """What is known of the wheels' errors."""
+        return self._front.wheels
+
+    @property
     def wheel_biases(self) -> Float:
         """What the wheels measure systematically wrong (3,): see `lrf3d.slam.wheels`."""
         return self._front.wheels.biases
@@ -311,6 +319,17 @@ class Slam:
         self._new_edges = []
         return self._edges
 
+    def _edge_to_last(self) -> Edges:
+        """The edge from the last key scan to the last scan."""
+        tracked, number = self._tracked[-1], np.array([self._key_count])
+        relative = between(self._closer.keys[-1].pose, tracked.pose)
+        # The information is along the axes of the new pose; the edge's is along the old one's.
+        turn = float(relative[2])
+        wheels = turned(np.diag(1.0 / self._wheel_covariance.diagonal()), turn)
+        information = turned(EDGE_SHARE * tracked.information, turn) + wheels
+        never = np.array([False])
+        return Edges(number - 1, number, relative[None], information[None], never, wheels[None])
+
     def _add_key(self, scan: LaserScan, surface: Float, walls: Float) -> None:
         """Add a vertex for the newest scan to the pose graph, and the loops that it closes."""
         tracked, keys = self._tracked[-1], self._closer.keys
@@ -321,17 +340,9 @@ class Slam:
         self._scans.append(scan)
         new = np.zeros(3)
         if keys:
-            relative = between(keys[-1].pose, key.pose)
-            new = compose(self._key_poses[-1], relative)
-            # The information is along the axes of the new pose; the edge's is along the old one's.
-            turn = float(relative[2])
-            wheels = turned(np.diag(1.0 / self._wheel_covariance.diagonal()), turn)
-            information = turned(EDGE_SHARE * tracked.information, turn) + wheels
-            number = np.array([len(keys)])
-            never = np.array([False])
-            self._new_edges.append(
-                Edges(number - 1, number, relative[None], information[None], never, wheels[None])
-            )
+            edge = self._edge_to_last()
+            new = compose(self._key_poses[-1], edge.measured[0])
+            self._new_edges.append(edge)
         self._wheel_covariance = np.zeros((3, 3))
         if self._key_count == len(self._room):
             self._room = np.concatenate([self._room, np.empty_like(self._room)])
@@ -347,7 +358,7 @@ class Slam:
                 edges = self._gathered_edges()
                 poses = optimised(self._key_poses, edges, ONLINE_ITERATIONS)
                 self._room[: len(poses)] = poses
-                self._variance = min(self._variance_factor(edges), 1.0)
+                self._variance = min(variance_factor(poses, edges, self._deviation()), 1.0)
         self._show_keys()
 
 

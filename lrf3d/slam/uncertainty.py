@@ -24,8 +24,21 @@ CORRELATED = 1.3
 the errors of one local map. Measured by `benchmarks/slam_consistency.py` with known truth: with 3
 covariances are three times too large where loops are many."""
 
+CANCELLING = 0.3
+"""Share of the closures' residuals that edges between following key scans count with. The noise of
+a scan enters two of them, and cancels: along a way much less adds up than each edge is off by."""
 
-def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
+SHARED = 2.5
+"""And that closures count with: those of one stretch are matched with the same map, share its
+errors, and so fit each other better than the truth."""
+
+BLUNT = 6.0
+"""By how much closures are less sure of a direction that few points fix: in simulated drives they
+are off by five times their variance along it, and by twice across it, for these points are of one
+jamb or corner, and share its errors."""
+
+
+def variance_factor(poses: Float, edges: Edges, deviation: float, share: float = 1.0) -> float:
     """What the covariances that matching gives are to be multiplied with.
 
     Those of the odometry are not: how far wheels slip does not depend on how sharp scans are.
@@ -34,17 +47,37 @@ def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
         poses: (k, 3) that fit the edges best.
         edges: The edges.
         deviation: RMS distance of matched points to their walls, over what one counts with.
+        share: What the squared residuals of closures count with.
     """
     residuals = 3.0 * float(edges.robust.sum())
-    squares = float((edges.weights(poses) * edges.squares(poses)).sum())
+    squares = share * float((edges.weights(poses) * edges.squares(poses)).sum())
     before = KNOWN_BEFORE * (DEVIATIONS * deviation) ** 2
     return CORRELATED * (squares + before) / (residuals + KNOWN_BEFORE)
 
 
-def scaled(edges: Edges, variance: float) -> Edges:
-    """Edges with the covariances that matching gives multiplied by a variance factor."""
+def honest(poses: Float, edges: Edges, deviation: float) -> Edges:
+    """Edges with covariances as large as errors are; arguments are those of `variance_factor`."""
+    following = variance_factor(poses, edges, deviation, CANCELLING)
+    closing = variance_factor(poses, edges, deviation, SHARED)
     matched = edges.information - edges.prior
-    return replace(edges, information=edges.prior + matched / variance)
+    matched[edges.robust] = blunted(matched[edges.robust])
+    variances = np.where(edges.robust, closing, following)[:, None, None]
+    return replace(edges, information=edges.prior + matched / variances)
+
+
+def blunted(information: Float) -> Float:
+    """Information (e, 3, 3) with less about the direction that is fixed worst: see `BLUNT`.
+
+    Where all directions are fixed alike nothing changes.
+    """
+    turn = np.maximum(information[:, 2, 2], 1e-9)[:, None, None]
+    coupled = information[:, :2, 2, None] * information[:, None, :2, 2] / turn
+    values, axes = np.linalg.eigh(information[:, :2, :2] - coupled)
+    weak, strong = np.maximum(values, 1e-9).T
+    values[:, 0] = weak / (1.0 + (BLUNT - 1.0) * (1.0 - np.sqrt(weak / strong)))
+    less = information.copy()
+    less[:, :2, :2] = coupled + (axes * values[:, None, :]) @ axes.transpose(0, 2, 1)
+    return less
 
 
 def joint_covariance(poses: Float, edges: Edges, numbers: list[int]) -> Float:

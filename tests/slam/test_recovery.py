@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import lrf3d
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.log import solve_log
 from lrf3d.slam.repair import without_jumps
@@ -44,6 +45,22 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
     poses = np.array([scan.pose for scan in solution.slam.tracked])
     wrong = np.abs(between(poses[:-1], poses[1:]) - between(true[:-1], true[1:]))
     assert wrong.max() < 0.15
+
+
+def test_around_a_block_of_corridors_the_wheels_are_learned_on_the_way(monkeypatch):
+    """The first corridors show nothing along them, and a loop closes at any scale."""
+    monkeypatch.setattr("lrf3d.slam.log.CALIBRATED", 100)
+    rng = np.random.default_rng(4)
+    bare = [[0, 0, 30, 0], [30, 0, 30, 20], [30, 20, 0, 20], [0, 20, 0, 0]]
+    block = [[2.4, 2.4, 27.6, 2.4], [27.6, 2.4, 27.6, 17.6], [27.6, 17.6, 2.4, 17.6]]
+    niches = [[x, 20.0, x, 19.0 - rng.uniform(0.0, 0.4)] for x in np.arange(4.0, 27.0, 3.0)]
+    world = lrf3d.World([*bare, *block, [2.4, 17.6, 2.4, 2.4], *niches])
+    route = [(1.2, 0.8), (28.8, 0.8), (28.8, 18.8), (1.2, 18.8), (1.2, 1.8), (10.0, 1.8)]
+    scans, wheels, true = drive(world, route, bias=0.0, lrf=lrf3d.LaserRangeFinder(range_max=10.0))
+    steps = between(wheels[:-1], wheels[1:]) * [1.06, 1.06, 1.0]
+    solution = solve_log(scans, way_of(wheels[0], steps), np.arange(len(scans)))
+    assert solution.passes == 2
+    assert errors(true, solution.scan_poses).max() < 0.5
 
 
 def test_lines_far_apart_are_no_jumps_but_what_is_far_beyond_them_is():

@@ -10,7 +10,8 @@ from lrf3d.errors import InputError
 from lrf3d.io.laser_log import LaserLog, WheelRecord
 from lrf3d.slam import WheelErrors
 from lrf3d.slam.frames import between, compose
-from lrf3d.slam.log import scaled_wheels, solve_recording
+from lrf3d.slam.lag import WheelPath, fitted_lag
+from lrf3d.slam.log import solve_recording
 from lrf3d.slam.repair import Repairs, repaired, without_jumps
 
 COUNT = 100
@@ -144,21 +145,28 @@ def test_stamps_that_fall_now_and_then_do_not_change_the_order(recorded):
 @pytest.mark.parametrize("turn", [1.0, 2.0])
 def test_odometry_that_measures_twice_the_way_is_found_out(recorded, turn):
     log, true = recorded
-    doubled = scaled_wheels(log.wheels.poses, turn, 2.0)
+    steps = between(log.wheels.poses[:-1], log.wheels.poses[1:]) * [2.0, 2.0, turn]
+    doubled = [log.wheels.poses[0]]
+    for step in steps:
+        doubled.append(compose(doubled[-1], step))
+    doubled = np.array(doubled)
     solution = solve_recording(replace(log, wheels=replace(log.wheels, poses=doubled)))
-    assert solution.wheel_scale == pytest.approx((1.0 / turn, 0.5), abs=0.1)
+    found = solution.slam.wheel_biases
+    assert (1.0 + found)[[0, 2]] == pytest.approx((1.0 / turn, 0.5), abs=0.1)
+    assert solution.passes > 1
     assert errors(solution, true).max() < 0.06
 
 
-def test_scaled_wheels_are_the_wheels_with_other_steps():
+def test_the_lag_is_found_where_a_part_of_the_odometry_is_missing():
+    """Scans without a line between them fit no lag better than another."""
     rng = np.random.default_rng(0)
-    wheels = np.cumsum(rng.normal(size=(20, 3)), axis=0)
-    assert scaled_wheels(wheels, 1.0, 1.0) == pytest.approx(
-        np.column_stack([wheels[:, :2], np.angle(np.exp(1j * wheels[:, 2]))])
-    )
-    steps = between(wheels[:-1], wheels[1:])
-    other = scaled_wheels(wheels, 0.5, 3.0)
-    assert between(other[:-1], other[1:]) == pytest.approx(steps * [3.0, 3.0, 0.5])
+    lines = np.arange(300)
+    turns = 0.3 * rng.normal(size=300).cumsum()
+    path = WheelPath(np.column_stack([-0.2 * lines, 0.0 * lines, turns]))
+    places = np.minimum(lines, 40)
+    seen = np.diff(path.at(lines - 0.5)[:, 2])
+    assert fitted_lag(seen, path, lines) == pytest.approx(0.5, abs=0.05)
+    assert fitted_lag(seen, path, places) == pytest.approx(0.5, abs=0.05)
 
 
 def test_odometry_that_jumps_everywhere_is_refused(recorded):

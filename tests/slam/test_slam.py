@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import shapely
+from scipy.interpolate import Akima1DInterpolator
 
 import lrf3d
 from lrf3d.errors import InputError
@@ -172,6 +173,16 @@ def test_between_lines_a_turning_robot_is_where_it_is():
     assert path.at(fine)[:, 2] == pytest.approx(0.5 * (0.2 * fine) ** 2, abs=1e-3)
     straight = np.interp(fine, np.arange(len(times)), 0.5 * times**2)
     assert np.abs(straight - 0.5 * (0.2 * fine) ** 2).max() > 4e-3
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 50])
+def test_the_way_between_lines_is_that_of_scipys_akima_curves(count):
+    rng = np.random.default_rng(count)
+    poses = 0.1 * rng.normal(size=(count, 3)).cumsum(axis=0)
+    poses[10:20] = poses[10:11]
+    places = rng.uniform(0.0, count - 1.0, 100)
+    curve = Akima1DInterpolator(np.arange(count), poses)
+    assert WheelPath(poses).at(places) == pytest.approx(curve(places), abs=1e-12)
 
 
 @pytest.mark.parametrize("beams", [11, 30])
