@@ -19,7 +19,7 @@ from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose, as_poses
 
 if TYPE_CHECKING:
-    from lrf3d.casting.kernels.light import Lit
+    from lrf3d.casting.kernels.echoes import Lit
     from lrf3d.casting.lighting import Lighting
 
 PIECES_A_CORE = 8
