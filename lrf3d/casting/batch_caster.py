@@ -91,11 +91,16 @@ class BatchCaster(ABC):
             >>> caster.cast(ahead, (0, 0, 0)).ranges.tolist()
             [6.0]
         """
-        pose = as_pose(pose)
-        if self._lights is not None:
-            chains: Int = self._lit(lrf, np.array([pose]), chains=True).chains[0]
-            return chains[:, : max(1, int((chains >= 0).sum(axis=1).max(initial=0)))]
-        return self.cast(lrf, pose).walls[:, None]
+        chains = self.chain_batch(lrf, [as_pose(pose)])[1][0]
+        return chains[:, : max(1, int((chains >= 0).sum(axis=1).max(initial=0)))]
+
+    def chain_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> tuple[Float, Int]:
+        """Ranges (k, beams) from poses (k, 3), and the walls (k, beams, n) on the ways, then −1."""
+        if self._lights is None:
+            ranges, walls = self.scan_batch(lrf, poses)
+            return ranges, walls[:, :, None]
+        lit = self._lit(lrf, np.ascontiguousarray(as_poses(poses)), chains=True)
+        return lit.ranges, lit.chains
 
     def light_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int, Float]:
         """Ranges, walls and intensities (k, beams) from poses (k, 3), on all cores.
