@@ -91,8 +91,10 @@ class BatchCaster(ABC):
             >>> caster.cast(ahead, (0, 0, 0)).ranges.tolist()
             [6.0]
         """
-        chains = self.chain_batch(lrf, [as_pose(pose)])[1][0]
-        return chains[:, : max(1, int((chains >= 0).sum(axis=1).max(initial=0)))]
+        chains: Int = self.chain_batch(lrf, [as_pose(pose)])[1][0]
+        longest = max(1, int((chains >= 0).sum(axis=1).max(initial=0)))
+        found: Int = chains[:, :longest]
+        return found
 
     def chain_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> tuple[Float, Int]:
         """Ranges (k, beams) from poses (k, 3), and the walls (k, beams, n) on the ways, then −1."""

@@ -1,8 +1,9 @@
 """Ways of beams through mirrors and glass, with a bound on every rounding error.
 
 Walls, a laser and its beams come in; what leaves are all ways on which light may return, and which
-beams the bounds leave open. The arithmetic is that of long doubles, of 64 bits, on all beams at
-once: it shares no code with lrf3d, and tests every wall on every leg.
+beams the bounds leave open. The arithmetic is that of long doubles, of 64 bits where the
+machine has them, on all beams at once: it shares no code with lrf3d, and tests every wall on every
+leg.
 """
 
 from typing import Any, NamedTuple
@@ -166,7 +167,8 @@ def _turned(along: Long, turn: Long) -> Long:
     """Directions (r, 2), mirrored by walls that run along (r, 2)."""
     slope = turn[:, 0] * along[:, 1] - turn[:, 1] * along[:, 0]
     twice = 2 * slope / (along**2).sum(axis=1)
-    return turn + twice[:, None] * np.column_stack([-along[:, 1], along[:, 0]])
+    turned: Long = turn + twice[:, None] * np.column_stack([-along[:, 1], along[:, 0]])
+    return turned
 
 
 def _shares(along: Long, turn: Long, clear: Bool) -> tuple[Float, Float]:
