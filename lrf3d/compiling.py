@@ -53,10 +53,29 @@ def compiled(function: Kernel) -> Kernel:
 
 def inner(function: Kernel) -> Kernel:
     """Decorate a kernel that only kernels call, and that becomes part of them."""
+    return _inner(function)
+
+
+def _inner(function: Kernel, **options: Any) -> Kernel:
     known = numba.version_info.short == _LINKED_NUMBA
-    options = {"pipeline_class": _InnerCompiler} if known else {}
+    if known:
+        options["pipeline_class"] = _InnerCompiler
     kernel: Kernel = _kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
     return kernel
+
+
+def borrower(function: Kernel) -> Kernel:
+    """Decorate an inner kernel that neither makes nor returns arrays, and becomes part of its user.
+
+    Its callers hold the arrays that it gets, so it counts no references to them. Each count is an
+    atomic operation, which takes longer than the test of a wall, and so does handing on arrays.
+
+    Raises:
+        TypeError: It returns arrays.
+    """
+    if "ndarray" in repr(function.__annotations__.get("return")):
+        raise TypeError(f"kernel {function.__qualname__} returns an array that it does not hold")
+    return _inner(function, _nrt=False, forceinline=True)
 
 
 def _kernel(function: Callable[..., Any], **options: Any) -> Any:

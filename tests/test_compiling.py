@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from lrf3d import compiling
+from lrf3d.geometry import Float
 
 PARTS = """
 from typing import NamedTuple
@@ -137,3 +138,11 @@ def test_other_streams_stay_as_they_are(load, capsys):
     compiling._announce.cache_clear()
     run(load())
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_kernel_that_counts_no_references_may_not_return_arrays():
+    def kernel(row: Float) -> tuple[Float, int]:
+        return row, 1
+
+    with pytest.raises(TypeError, match="returns an array"):
+        compiling.borrower(kernel)

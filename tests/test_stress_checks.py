@@ -6,6 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from lrf3d import PlanarCaster
 from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import wrap_angle
 from lrf3d.localization import PoseEstimate
@@ -21,6 +22,9 @@ SLOW = "planned in", "rooms of"
 """What takes seconds: a short run of stress tries it too."""
 
 LIGHT = [c for c in CASES if c.tries and not c.heavy and not any(s in c.name for s in SLOW)]
+
+
+MIRRORS = [case for case in CASES if case.part == "light"]
 
 
 @pytest.mark.parametrize("case", LIGHT, ids=lambda case: case.name)
@@ -120,3 +124,25 @@ def test_walls_far_from_the_window_change_no_free_space():
     spaces = [find_free_space(world, least=0.65, clearance=2.0) for world in (both, more)]
     near = [space.cells[np.abs(space.cells).max(axis=1) < 200.0] for space in spaces]
     assert len(near[0]) > 1000 and np.array_equal(*near)
+
+
+@pytest.mark.parametrize("case", MIRRORS, ids=lambda case: case.name)
+def test_every_wall_of_each_way_through_mirrors_and_glass_is_right(case):
+    found = case.attempt(np.random.default_rng(1), 1000, 10)
+    assert found.failed == 0 and found.tried >= 1000, found.examples
+    assert found.counts["outright_by_rationals"] >= 10
+    assert found.counts["certified_by_bound"] > 800
+
+
+def test_a_caster_that_names_a_wrong_wall_on_the_way_fails(monkeypatch):
+    truth = PlanarCaster.chains
+
+    def renamed(self, lrf, pose):
+        chains = truth(self, lrf, pose)
+        chains[chains[:, 1] >= 0, 0] += 1
+        return chains
+
+    monkeypatch.setattr(PlanarCaster, "chains", renamed)
+    found = MIRRORS[0].attempt(np.random.default_rng(1), 1000, 0)
+    assert found.failed == found.counts["planar.wrong"] > 50
+    assert found.counts["embree.wrong"] == 0

@@ -19,7 +19,7 @@ from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose, as_poses
 
 if TYPE_CHECKING:
-    from lrf3d.casting.kernels.light import Lit
+    from lrf3d.casting.kernels.echoes import Lit
     from lrf3d.casting.lighting import Lighting
 
 PIECES_A_CORE = 8
@@ -91,11 +91,18 @@ class BatchCaster(ABC):
             >>> caster.cast(ahead, (0, 0, 0)).ranges.tolist()
             [6.0]
         """
-        pose = as_pose(pose)
-        if self._lights is not None:
-            chains: Int = self._lit(lrf, np.array([pose]), chains=True).chains[0]
-            return chains[:, : max(1, int((chains >= 0).sum(axis=1).max(initial=0)))]
-        return self.cast(lrf, pose).walls[:, None]
+        chains: Int = self.chain_batch(lrf, [as_pose(pose)])[1][0]
+        longest = max(1, int((chains >= 0).sum(axis=1).max(initial=0)))
+        found: Int = chains[:, :longest]
+        return found
+
+    def chain_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> tuple[Float, Int]:
+        """Ranges (k, beams) from poses (k, 3), and the walls (k, beams, n) on the ways, then −1."""
+        if self._lights is None:
+            ranges, walls = self.scan_batch(lrf, poses)
+            return ranges, walls[:, :, None]
+        lit = self._lit(lrf, np.ascontiguousarray(as_poses(poses)), chains=True)
+        return lit.ranges, lit.chains
 
     def light_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int, Float]:
         """Ranges, walls and intensities (k, beams) from poses (k, 3), on all cores.

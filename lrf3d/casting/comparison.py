@@ -15,7 +15,7 @@ from lrf3d.casting.embree import EmbreeCaster
 from lrf3d.casting.embree_library import require_embreex
 from lrf3d.casting.planar import PlanarCaster
 from lrf3d.casting.raw_embree import RawEmbreeCaster
-from lrf3d.geometry import Bool, Float
+from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import as_poses
 from lrf3d.progress import Progress, silent
@@ -35,6 +35,7 @@ class Difference:
         planar: Range [m] and wall of the planar caster.
         embree: Range [m] and wall of Embree.
         cause: The cause of the difference.
+        chains: The walls on the way of each caster's beam, mirrors and glass before the last.
     """
 
     scan: int
@@ -42,14 +43,15 @@ class Difference:
     planar: tuple[float, int]
     embree: tuple[float, int]
     cause: Cause
+    chains: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())
 
     def as_dict(self) -> dict[str, object]:
         """The difference in JSON's types; the range of a beam without return is null."""
         return {
             "scan": self.scan,
             "beam": self.beam,
-            "planar": {"range": _finite(self.planar[0]), "wall": self.planar[1]},
-            "embree": {"range": _finite(self.embree[0]), "wall": self.embree[1]},
+            "planar": _answer(self.planar, self.chains[0]),
+            "embree": _answer(self.embree, self.chains[1]),
             "cause": str(self.cause),
         }
 
@@ -124,6 +126,8 @@ def crosscheck(
 ) -> CrossCheck:
     """Cast the beams from poses (k, 3) with both casters, and compare every range and wall.
 
+    In a world of mirrors and glass every wall of each way is compared.
+
     Args:
         world: The walls.
         lrf: The range finder.
@@ -143,17 +147,29 @@ def crosscheck(
     """
     require_embreex("a cross-check")
     poses = as_poses(poses)
+    if raw and world.materials:
+        # Bare Embree ends at mirrors and glass.
+        world = World(world.segments, world.objects, world.heights)
     planar = PlanarCaster(world)
     other = RawEmbreeCaster(world) if raw else EmbreeCaster(world)
     largest, hits = 0.0, 0
     differences: list[Difference] = []
     for start in range(0, len(poses), POSES_COMPARED):
         part = poses[start : start + POSES_COMPARED]
-        a, b = Answers(*planar.scan_batch(lrf, part)), Answers(*other.scan_batch(lrf, part))
+        chains = np.empty((2, 0, 0, 0), np.int64)
+        if isinstance(other, EmbreeCaster):
+            (first, ways), (second, others) = (
+                caster.chain_batch(lrf, part) for caster in (planar, other)
+            )
+            chains = np.stack([ways, others])
+            a, b = Answers(first, _last(ways)), Answers(second, _last(others))
+        else:
+            a, b = Answers(*planar.scan_batch(lrf, part)), Answers(*other.scan_batch(lrf, part))
         same, gap = _compared(a, b)
+        same &= (chains[0] == chains[1]).all(axis=2) if chains.size else True
         largest = max(largest, float(gap[same].max(initial=0.0)))
         hits += int(np.isfinite(a.ranges).sum())
-        differences += _differences(world, lrf, part, start, a, b, same)
+        differences += _differences(world, lrf, part, start, (a, b), chains, same)
         progress(min(start + POSES_COMPARED, len(poses)), len(poses))
     return CrossCheck(
         len(poses) * lrf.beams, hits, largest, tuple(differences), raw, resolution(world, lrf)
@@ -174,8 +190,8 @@ def _differences(
     lrf: LaserRangeFinder,
     poses: Float,
     first: int,
-    a: Answers,
-    b: Answers,
+    answers: tuple[Answers, Answers],
+    chains: Int,
     same: Bool,
 ) -> list[Difference]:
     """The beams that differ, with their causes; the first scan has the number ``first``."""
@@ -185,8 +201,7 @@ def _differences(
     directions = np.array(
         [lrf.directions(poses[scan])[beam] for scan, beam in zip(scans, beams, strict=True)]
     )
-    a = Answers(a.ranges[scans, beams], a.walls[scans, beams])
-    b = Answers(b.ranges[scans, beams], b.walls[scans, beams])
+    a, b = (Answers(one.ranges[scans, beams], one.walls[scans, beams]) for one in answers)
     causes = explain(world, lrf, poses[scans, :2], directions, a, b)
     return [
         Difference(
@@ -195,9 +210,30 @@ def _differences(
             (float(a.ranges[i]), int(a.walls[i])),
             (float(b.ranges[i]), int(b.walls[i])),
             cause,
+            (_way(chains[0, scans[i], beams[i]]), _way(chains[1, scans[i], beams[i]]))
+            if chains.size
+            else ((), ()),
         )
         for i, cause in enumerate(causes)
     ]
+
+
+def _last(chains: Int) -> Int:
+    """The last walls (k, beams) of chains (k, beams, n); −1 where there is none."""
+    count = (chains >= 0).sum(axis=2)
+    found: Int = np.take_along_axis(chains, np.maximum(count - 1, 0)[..., None], 2)[..., 0]
+    return found
+
+
+def _way(chain: Int) -> tuple[int, ...]:
+    """The walls of a chain that −1 fills up."""
+    return tuple(chain[chain >= 0].tolist())
+
+
+def _answer(found: tuple[float, int], chain: tuple[int, ...]) -> dict[str, object]:
+    """A range, its wall and, where there is more than that, the walls on the way."""
+    answer: dict[str, object] = {"range": _finite(found[0]), "wall": found[1]}
+    return {**answer, "chain": list(chain)} if len(chain) > 1 else answer
 
 
 def _finite(value: float) -> float | None:

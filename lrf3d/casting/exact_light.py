@@ -17,7 +17,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from lrf3d.casting.exact import _meet, integers
-from lrf3d.casting.kernels.light import MOST_ECHOES, MOST_TURNS, MOST_WALLS
+from lrf3d.casting.kernels.echoes import MOST_ECHOES, MOST_WALLS
+from lrf3d.casting.kernels.light import MOST_TURNS
 from lrf3d.geometry import Float
 from lrf3d.laser.light import LEAST_SHARE, brightness, intensity, shares
 from lrf3d.world.materials import PLAIN, Material

@@ -5,6 +5,7 @@ intensities of the echoes that the laser reports. Compiled code follows the beam
 glass, and rationals decide what it leaves open.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from lrf3d.casting.exact import RationalCaster
 from lrf3d.casting.exact_light import Echo, ExactLight
-from lrf3d.casting.kernels.light import (
+from lrf3d.casting.kernels.echoes import (
     FIRST,
     LAST,
     MOST_ECHOES,
@@ -20,12 +21,12 @@ from lrf3d.casting.kernels.light import (
     STRONGEST,
     Lit,
     Receiver,
-    light_scans,
     report,
 )
+from lrf3d.casting.kernels.light import light_scans
 from lrf3d.casting.kernels.scans import laser_of
 from lrf3d.casting.kernels.tree import Tree
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 from lrf3d.world.materials import PLAIN, Material
@@ -41,12 +42,14 @@ class _Level(NamedTuple):
 
     Attributes:
         tree: The tree over them.
+        solid: (m,) which of them, in the order of the tree, let nothing pass.
         places: (n,) row of each wall of the world in the tree, or −1.
         tall: (m,) which walls of the world they are.
         exact: The same walls for rationals.
     """
 
     tree: Tree
+    solid: Bool
     places: Int
     tall: Int
     exact: ExactLight
@@ -73,6 +76,9 @@ class Lighting:
         self._table = np.array(
             [(*one.optics, float(one.mirrors), float(one.passes)) for one in rows]
         ).reshape(-1, 8)
+        along = world.segments[:, 2:] - world.segments[:, :2]
+        bright = np.array([_dullness(one) for one in rows])[self._kinds]
+        self._dull = along * (bright / lengths(world.segments))[:, None]
         self._heights = np.unique(world.heights)
 
     def empty(self, lrf: LaserRangeFinder, count: int, *, chains: bool = False) -> Lit:
@@ -113,8 +119,15 @@ class Lighting:
             lit.ranges[:], lit.walls[:], lit.undecided[:] = np.inf, -1, True
         else:
             cast(poses, lit.ranges, lit.walls)
-            optics = self._world.segments, self._kinds, self._table, level.places
-            light_scans(level.tree[:], optics, receiver[:], laser_of(lrf), poses, lit[:])
+            optics = self._world.segments, self._kinds, self._table, self._dull
+            light_scans(
+                level.tree[:],
+                (*optics, level.places, level.solid),
+                receiver[:],
+                laser_of(lrf),
+                poses,
+                lit[:],
+            )
             lit.undecided[self._rationals.all_needed(poses)] = True
         if lit.undecided.any():
             for row in np.flatnonzero(lit.undecided.any(axis=1)).tolist():
@@ -142,11 +155,12 @@ class Lighting:
             tree = self._tree(height)
             places = np.full(len(self._world.segments), -1, np.int64)
             places[tree.rows] = np.arange(len(tree.rows))
+            solid = self._table[self._kinds[tree.rows], 7] == 0.0
             tall = np.flatnonzero(self._world.heights >= height)
             objects = self._world.objects[tall].tolist()
             materials: list[Material | None] = [self._of_objects[number] for number in objects]
             exact = ExactLight(self._world.segments[tall], materials)
-            self._levels[number] = _Level(tree, places, tall, exact)
+            self._levels[number] = _Level(tree, solid, places, tall, exact)
         return self._levels[number]
 
 
@@ -154,6 +168,13 @@ def receiver_of(lrf: LaserRangeFinder) -> Receiver:
     """What a range finder makes of the light, for kernels."""
     range_min, choice = float(lrf.range_min), CHOICES[lrf.echo]
     return Receiver(float(lrf.threshold), float(lrf.near_field), choice, range_min)
+
+
+def _dullness(material: Material) -> float:
+    """How bright a material that only scatters light is at a right angle; NaN for another one."""
+    if material.mirrors or material.passes or material.specular:
+        return math.nan
+    return material.diffuse + material.retro
 
 
 def _rows(lit: Lit, rows: int | slice) -> Lit:

@@ -66,7 +66,8 @@ def brightness(
         lobe: Standard deviation of the lobe [rad].
     """
     bright = (diffuse + retro) * cos
-    if mirrored > 0.0 and lobe > 0.0:
+    # Beyond forty standard deviations float64 has no light left, and exp takes its longest.
+    if mirrored > 0.0 and lobe > 0.0 and sin < 20.0 * lobe:
         angle = 2.0 * math.atan2(sin, cos) / lobe
         # A share of 1 that is reflected diffusely has the density 1 / π along the normal.
         bright += mirrored / (2.0 * lobe * lobe) * math.exp(-0.5 * angle * angle)

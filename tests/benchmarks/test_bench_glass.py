@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.glass import images, measure, samples, with_glass
+from benchmarks.glass import cost, images, measure, samples, with_glass
 from lrf3d import LaserRangeFinder, World, load_world, simulate
 from lrf3d.geometry import lengths
 
@@ -36,3 +36,11 @@ def test_glass_of_the_city_is_found_and_no_image_is_mapped():
     seen, found, marked, right, ghosts, segments = measure(load_world("city"), 0, lrf, 40, 0.1)
     assert seen > 30.0 and marked > 20.0 and segments > 50
     assert found > 0.5 and right > 0.9 and ghosts == 0
+
+
+def test_the_cost_of_glass_is_printed_for_both_casters(capsys):
+    cost(load_world("corridor"), LaserRangeFinder(beams=31), 4, 0.3)
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+    assert [row[0] for row in rows] == ["PlanarCaster", "EmbreeCaster"]
+    assert all(float(row[3]) > 0.0 and float(row[4]) > 0.0 for row in rows)
+    assert 0.0 < float(rows[0][5]) == float(rows[1][5]) < 1.0

@@ -101,6 +101,40 @@ def test_walls_that_differ_at_one_range_count_as_different(monkeypatch):
     assert [(one.scan, one.beam) for one in result.differences] == [(0, 40)]
 
 
+HALL = World(
+    [[0, 0, 10, 0], [0, 4, 10, 4], [4, 1, 4, 3], [0, 0, 0, 4], [10, 0, 10, 4]],
+    range(5),
+    materials=["mirror", "mirror", "glass", "brick", "plaster"],
+)
+IN_HALL = np.array([[2.1, 1.7, 0.3], [7.2, 2.9, 2.0]])
+
+
+def test_both_casters_name_the_same_chains_of_mirrors_and_glass():
+    lrf = LaserRangeFinder(-np.pi, np.pi, beams=721, range_max=40.0)
+    for raw in (False, True):
+        result = crosscheck(HALL, lrf, IN_HALL, raw=raw)
+        assert result.beams == 1442 and result.hits > 1000 and not result.unexplained
+        assert raw or not result.differences
+
+
+def test_chains_that_differ_on_the_way_are_named(monkeypatch):
+    truth = EmbreeCaster.chain_batch
+
+    def renamed(self, lrf, poses):
+        ranges, chains = truth(self, lrf, poses)
+        turned = (chains[..., 1] >= 0) & (chains[..., 0] == 0)
+        chains[turned, 0] = 1
+        return ranges, chains
+
+    monkeypatch.setattr(EmbreeCaster, "chain_batch", renamed)
+    differences = crosscheck(HALL, LaserRangeFinder(), IN_HALL).differences
+    assert len(differences) > 10
+    for one in differences:
+        assert one.planar == one.embree and one.chains[0][1:] == one.chains[1][1:]
+        assert (one.chains[0][0], one.chains[1][0]) == (0, 1)
+    assert differences[0].as_dict()["planar"]["chain"] == list(differences[0].chains[0])
+
+
 def test_a_world_without_walls_has_nothing_to_differ():
     for raw in (False, True):
         result = crosscheck(World(np.empty((0, 4))), ONE_BEAM, np.zeros((2, 3)), raw=raw)
