@@ -1,15 +1,20 @@
 """The mark that `kernel_coverage` puts into compiled kernels."""
 
-from llvmlite import ir
 from kernel_coverage import ADDRESS
+from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
+
+
+def mark(place):
+    """Write a byte at a place of the file that is mapped to `ADDRESS`.
+
+    A kernel that runs as Python code is seen by coverage.py itself.
+    """
 
 
 @intrinsic
-def mark(typing_context, place):
-    """Write a byte at a place of the file that is mapped to `ADDRESS`."""
-
+def write_mark(typing_context, place):
     def generate(context, builder, signature, arguments):
         address = builder.add(arguments[0], ir.Constant(ir.IntType(64), ADDRESS))
         pointer = builder.inttoptr(address, ir.IntType(8).as_pointer())
@@ -17,3 +22,8 @@ def mark(typing_context, place):
         return context.get_dummy_value()
 
     return types.void(types.int64), generate
+
+
+@overload(mark, inline="always")
+def compiled_mark(place):
+    return lambda place: write_mark(place)
