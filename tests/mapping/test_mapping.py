@@ -98,6 +98,11 @@ def test_a_scan_seen_again_adds_no_segment():
 
 
 @pytest.mark.parametrize("mode", ["robust", "paper"])
+def test_the_map_before_the_first_scan_is_empty(mode):
+    assert len(LineMapper(mode).map) == 0
+
+
+@pytest.mark.parametrize("mode", ["robust", "paper"])
 def test_an_empty_scan_leaves_the_map_empty(mode):
     mapper = LineMapper(mode)
     scan = LaserScan((0, 0, 0), CIRCLE.angles, np.full(361, np.inf), range_max=30.0)
