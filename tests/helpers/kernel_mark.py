@@ -3,18 +3,13 @@
 from kernel_coverage import ADDRESS
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, overload
-
-
-def mark(place):
-    """Write a byte at a place of the file that is mapped to `ADDRESS`.
-
-    A kernel that runs as Python code is seen by coverage.py itself.
-    """
+from numba.extending import intrinsic
 
 
 @intrinsic
-def write_mark(typing_context, place):
+def mark(typing_context, place):
+    """Write a byte at a place of the file that is mapped to `ADDRESS`."""
+
     def generate(context, builder, signature, arguments):
         address = builder.add(arguments[0], ir.Constant(ir.IntType(64), ADDRESS))
         pointer = builder.inttoptr(address, ir.IntType(8).as_pointer())
@@ -24,6 +19,11 @@ def write_mark(typing_context, place):
     return types.void(types.int64), generate
 
 
-@overload(mark, inline="always")
-def compiled_mark(place):
-    return lambda place: write_mark(place)
+class Mark(type(mark)):
+    """A kernel that runs as Python code is seen by coverage.py itself."""
+
+    def __call__(self, place):
+        """Do nothing."""
+
+
+mark.__class__ = Mark
