@@ -22,7 +22,7 @@ from lrf3d.errors import InputError, Lrf3dError, OutputError
 
 try:
     import fcntl
-except ImportError:  # pragma: no cover
+except ImportError:  # pragma: no cover - Windows has no fcntl
     # Windows has no such locks.
     fcntl = None  # type: ignore[assignment]
 

@@ -79,9 +79,7 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
 
 
 @compiled
-def _mark(
-    cells: Bool, pose: Float, angles: Float, ranges: Float, size: float
-) -> None:  # pragma: no cover
+def _mark(cells: Bool, pose: Float, angles: Float, ranges: Float, size: float) -> None:
     """Mark the cells (rows, columns), with sides of size [m], that a scan shows to be free."""
     rows, columns = cells.shape
     beams = len(angles)

@@ -64,7 +64,7 @@ class Search(NamedTuple):
 
 
 @inner
-def slot_of(keys: Int, x: int, y: int) -> int:  # pragma: no cover
+def slot_of(keys: Int, x: int, y: int) -> int:
     """The slot of a cell in a hash table of cells, or the free one that it would take."""
     key = (x << 31) + y
     mask = len(keys) - 1
@@ -76,7 +76,7 @@ def slot_of(keys: Int, x: int, y: int) -> int:  # pragma: no cover
 
 
 @inner
-def _steps(segment: Float, cell: float) -> int:  # pragma: no cover
+def _steps(segment: Float, cell: float) -> int:
     """The number of parts of a segment (4,) that are no longer than a cell [m] along an axis."""
     return int(max(abs(segment[2] - segment[0]), abs(segment[3] - segment[1])) / cell) + 1
 
@@ -84,7 +84,7 @@ def _steps(segment: Float, cell: float) -> int:  # pragma: no cover
 @inner
 def _box(
     segment: Float, begin: float, end: float, reach: float, cell: float
-) -> tuple[int, int, int, int]:  # pragma: no cover
+) -> tuple[int, int, int, int]:
     """The first and last column, and the first and last row, of the cells near a part of a segment.
 
     Args:
@@ -105,7 +105,7 @@ def _box(
 
 
 @compiled
-def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:  # pragma: no cover
+def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:
     """Put a row's segment (4,) into the cells [m] it passes through; False where room ran out.
 
     Cells that hold the row already are passed over, so that a segment that grew can be put in
@@ -140,7 +140,7 @@ def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:  # pragma
 
 
 @compiled
-def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:  # pragma: no cover
+def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:
     """Take a row out of the cells [m] that its segment (4,) passes through."""
     steps = _steps(segment, cell)
     for step in range(steps):
@@ -162,9 +162,7 @@ def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:  # pragma
 
 
 @compiled
-def insert_rows(
-    grid: Grid, rows: Int, begin: int, segments: Float, cell: float
-) -> int:  # pragma: no cover
+def insert_rows(grid: Grid, rows: Int, begin: int, segments: Float, cell: float) -> int:
     """Put rows (n,) of segments into the grid, from one on; returns the first without room."""
     for k in range(begin, len(rows)):
         if not insert(grid, rows[k], segments[rows[k]], cell):
@@ -175,7 +173,7 @@ def insert_rows(
 @compiled
 def find(
     grid: Grid, segment: Float, reach: float, cell: float, stamps: Int, stamp: int, found: Int
-) -> int:  # pragma: no cover
+) -> int:
     """The same as `near`, for Python to call."""
     return near(grid, segment, reach, cell, stamps, stamp, found)
 
@@ -183,7 +181,7 @@ def find(
 @inner
 def near(
     grid: Grid, segment: Float, reach: float, cell: float, stamps: Int, stamp: int, found: Int
-) -> int:  # pragma: no cover
+) -> int:
     """Collect every row with a segment within reach [m] of a segment (4,), each once.
 
     Args:
@@ -216,7 +214,7 @@ def near(
 
 
 @inner
-def order_of(values: Float | Int) -> Int:  # pragma: no cover
+def order_of(values: Float | Int) -> Int:
     """The rows of values (n,) by rising value, equal ones in their order: a merge sort.
 
     Numba's own takes longer to compile than most mappers run.

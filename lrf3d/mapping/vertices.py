@@ -26,7 +26,7 @@ WIDEST_EDGE = 0.95 * np.pi
 @compiled
 def best_vertices(
     angles: Float, ranges: Float, joined: Bool, radii: Float, vertices: int, start: int
-) -> tuple[float, Int, Int, Bool]:  # pragma: no cover
+) -> tuple[float, Int, Int, Bool]:
     """The vertices that explain the beams best, by dynamic programming.
 
     Args:
@@ -66,7 +66,7 @@ def best_vertices(
 @inner
 def _cheapest(
     angles: Float, ranges: Float, joined: Bool, radii: Float, vertices: int, start: int
-) -> tuple[Float, Int, Float, Int]:  # pragma: no cover
+) -> tuple[Float, Int, Float, Int]:
     """The tables of the dynamic programming; arguments as of `best_vertices`.
 
     Returns:
@@ -122,7 +122,7 @@ def _cheapest(
 
 
 @inner
-def _running_sums(angles: Float, ranges: Float) -> Float:  # pragma: no cover
+def _running_sums(angles: Float, ranges: Float) -> Float:
     """Sums (n + 1, 6) over the first beams of what `_edge_charge` consists of."""
     sums = np.zeros((len(ranges) + 1, 6))
     for i in range(len(ranges)):
@@ -135,7 +135,7 @@ def _running_sums(angles: Float, ranges: Float) -> Float:  # pragma: no cover
 
 
 @inner
-def _edge_charge(sums: Float, i: int, j: int, nx: float, ny: float) -> float:  # pragma: no cover
+def _edge_charge(sums: Float, i: int, j: int, nx: float, ny: float) -> float:
     """Charge of the beams after i and up to j for an edge on the line nx·x + ny·y = 1.
 
     The range of a beam to this line is r̂ = 1/(nx·cos φ + ny·sin φ). Each beam is charged with

@@ -27,7 +27,7 @@ def missing_sweep() -> MissingLibraryError:
 
 try:
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client, LocalCluster, Nanny
     from distributed.utils import silence_logging_cmgr
 except ImportError as error:
     raise missing_sweep() from error
@@ -41,6 +41,23 @@ SCHEDULER_SECONDS = 30.0
 MOST_KILLED_WORKERS = 20
 """Largest number of workers that one task may lose: a machine short of memory kills some by chance,
 but a task that makes every worker crash must not be repeated forever."""
+
+
+KILLED_SECONDS = 60.0
+"""Time that a killed process may take to go [s]: Dask's 5 s are too few on a machine that has many
+other processes, and a sweep that was finished would end with an error."""
+
+
+class PatientNanny(Nanny):  # type: ignore[misc]
+    """Starts and ends a process for the work, and waits until it is gone."""
+
+    async def kill(self, timeout: float = 5.0, reason: str = "nanny-kill") -> None:
+        """End the process: it is asked to end, and killed after a time [s]."""
+        try:
+            await super().kill(timeout, reason)
+        except TimeoutError:
+            if self.process is not None and self.process.process is not None:
+                await self.process.process.join(KILLED_SECONDS)
 
 
 def check_address(address: str) -> None:
@@ -103,6 +120,7 @@ def _started(workers: int) -> Iterator[Client]:
                 scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
                 worker_dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,
+                worker_class=PatientNanny,
             )
             client = started.enter_context(Client(started.enter_context(cluster)))
         except Exception as error:

@@ -98,6 +98,11 @@ def test_a_scan_seen_again_adds_no_segment():
 
 
 @pytest.mark.parametrize("mode", ["robust", "paper"])
+def test_the_map_before_the_first_scan_is_empty(mode):
+    assert len(LineMapper(mode).map) == 0
+
+
+@pytest.mark.parametrize("mode", ["robust", "paper"])
 def test_an_empty_scan_leaves_the_map_empty(mode):
     mapper = LineMapper(mode)
     scan = LaserScan((0, 0, 0), CIRCLE.angles, np.full(361, np.inf), range_max=30.0)
@@ -357,6 +362,17 @@ def test_a_merged_segment_keeps_the_direction_of_the_first(turned):
     assert ends == pytest.approx([15, 0, 0, 0] if turned else [0, 0, 15, 0], abs=1e-9)
 
 
+@pytest.mark.parametrize("heading", [0.3, 1.2, 2.5, -0.7, -2.0, -3.0])
+def test_a_merged_segment_keeps_its_direction_at_any_heading(heading):
+    way = np.array([np.cos(heading), np.sin(heading)])
+    aside = np.array([-way[1], way[0]])
+    first = [*(0.0 * way), *(10.0 * way)]
+    # The second runs the other way, and a little askew.
+    second = [*(15.0 * way), *(9.0 * way + 0.05 * aside)]
+    ends, _ = RULE.merge(table_of([first, second]), 0, 1)
+    assert (ends[2:] - ends[:2]) @ way == pytest.approx(15.0, abs=0.01)
+
+
 def test_the_first_candidate_that_fits_is_the_partner():
     table = table_of([[0, 0, 4, 0], [0, 3, 4, 3], [4, 0, 8, 0], [3, 0, 6, 0]])
     assert RULE.partner(table, 0, np.array([1, 2, 3])) == 2
@@ -403,6 +419,41 @@ def united_by_comparing_all(*scans: SegmentTable) -> SegmentTable:
             waiting.append(row)
         current = current.take(np.flatnonzero(alive))
     return current
+
+
+@pytest.mark.parametrize("mode", ["paper", "robust"])
+def test_a_segment_is_shown_with_as_many_points_as_are_asked_for(mode):
+    world = World([[5, -1, 5, 1.0]])
+    scan = PlanarCaster(world).cast(LaserRangeFinder(beams=181), (0, 0, 0))
+    points = int(scan.hits.sum())
+    for least, count in ((points, 1), (points + 1, 0)):
+        mapper = LineMapper(mode, min_points=least)
+        mapper.update(scan)
+        assert len(mapper.map) == count
+
+
+@pytest.mark.parametrize("place", [(0.4, -0.4), (1e6 + 0.3, -2e6 - 0.2)])
+def test_a_mapper_of_the_paper_goes_on_from_its_state_to_the_last_bit(place):
+    world = World(np.array([[-3, -2, 3, -2], [3, -2, 3, 2], [3, 2, -3, 2.0]]) + np.tile(place, 2))
+    caster, lrf = PlanarCaster(world), LaserRangeFinder(beams=91)
+    scans = [caster.cast(lrf, (place[0] + 0.1 * k, place[1], 0.2 * k)) for k in range(6)]
+    whole, begun, resumed = (LineMapper("paper") for _ in range(3))
+    resumed.restore(begun.state())  # Nothing is seen yet.
+    for scan in scans:
+        whole.update(scan)
+    for scan in scans[:3]:
+        begun.update(scan)
+        resumed.update(scan)
+    state = resumed.state()
+    resumed = LineMapper("paper")
+    resumed.restore(state)
+    # What is handed out is not written to afterwards.
+    kept = {name: value.copy() for name, value in state.items()}
+    for scan in scans[3:]:
+        resumed.update(scan)
+    assert np.array_equal(resumed.map.segments, whole.map.segments)
+    assert np.array_equal(resumed.map.objects, whole.map.objects)
+    assert all(np.array_equal(state[name], kept[name]) for name in kept)
 
 
 def test_a_chain_of_pieces_becomes_one_segment_in_one_union():

@@ -381,6 +381,24 @@ def test_without_the_extra_one_line_says_what_to_install_and_the_paper_needs_non
     assert done.stderr == f"lrf3d: {what}\n"
 
 
+def test_a_killed_process_that_takes_long_to_go_is_no_error(room, tmp_path, monkeypatch):
+    from distributed.process import AsyncProcess
+
+    join, waits = AsyncProcess.join, []
+
+    async def slow(self, timeout=None):
+        # As on a machine with many other processes: not gone within Dask's time.
+        waits.append(timeout)
+        if timeout is not None and timeout <= 5.0:
+            raise TimeoutError
+        await join(self, timeout)
+
+    monkeypatch.setattr(AsyncProcess, "join", slow)
+    result = sweep(tiny(room), tmp_path / "out", workers=1)
+    assert len(result.rows) > 0
+    assert len(waits) == 3 and waits[2] > 5.0
+
+
 def test_processes_that_cannot_be_started_are_one_clear_error(room, tmp_path, monkeypatch):
     from lrf3d.errors import Lrf3dError
     from lrf3d.sweep import cluster
