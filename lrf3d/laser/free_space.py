@@ -130,7 +130,7 @@ def _mark(cells: Bool, pose: Float, angles: Float, ranges: Float, size: float) -
 
 
 @inner
-def _first_beam_from(angles: Float, turn: float, step: float) -> int:  # pragma: no cover
+def _first_beam_from(angles: Float, turn: float, step: float) -> int:
     """Number of the first beam that is turned by so much [rad] from the first one, or by more.
 
     Beams are evenly spaced, or nearly: the right one is beside that of the mean step [rad], and is

@@ -118,9 +118,7 @@ class Closure:
 
 
 @compiled
-def seen_through(
-    points: Float, laser: Float, angles: Float, ranges: Float
-) -> tuple[int, int]:  # pragma: no cover
+def seen_through(points: Float, laser: Float, angles: Float, ranges: Float) -> tuple[int, int]:
     """How many points (m, 2) in the frame of a robot its beams pass through, of how many in view.
 
     A beam counts with the shorter of its neighbours' ranges, so that one that slips past an edge

@@ -39,7 +39,7 @@ ITERATIONS = 20
 @compiled
 def window_scores(
     points: Float, grid: SurfaceGrid, centre: Float, half: int, angles: Float
-) -> Float:  # pragma: no cover
+) -> Float:
     """How many points (m, 2) fall on marked cells, for each heading and shift in a window.
 
     Args:

@@ -58,7 +58,7 @@ class DistanceGraph:
 @compiled
 def shortest_distances(
     start: int, limit: float, wanted: Bool, newest: Int, before: Int, ends: Int, lengths: Float
-) -> Float:  # pragma: no cover
+) -> Float:
     """Dijkstra's ways from a start, over linked lists of links, until no wanted one is left."""
     ways = np.full(len(newest), np.inf)
     left = 0

@@ -57,7 +57,7 @@ def match_scan(
     iterations: int,
     reach: float,
     sigma: float,
-) -> Match:  # pragma: no cover
+) -> Match:
     """Match a surface (m, 4) with a map.
 
     Args:
@@ -139,7 +139,7 @@ def match_scan(
 @inner
 def _normal_near(
     grid: SurfaceGrid, x: float, y: float, vx: float, vy: float, reach: float, line: Float
-) -> bool:  # pragma: no cover
+) -> bool:
     """Whether a wall near a point faces a direction, and the normal of the nearest into a line."""
     columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
     column = int(np.floor((x - grid.corner[0]) / cell))
@@ -165,7 +165,7 @@ def _normal_near(
 @inner
 def _line_near(
     grid: SurfaceGrid, x: float, y: float, nx: float, ny: float, reach: float, line: Float
-) -> bool:  # pragma: no cover
+) -> bool:
     """Whether a map has a wall near a point, and which: normal, distance and weight into a line.
 
     All map points around count, not just the nearest: the mean of several views of a wall is better
@@ -213,7 +213,7 @@ def _line_near(
 
 
 @inner
-def solve3(matrix: Float, right: Float) -> Float:  # pragma: no cover
+def solve3(matrix: Float, right: Float) -> Float:
     """Solve a symmetric positive definite system (3, 3) by Cholesky's factors."""
     l00 = np.sqrt(matrix[0, 0])
     l10 = matrix[1, 0] / l00

@@ -62,7 +62,7 @@ MOST_CELLS = 4_000_000
 
 
 @compiled
-def surface_of(points: Float, laser: Float) -> Float:  # pragma: no cover
+def surface_of(points: Float, laser: Float) -> Float:
     """Surface (m, 4) of points (n, 2) [m] seen in this order from the laser at (2,) [m]."""
     count = len(points)
     found = np.empty((count, 4))
@@ -109,7 +109,7 @@ def surface_of(points: Float, laser: Float) -> Float:  # pragma: no cover
 
 
 @inner
-def _reach(points: Float, laser: Float, i: int, way: int) -> int:  # pragma: no cover
+def _reach(points: Float, laser: Float, i: int, way: int) -> int:
     """The last point on one side of a point that its normal takes in."""
     end = i
     for _ in range(MOST_NEIGHBOURS):
@@ -129,7 +129,7 @@ def _reach(points: Float, laser: Float, i: int, way: int) -> int:  # pragma: no 
 
 
 @compiled
-def moved(surface: Float, pose: Float) -> Float:  # pragma: no cover
+def moved(surface: Float, pose: Float) -> Float:
     """A surface (m, 4) as it lies after it was moved by a pose (3,)."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     there = np.empty(surface.shape)
@@ -143,7 +143,7 @@ def moved(surface: Float, pose: Float) -> Float:  # pragma: no cover
 
 
 @compiled
-def evenly_spaced(surface: Float) -> Float:  # pragma: no cover
+def evenly_spaced(surface: Float) -> Float:
     """A surface (m, 4) as a map needs it: with points at even distances, as far as can be.
 
     A scanner of few beams sees a wall at points a metre apart, and a scan from elsewhere sees it
@@ -174,7 +174,7 @@ def evenly_spaced(surface: Float) -> Float:  # pragma: no cover
 
 
 @inner
-def _between(surface: Float, i: int) -> int:  # pragma: no cover
+def _between(surface: Float, i: int) -> int:
     """How many points are to be added between a point of a surface and the next."""
     dx, dy = surface[i + 1, 0] - surface[i, 0], surface[i + 1, 1] - surface[i, 1]
     apart = np.sqrt(dx * dx + dy * dy)
@@ -229,7 +229,7 @@ class SurfaceGrid(NamedTuple):
 
 
 @compiled
-def grid_of(surface: Float, along: float) -> SurfaceGrid:  # pragma: no cover
+def grid_of(surface: Float, along: float) -> SurfaceGrid:
     """Sort a surface (m, 4), which may not be empty, into cells.
 
     Args:
@@ -283,7 +283,7 @@ def wall_map(parts: Iterable[tuple[Float, Float]], along: float) -> SurfaceGrid 
 
 
 @compiled
-def find_normals(grid: SurfaceGrid) -> None:  # pragma: no cover
+def find_normals(grid: SurfaceGrid) -> None:
     """Find the unknown normals of a map's points, from the points around them.
 
     The wall through a point is the line to one of its neighbours that most of the others lie on. A
@@ -354,6 +354,6 @@ def find_normals(grid: SurfaceGrid) -> None:  # pragma: no cover
 
 
 @inner
-def unknown(nx: float, ny: float) -> bool:  # pragma: no cover
+def unknown(nx: float, ny: float) -> bool:
     """Whether a normal is not known."""
     return nx * nx + ny * ny < 0.25

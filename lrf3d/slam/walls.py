@@ -49,7 +49,7 @@ class Pieces(NamedTuple):
 
 
 @compiled
-def pieces_of(surface: Float) -> tuple[Float, Float]:  # pragma: no cover
+def pieces_of(surface: Float) -> tuple[Float, Float]:
     """The moments (p, 3, 3) and lines (p, 5) of the straight pieces of a surface (m, 4)."""
     most = len(surface) // LEAST_PIECE_POINTS + 1
     moments = np.zeros((most, 3, 3))
@@ -117,7 +117,7 @@ def pieces_of_keys(surfaces: list[Float]) -> Pieces:
 
 
 @compiled
-def wall_numbers(pieces: Pieces, poses: Float, order: Int) -> Int:  # pragma: no cover
+def wall_numbers(pieces: Pieces, poses: Float, order: Int) -> Int:
     """For each piece (p,) the wall that it is of, from 0 and without gaps; −1 for those of none.
 
     The longest piece begins a wall and takes in all that lie on its line beside it; then the

@@ -20,7 +20,7 @@ rounding would decide."""
 
 
 @inner
-def range_deviation(noise: RangeNoise, reach: float) -> float:  # pragma: no cover
+def range_deviation(noise: RangeNoise, reach: float) -> float:
     """Standard deviation [m] of a range [m]."""
     deviation: float = np.sqrt(noise.floor * noise.floor + (noise.growth * reach) ** 2)
     return deviation
@@ -113,7 +113,7 @@ def plain(values: Float) -> Float:
 
 
 @inner
-def longest_loss(ranges: Float, range_max: float) -> int:  # pragma: no cover
+def longest_loss(ranges: Float, range_max: float) -> int:
     """How many beams beside each other that return nothing are put down to beams that are lost.
 
     Each gap in a scan is taken for a lost beam to learn how often one is lost, at worst: of a scan
@@ -139,7 +139,7 @@ def measure_beams(
     noise: RangeNoise,
     spread: tuple[float, float],
     beams: Beams,
-) -> None:  # pragma: no cover
+) -> None:
     """Find how far beams were free, and how far off the places may be where they ended.
 
     A beam that is lost between two that returned says nothing: only where more beside each other

@@ -45,7 +45,7 @@ class Blocks(NamedTuple):
 
 
 @inner
-def _slot_of(keys: Int, x: int, y: int) -> int:  # pragma: no cover
+def _slot_of(keys: Int, x: int, y: int) -> int:
     """The slot of a block in the hash table, or the free one that it would take.
 
     Beams go from block to block: those that are near each other share lines of the cache.
@@ -62,14 +62,14 @@ def _slot_of(keys: Int, x: int, y: int) -> int:  # pragma: no cover
 
 
 @inner
-def block_at(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
+def block_at(blocks: Blocks, x: int, y: int) -> int:
     """The number of a block; −1 where there is none."""
     slot = _slot_of(blocks.keys, x, y)
     return -1 if blocks.keys[slot] == EMPTY else blocks.numbers[slot]
 
 
 @inner
-def take_block(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
+def take_block(blocks: Blocks, x: int, y: int) -> int:
     """The number of a block, which is made where there is none; there is room for it."""
     slot = _slot_of(blocks.keys, x, y)
     if blocks.keys[slot] == EMPTY:
@@ -80,13 +80,13 @@ def take_block(blocks: Blocks, x: int, y: int) -> int:  # pragma: no cover
 
 
 @inner
-def packed(column: int, row: int) -> int:  # pragma: no cover
+def packed(column: int, row: int) -> int:
     """A column and a row of cells in one number, in which either may change alone."""
     return (row << ROW_BITS) + column + FIRST_COLUMN
 
 
 @inner
-def unpacked(cell: int, bits: int) -> tuple[int, int]:  # pragma: no cover
+def unpacked(cell: int, bits: int) -> tuple[int, int]:
     """Column and row of a packed cell, or of the square of 1 << bits cells a side that it is in."""
     return ((cell & ((1 << ROW_BITS) - 1)) - FIRST_COLUMN) >> bits, cell >> (ROW_BITS + bits)
 
@@ -94,7 +94,7 @@ def unpacked(cell: int, bits: int) -> tuple[int, int]:  # pragma: no cover
 @inner
 def enter_cells(
     x: float, y: float, dx: float, dy: float, scale: float
-) -> tuple[int, int, int, int, int, int, int]:  # pragma: no cover
+) -> tuple[int, int, int, int, int, int, int]:
     """Where a ray from a place (x, y) [m] in a direction (dx, dy) begins its way through cells.
 
     Distances are whole numbers, at so many to a cell: processors compare them, and choose by them,
@@ -127,7 +127,7 @@ def rehashed(blocks: Blocks) -> Blocks:
 
 
 @compiled
-def move_blocks(blocks: Blocks, grown: Blocks) -> None:  # pragma: no cover
+def move_blocks(blocks: Blocks, grown: Blocks) -> None:
     """Put blocks into a larger hash table."""
     for old in range(len(blocks.keys)):
         key = blocks.keys[old]

@@ -131,7 +131,7 @@ def add_beams(
     place: tuple[float, float],
     beams: Beams,
     fresh: NewEvidence,
-) -> tuple[int, int]:  # pragma: no cover
+) -> tuple[int, int]:
     """Add the beams of a scan, from one on.
 
     Args:
@@ -207,7 +207,7 @@ def add_beams(
 
 
 @inner
-def _take_plane(cells: Cells, block: int, way: int, solid: int) -> int:  # pragma: no cover
+def _take_plane(cells: Cells, block: int, way: int, solid: int) -> int:
     """A new plane for the beams of a direction in an open block, which may be a solid one too."""
     plane: int = cells.used[3]
     cells.used[3] += 1
@@ -220,7 +220,7 @@ def _take_plane(cells: Cells, block: int, way: int, solid: int) -> int:  # pragm
 
 
 @inner
-def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:  # pragma: no cover
+def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:
     """Add a beam of a weight [hits] to the new evidence of a wall."""
     fresh.counts[wall] += weight
     if fresh.last_scans[wall] != fresh.numbers[2]:
@@ -237,7 +237,7 @@ def _contradict(
     dx: float,
     dy: float,
     fresh: NewEvidence,
-) -> None:  # pragma: no cover
+) -> None:
     """Count a beam that goes on through a cell where others ended."""
     column, row = unpacked(packed_cell, 0)
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
@@ -278,9 +278,7 @@ def _contradict(
 
 
 @inner
-def _give_back(
-    cells: Cells, solid: int, cell: int, before: int, cluster: int
-) -> None:  # pragma: no cover
+def _give_back(cells: Cells, solid: int, cell: int, before: int, cluster: int) -> None:
     """Take a cluster out of the list of its cell, where another may be before it."""
     after = cells.following[cluster]
     if before < 0:
@@ -298,7 +296,7 @@ def _give_back(
 
 
 @inner
-def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
+def _forget(cells: Cells, column: int, row: int) -> None:
     """Halve the hits and the passes of a cell.
 
     Their proportion stays, and what comes counts twice as much as what was.
@@ -322,7 +320,7 @@ def _forget(cells: Cells, column: int, row: int) -> None:  # pragma: no cover
 
 
 @inner
-def _passes_of(cells: Cells, column: int, row: int) -> float:  # pragma: no cover
+def _passes_of(cells: Cells, column: int, row: int) -> float:
     """How many beams have gone through a cell, whichever way."""
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
@@ -343,7 +341,7 @@ def _add_hit(
     deviation: float,
     way: int,
     fresh: NewEvidence,
-) -> None:  # pragma: no cover
+) -> None:
     """Add a return at a place [m] to the moments of its cell."""
     column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
     at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS

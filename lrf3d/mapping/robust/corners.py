@@ -22,7 +22,7 @@ def close_corners(
     search: Search,
     closed: Float,
     marks: Bool,
-) -> Int:  # pragma: no cover
+) -> Int:
     """Close the corners of some walls anew, and of those that they meet or have met.
 
     Args:
@@ -71,7 +71,7 @@ def close_corners(
 
 
 @inner
-def _search(place: Float, grid: Grid, search: Search) -> int:  # pragma: no cover
+def _search(place: Float, grid: Grid, search: Search) -> int:
     """Collect the walls near a place (4,); returns how many there are."""
     search.number[0] += 1
     stamp = search.number[0]
@@ -79,7 +79,7 @@ def _search(place: Float, grid: Grid, search: Search) -> int:  # pragma: no cove
 
 
 @inner
-def _ends_near(wall: Float, x: float, y: float) -> bool:  # pragma: no cover
+def _ends_near(wall: Float, x: float, y: float) -> bool:
     """Whether a wall (4,) ends near a place [m]."""
     for side in range(2):
         if abs(wall[2 * side] - x) <= 2.0 * CORNER_REACH:
@@ -91,7 +91,7 @@ def _ends_near(wall: Float, x: float, y: float) -> bool:  # pragma: no cover
 @inner
 def _partner(
     end: int, ends: Float, points: Int, objects: Int, grid: Grid, search: Search, corner: Float
-) -> int:  # pragma: no cover
+) -> int:
     """The nearest end that an end could meet, or −1; fills in the corner (2,) [m].
 
     An end is named by twice its wall, and one more for the second one.
@@ -122,9 +122,7 @@ def _partner(
 
 
 @inner
-def _crossing(
-    ends: Float, one: int, side: int, other: int, turned: int, corner: Float
-) -> bool:  # pragma: no cover
+def _crossing(ends: Float, one: int, side: int, other: int, turned: int, corner: Float) -> bool:
     """Fill in the corner (2,) where the lines of two walls cross; whether it is near to both."""
     ux, uy = ends[one, 2] - ends[one, 0], ends[one, 3] - ends[one, 1]
     vx, vy = ends[other, 2] - ends[other, 0], ends[other, 3] - ends[other, 1]

@@ -37,7 +37,7 @@ STRIDE = 8
 
 
 @inner
-def ways_across(ux: float, uy: float, sine: float) -> int:  # pragma: no cover
+def ways_across(ux: float, uy: float, sine: float) -> int:
     """The directions of the beams that cross a direction (ux, uy), each a bit."""
     ways = 0
     for way in range(PASS_DIRECTIONS):
@@ -47,7 +47,7 @@ def ways_across(ux: float, uy: float, sine: float) -> int:  # pragma: no cover
 
 
 @inner
-def _passes(cells: Cells, x: float, y: float, way: int) -> int:  # pragma: no cover
+def _passes(cells: Cells, x: float, y: float, way: int) -> int:
     """How many beams went one way through the cell of a place [m]."""
     column, row = int(np.floor(x * PER_METRE)), int(np.floor(y * PER_METRE))
     block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
@@ -81,7 +81,7 @@ class Walk(NamedTuple):
 
 
 @inner
-def _along(line: Float) -> Walk:  # pragma: no cover
+def _along(line: Float) -> Walk:
     """The walk along a line (4,) without its ends, near which walls are."""
     x1, y1, x2, y2 = line
     length = np.hypot(x2 - x1, y2 - y1)
@@ -96,7 +96,7 @@ def _along(line: Float) -> Walk:  # pragma: no cover
 
 
 @inner
-def _place(walk: Walk, step: int, aside: float) -> tuple[float, float]:  # pragma: no cover
+def _place(walk: Walk, step: int, aside: float) -> tuple[float, float]:
     """Where a step is [m], so far [m] to the left of the line."""
     along = walk.begin + step * walk.stride
     x, y = walk.x + along * walk.ux, walk.y + along * walk.uy
@@ -104,9 +104,7 @@ def _place(walk: Walk, step: int, aside: float) -> tuple[float, float]:  # pragm
 
 
 @inner
-def _last_within(
-    walk: Walk, step: int, aside: float, at_x: int, at_y: int
-) -> int:  # pragma: no cover
+def _last_within(walk: Walk, step: int, aside: float, at_x: int, at_y: int) -> int:
     """A late step of a walk that is in the block of an earlier one.
 
     Args:
@@ -130,9 +128,7 @@ def _last_within(
 
 
 @inner
-def is_crossed(
-    line: Float, cells: Cells, depth: float, spare: int, sine: float
-) -> bool:  # pragma: no cover
+def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float) -> bool:
     """Whether more beams than are to spare have crossed a line (4,) by more than a depth [m].
 
     The sine is that of the angle from which on a beam may cross it.
@@ -165,7 +161,7 @@ def is_crossed(
 @inner
 def count_beams(
     cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
-) -> int:  # pragma: no cover
+) -> int:
     """How many beams went through a cell at a place (x, y) [m], and so much deeper [m] than it.
 
     Only directions count, each a bit, in which some went.
@@ -182,9 +178,7 @@ def count_beams(
 
 
 @inner
-def _ways_along(
-    walk: Walk, aside: float, ways: int, enough: int, cells: Cells, spare: int
-) -> int:  # pragma: no cover
+def _ways_along(walk: Walk, aside: float, ways: int, enough: int, cells: Cells, spare: int) -> int:
     """Those of some directions that more beams than are to spare went, somewhere beside a line.
 
     Args:
@@ -218,9 +212,7 @@ def _ways_along(
 
 
 @inner
-def is_crossed_aslant(
-    line: Float, cells: Cells, spare: int, sine: float
-) -> bool:  # pragma: no cover
+def is_crossed_aslant(line: Float, cells: Cells, spare: int, sine: float) -> bool:
     """Whether more beams than are to spare have crossed a line (4,) at a small angle.
 
     Args:
@@ -235,7 +227,7 @@ def is_crossed_aslant(
 
 
 @inner
-def is_crossed_at_all(line: Float, cells: Cells, sine: float) -> bool:  # pragma: no cover
+def is_crossed_at_all(line: Float, cells: Cells, sine: float) -> bool:
     """Whether any beam has crossed a line (4,), at whatever angle.
 
     It is `is_crossed` or `is_crossed_aslant`, with nothing to spare, at once.
@@ -247,7 +239,7 @@ def is_crossed_at_all(line: Float, cells: Cells, sine: float) -> bool:  # pragma
 
 
 @inner
-def _changes_sides(walk: Walk, ways: int, cells: Cells, spare: int) -> bool:  # pragma: no cover
+def _changes_sides(walk: Walk, ways: int, cells: Cells, spare: int) -> bool:
     """Whether more beams than are to spare that run along a line also cross it.
 
     Beams that run along the line go through its cells, too. One that crosses it is on its one side

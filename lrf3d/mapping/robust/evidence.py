@@ -29,7 +29,7 @@ from lrf3d.mapping.robust.crossing import count_beams, ways_across
 
 
 @inner
-def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:  # pragma: no cover
+def _add_violations(ends: Float, counts: Float, cells: Cells) -> None:
     """Count the beams that went through each piece (n, 3) of a wall (4,)."""
     x1, y1, x2, y2 = ends[0], ends[1], ends[2], ends[3]
     pieces = len(counts)
@@ -75,9 +75,7 @@ class Round(NamedTuple):
 
 
 @compiled
-def gather_evidence(
-    turn: Round, cells: Cells, near: float, margin: float
-) -> tuple[Float, Float]:  # pragma: no cover
+def gather_evidence(turn: Round, cells: Cells, near: float, margin: float) -> tuple[Float, Float]:
     """Count the hits and the free-space violations of each piece of each wall.
 
     A cluster of returns hits the wall that it lies nearest to, and no other.

@@ -55,7 +55,7 @@ def sorted_returns(
     range_max: float,
     noise: RangeNoise,
     gap: float,
-) -> tuple[Float, Float, Float, Bool]:  # pragma: no cover
+) -> tuple[Float, Float, Float, Bool]:
     """Beams, ranges and deviations of the returns by rising angle, and which hang together.
 
     The last of the returns hangs together with the first only where the scan closes a circle.
@@ -130,7 +130,7 @@ def extract_walls(
     noise: RangeNoise,
     gap: float,
     local: LocalWalls,
-) -> int:  # pragma: no cover
+) -> int:
     """Find the walls of a scan.
 
     Args:
@@ -212,7 +212,7 @@ def _polyline(
     ends: Float,
     moments: Float,
     labels: Int,
-) -> int:  # pragma: no cover
+) -> int:
     """Segments of one cluster's walls (m, 2), joined at corners where two of them meet."""
     inverses = np.empty((len(walls), 2))
     spans = np.empty((len(walls), 2), np.int64)
@@ -268,7 +268,7 @@ def _measure(
     x: float,
     y: float,
     moments: Float,
-) -> None:  # pragma: no cover
+) -> None:
     """Fill in moments (6,) of the points of a wall n/c = (x, y), each with its own variance."""
     size = np.sqrt(x * x + y * y)
     total = mx = my = xx = xy = yy = 0.0

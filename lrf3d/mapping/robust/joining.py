@@ -55,9 +55,7 @@ class Joints(NamedTuple):
 
 
 @compiled
-def loosen_walls(
-    walls: Int, pool: Pool, grid: Grid, joints: Joints
-) -> tuple[Int, Int]:  # pragma: no cover
+def loosen_walls(walls: Int, pool: Pool, grid: Grid, joints: Joints) -> tuple[Int, Int]:
     """Take the stretches of some walls (n,) out.
 
     Returns:
@@ -80,7 +78,7 @@ def loosen_walls(
 
 
 @inner
-def _add_name(joints: Joints, row: int, names: Int, count: int) -> int:  # pragma: no cover
+def _add_name(joints: Joints, row: int, names: Int, count: int) -> int:
     """Add the name of the wall of a stretch to a list, once, and mark it; returns its length."""
     name = joints.names[row]
     if joints.marks[name]:
@@ -101,7 +99,7 @@ def rejoin_stretches(
     rule: Rule,
     cells: Cells,
     least: int,
-) -> tuple[Int, NewSegments]:  # pragma: no cover
+) -> tuple[Int, NewSegments]:
     """Join loose stretches (n,) with each other or with others, and refit what they make.
 
     Args:
@@ -165,7 +163,7 @@ def rejoin_stretches(
 
 
 @inner
-def _straight(rule: Rule) -> Rule:  # pragma: no cover
+def _straight(rule: Rule) -> Rule:
     """When two stretches are on one line.
 
     As straight as a wall is continued, and no farther off than two views of it: stretches are
@@ -175,7 +173,7 @@ def _straight(rule: Rule) -> Rule:  # pragma: no cover
 
 
 @inner
-def parts_of(rows: Int, rings: Int, marks: NDArray[np.bool_]) -> Int:  # pragma: no cover
+def parts_of(rows: Int, rings: Int, marks: NDArray[np.bool_]) -> Int:
     """All stretches (m,) of the walls that some stretches (n,) are of, each once.
 
     Args:
@@ -206,7 +204,7 @@ def neighbours_of(
     rings: Int,
     marks: NDArray[np.bool_],
     rule: Rule,
-) -> Int:  # pragma: no cover
+) -> Int:
     """All stretches of the other walls that some stretches may be of, wall by wall.
 
     Args:
@@ -251,7 +249,7 @@ def neighbours_of(
 
 
 @compiled
-def tie_rings(rows: Int, joints: Int, rings: Int) -> None:  # pragma: no cover
+def tie_rings(rows: Int, joints: Int, rings: Int) -> None:
     """Tie the stretches of each wall into a ring.
 
     Args:
@@ -270,7 +268,7 @@ def tie_rings(rows: Int, joints: Int, rings: Int) -> None:  # pragma: no cover
 @compiled
 def join_stretches(
     walls: Walls, loose: int, joints: Int, rule: Rule, cells: Cells
-) -> tuple[Int, NDArray[np.bool_]]:  # pragma: no cover
+) -> tuple[Int, NDArray[np.bool_]]:
     """Merge stretches that are of one wall.
 
     Walls that were joined before stay whole, so that what an update changes is what it touches, and
@@ -323,7 +321,7 @@ def join_stretches(
 @inner
 def _bridge(
     walls: Walls, rule: Rule, cells: Cells, parents: Int, changed: NDArray[np.bool_]
-) -> None:  # pragma: no cover
+) -> None:
     """Merge stretches on one line where no beam has crossed the gap, the narrowest gap first."""
     count = len(walls.ends)
     straight = _straight(rule)
@@ -367,7 +365,7 @@ def _bridge(
 
 
 @inner
-def _fits(walls: Walls, one: int, other: int, rule: Rule) -> bool:  # pragma: no cover
+def _fits(walls: Walls, one: int, other: int, rule: Rule) -> bool:
     ends, moments = walls.ends, walls.moments
     if not may_fit(ends, one, other, rule):
         return False
@@ -376,7 +374,7 @@ def _fits(walls: Walls, one: int, other: int, rule: Rule) -> bool:  # pragma: no
 
 
 @inner
-def _span(one: Float, other: Float, line: Float) -> float:  # pragma: no cover
+def _span(one: Float, other: Float, line: Float) -> float:
     """Fill in the line (4,) from the end of one wall to where the next begins: its length [m]."""
     ux, uy = one[2] - one[0], one[3] - one[1]
     size = np.hypot(ux, uy)

@@ -62,7 +62,7 @@ class Links(NamedTuple):
 
 
 @inner
-def measure_link(one: Float, other: Float, link: Float) -> bool:  # pragma: no cover
+def measure_link(one: Float, other: Float, link: Float) -> bool:
     """Fill in the link (6,) of two walls (4,); returns whether it may join them.
 
     It is x1 y1 x2 y2, its length [m], and 1 where it runs before a wall.
@@ -86,7 +86,7 @@ def measure_link(one: Float, other: Float, link: Float) -> bool:  # pragma: no c
 
 
 @inner
-def _parted(one: Float, other: Float, reach: float) -> bool:  # pragma: no cover
+def _parted(one: Float, other: Float, reach: float) -> bool:
     """Whether two segments are farther apart than a reach [m] along an axis."""
     for k in range(2):
         if min(other[k], other[k + 2]) - max(one[k], one[k + 2]) > reach:
@@ -97,7 +97,7 @@ def _parted(one: Float, other: Float, reach: float) -> bool:  # pragma: no cover
 
 
 @inner
-def _shortest_link(one: Float, other: Float) -> Float:  # pragma: no cover
+def _shortest_link(one: Float, other: Float) -> Float:
     """The shortest line (4,) from one of two segments to the other."""
     link = np.zeros(4)
     dx, dy = one[2] - one[0], one[3] - one[1]
@@ -127,7 +127,7 @@ def _shortest_link(one: Float, other: Float) -> Float:  # pragma: no cover
 
 
 @inner
-def reach_before(wall: Float, link: Float) -> float:  # pragma: no cover
+def reach_before(wall: Float, link: Float) -> float:
     """How far [m] a link gets before the face of a wall that it begins or ends at."""
     dx, dy = wall[2] - wall[0], wall[3] - wall[1]
     size = np.hypot(dx, dy)
@@ -140,7 +140,7 @@ def reach_before(wall: Float, link: Float) -> float:  # pragma: no cover
 @inner
 def add_links(
     links: Links, fresh: Int, places: Int, walls: Walls, grid: Grid, search: Search
-) -> None:  # pragma: no cover
+) -> None:
     """Add the links of some walls to all others near them.
 
     Args:
@@ -200,7 +200,7 @@ def add_links(
 
 
 @inner
-def drop_link(links: Links, link: int) -> None:  # pragma: no cover
+def drop_link(links: Links, link: int) -> None:
     """Take a link out of the lists of its two walls."""
     for side in range(2):
         before, after = links.preceding[link, side], links.following[link, side]
@@ -216,7 +216,7 @@ def drop_link(links: Links, link: int) -> None:  # pragma: no cover
 
 
 @inner
-def drop_links(links: Links, walls: Int) -> None:  # pragma: no cover
+def drop_links(links: Links, walls: Int) -> None:
     """Take all links of some walls (n,) out."""
     for k in range(len(walls)):
         while links.heads[walls[k]] >= 0:
@@ -224,7 +224,7 @@ def drop_links(links: Links, walls: Int) -> None:  # pragma: no cover
 
 
 @inner
-def renew_links(links: Links, walls: Int, ends: Float) -> None:  # pragma: no cover
+def renew_links(links: Links, walls: Int, ends: Float) -> None:
     """Measure the links of some walls (n,) anew, and have the beams asked about them again."""
     for k in range(len(walls)):
         entry = links.heads[walls[k]]

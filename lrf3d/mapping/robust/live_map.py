@@ -188,7 +188,7 @@ class LiveMap:
 @compiled
 def place_rows(
     placed: Placed, rows: Int, ends: Float, points: Int, labels: Int, frame: Frame
-) -> None:  # pragma: no cover
+) -> None:
     """Bring rows (n,) of the pool up to date in the map; see `LiveMap.update`."""
     cos, sin = np.cos(frame.theta), np.sin(frame.theta)
     segments, places, used = placed.segments, placed.places, placed.used
@@ -224,7 +224,7 @@ def place_rows(
 
 
 @inner
-def _note(placed: Placed, place: int) -> None:  # pragma: no cover
+def _note(placed: Placed, place: int) -> None:
     """Note that a place changed, once."""
     if not placed.marks[place]:
         placed.marks[place] = True
@@ -233,7 +233,7 @@ def _note(placed: Placed, place: int) -> None:  # pragma: no cover
 
 
 @inner
-def _take_out(placed: Placed, row: int) -> None:  # pragma: no cover
+def _take_out(placed: Placed, row: int) -> None:
     """Take a row out; the last takes its place."""
     place, last = placed.places[row], placed.used[0] - 1
     moved = placed.rows[last]
@@ -249,7 +249,7 @@ def _take_out(placed: Placed, row: int) -> None:  # pragma: no cover
 
 
 @inner
-def _unlink(placed: Placed, row: int) -> None:  # pragma: no cover
+def _unlink(placed: Placed, row: int) -> None:
     """Take a row out of the list of its label."""
     before, after = placed.preceding[row], placed.following[row]
     if before < 0:
@@ -261,7 +261,7 @@ def _unlink(placed: Placed, row: int) -> None:  # pragma: no cover
 
 
 @inner
-def _join(placed: Placed, row: int, label: int) -> None:  # pragma: no cover
+def _join(placed: Placed, row: int, label: int) -> None:
     """Put a row into the list of a label, which has a number from then on."""
     head = placed.heads[label]
     if head >= 0:
@@ -274,7 +274,7 @@ def _join(placed: Placed, row: int, label: int) -> None:  # pragma: no cover
 
 
 @inner
-def _leave(placed: Placed, label: int) -> None:  # pragma: no cover
+def _leave(placed: Placed, label: int) -> None:
     """Give the number of a label that no row has any more to the last object."""
     if placed.heads[label] >= 0:
         return
@@ -293,9 +293,7 @@ def _leave(placed: Placed, label: int) -> None:  # pragma: no cover
 
 
 @compiled
-def copy_places(
-    placed: Placed, changed: Int, segments: Float, objects: Int, points: Int
-) -> None:  # pragma: no cover
+def copy_places(placed: Placed, changed: Int, segments: Float, objects: Int, points: Int) -> None:
     """Copy places (n,) of the map; those that are there no more have no meaning."""
     for k in range(len(changed)):
         place = changed[k]

@@ -115,7 +115,7 @@ class NoiseEstimate:
 @compiled
 def count_residuals(
     angles: Float, ranges: Float, noise: RangeNoise, edges: Float, counts: Int
-) -> int:  # pragma: no cover
+) -> int:
     """Count by how much ranges differ from those that their neighbours give on a flat wall.
 
     Args:
@@ -168,7 +168,7 @@ def count_residuals(
 
 
 @compiled
-def scale_of(counts: Int) -> float:  # pragma: no cover
+def scale_of(counts: Int) -> float:
     """The standard deviation [m] of differences that are counted by size; half may be wrong."""
     total = 0
     for k in range(len(counts)):

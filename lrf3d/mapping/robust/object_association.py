@@ -68,7 +68,7 @@ class Sight(NamedTuple):
 @compiled
 def associate_objects(
     rows: Int, loose: int, objects: Int, links: Links, places: Int, sight: Sight
-) -> Int:  # pragma: no cover
+) -> Int:
     """The object (m,) that each of some walls belongs to, named by the place of one of them.
 
     Args:
@@ -186,7 +186,7 @@ def associate_objects(
 
 
 @compiled
-def recheck_links(links: Links, sight: Sight) -> Int:  # pragma: no cover
+def recheck_links(links: Links, sight: Sight) -> Int:
     """Check some links that hold objects together again: evidence may have come since.
 
     Each call takes the next `LINKS_A_TURN` of them, so that all have their turn.
@@ -219,7 +219,7 @@ def recheck_links(links: Links, sight: Sight) -> Int:  # pragma: no cover
 
 
 @inner
-def _kind(link: Float, wall: int, across: int, sight: Sight) -> int:  # pragma: no cover
+def _kind(link: Float, wall: int, across: int, sight: Sight) -> int:
     """What a link (6,) of two walls is."""
     ends, cells = sight.ends, sight.cells
     if link[4] <= TOUCH:
@@ -235,7 +235,7 @@ def _kind(link: Float, wall: int, across: int, sight: Sight) -> int:  # pragma: 
 
 
 @inner
-def _goes_before(link: Float, one: int, other: int, sight: Sight) -> bool:  # pragma: no cover
+def _goes_before(link: Float, one: int, other: int, sight: Sight) -> bool:
     """Whether a link (6,) of two walls runs far before a face that goes on to both sides of it."""
     ends, blur, search = sight.ends, sight.blur, sight.search
     search.number[0] += 1
@@ -253,7 +253,7 @@ def _goes_before(link: Float, one: int, other: int, sight: Sight) -> bool:  # pr
 
 
 @inner
-def _goes_along(link: Float, wall: Float) -> bool:  # pragma: no cover
+def _goes_along(link: Float, wall: Float) -> bool:
     """Whether a link (6,) runs along the line of a wall (4,) that it begins or ends at."""
     dx, dy = wall[2] - wall[0], wall[3] - wall[1]
     aside: float = abs(dx * (link[3] - link[1]) - dy * (link[2] - link[0]))
@@ -261,7 +261,7 @@ def _goes_along(link: Float, wall: Float) -> bool:  # pragma: no cover
 
 
 @inner
-def _stands_off(link: Float, wall: Float, blur: float) -> bool:  # pragma: no cover
+def _stands_off(link: Float, wall: Float, blur: float) -> bool:
     """Whether a link (6,) meets the inside of a wall (4,) and runs far before its face there."""
     dx, dy = wall[2] - wall[0], wall[3] - wall[1]
     size = np.hypot(dx, dy)
@@ -278,7 +278,7 @@ def _stands_off(link: Float, wall: Float, blur: float) -> bool:  # pragma: no co
 
 
 @inner
-def _root(parents: Int, wall: int) -> int:  # pragma: no cover
+def _root(parents: Int, wall: int) -> int:
     while parents[wall] != wall:
         parents[wall] = parents[parents[wall]]
         wall = parents[wall]
@@ -286,7 +286,7 @@ def _root(parents: Int, wall: int) -> int:  # pragma: no cover
 
 
 @inner
-def _unite(parents: Int, sizes: Int, one: int, other: int) -> tuple[int, int]:  # pragma: no cover
+def _unite(parents: Int, sizes: Int, one: int, other: int) -> tuple[int, int]:
     """Make one of the objects of two walls; returns the root that is kept, and the other."""
     one, other = _root(parents, one), _root(parents, other)
     kept, gone = min(one, other), max(one, other)
@@ -297,7 +297,7 @@ def _unite(parents: Int, sizes: Int, one: int, other: int) -> tuple[int, int]:  
 
 
 @inner
-def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no cover
+def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
     """Whether no beam has crossed any line of sight that runs behind both of two walls."""
     line = np.empty(4)
     for own in SIGHT_PLACES:
@@ -313,7 +313,7 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:  # pragma: no c
 
 
 @inner
-def _is_separated(link: Float, cells: Cells) -> bool:  # pragma: no cover
+def _is_separated(link: Float, cells: Cells) -> bool:
     """Whether beams have crossed a link (6,), a short one many of them or deeper than a corner."""
     if link[4] > SHORT_LINK:
         return is_crossed_at_all(link[:4], cells, LINK_SINE)

@@ -121,7 +121,7 @@ class ObjectGroups:
 
 
 @compiled
-def regroup(groups: Groups, pool: Pool, change: Change, sight: Sight) -> Int:  # pragma: no cover
+def regroup(groups: Groups, pool: Pool, change: Change, sight: Sight) -> Int:
     """See `ObjectGroups.update`."""
     labels, links, places, marks = groups.labels, groups.links, groups.places, groups.marks
     gone, fresh, renewed = change.gone, change.fresh, change.renewed
@@ -165,7 +165,7 @@ def regroup(groups: Groups, pool: Pool, change: Change, sight: Sight) -> Int:  #
 
 
 @inner
-def _add(marks: Bool, names: Int, count: int, name: int) -> int:  # pragma: no cover
+def _add(marks: Bool, names: Int, count: int, name: int) -> int:
     """Add a name to a list, once, and mark it; returns the length of the list."""
     if name < 0 or marks[name]:
         return count
@@ -175,7 +175,7 @@ def _add(marks: Bool, names: Int, count: int, name: int) -> int:  # pragma: no c
 
 
 @inner
-def _linked_labels(groups: Groups, fresh: Int, renewed: Int) -> Int:  # pragma: no cover
+def _linked_labels(groups: Groups, fresh: Int, renewed: Int) -> Int:
     """The objects, rising, of what some segments are linked with, but for marked ones."""
     links, labels, marks = groups.links, groups.labels, groups.marks
     names, count = np.empty(len(labels), np.int64), 0
@@ -193,7 +193,7 @@ def _linked_labels(groups: Groups, fresh: Int, renewed: Int) -> Int:  # pragma: 
 
 
 @inner
-def _members(groups: Groups, names: Int, fresh: Int, points: Int) -> Int:  # pragma: no cover
+def _members(groups: Groups, names: Int, fresh: Int, points: Int) -> Int:
     """The rows, rising, of all segments of some objects, and of fresh ones."""
     places = groups.places
     rows, count = np.empty(len(places), np.int64), 0
@@ -217,7 +217,7 @@ def _members(groups: Groups, names: Int, fresh: Int, points: Int) -> Int:  # pra
 
 
 @inner
-def _associate(groups: Groups, loose: Int, near: Int, sight: Sight) -> Int:  # pragma: no cover
+def _associate(groups: Groups, loose: Int, near: Int, sight: Sight) -> Int:
     """Find the objects of loose rows, some of those near or new ones; returns what changed."""
     labels, heads, following = groups.labels, groups.heads, groups.following
     count = len(loose)

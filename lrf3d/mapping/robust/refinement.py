@@ -182,7 +182,7 @@ def cut_walls(
     joints: Joints,
     rule: Rule,
     least: int,
-) -> Cut:  # pragma: no cover
+) -> Cut:
     """Find the real stretches of the walls whose evidence has changed; takes their old ones out."""
     walls, gone = choose_walls(fresh, cells, known, rule.distance)
     for k in range(len(gone)):

@@ -63,7 +63,7 @@ class Refit(NamedTuple):
 
 
 @compiled
-def refit_walls(refit: Refit, cells: Cells) -> tuple[NewSegments, Float]:  # pragma: no cover
+def refit_walls(refit: Refit, cells: Cells) -> tuple[NewSegments, Float]:
     """The real parts of walls.
 
     Returns:
@@ -109,7 +109,7 @@ def refit_walls(refit: Refit, cells: Cells) -> tuple[NewSegments, Float]:  # pra
 
 
 @inner
-def violation_weight(counts: Float) -> float:  # pragma: no cover
+def violation_weight(counts: Float) -> float:
     """What a free-space violation of a piece weighs against a hit.
 
     Args:
@@ -130,7 +130,7 @@ def violation_weight(counts: Float) -> float:  # pragma: no cover
 
 
 @inner
-def came_lately(before: float, scans: float, spell: float) -> bool:  # pragma: no cover
+def came_lately(before: float, scans: float, spell: float) -> bool:
     """Whether a place that was free for long has been hit for a short spell only.
 
     Args:
@@ -142,7 +142,7 @@ def came_lately(before: float, scans: float, spell: float) -> bool:  # pragma: n
 
 
 @compiled
-def real_pieces(counts: Float) -> Int:  # pragma: no cover
+def real_pieces(counts: Float) -> Int:
     """Which pieces (n,) of a wall are real, by the cheapest run of states along it.
 
     A real piece is charged for each of its free-space violations, one that is not for each of its
@@ -182,7 +182,7 @@ def real_pieces(counts: Float) -> Int:  # pragma: no cover
 
 
 @inner
-def _misfit(total: Float, first: int, last: int) -> float:  # pragma: no cover
+def _misfit(total: Float, first: int, last: int) -> float:
     """The misfit [χ²] of the best line through the pieces between two of running sums (n, 6)."""
     w = total[last, 0] - total[first, 0]
     if w <= 0.0:
@@ -199,7 +199,7 @@ def _misfit(total: Float, first: int, last: int) -> float:  # pragma: no cover
 
 
 @inner
-def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
+def split_pieces(sums: Float, breaks: Int) -> int:
     """Split pieces (n, 6) of a wall into straight segments: fills in where each ends."""
     count = len(sums)
     total = np.zeros((count + 1, 6))
@@ -234,7 +234,7 @@ def split_pieces(sums: Float, breaks: Int) -> int:  # pragma: no cover
 
 
 @inner
-def _end_of_hits(counts: Float, sums: Float, way: float) -> float:  # pragma: no cover
+def _end_of_hits(counts: Float, sums: Float, way: float) -> float:
     """Where along a wall [m] the hits of its last piece end, one way (1) or the other (−1).
 
     The length over which n hits are evenly spread, each in the middle of its part, has a variance
@@ -254,7 +254,7 @@ def refit_segments(
     first: Int,
     counts: Float,
     sums: Float,
-) -> tuple[Float, Float, Float]:  # pragma: no cover
+) -> tuple[Float, Float, Float]:
     """The real parts of walls (m, 4), refit to their hits.
 
     Returns:

@@ -189,7 +189,7 @@ class SegmentPool:
 
 
 @compiled
-def add_rows(pool: Pool, grid: Grid, new: NewSegments) -> tuple[Int, int]:  # pragma: no cover
+def add_rows(pool: Pool, grid: Grid, new: NewSegments) -> tuple[Int, int]:
     """See `SegmentPool.add`; returns the first that the grid had no room for as well."""
     rows = np.empty(len(new.ends), np.int64)
     for k in range(len(rows)):
@@ -198,7 +198,7 @@ def add_rows(pool: Pool, grid: Grid, new: NewSegments) -> tuple[Int, int]:  # pr
 
 
 @compiled
-def drop_rows(pool: Pool, grid: Grid, walls: Int) -> None:  # pragma: no cover
+def drop_rows(pool: Pool, grid: Grid, walls: Int) -> None:
     """Drop all segments of some walls."""
     gone = _pop(pool, grid, walls)
     for k in range(len(gone)):
@@ -206,9 +206,7 @@ def drop_rows(pool: Pool, grid: Grid, walls: Int) -> None:  # pragma: no cover
 
 
 @compiled
-def exchange_rows(
-    pool: Pool, grid: Grid, walls: Int, new: NewSegments
-) -> tuple[Change, int]:  # pragma: no cover
+def exchange_rows(pool: Pool, grid: Grid, walls: Int, new: NewSegments) -> tuple[Change, int]:
     """See `SegmentPool.exchange`; returns the first that the grid had no room for as well."""
     ends, points, count = new.ends, new.points, len(new.ends)
     old = _pop(pool, grid, walls)
@@ -245,7 +243,7 @@ def exchange_rows(
 
 
 @inner
-def rows_of(pool: Pool, walls: Int) -> Int:  # pragma: no cover
+def rows_of(pool: Pool, walls: Int) -> Int:
     """The rows of the segments of some walls; equal walls may come in a run."""
     rows = np.empty(0, np.int64)
     for turn in range(2):
@@ -264,7 +262,7 @@ def rows_of(pool: Pool, walls: Int) -> Int:  # pragma: no cover
 
 
 @inner
-def _pop(pool: Pool, grid: Grid, walls: Int) -> Int:  # pragma: no cover
+def _pop(pool: Pool, grid: Grid, walls: Int) -> Int:
     """Take all segments of some walls out of the grid; returns their rows, rising."""
     rows = rows_of(pool, walls)
     for k in range(len(walls)):
@@ -276,7 +274,7 @@ def _pop(pool: Pool, grid: Grid, walls: Int) -> Int:  # pragma: no cover
 
 
 @inner
-def _put(pool: Pool, grid: Grid, rows: Int, new: NewSegments) -> int:  # pragma: no cover
+def _put(pool: Pool, grid: Grid, rows: Int, new: NewSegments) -> int:
     """Write segments into rows; returns the first that the grid had no room for."""
     walls = pool.walls
     # From the last on, so that the first of a wall is the head of its list.
@@ -294,7 +292,7 @@ def _put(pool: Pool, grid: Grid, rows: Int, new: NewSegments) -> int:  # pragma:
 
 
 @inner
-def _take(pool: Pool) -> int:  # pragma: no cover
+def _take(pool: Pool) -> int:
     """A free row."""
     if pool.used[1]:
         pool.used[1] -= 1
@@ -306,7 +304,7 @@ def _take(pool: Pool) -> int:  # pragma: no cover
 
 
 @inner
-def _give_back(pool: Pool, row: int) -> None:  # pragma: no cover
+def _give_back(pool: Pool, row: int) -> None:
     """Make a row free."""
     pool.walls.points[row] = 0
     pool.free[pool.used[1]] = row
@@ -314,7 +312,7 @@ def _give_back(pool: Pool, row: int) -> None:  # pragma: no cover
 
 
 @inner
-def match(before: Float, old: Int, ends: Float) -> Int:  # pragma: no cover
+def match(before: Float, old: Int, ends: Float) -> Int:
     """For each of some segments (n, 4) the place of the old row that it hardly differs from.
 
     Args:

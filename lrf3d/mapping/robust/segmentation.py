@@ -20,9 +20,7 @@ from lrf3d.mapping.robust.constants import (
 
 
 @compiled
-def segment_cluster(
-    beams: Float, ranges: Float, deviations: Float, walls: Int
-) -> int:  # pragma: no cover
+def segment_cluster(beams: Float, ranges: Float, deviations: Float, walls: Int) -> int:
     """Divide a cluster into walls.
 
     Args:
@@ -106,7 +104,7 @@ def segment_cluster(
 
 
 @inner
-def _thinned(places: Int, count: int, choice: int) -> int:  # pragma: no cover
+def _thinned(places: Int, count: int, choice: int) -> int:
     """Strike off every second of the older half of places, but for the choice; how many stay."""
     kept = 0
     for place in range(count):
@@ -117,9 +115,7 @@ def _thinned(places: Int, count: int, choice: int) -> int:  # pragma: no cover
 
 
 @compiled
-def fit_wall(
-    beams: Float, ranges: Float, deviations: Float
-) -> tuple[float, float]:  # pragma: no cover
+def fit_wall(beams: Float, ranges: Float, deviations: Float) -> tuple[float, float]:
     """The wall n/c [1/m] that fits ranges (n,) along beams (n, 2) best: 1/r = (n/c)·beam."""
     cc = cs = ss = ci = si = 0.0
     # In the frame of the middle beam the two unknowns are all but uncorrelated, so that a wall

@@ -44,7 +44,7 @@ class KnownWalls(NamedTuple):
 @inner
 def _count_unowned_hits(
     fresh: NewEvidence, cells: Cells, walls: Walls, touched: Touched, grid: Grid, distance: float
-) -> None:  # pragma: no cover
+) -> None:
     """Note clusters that are hits of no wall at all walls whose hits they may be.
 
     Args:
@@ -71,7 +71,7 @@ def _count_unowned_hits(
 
 
 @inner
-def _reaches(ends: Float, x: float, y: float, off: float) -> bool:  # pragma: no cover
+def _reaches(ends: Float, x: float, y: float, off: float) -> bool:
     """Whether a wall (4,), followed beyond its ends, comes so near [m] to a point."""
     ux, uy = ends[2] - ends[0], ends[3] - ends[1]
     size = np.hypot(ux, uy)
@@ -83,7 +83,7 @@ def _reaches(ends: Float, x: float, y: float, off: float) -> bool:  # pragma: no
 @inner
 def choose_walls(
     fresh: NewEvidence, cells: Cells, known: KnownWalls, distance: float
-) -> tuple[Int, Int]:  # pragma: no cover
+) -> tuple[Int, Int]:
     """Choose the walls that are to be refined again.
 
     Args:
@@ -155,7 +155,7 @@ def choose_walls(
 
 
 @inner
-def _contains(chosen: Int, count: int, wall: int) -> bool:  # pragma: no cover
+def _contains(chosen: Int, count: int, wall: int) -> bool:
     """Whether a wall is among the first of those chosen."""
     for k in range(count):
         if chosen[k] == wall:
@@ -164,7 +164,7 @@ def _contains(chosen: Int, count: int, wall: int) -> bool:  # pragma: no cover
 
 
 @inner
-def _moved(before: Float, ends: Float) -> bool:  # pragma: no cover
+def _moved(before: Float, ends: Float) -> bool:
     """Whether a wall (4,) has grown, or moved sideways, since before."""
     ux, uy = before[2] - before[0], before[3] - before[1]
     size = np.hypot(ux, uy)

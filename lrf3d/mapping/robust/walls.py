@@ -111,7 +111,7 @@ def unite_walls(
     update: int,
     rule: Rule,
     cell: float,
-) -> bool:  # pragma: no cover
+) -> bool:
     """Add walls, and merge them with whatever they fit, until no two are left that the rule merges.
 
     Only fresh and merged walls are compared anew: the others were compared before.
@@ -164,7 +164,7 @@ def unite_walls(
 
 
 @inner
-def _touch(touched: Touched, row: int, update: int) -> None:  # pragma: no cover
+def _touch(touched: Touched, row: int, update: int) -> None:
     """Note that this update changes a row, once."""
     if touched.stamps[row] != update:
         touched.stamps[row] = update
@@ -180,7 +180,7 @@ def _add_walls(
     new: Walls,
     place: tuple[float, float],
     update: int,
-) -> None:  # pragma: no cover
+) -> None:
     """Write local walls into free rows, moved by a place [m]."""
     x, y = place
     for i in range(len(new.ends)):
@@ -197,7 +197,7 @@ def _add_walls(
 
 
 @compiled
-def partner(walls: Walls, row: int, candidates: Int, rule: Rule) -> int:  # pragma: no cover
+def partner(walls: Walls, row: int, candidates: Int, rule: Rule) -> int:
     """The candidate that fits a row best, or −1; of equals the lowest row."""
     best, least = -1, 1.0
     for k in range(len(candidates)):
@@ -212,7 +212,7 @@ def partner(walls: Walls, row: int, candidates: Int, rule: Rule) -> int:  # prag
 
 
 @inner
-def may_fit(ends: Float, one: int, other: int, rule: Rule) -> bool:  # pragma: no cover
+def may_fit(ends: Float, one: int, other: int, rule: Rule) -> bool:
     """Whether two of some segments (rows, 4) run one way and lie near each other.
 
     It is what `misfit` would find as well, but most pairs need no more.
@@ -235,9 +235,7 @@ def may_fit(ends: Float, one: int, other: int, rule: Rule) -> bool:  # pragma: n
 
 
 @compiled
-def misfit(
-    ends: Float, moments: Float, other_ends: Float, other: Float, rule: Rule
-) -> float:  # pragma: no cover
+def misfit(ends: Float, moments: Float, other_ends: Float, other: Float, rule: Rule) -> float:
     """How far the shorter of two segments lies off the longer one's line; 1 is the most allowed."""
     x, y = ends[2] - ends[0], ends[3] - ends[1]
     u, v = other_ends[2] - other_ends[0], other_ends[3] - other_ends[1]
@@ -273,7 +271,7 @@ def misfit(
 
 
 @compiled
-def merge(walls: Walls, kept: int, gone: int) -> None:  # pragma: no cover
+def merge(walls: Walls, kept: int, gone: int) -> None:
     """Make the first row the exact fit to the points of both, as long as both reach."""
     ends, moments = walls.ends, walls.moments
     total = moments[kept, 0] + moments[gone, 0]
