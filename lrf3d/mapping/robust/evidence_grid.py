@@ -102,7 +102,7 @@ class EvidenceGrid:
             free = np.repeat(column[-1:], rows - len(kept), axis=0)
             columns.append(np.concatenate([kept, free]))
         beams_through, beams_at = Blocks(*columns[:3]), Blocks(*columns[6:9])
-        self.cells = Cells(beams_through, *columns[3:6], beams_at, *columns[9:])
+        self.cells = Cells._make([beams_through, *columns[3:6], beams_at, *columns[9:]])
         # Blocks have room for half as many as their hash tables.
         while 2 * len(self.cells.planes) < len(self.cells.open.keys):
             self.cells = self.cells._replace(
