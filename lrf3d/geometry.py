@@ -128,6 +128,9 @@ class Value:
 
 def wrap_angle(angle: ArrayLike) -> Any:
     """Wrap angles [rad] into (−π, π]; an angle that lies there keeps its bits."""
+    # Most angles are single ones that lie there: arrays would take ten times as long.
+    if isinstance(angle, float) and -np.pi < angle <= np.pi:
+        return np.float64(angle)
     angle = np.asarray(angle, dtype=np.float64)
     inside = (angle > -np.pi) & (angle <= np.pi)
     wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
