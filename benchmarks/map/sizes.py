@@ -128,8 +128,8 @@ def prefilled(world: World) -> LineMapper:
     )
     table = SegmentTable(walls, moments, np.full(count, POINTS), world.objects)
     state = {f"table_{column.name}": getattr(table, column.name) for column in fields(table)}
-    unions = np.array(int(world.objects.max()) + 1)
-    inner.restore({**state, "unions": unions, "origin": np.zeros(2)})
+    shown = {"map_rows": np.arange(count), "map_labels": np.empty(0, np.int64)}
+    inner.restore({**state, **shown, "origin": np.zeros(2)})
     return mapper
 
 

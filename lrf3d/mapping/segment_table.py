@@ -31,10 +31,10 @@ class SegmentTable:
     unions: Int
 
     @classmethod
-    def empty(cls) -> "SegmentTable":
-        """A table without rows."""
-        none = np.empty(0, np.int64)
-        return cls(np.empty((0, 4)), np.empty((0, 6)), none, none)
+    def empty(cls, rows: int = 0) -> "SegmentTable":
+        """A table of rows that have no points."""
+        points, unions = np.zeros((2, rows), np.int64)
+        return cls(np.zeros((rows, 4)), np.zeros((rows, 6)), points, unions)
 
     def __len__(self) -> int:
         return len(self.ends)

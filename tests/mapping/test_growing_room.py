@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import lrf3d
+from lrf3d.mapping import live_map
 from lrf3d.mapping.paper import growing
 from lrf3d.mapping.robust import (
     evidence_grid,
-    live_map,
     mapper,
     object_groups,
     refinement,

@@ -2,16 +2,21 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
-from lrf3d.mapping.robust.beams import SHIFT, Frame
-from lrf3d.mapping.robust.live_map import LEAST_ROWS, MOST_COPIES, MOST_WAITING, LiveMap
+from lrf3d.mapping.live_map import LEAST_ROWS, MOST_COPIES, MOST_WAITING, LiveMap, Placement
+from lrf3d.mapping.paper.growing import GrowingMap
+from lrf3d.mapping.paper.mapper import EndPointMerging
+from lrf3d.mapping.segment_table import SegmentTable
 
 WORLD = World(
     [[4, -3, 4, 3], [4, 3, -4, 3], [-4, 3, -4, -3], [1, -1, 2, -1], [2, -1, 2, 0], [-2, 0, -2, 1]]
 )
 LRF = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=181, range_max=30.0)
-FRAME = Frame(0.0, 0.0, 0.0)
+OWN = (0.37, 0.41)
+PLACEMENT = Placement(0.0, 0.0, 0.0, *OWN)
 
 
 def scans(count):
@@ -81,10 +86,10 @@ def test_objects_are_numbered_without_gaps_while_segments_come_and_go():
         ends[rows] += 0.1
         # One whose ends are one place is not shown.
         ends[rows[0], 2:] = ends[rows[0], :2]
-        live.update(rows, ends, points, labels, FRAME)
+        live.update(rows, ends, points, labels, PLACEMENT)
         line_map = live.value()
         shown = np.flatnonzero((points > 0) & (ends[:, :2] != ends[:, 2:]).any(axis=1))
-        place = {tuple(row): k for k, row in enumerate(line_map.segments + np.tile(SHIFT, 2))}
+        place = {tuple(row): k for k, row in enumerate(line_map.segments + np.tile(OWN, 2))}
         order = [
             min(range(len(line_map)), key=lambda k: np.abs(ends[row] - list(place)[k]).max())
             for row in shown
@@ -101,10 +106,10 @@ def test_an_object_that_grows_keeps_its_number():
     live = LiveMap()
     ends = np.arange(24.0).reshape(6, 4)
     points, labels = np.array([5, 5, 5, 0, 0, 0]), np.array([0, 1, 2, 2, 1, 0])
-    live.update(np.arange(3), ends, points, labels, FRAME)
+    live.update(np.arange(3), ends, points, labels, PLACEMENT)
     before = live.value().objects.tolist()
     points[3:] = 5
-    live.update(np.arange(3, 6), ends, points, labels, FRAME)
+    live.update(np.arange(3, 6), ends, points, labels, PLACEMENT)
     assert before == [0, 1, 2] and live.value().objects.tolist() == [0, 1, 2, 2, 1, 0]
 
 
@@ -128,9 +133,68 @@ def test_a_map_that_was_larger_for_a_while_is_right_again():
     points, labels = np.full(count, 7), np.arange(count)
     few, more = np.arange(LEAST_ROWS // 2), np.arange(LEAST_ROWS // 2, count)
     room = slice(LEAST_ROWS)
-    live.update(few, ends[room], points[room], labels[room], FRAME)
+    live.update(few, ends[room], points[room], labels[room], PLACEMENT)
     kept = columns(live.value())
-    live.update(more, ends, points, labels, FRAME)
+    live.update(more, ends, points, labels, PLACEMENT)
     points[more] = 0
-    live.update(more[::-1].copy(), ends, points, labels, FRAME)
+    live.update(more[::-1].copy(), ends, points, labels, PLACEMENT)
     assert is_same(live.value(), kept)
+
+
+def as_set(line_map):
+    """The segments and points of a map, grouped into objects, in no order."""
+    objects = {}
+    rows = zip(line_map.segments.tolist(), line_map.points.tolist(), strict=True)
+    for number, (ends, points) in zip(line_map.objects.tolist(), rows, strict=True):
+        objects.setdefault(number, set()).add((*ends, points))
+    assert set(objects) == set(range(len(objects)))
+    return set(map(frozenset, objects.values()))
+
+
+def worked_out(growing):
+    """The paper's map from the whole of its table."""
+    table = growing.table()
+    table = table.take(np.flatnonzero(table.points >= growing._least))
+    return table.as_map(growing._origin)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    least=st.sampled_from([0, 2, 12, 40]),
+    size=st.sampled_from([4.0, 12.0, 60.0]),
+    place=st.sampled_from([(0.0, 0.0), (1e6 + 0.3, -2e6 - 0.2)]),
+)
+def test_a_map_of_the_paper_is_that_of_its_whole_table(seed, least, size, place):
+    rng = np.random.default_rng(seed)
+    always, seldom = (GrowingMap(EndPointMerging(0.1, 0.12), least) for _ in range(2))
+    held = []
+    for _ in range(30):
+        count, robot = int(rng.integers(0, 50)), np.array(place) + rng.uniform(-3.0, 3.0, 2)
+        angle = rng.integers(0, 2, count) * np.pi / 2.0 + rng.normal(0.0, 0.01, count)
+        half = rng.exponential(0.6, count)[:, None] + 0.01
+        half = half * np.column_stack([np.cos(angle), np.sin(angle)])
+        middle = np.round(rng.uniform(-size, size, (count, 2)))
+        ends, points = np.hstack([middle - half, middle + half]), rng.integers(2, 20, count)
+        # Numbers of unions may be left out.
+        unions = np.sort(2 * rng.integers(0, 9, count))
+        local = SegmentTable(ends, np.ones((count, 6)), points, unions)
+        always.add(local, robot)
+        seldom.add(local, robot)
+        assert as_set(always.map) == as_set(worked_out(always))
+        held = [*held, (always.map, columns(always.map))][-4:]
+        assert all(is_same(line_map, kept) for line_map, kept in held)
+        if rng.random() < 0.2:
+            state, always = always.state(), GrowingMap(EndPointMerging(0.1, 0.12), least)
+            always.restore(state)
+            assert is_same(always.map, held[-1][1])
+    assert is_same(seldom.map, columns(always.map))
+
+
+def test_a_map_of_the_paper_is_the_same_object_until_the_next_update():
+    mapper, drive = LineMapper("paper"), scans(2)
+    mapper.update(drive[0])
+    first = mapper.map
+    assert mapper.map is first
+    mapper.update(drive[1])
+    assert mapper.map is not first

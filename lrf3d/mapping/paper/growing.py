@@ -7,20 +7,19 @@ however large the map is.
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from lrf3d.geometry import Float, Int, lengths
-from lrf3d.mapping.grid import Grid, find, insert, remove
+from lrf3d.mapping.grid import Grid, Search, find, insert, insert_rows, remove
+from lrf3d.mapping.line_map import LineMap
+from lrf3d.mapping.live_map import LEAST_ROWS, LiveMap, Placement
 from lrf3d.mapping.segment_table import SegmentTable
 
 CELL = 4.0
 """Size of a cell of the grid [m]. It changes speed only."""
-
-LEAST_ROWS = 256
-"""Rows that a new map has room for."""
 
 COLUMNS = tuple(column.name for column in fields(SegmentTable))
 
@@ -41,39 +40,57 @@ class Merging(Protocol):
 class GrowingMap:
     """Segments that are merged as they come in.
 
-    Rows keep their order; those that were merged into another are dead, and are taken out when
-    they are the most.
+    Rows keep their order; those that were merged into another have no points, and are taken out
+    when they are the most. A union is numbered below the first row that came after it.
+
+    Args:
+        merging: Eq. 9.
+        least: Segments with fewer points than this are not shown.
     """
 
-    def __init__(self, merging: Merging) -> None:
-        self._merging = merging
-        self._unions = self._top = self._dead = self._searches = 0
-        self._longest = 0.0
-        self._lay_out(SegmentTable.empty(), LEAST_ROWS)
+    def __init__(self, merging: Merging, least: int) -> None:
+        self._merging, self._least = merging, least
+        self._live, self._longest = LiveMap(), 0.0
+        self._top = self._dead = 0
+        self._origin: Float | None = None
+        self._lay_out(SegmentTable.empty(), 0)
 
-    def add(self, local: SegmentTable) -> None:
-        """Unite the map with the segments of a scan; their unions are numbered from 0."""
+    def add(self, local: SegmentTable, place: Float) -> None:
+        """Unite the map with the segments of a scan.
+
+        Args:
+            local: The segments around the robot; their unions are numbered from 0.
+            place: (2,) where the robot is [m] in the world.
+        """
+        if self._origin is None:
+            # Whole metres, so that taking the origin off and adding it again loses nothing.
+            self._origin = np.round(place)
         self._make_room(len(local))
         fresh = range(self._top, self._top + len(local))
-        self._top = fresh.stop
-        # Only fresh and merged segments are compared: the others were compared before.
-        for row, own in zip(fresh, range(len(local)), strict=True):
-            self._table.ends[row], self._table.moments[row] = local.ends[own], local.moments[own]
-            self._table.points[row] = local.points[own]
-            self._table.unions[row] = self._unions + local.unions[own]
-            self._alive[row] = True
+        unions = self._top + np.unique(local.unions, return_inverse=True)[1]
+        self._append(replace(local.shifted(place - self._origin), unions=unions))
+        for row in fresh:
             self._place(row)
-        self._unions += int(local.unions.max(initial=-1)) + 1
+        # Only fresh and merged segments are compared: the others were compared before.
         waiting = deque(fresh)
         # The loop ends, since each merge takes one segment away.
         while waiting:
             row = waiting.popleft()
-            if not self._alive[row]:
+            if not self._table.points[row]:
                 continue
             other = self._merging.partner(self._table, row, self._candidates(row))
             if other >= 0:
                 self._merge(row, other)
                 waiting.append(row)
+        self._publish()
+
+    def _append(self, table: SegmentTable) -> None:
+        """Take the rows of a table in behind those that are there."""
+        begin, self._top = self._top, self._top + len(table)
+        for name in COLUMNS:
+            getattr(self._table, name)[begin : self._top] = getattr(table, name)
+        for row, union in enumerate(table.unions.tolist(), begin):
+            self._members.setdefault(union, set()).add(row)
 
     def _merge(self, row: int, other: int) -> None:
         table = self._table
@@ -83,17 +100,27 @@ class GrowingMap:
             remove(self._grid, gone, table.ends[gone], CELL)
         table.ends[row], table.moments[row] = ends, moments
         table.points[row] += table.points[other]
-        kept, gone = sorted(
-            (self._root(int(table.unions[row])), self._root(int(table.unions[other])))
-        )
-        if kept != gone:
-            self._parents[gone] = kept
-        self._alive[other] = False
+        self._unite(int(table.unions[row]), int(table.unions[other]))
+        self._members[int(table.unions[other])].remove(other)
+        table.points[other] = 0
+        self._changed.add(other)
         self._dead += 1
         self._place(row)
 
+    def _unite(self, union: int, other: int) -> None:
+        """Make two unions one, which keeps the number of the larger."""
+        if union == other:
+            return
+        gone, kept = sorted((union, other), key=lambda each: (len(self._members[each]), -each))
+        rows = self._members[gone]
+        self._members[kept] |= rows
+        self._table.unions[list(rows)] = kept
+        self._changed |= rows
+        del self._members[gone]
+
     def _place(self, row: int) -> None:
-        """Put a row into the grid."""
+        """Put a row that is new or has changed into the grid."""
+        self._changed.add(row)
         ends = self._table.ends[row]
         self._longest = max(self._longest, float(np.hypot(ends[2] - ends[0], ends[3] - ends[1])))
         while not insert(self._grid, row, ends, CELL):
@@ -101,79 +128,78 @@ class GrowingMap:
 
     def _candidates(self, row: int) -> Int:
         """The rows, rising, of all segments near enough to be merged with one."""
-        self._searches += 1
-        reach = self._merging.reach(self._longest)
+        search, reach = self._search, self._merging.reach(self._longest)
+        search.number[0] += 1
         count = find(
-            self._grid, self._table.ends[row], reach, CELL, self._met, self._searches, self._found
+            *(self._grid, self._table.ends[row], reach, CELL),
+            *(search.stamps, int(search.number[0]), search.found),
         )
-        found = self._found[:count]
-        return np.sort(found[self._alive[found] & (found != row)])
+        found = search.found[:count]
+        return np.sort(found[(self._table.points[found] > 0) & (found != row)])
 
-    def _root(self, union: int) -> int:
-        """The union that a union is part of by now."""
-        root = union
-        while (parent := self._parents.get(root, root)) != root:
-            root = parent
-        while union != root:
-            self._parents[union], union = root, self._parents[union]
-        return root
+    def _publish(self) -> None:
+        """Show what has changed."""
+        rows = np.array(sorted(self._changed), np.int64)
+        points = self._table.points[rows]
+        self._shown[rows] = np.where(points < self._least, 0, points)
+        self._live.update(rows, *self._seen())
+        self._changed.clear()
+
+    def _seen(self) -> tuple[Float, Int, Int, Placement]:
+        x, y = (0.0, 0.0) if self._origin is None else self._origin.tolist()
+        return self._table.ends, self._shown, self._table.unions, Placement(x, y, 0.0)
 
     def _make_room(self, count: int) -> None:
-        if 2 * self._dead > max(self._top, LEAST_ROWS) or self._top + count > len(self._alive):
-            table = self.table()
-            self._lay_out(table, max(LEAST_ROWS, 2 * (len(table) + count)))
+        if 2 * self._dead > max(self._top, LEAST_ROWS) or self._top + count > len(self._shown):
+            self.restore(self.state(), count)
 
-    def _lay_out(self, table: SegmentTable, room: int) -> None:
+    def _lay_out(self, table: SegmentTable, more: int) -> None:
         """Begin with the rows of a table, and room for more."""
-        count = len(table)
-        self._table = SegmentTable(
-            np.zeros((room, 4)),
-            np.zeros((room, 6)),
-            np.zeros(room, np.int64),
-            np.zeros(room, np.int64),
-        )
-        for name in COLUMNS:
-            getattr(self._table, name)[:count] = getattr(table, name)
-        self._alive = np.arange(room) < count
-        self._top, self._dead = count, 0
-        self._parents: dict[int, int] = {}
-        self._met, self._found, self._searches = (
-            np.zeros(room, np.int64),
-            np.empty(room, np.int64),
-            0,
-        )
+        room = max(LEAST_ROWS, 2 * (len(table) + more))
+        self._table, self._search = SegmentTable.empty(room), Search.of_size(room)
+        self._members: dict[int, set[int]] = {}
+        self._changed: set[int] = set()
+        self._top = self._dead = 0
+        self._append(table)
+        self._shown = np.where(self._table.points < self._least, 0, self._table.points)
         self._longest = float(lengths(table.ends).max(initial=0.0))
         self._regrid(4 * LEAST_ROWS)
 
     def _regrid(self, entries: int) -> None:
         """Put all segments into a new grid that is large enough."""
-        grid = Grid.of_size(entries)
-        for row in np.flatnonzero(self._alive).tolist():
-            if not insert(grid, row, self._table.ends[row], CELL):
-                return self._regrid(2 * entries)
-        self._grid = grid
+        rows = np.flatnonzero(self._table.points)
+        self._grid = Grid.of_size(entries)
+        while insert_rows(self._grid, rows, 0, self._table.ends, CELL) < len(rows):
+            entries *= 2
+            self._grid = Grid.of_size(entries)
 
     def table(self) -> SegmentTable:
         """The segments as they are now."""
-        table = self._table.take(np.flatnonzero(self._alive))
-        if self._parents:
-            joined = np.array(sorted(self._parents), dtype=np.int64)
-            roots = np.array([self._root(union) for union in joined.tolist()], dtype=np.int64)
-            place = np.searchsorted(joined, table.unions).clip(max=len(joined) - 1)
-            part = joined[place] == table.unions
-            table.unions[part] = roots[place[part]]
-        return table
+        return self._table.take(np.flatnonzero(self._table.points))
+
+    @property
+    def map(self) -> LineMap:
+        """The segments that are shown, in the world."""
+        return self._live.value()
 
     def state(self) -> dict[str, Any]:
         """All that the map is, as plain arrays; `restore` takes them back."""
-        table = self.table()
+        # An update that was interrupted has left changes that are not shown.
+        self._publish()
+        table, live = self.table(), self._live.state()
+        known, unions = np.unique(table.unions, return_inverse=True)
+        table = replace(table, unions=unions)
+        rows = np.flatnonzero(self._table.points)
         return {
             **{f"table_{name}": getattr(table, name) for name in COLUMNS},
-            "unions": np.array(self._unions),
+            "map_rows": np.searchsorted(rows, live["map_rows"]),
+            "map_labels": np.searchsorted(known, live["map_labels"]),
+            "origin": np.full(2, np.nan) if self._origin is None else self._origin.copy(),
         }
 
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state."""
-        table = SegmentTable(*(state[f"table_{name}"].copy() for name in COLUMNS))
-        self._unions = int(state["unions"])
-        self._lay_out(table, max(LEAST_ROWS, 2 * len(table)))
+    def restore(self, state: Mapping[str, Any], more: int = 0) -> None:
+        """Go on from a state, with room for more segments."""
+        origin = state["origin"]
+        self._origin = None if np.isnan(origin).any() else origin.copy()
+        self._lay_out(SegmentTable(*(state[f"table_{name}"] for name in COLUMNS)), more)
+        self._live.restore(state, *self._seen())

@@ -88,31 +88,27 @@ class PaperMapper:
     """
 
     def __init__(self, extract: SplitMergeExtractor, merging: EndPointMerging, least: int) -> None:
-        self._extract, self._least = extract, least
-        self._segments = GrowingMap(merging)
-        self._origin: Float | None = None
+        self._extract = extract
+        self._segments = GrowingMap(merging, least)
+        self._map: LineMap | None = None
 
     def update(self, scan: LaserScan) -> None:
         """Unite the map with the local map of a scan: G_new = S ∪ G_old."""
-        place = np.array(scan.pose[:2])
-        if self._origin is None:
-            # Whole metres, so that taking the origin off and adding it again loses nothing.
-            self._origin = np.round(place)
-        self._segments.add(self._extract(scan).shifted(place - self._origin))
+        self._map = None
+        self._segments.add(self._extract(scan), np.array(scan.pose[:2]))
 
     def state(self) -> dict[str, Any]:
         """All that the mapper has learnt, as plain arrays; `restore` takes them back."""
-        origin = np.full(2, np.nan) if self._origin is None else self._origin
-        return {**self._segments.state(), "origin": origin}
+        return self._segments.state()
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what a mapper of the same settings had learnt."""
+        self._map = None
         self._segments.restore(state)
-        self._origin = None if np.isnan(state["origin"]).any() else state["origin"].copy()
 
     @property
     def map(self) -> LineMap:
         """The global map."""
-        table = self._segments.table()
-        table = table.take(np.flatnonzero(table.points >= self._least))
-        return table.as_map(np.zeros(2) if self._origin is None else self._origin)
+        if self._map is None:
+            self._map = self._segments.map
+        return self._map

@@ -19,6 +19,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.grid import Grid
 from lrf3d.mapping.line_map import LineMap
+from lrf3d.mapping.live_map import LiveMap
 from lrf3d.mapping.robust.beams import Frame
 from lrf3d.mapping.robust.cells import Cells, NewEvidence
 from lrf3d.mapping.robust.constants import (
@@ -28,7 +29,6 @@ from lrf3d.mapping.robust.constants import (
     VIOLATION_WEIGHT,
 )
 from lrf3d.mapping.robust.joining import Joints, loosen_walls, rejoin_stretches, tie_rings
-from lrf3d.mapping.robust.live_map import LiveMap
 from lrf3d.mapping.robust.object_groups import ObjectGroups
 from lrf3d.mapping.robust.refitting import Refit, refit_walls
 from lrf3d.mapping.robust.segment_pool import NewSegments, Pool, SegmentPool
@@ -108,7 +108,7 @@ class MapRefinement:
     def publish(self, frame: Frame) -> None:
         """Bring the map in the world up to date."""
         if self._changed:
-            self._live.update(np.concatenate(self._changed), *self._shown(), frame)
+            self._live.update(np.concatenate(self._changed), *self._shown(), frame.placement)
             self._changed.clear()
 
     def _shown(self) -> tuple[Float, Int, Int]:
@@ -143,7 +143,7 @@ class MapRefinement:
         self._stretches.restore(state, "stretch")
         self.segments.restore(state, "segment")
         self.groups.restore(state)
-        self._live.restore(state, *self._shown(), frame)
+        self._live.restore(state, *self._shown(), frame.placement)
         self._changed.clear()
         self.stamps, self.evidence = state["refit_stamps"].copy(), state["refit_evidence"].copy()
         self.new_evidence = state["new_evidence"].copy()

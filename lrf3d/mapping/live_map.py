@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.robust.beams import SHIFT, Frame
-from lrf3d.mapping.robust.segment_pool import LEAST_ROWS
+
+LEAST_ROWS = 256
+"""Segments that a new map has room for."""
 
 MOST_COPIES = 2
 """Copies of the map that are kept up to date: one that is looked at, and one for the next map while
@@ -27,6 +28,24 @@ the last is still held."""
 
 MOST_WAITING = 16
 """Updates that wait to be written into a copy. One that is held longer is left to its holder."""
+
+
+class Placement(NamedTuple):
+    """Where a map's own frame lies in the world.
+
+    Args:
+        x: A place [m] in the world.
+        y: The same.
+        theta: Heading [rad] of the frame.
+        own_x: That place [m] in the frame.
+        own_y: The same.
+    """
+
+    x: float
+    y: float
+    theta: float
+    own_x: float = 0.0
+    own_y: float = 0.0
 
 
 class Placed(NamedTuple):
@@ -125,7 +144,9 @@ class LiveMap:
         self._placed = Placed.of_size(LEAST_ROWS)
         self._copies: list[_Copy] = []
 
-    def update(self, rows: Int, ends: Float, points: Int, labels: Int, frame: Frame) -> None:
+    def update(
+        self, rows: Int, ends: Float, points: Int, labels: Int, placement: Placement
+    ) -> None:
         """Follow a change of the pool.
 
         Args:
@@ -133,11 +154,11 @@ class LiveMap:
             ends: (all rows, 4) the segments [m] in the map's own frame.
             points: (all rows,) numbers of their points; 0 where there is none.
             labels: (all rows,) the label of the object of each.
-            frame: The map's own frame.
+            placement: Where that frame lies.
         """
         while len(self._placed.places) < len(points):
             self._placed = self._placed.doubled()
-        place_rows(self._placed, rows, ends, points, labels, frame)
+        place_rows(self._placed, rows, ends, points, labels, placement)
         changed = self._placed.changed[: self._placed.used[2]].copy()
         for copy in self._copies:
             copy.waiting.append(changed)
@@ -171,7 +192,7 @@ class LiveMap:
         }
 
     def restore(
-        self, state: Mapping[str, Any], ends: Float, points: Int, labels: Int, frame: Frame
+        self, state: Mapping[str, Any], ends: Float, points: Int, labels: Int, placement: Placement
     ) -> None:
         """Go on from what was placed where."""
         self._placed = Placed.of_size(LEAST_ROWS)
@@ -182,23 +203,23 @@ class LiveMap:
         self._placed.known[: len(known)] = known
         self._placed.numbers[known] = np.arange(len(known))
         self._placed.used[1] = len(known)
-        place_rows(self._placed, state["map_rows"], ends, points, labels, frame)
+        place_rows(self._placed, state["map_rows"], ends, points, labels, placement)
 
 
 @compiled
 def place_rows(
-    placed: Placed, rows: Int, ends: Float, points: Int, labels: Int, frame: Frame
+    placed: Placed, rows: Int, ends: Float, points: Int, labels: Int, placement: Placement
 ) -> None:
     """Bring rows (n,) of the pool up to date in the map; see `LiveMap.update`."""
-    cos, sin = np.cos(frame.theta), np.sin(frame.theta)
+    cos, sin = np.cos(placement.theta), np.sin(placement.theta)
     segments, places, used = placed.segments, placed.places, placed.used
     used[2] = 0
     for k in range(len(rows)):
         row, place = rows[k], places[rows[k]]
-        x, y = ends[row, 0] - SHIFT[0], ends[row, 1] - SHIFT[1]
-        x1, y1 = (x * cos - y * sin) + frame.x, (x * sin + y * cos) + frame.y
-        x, y = ends[row, 2] - SHIFT[0], ends[row, 3] - SHIFT[1]
-        x2, y2 = (x * cos - y * sin) + frame.x, (x * sin + y * cos) + frame.y
+        x, y = ends[row, 0] - placement.own_x, ends[row, 1] - placement.own_y
+        x1, y1 = (x * cos - y * sin) + placement.x, (x * sin + y * cos) + placement.y
+        x, y = ends[row, 2] - placement.own_x, ends[row, 3] - placement.own_y
+        x2, y2 = (x * cos - y * sin) + placement.x, (x * sin + y * cos) + placement.y
         # Far from the world's origin the ends of a tiny segment may round to one place.
         if points[row] == 0 or (x1 == x2 and y1 == y2):
             if place >= 0:
