@@ -335,7 +335,10 @@ class _Recorder:
             return 0
         if of_another or scans > self.journal.scans:
             return 0
-        mapper.restore({name.removeprefix("mapper_"): value for name, value in arrays.items()})
+        try:
+            mapper.restore({name.removeprefix("mapper_"): value for name, value in arrays.items()})
+        except InputError:  # Of another version: the scans are mapped again.
+            return 0
         return scans
 
     def _journal_fingerprint(self) -> str:

@@ -19,6 +19,9 @@ from lrf3d.mapping.robust.walls import Rule
 
 MODES = ("paper", "robust")
 
+STATE_LAYOUT = 2
+"""Number of the layout of `LineMapper.state`, raised with each change of it."""
+
 
 class LineMapper:
     """Builds a global map of line segments, grouped into objects, from scans at known poses.
@@ -119,10 +122,19 @@ class LineMapper:
 
         A mapper of the same settings that takes them back by `restore` goes on to the last bit.
         """
-        return self._mapper.state()
+        return {**self._mapper.state(), "layout": np.array(STATE_LAYOUT)}
 
     def restore(self, state: Mapping[str, NDArray[np.generic]]) -> None:
-        """Go on from what a mapper of the same settings had learnt."""
+        """Go on from what a mapper of the same settings had learnt.
+
+        Raises:
+            InputError: The state is of another version of lrf3d, whose states are laid out
+                otherwise; nothing has changed.
+        """
+        if int(state.get("layout", np.array(1))) != STATE_LAYOUT:
+            raise InputError(
+                "mapper: the state is of another version of lrf3d; map the scans again"
+            )
         self._mapper.restore(state)
 
     @property

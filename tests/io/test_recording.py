@@ -171,6 +171,17 @@ def test_a_damaged_checkpoint_only_costs_time(tmp_path):
     assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
 
 
+def test_a_checkpoint_of_another_version_only_costs_time(tmp_path, monkeypatch):
+    lrf3d.record(simulation(scans=900), tmp_path / "whole.npz")
+    path = tmp_path / "run.npz"
+    with monkeypatch.context() as older, pytest.raises(Stop):
+        older.setattr("lrf3d.mapping.mapper.STATE_LAYOUT", 1)
+        lrf3d.record(simulation(scans=900), path, progress=stopping(800))
+    assert path.with_suffix(".checkpoint").exists()
+    lrf3d.record(simulation(scans=900), path, resume=True)
+    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
 def test_another_run_is_not_resumed_and_its_difference_is_named(tmp_path):
     path = tmp_path / "run.npz"
     with pytest.raises(Stop):

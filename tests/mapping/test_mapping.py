@@ -566,3 +566,15 @@ def test_returns_from_one_place_make_no_segment(mode, distance, tmp_path):
         mapper.update(LaserScan((7, 8, 1), lrf.angles, np.full(31, distance)))
     save_map(mapper.map, tmp_path / "map.geojson")
     assert len(mapper.map) == 0 and "NaN" not in (tmp_path / "map.geojson").read_text()
+
+
+@pytest.mark.parametrize("mode", ["paper", "robust"])
+def test_a_state_of_another_version_is_refused_and_changes_nothing(mode):
+    scan = PlanarCaster(World([[3, -5, 3, 5], [3, 5, -3, 5]])).cast(LaserRangeFinder(), (0, 0, 0))
+    mapper = LineMapper(mode)
+    mapper.update(scan)
+    before = mapper.map.segments.copy()
+    older = {name: value for name, value in LineMapper(mode).state().items() if name != "layout"}
+    with pytest.raises(InputError, match="another version"):
+        mapper.restore(older)
+    np.testing.assert_array_equal(mapper.map.segments, before)
