@@ -59,7 +59,7 @@ class GrowingMap:
         """Unite the map with the segments of a scan.
 
         Args:
-            local: The segments around the robot; their unions are numbered from 0.
+            local: The segments around the robot.
             place: (2,) where the robot is [m] in the world.
         """
         if self._origin is None:
@@ -185,7 +185,8 @@ class GrowingMap:
     def state(self) -> dict[str, Any]:
         """All that the map is, as plain arrays; `restore` takes them back."""
         # An update that was interrupted has left changes that are not shown.
-        self._publish()
+        if self._changed:
+            self._publish()
         table, live = self.table(), self._live.state()
         known, unions = np.unique(table.unions, return_inverse=True)
         table = replace(table, unions=unions)
