@@ -135,8 +135,9 @@ def test_a_wall_ends_and_opens_where_beams_passed_and_none_ended():
         return np.array([row for row, times in runs for _ in range(times)])
 
     # Rows: beams that ended on a piece, passed it, and ended nearer to another wall; the scans that
-    # the first are from, and how many of the second came between these.
-    met, passed, unseen = [2, 0, 0, 2, 0], [0, 2, 0, 0, 0], [0, 0, 0, 0, 0]
+    # the first are from, and how many of the second came between these, and before the first; the
+    # scans from the first to the last.
+    met, passed, unseen = [2, 0, 0, 2, 0, 0, 2], [0, 2, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0, 0]
     ends = real_pieces(pieces((passed, 8), (met, 20), (unseen, 9)))
     assert np.flatnonzero(ends).tolist() == list(range(8, 28))
     lane = real_pieces(pieces((met, 20), (passed, 12), (met, 20)))

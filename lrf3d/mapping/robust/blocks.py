@@ -38,7 +38,7 @@ class Blocks(NamedTuple):
 
     @classmethod
     def of_size(cls, blocks: int) -> "Blocks":
-        """No blocks, with room for some (a power of two)."""
+        """No blocks, with room for some (a power of two, at least eight)."""
         return cls(
             np.full(2 * blocks, EMPTY), np.zeros(2 * blocks, np.int64), np.zeros(1, np.int64)
         )
