@@ -190,6 +190,7 @@ def test_the_command_writes_both_reports_and_compares(two_parts, tmp_path):
     assert isinstance(done.exception, InputError) and "nothing" in str(done.exception)
 
 
+@pytest.mark.slow
 def test_a_short_benchmark_of_maps_and_ranges_has_one_default_a_thing(monkeypatch):
     # Fresh processes take seconds, and have a test of their own.
     monkeypatch.setattr(scan, "_probe", lambda result, caster: None)

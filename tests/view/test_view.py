@@ -136,6 +136,7 @@ def test_the_page_of_a_run_draws_plays_and_is_scrubbed(recorded, played, chromiu
         until(lambda: number(page, "t") > 0.0)
 
 
+@pytest.mark.slow
 @needs_browser
 def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
     with opened(chromium, played) as page:
@@ -227,6 +228,7 @@ def still(page):
     return after if np.array_equal(before, after) else None
 
 
+@pytest.mark.slow
 @needs_browser
 def test_a_hostile_name_is_shown_and_not_run(tmp_path, chromium):
     run = city_run()
@@ -243,6 +245,7 @@ def test_a_hostile_name_is_shown_and_not_run(tmp_path, chromium):
         assert page.evaluate("typeof seen") == "undefined"
 
 
+@pytest.mark.slow
 @needs_browser
 def test_keys_and_pads_drive_the_robot_through_a_world(driven, chromium):
     with opened(chromium, driven) as page:

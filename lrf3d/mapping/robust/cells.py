@@ -364,11 +364,9 @@ def _add_hit(
             cluster = cells.used[0]
             cells.used[0] += 1
         cells.ways[cluster] = way
-        other = cells.heads[block, cell]
-        cells.moments[cluster, 11] = (
-            cells.moments[other, 11] if other >= 0 else _passes_of(cells, column, row)
-        )
-        cells.moments[cluster, 12] = cells.moments[other, 12] if other >= 0 else cells.used[2]
+        moments, other = cells.moments, cells.heads[block, cell]
+        moments[cluster, 11] = moments[other, 11] if other >= 0 else _passes_of(cells, column, row)
+        moments[cluster, 12] = moments[other, 12] if other >= 0 else cells.used[2]
         cells.following[cluster] = other
         cells.heads[block, cell] = cluster
     total = cells.moments[cluster]
