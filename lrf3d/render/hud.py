@@ -19,9 +19,6 @@ from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.timeline import Moment
 from lrf3d.text import rounded
 
-_LONGEST_NAME = 24
-"""Letters of a world's name that the panel shows at most."""
-
 _TITLE, _TEXT = 26, 19
 """Sizes of the letters [pixels]."""
 
@@ -262,15 +259,13 @@ def hud_lines(
             (np.degrees(moment.pose[2]), 1),
         )
     )
-    name = run.world.name
-    if len(name) > _LONGEST_NAME:
-        name = f"{name[: _LONGEST_NAME - 1]}…"
     # Numbers keep their places: text that trembles cannot be read in a film.
     corner = np.abs(run.trajectory.poses[:, :2]).max()
     wide = _COLUMN + (_WIDER if corner >= 1000.0 else 0.0)
     starts = [number * (wide + _BETWEEN) for number in range(3)]
     ends = [start + wide for start in starts]
-    full = ends[2] * _TEXT / _TITLE
+    full, speed = ends[2] * _TEXT / _TITLE, f"{playback:g} ×"
+    title = _shortened(f"lrf3d  {run.world.name}".rstrip(), full - _BETWEEN - _width(speed))
     if moment.scanning:
         nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"
         hit = f"{int(scan.hits.sum())} / {len(scan.ranges)} beams hit"
@@ -278,7 +273,7 @@ def hud_lines(
     else:
         beams = Line(((0.0, "driving on, beams off"),), _WARM)
     lines = (
-        Line(((0.0, f"lrf3d  {name}".rstrip()),), _INK, True, ((full, f"{playback:g} ×"),)),
+        Line(((0.0, title),), _INK, True, ((full, speed),)),
         Line(
             ((starts[0], "t"), (starts[1], "v")),
             _PALE,
@@ -293,6 +288,21 @@ def hud_lines(
         *_legend(run, moment.scan, ends[2]),
     )
     return (*lines, Line(((0.0, counts),), _PALE)) if run.maps else lines
+
+
+def _width(words: str) -> float:
+    """The width of words of a title, in units of the letters' size."""
+    return float(font(_TITLE, bold=True).getlength(words)) / _TITLE
+
+
+@cache
+def _shortened(title: str, room: float) -> str:
+    """As much of a title as there is room for, in units of the letters' size."""
+    if len(title) < 100 and _width(title) <= room:
+        return title
+    # However long a name is, no panel shows more letters.
+    cut = (f"{title[:count].rstrip()}…" for count in range(min(len(title), 100), 0, -1))
+    return next((shown for shown in cut if _width(shown) <= room), "…")
 
 
 def _legend(run: Run, scan: int, end: float) -> Iterator[Line]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_render import city_run, room_run
 
-from lrf3d.render.hud import hud_lines, panel_size, rounded, widest_lines
+from lrf3d.render.hud import font, hud_lines, panel_size, rounded, widest_lines
 from lrf3d.render.layout import LEAST_SCALE, lay_out
 from lrf3d.scene.camera import Top
 from lrf3d.scene.structures import Structures
@@ -111,3 +111,13 @@ def test_a_world_with_a_long_name_keeps_the_panel_short():
     run = room_run()
     object.__setattr__(run.world, "name", "a" * 300)
     assert panel_size(widest_lines(run), 1.0)[0] < 600
+
+
+@pytest.mark.parametrize("name", ["a", "freiburg-079-odometry", "W" * 24, "a" * 300, "两" * 30])
+def test_the_name_of_a_world_ends_before_how_fast_it_plays(name):
+    run = room_run()
+    object.__setattr__(run.world, "name", name)
+    title = widest_lines(run, 12.5)[0]
+    (begin, words), (next_begin, _) = title.placed(26)
+    assert begin + font(26, bold=True).getlength(words) < next_begin
+    assert words.startswith(f"lrf3d  {name[:3]}")
