@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import fields
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -50,6 +50,14 @@ class Stage(NamedTuple):
     structures: Structures
     walls: PaintedWalls
     ground: Ground
+
+
+_PARTS = {
+    ("lrf3d.casting.triangle_rays", "TriangleRays"),
+    ("numpy", "ndarray"), ("numpy", "dtype"), ("numpy._core.multiarray", "_reconstruct"),
+    ("numpy._core.numeric", "_frombuffer"), ("numpy._core.multiarray", "scalar"),
+}  # fmt: skip
+"""What stages are made of besides the classes of scenes: the rays of their light, and arrays."""
 
 
 def stage_of(run: Run, progress: Progress = silent) -> Stage:
@@ -118,10 +126,25 @@ def _stamp() -> bytes:
     return repr(stamps).encode()
 
 
+class _PartsOnly(pickle.Unpickler):
+    """Reads arrays and what scenes are made of; a file that names anything else is not followed."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """A class of a scene, or one of the few other parts."""
+        if (module, name) in _PARTS:
+            return super().find_class(module, name)
+        if module.startswith("lrf3d.scene."):
+            found = super().find_class(module, name)
+            if isinstance(found, type) and found.__module__ == module:
+                return found
+        raise pickle.UnpicklingError(f"{module}.{name} is no part of a stage")
+
+
 def _read(place: Path, structures: Structures) -> Stage | None:
     """A stage that was kept, or None; one that cannot be read is painted again."""
     try:
-        walls, ground = pickle.loads(place.read_bytes())
+        with place.open("rb") as file:
+            walls, ground = _PartsOnly(file).load()
         os.utime(place)
     except Exception:
         # A damaged pickle can raise anything.

@@ -52,6 +52,25 @@ def test_a_second_film_of_the_same_walls_bakes_nothing(bakes):
     assert len(bakes) == 1
 
 
+class Evil:
+    """A pickle that makes a folder when it is loaded."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def __reduce__(self):
+        return os.mkdir, (self.folder,)
+
+
+def test_nothing_in_a_kept_file_is_executed(bakes, cache, tmp_path):
+    stage_of(city_run())
+    (kept,) = cache.glob("*.stage")
+    kept.write_bytes(pickle.dumps((Evil(str(tmp_path / "made")), None)))
+    module._in_memory.cache_clear()
+    stage_of(city_run())
+    assert len(bakes) == 2 and not (tmp_path / "made").exists()
+
+
 def test_other_walls_are_painted_for_themselves(bakes):
     stage_of(city_run())
     stage_of(city_run((1000.5, 0.0)))
