@@ -261,8 +261,7 @@ class LoopCloser:
     ) -> Closure | None:
         """The closure between two key scans, if they show the same place."""
         key = self.keys[new]
-        submap = self._resolution.submap
-        near = range(max(old - submap, 0), min(old + submap + 1, new))
+        near = self._resolution.submap_of(old, new)
         origin = self.keys[old].pose
         # A stretch so short was drawn by the front end better than the graph knows it.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))

@@ -84,7 +84,8 @@ class Tracked:
         deviation: RMS distance [m] of its points to the walls they were matched with.
         motion: (3,) how the robot moved since the scan before by its wheels, without the errors
             that are known of these.
-        covariance: (3, 3) that of the motion.
+        covariance: (3, 3) that of the motion's random errors.
+        unlearned: Variance [rad²] of its turn by systematic errors that were not known yet.
     """
 
     pose: Float
@@ -94,6 +95,7 @@ class Tracked:
     deviation: float
     motion: Float
     covariance: Float
+    unlearned: float = 0.0
 
     @property
     def weakest(self) -> tuple[Float, float]:
@@ -160,8 +162,10 @@ class FrontEnd:
         self._dead &= not increment.any()
         expected = self._last if self._dead else self.wheels.corrected(increment)
         covariance = UNGUIDED_COVARIANCE if self._dead else self.wheels.covariance(increment)
+        unlearned = 0.0 if self._dead else self.wheels.unlearned(increment)
         guess = compose(self.pose, expected)
-        prior = turned(np.diag(1.0 / covariance.diagonal()), float(self.pose[2]))
+        variances = covariance.diagonal() + np.array([0.0, 0.0, unlearned])
+        prior = turned(np.diag(1.0 / variances), float(self.pose[2]))
         match, backwards = Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
         if self._grid is not None and len(surface):
             match = match_scan(
@@ -192,7 +196,14 @@ class FrontEnd:
                 [*chain.from_iterable(self._local), *self._stretch], self.resolution.along
             )
         return Tracked(
-            pose, information, match.explained, accepted, match.deviation, expected, covariance
+            pose,
+            information,
+            match.explained,
+            accepted,
+            match.deviation,
+            expected,
+            covariance,
+            unlearned,
         )
 
     def _better(

@@ -42,6 +42,10 @@ class Resolution:
     overlap: float = 0.6
     around: int = 8
 
+    def submap_of(self, old: int, new: int) -> range:
+        """The key scans of the map that a new one is matched with where it meets an old one."""
+        return range(max(old - self.submap, 0), min(old + self.submap + 1, new))
+
     @classmethod
     def of(cls, angles: Float) -> "Resolution":
         """What a laser with beams at these angles (beams,) [rad] takes."""

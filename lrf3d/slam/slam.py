@@ -16,6 +16,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, as_pose
 from lrf3d.slam.closures import FLOOR, Closure, Key, LoopCloser
+from lrf3d.slam.edge_errors import ErrorModel
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.line_adjustment import adjusted
@@ -23,7 +24,12 @@ from lrf3d.slam.pose_graph import Edges, optimised
 from lrf3d.slam.refinement import refined
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.surface import surface_of_scan
-from lrf3d.slam.uncertainty import honest, joint_covariance, relative_covariance, variance_factor
+from lrf3d.slam.uncertainty import (
+    EdgeErrors,
+    pose_covariances,
+    relative_covariance,
+    variance_factor,
+)
 from lrf3d.slam.wheels import Wheels
 
 EDGE_SHARE = 0.3
@@ -93,6 +99,7 @@ class Slam:
         self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn, wheels=wheels)
         self._resolution = DENSE
         self._closer = LoopCloser()
+        self._error_model = ErrorModel()
         self._tracked: list[Tracked] = []
         self._room = np.empty((LEAST_ROOM, 3))
         self._key_count = 0
@@ -137,6 +144,7 @@ class Slam:
             self._resolution = Resolution.of(scan.angles)
             self._front.resolution = self._resolution
             self._closer = LoopCloser(self._resolution)
+            self._error_model = ErrorModel(self._resolution)
         surface = surface_of_scan(scan, self._laser, sparse=self._resolution.sparse)
         self._tracked.append(self._front.track(surface, increment))
         self._wheel_covariance += self._tracked[-1].covariance
@@ -164,8 +172,8 @@ class Slam:
             edges = Edges.joined([edges, last])
         if len(poses) < 2:
             return np.zeros((3, 3))
-        edges = honest(poses, edges, self._deviation())
-        return self._turned(joint_covariance(poses, edges, [len(poses) - 1]))
+        last_pose = np.array([len(poses) - 1])
+        return self._turned(pose_covariances(poses, edges, self._edge_errors(), last_pose)[0])
 
     def covariances(self, numbers: Sequence[int] | Int) -> Float:
         """Covariances (m, 3, 3) of the poses of some key scans, x, y [m], theta [rad].
@@ -173,17 +181,9 @@ class Slam:
         Args:
             numbers: (m,) numbers of the key scans.
         """
+        edges, errors = self._gathered_edges(), self._edge_errors(to_last=False)
         chosen = np.asarray(numbers, dtype=np.int64)
-        found = np.zeros((len(chosen), 3, 3))
-        moved = np.flatnonzero(chosen > 0)
-        if not len(moved):
-            return found
-        edges = self._honest_edges()
-        joint = joint_covariance(self._key_poses, edges, chosen[moved].tolist())
-        for place, number in enumerate(moved.tolist()):
-            block = slice(3 * place, 3 * place + 3)
-            found[number] = self._turned(joint[block, block])
-        return found
+        return self._turned(pose_covariances(self._key_poses, edges, errors, chosen))
 
     def relative_covariance(self, first: int, second: int) -> Float:
         """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
@@ -199,11 +199,14 @@ class Slam:
             whole_number(number, "key scan", least=0, most=max(len(self._closer.keys) - 1, 0))
         if first == second:
             return np.zeros((3, 3))
-        return relative_covariance(self._key_poses, self._honest_edges(), first, second)
+        edges, errors = self._gathered_edges(), self._edge_errors(to_last=False)
+        return relative_covariance(self._key_poses, edges, errors, first, second)
 
-    def _honest_edges(self) -> Edges:
-        """The edges of the pose graph with covariances as closures and deviations show them."""
-        return honest(self._key_poses, self._gathered_edges(), self._deviation())
+    def _edge_errors(self, *, to_last: bool = True) -> EdgeErrors:
+        """Of what the errors of the edges are made, up to the last scan or the last key scan."""
+        keys = self._closer.keys
+        tracked = self._tracked if to_last else self._tracked[: keys[-1].scan + 1]
+        return self._error_model.edge_errors(tracked, keys, self._closer.accepted)
 
     def _deviation(self) -> float:
         """How far matched points lie off their walls, over what one counts with."""

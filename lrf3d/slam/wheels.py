@@ -69,6 +69,15 @@ class Wheels:
         deviations[2] *= self._excess[1]
         return np.diag(deviations)
 
+    def unlearned(self, increment: Float) -> float:
+        """Variance [rad²] of an increment's turn by the systematic errors that are not known yet.
+
+        In the beginning it is several times that of the random errors: a prior without it would
+        turn the first few scans, and with them the whole drive, by some milliradians.
+        """
+        row = np.array([increment[2], increment[0]])
+        return float(row @ np.linalg.solve(self._turn_information, row))
+
     def compare(self, measured: Float, matched: Float, covariance: Float) -> None:
         """Learn how far one corrected increment was off, by the one that matching found.
 
