@@ -21,7 +21,7 @@ from lrf3d.slam.front_end import Tracked
 from lrf3d.slam.surface import BASELINE, MOST_NEIGHBOURS
 from lrf3d.slam.wheels import EXPECTED
 
-KNOWN_BEFORE = 10.0
+KNOWN_BEFORE = 4.0
 """How many increments the expected noise of the wheels counts as, beside those that scans show."""
 
 LARGEST_SLIP = 10.0
