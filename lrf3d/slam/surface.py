@@ -32,12 +32,6 @@ more: beams fan out, and meet walls under flat angles."""
 STRAIGHT = 0.03
 """Largest RMS distance [m] of points to their line: three times a usual range noise."""
 
-STRAIGHTER, LEAST_NOISE = 4.0, 0.0005
-"""And so many times that of half of a scan's points, which lie on straight walls; but that counts as
-the second [m] at least. Beside a corner a line that bends with it is off in the same way in scan
-after scan: with all that are straight within 0.03 m, drives through mazes drift twice as fast where
-ranges are good to 4 mm."""
-
 FLATTEST = 0.1
 """Least cosine between beam and normal: a line that the beam runs along joins two surfaces."""
 
@@ -72,7 +66,6 @@ def surface_of(points: Float, laser: Float) -> Float:
     """Surface (m, 4) of points (n, 2) [m] seen in this order from the laser at (2,) [m]."""
     count = len(points)
     found = np.empty((count, 4))
-    spread = np.empty(count)
     kept = 0
     for i in range(count):
         first = _reach(points, laser, i, -1)
@@ -111,32 +104,8 @@ def surface_of(points: Float, laser: Float) -> Float:
         found[kept, 1] = points[i, 1] - off * ny
         found[kept, 2] = nx
         found[kept, 3] = ny
-        spread[kept] = across / number
         kept += 1
-    largest = max(STRAIGHTER**2 * _middle(spread[:kept]), (STRAIGHTER * LEAST_NOISE) ** 2)
-    straight = 0
-    for i in range(kept):
-        if spread[i] <= largest:
-            for k in range(4):
-                found[straight, k] = found[i, k]
-            straight += 1
-    return found[:straight]
-
-
-@inner
-def _middle(values: Float) -> float:
-    """A number that half of the values (n,), which lie from 0 to STRAIGHT², are below."""
-    low, high = 0.0, STRAIGHT
-    for _ in range(12):
-        root = 0.5 * (low + high)
-        below = 0
-        for value in values:
-            below += value < root * root
-        if 2 * below < len(values):
-            low = root
-        else:
-            high = root
-    return high * high
+    return found[:kept]
 
 
 @inner
