@@ -57,11 +57,16 @@ def wheel_factors(found: Float, motions: Float, variances: Float, gains: Float) 
     off = found - motions
     off[:, 2] = wrap_angle(off[:, 2])
     shown = (gains < 1.0 - SEEN) & np.isfinite(variances)
-    squares = np.where(shown, off**2 / ((1.0 - np.where(shown, gains, 0.0)) ** 2 * variances), 0.0)
-    squares = np.minimum(squares, LARGEST_SLIP**2)
-    total, count = squares.sum(axis=0) + KNOWN_BEFORE, shown.sum(axis=0) + KNOWN_BEFORE
-    place = float(total[:2].sum() / count[:2].sum())
-    return np.array([place, place, total[2] / count[2]])
+    variances = np.where(shown, variances, 0.0)
+    squares = np.where(shown, off / np.where(shown, 1.0 - gains, 1.0), 0.0) ** 2
+    squares = np.minimum(squares, LARGEST_SLIP**2 * variances)
+    # The sums are compared, not each increment: what adds up is to be right.
+    before = KNOWN_BEFORE * variances.sum(axis=0) / np.maximum(shown.sum(axis=0), 1)
+    total, expected = squares.sum(axis=0) + before, variances.sum(axis=0) + before
+    known = expected > 0.0
+    factors = np.where(known, total / np.where(known, expected, 1.0), 1.0)
+    place = total[:2].sum() / expected[:2].sum() if known[:2].any() else 1.0
+    return np.array([place, place, factors[2]])
 
 
 def stretches(tracked: Sequence[Tracked], nodes: Int, noise: float) -> tuple[Float, Float]:
