@@ -17,6 +17,12 @@ from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.uncertainty import EdgeErrors, rotations
 
 
+def deviation_of(tracked: Sequence[Tracked], sigma: float) -> float:
+    """How far matched points lie off their walls, over the deviation [m] that one counts with."""
+    matched = [scan.deviation for scan in tracked if scan.matched]
+    return float(np.median(matched)) / sigma if matched else 1.0
+
+
 class ErrorModel:
     """Finds the errors of a pose graph's edges; of key scans that it knows nothing is done again.
 
@@ -57,9 +63,7 @@ class ErrorModel:
 
         Matching counts with a large deviation of each point, because there are things that move.
         """
-        sigma = self._resolution.sigma
-        matched = [scan.deviation for scan in tracked if scan.matched]
-        deviation = float(np.median(matched)) / sigma if matched else 1.0
+        deviation = deviation_of(tracked, self._resolution.sigma)
         if self._resolution.sparse:
             return deviation**2
         self._alone += [1.0 / correlated_points(key.surface) for key in keys[len(self._alone) :]]

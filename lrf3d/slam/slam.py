@@ -16,7 +16,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, as_pose
 from lrf3d.slam.closures import FLOOR, Closure, Key, LoopCloser
-from lrf3d.slam.edge_errors import ErrorModel
+from lrf3d.slam.edge_errors import ErrorModel, deviation_of
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.line_adjustment import adjusted
@@ -108,8 +108,8 @@ class Slam:
         # the longer the drive is.
         self._new_edges: list[Edges] = []
         self._wheel_covariance = np.zeros((3, 3))
-        # The variance factor at the last optimisation.
-        self._variance = 0.0
+        # The variance factor at the last optimisation, and how many closures there were then.
+        self._variance, self._closures_used = 0.0, 0
         self._scans: list[LaserScan] = []
         self._mapper = LineMapper()
         # Where the map shows the key scans, and how many of them the mapper has taken in.
@@ -165,15 +165,15 @@ class Slam:
 
         It takes a step over the whole pose graph, and is computed when it is asked for.
         """
-        poses, edges = self._key_poses, self._gathered_edges()
+        poses, edges = self._key_poses, self._used_edges()
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
             last = self._edge_to_last()
             poses = np.vstack([poses, compose(poses[-1], last.measured[0])])
             edges = Edges.joined([edges, last])
         if len(poses) < 2:
             return np.zeros((3, 3))
-        last_pose = np.array([len(poses) - 1])
-        return self._turned(pose_covariances(poses, edges, self._edge_errors(), last_pose)[0])
+        errors, newest = self._edge_errors(len(self._tracked)), np.array([len(poses) - 1])
+        return turned(pose_covariances(poses, edges, errors, newest)[0], float(self._start[2]))
 
     def covariances(self, numbers: Sequence[int] | Int) -> Float:
         """Covariances (m, 3, 3) of the poses of some key scans, x, y [m], theta [rad].
@@ -181,9 +181,10 @@ class Slam:
         Args:
             numbers: (m,) numbers of the key scans.
         """
-        edges, errors = self._gathered_edges(), self._edge_errors(to_last=False)
-        chosen = np.asarray(numbers, dtype=np.int64)
-        return self._turned(pose_covariances(self._key_poses, edges, errors, chosen))
+        if not len(chosen := np.asarray(numbers, dtype=np.int64)):
+            return np.zeros((0, 3, 3))
+        found = pose_covariances(self._key_poses, self._used_edges(), self._edge_errors(), chosen)
+        return turned(found, float(self._start[2]))
 
     def relative_covariance(self, first: int, second: int) -> Float:
         """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
@@ -199,24 +200,19 @@ class Slam:
             whole_number(number, "key scan", least=0, most=max(len(self._closer.keys) - 1, 0))
         if first == second:
             return np.zeros((3, 3))
-        edges, errors = self._gathered_edges(), self._edge_errors(to_last=False)
+        edges, errors = self._used_edges(), self._edge_errors()
         return relative_covariance(self._key_poses, edges, errors, first, second)
 
-    def _edge_errors(self, *, to_last: bool = True) -> EdgeErrors:
-        """Of what the errors of the edges are made, up to the last scan or the last key scan."""
-        keys = self._closer.keys
-        tracked = self._tracked if to_last else self._tracked[: keys[-1].scan + 1]
-        return self._error_model.edge_errors(tracked, keys, self._closer.accepted)
+    def _used_edges(self) -> Edges:
+        """The edges that the poses follow: without closures since the last optimisation."""
+        edges = self._gathered_edges()
+        return edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
 
-    def _deviation(self) -> float:
-        """How far matched points lie off their walls, over what one counts with."""
-        matched = [scan.deviation for scan in self._tracked if scan.matched]
-        sigma = self._resolution.sigma
-        return float(np.median(matched)) / sigma if matched else 1.0
-
-    def _turned(self, covariance: Float) -> Float:
-        """A covariance since the start along the axes of the world."""
-        return turned(covariance, float(self._start[2]))
+    def _edge_errors(self, scans: int | None = None) -> EdgeErrors:
+        """Of what their errors are made, up to the last key scan or so many scans."""
+        keys, used = self._closer.keys, self._closer.accepted[: self._closures_used]
+        end = keys[-1].scan + 1 if scans is None else scans
+        return self._error_model.edge_errors(self._tracked[:end], keys, used)
 
     @property
     def map(self) -> LineMap:
@@ -299,6 +295,7 @@ class Slam:
             poses = optimised(self._key_poses, edges, FINAL_ITERATIONS)
             surfaces = [key.surface for key in self._closer.keys]
             self._room[: len(poses)] = adjusted(poses, edges.part(~edges.robust), surfaces)
+            self._closures_used = len(self._closer.accepted)
             self._show_keys()
 
     def refined(self, scans: Sequence[LaserScan]) -> Float:
@@ -361,7 +358,9 @@ class Slam:
                 edges = self._gathered_edges()
                 poses = optimised(self._key_poses, edges, ONLINE_ITERATIONS)
                 self._room[: len(poses)] = poses
-                self._variance = min(variance_factor(poses, edges, self._deviation()), 1.0)
+                deviation = deviation_of(self._tracked, self._resolution.sigma)
+                self._variance = min(variance_factor(poses, edges, deviation), 1.0)
+                self._closures_used = len(self._closer.accepted)
         self._show_keys()
 
 

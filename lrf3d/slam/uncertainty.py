@@ -142,7 +142,13 @@ def traced(pull: Float, frames: Float, inverses: Float, back: Float, shares: Flo
     """
     count, columns, window = len(pull), pull.shape[2], shares.shape[1]
     entered = np.zeros(pull.shape)
-    here, part, going, before, rest = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    here, part, going, before, rest = (
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+    )
     for k in range(count - 1, 0, -1):
         first = max(0, k - window)
         for column in range(columns):

@@ -5,7 +5,7 @@ from scipy.optimize import least_squares
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.line_adjustment import WallSystem, adjusted, minimised, wall_system
 from lrf3d.slam.pose_graph import Edges, edge_equations, optimised
-from lrf3d.slam.uncertainty import joint_covariance, relative_covariance
+from lrf3d.slam.uncertainty import EdgeErrors, joint_covariance, relative_covariance
 from lrf3d.slam.walls import pieces_of, pieces_of_keys, wall_numbers
 
 
@@ -56,11 +56,16 @@ def test_the_covariance_of_a_chain_is_that_of_its_steps(rng):
     """Each step is independent: variances of headings add, and places grow by their levers."""
     true = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
     edges = edges_of(true, [(0, 1), (1, 2), (2, 3)], rng)
-    covariance = joint_covariance(true, edges, [3])
+    covariances = np.linalg.inv(np.tile(edges.information[0], (4, 1, 1)))
+    # All goes on by the wheels: as seen a metre on, a turn is an error of the place, too.
+    on = np.tile([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]], (4, 1, 1))
+    none = np.empty((0, 1), np.int64), np.empty((0, 1, 3, 3)), np.empty((0, 3, 3))
+    errors = EdgeErrors(on, np.zeros((4, 1, 3, 3)), covariances, *none)
+    covariance = joint_covariance(true, edges, errors, [3])
     assert covariance[0, 0] == pytest.approx(3 / 400)
     assert covariance[2, 2] == pytest.approx(3 / 900)
     assert covariance[1, 1] == pytest.approx(3 / 300 + (2**2 + 1**2) / 900)
-    seen = relative_covariance(true, edges, 1, 3)
+    seen = relative_covariance(true, edges, errors, 1, 3)
     assert seen[2, 2] == pytest.approx(2 / 900)
     assert seen[1, 1] == pytest.approx(2 / 300 + 1 / 900)
 
