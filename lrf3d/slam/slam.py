@@ -21,7 +21,7 @@ from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import Anchor, in_known_place
 from lrf3d.slam.line_adjustment import adjusted
-from lrf3d.slam.pose_graph import Edges, optimised
+from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
 from lrf3d.slam.refinement import refined
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.surface import surface_of_scan
@@ -38,8 +38,8 @@ NEWS = 4.0
 are scaled by the variance factor: those of matching are ten times too large where scans are good,
 and with them the errors of a drive through offices were twice as large."""
 
-ONLINE_ITERATIONS, FINAL_ITERATIONS = 1, 20
-"""Most Gauss-Newton steps over the pose graph, while the robot drives and in the end."""
+FINAL_ITERATIONS = 20
+"""Most Gauss-Newton steps over the pose graph in the end."""
 
 LEAST_ROOM = 256
 """Key scans that there is room for at first."""
@@ -377,9 +377,14 @@ class Slam:
         self._new_edges.append(more)
         if (more.squares(self._key_poses) > NEWS**2 * self._variance).any():
             edges = self._gathered_edges()
-            poses = optimised(self._key_poses, edges, ONLINE_ITERATIONS)
+            poses = optimised_around(self._key_poses, edges, self._ways_from_here)
             self._room[: len(poses)] = poses
             self._variance = min(variance_factor(poses, edges, self._deviation()), 1.0)
+
+    def _ways_from_here(self, limit: float) -> Float:
+        """The ways (k,) [m] over the graph from the newest key scan to all, up to a limit [m]."""
+        every = np.ones(self._key_count, np.bool_)
+        return self._closer.graph.distances(self._key_count - 1, limit, every)
 
 
 def closure_edges(closures: list[Closure]) -> Edges:
