@@ -152,11 +152,11 @@ def nearest_places(segments: Float, places: Float) -> Int:
     for i in range(len(segments)):
         x, y = segments[i, 0], segments[i, 1]
         dx, dy = segments[i, 2] - x, segments[i, 3] - y
-        square = max(dx * dx + dy * dy, 1e-18)
+        inverse = 1.0 / max(dx * dx + dy * dy, 1e-18)
         least = np.inf
         for k in range(len(places)):
             ux, uy = places[k, 0] - x, places[k, 1] - y
-            along = min(max((ux * dx + uy * dy) / square, 0.0), 1.0)
+            along = min(max((ux * dx + uy * dy) * inverse, 0.0), 1.0)
             ux, uy = ux - along * dx, uy - along * dy
             apart = ux * ux + uy * uy
             if apart < least:

@@ -19,7 +19,7 @@ from lrf3d.slam.closures import FLOOR, LEAST_WAY, Closure, LoopCloser
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.key_map import KeyMap
-from lrf3d.slam.known_places import Anchor, in_known_place
+from lrf3d.slam.known_places import EXPECTED, Anchor, in_known_place
 from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
 from lrf3d.slam.refinement import refined
@@ -166,7 +166,9 @@ class Slam:
         """
         poses, edges = self._key_poses, self._gathered_edges()
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
-            last = self._edge_to_last()
+            # A scan in a known place was matched with old ones, as a closure is.
+            hung = np.array([self._anchors[-1].key < len(poses) - 1])
+            last = replace(self._edge_to_last(), robust=hung)
             poses = np.vstack([poses, self._robot])
             edges = Edges.joined([edges, last])
         if len(poses) < 2:
@@ -349,7 +351,7 @@ class Slam:
             place = in_known_place(self._closer, key, last, way, self._key_poses)
             if place is not None:
                 self._anchors.append(place)
-                self._wheel_covariance = tracked.covariance.copy()
+                self._wheel_covariance = EXPECTED.copy()
                 return
         self._new_edges.append(self._edge_to_last())
         self._add_key(key, scan, self._robot, last.key, last.way + way)
