@@ -70,11 +70,11 @@ def wheel_factors(found: Float, motions: Float, variances: Float, gains: Float) 
 
 
 def stretches(tracked: Sequence[Tracked], nodes: Int, noise: float) -> tuple[Float, Float]:
-    """How errors go on from node to node of the pose graph, and what comes new.
+    """How errors go on from node to node, and what comes new.
 
     Args:
         tracked: The scans.
-        nodes: (k,) the numbers of those that are nodes, rising from 0.
+        nodes: (k,) the numbers of those that are nodes, from 0 on.
         noise: What the inverse of matching's information is to be multiplied with.
 
     Returns:

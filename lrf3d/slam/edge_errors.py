@@ -8,13 +8,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.geometry import Float
-from lrf3d.slam.closures import CLOSURE_SHARE, FLOOR, Closure, Key
+from lrf3d.geometry import Float, Int
+from lrf3d.slam.closures import CLOSURE_SHARE, FLOOR, Closure
 from lrf3d.slam.drift import correlated_points, stretches
-from lrf3d.slam.front_end import Tracked
+from lrf3d.slam.front_end import LOCAL_KEYS, Tracked
+from lrf3d.slam.known_places import GUESS
 from lrf3d.slam.map_shares import MapShares
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.uncertainty import EdgeErrors, rotations
+from lrf3d.slam.violation import Key
 
 
 def deviation_of(tracked: Sequence[Tracked], sigma: float) -> float:
@@ -37,26 +39,60 @@ class ErrorModel:
         self._alone: list[float] = []
 
     def edge_errors(
-        self, tracked: Sequence[Tracked], keys: Sequence[Key], closures: Sequence[Closure]
+        self,
+        tracked: Sequence[Tracked],
+        anchored: Int,
+        keys: Sequence[Key],
+        closures: Sequence[Closure],
     ) -> EdgeErrors:
         """The errors of the edges between the key scans, to the last scan, and of closures.
 
         Args:
             tracked: The scans, at least one.
+            anchored: (a,) numbers of the key scans and of scans in known places among them.
             keys: The key scans; the last scan is one more pose of the graph if it is none of them.
             closures: The closures, in the order of their edges.
         """
-        nodes = np.array([key.scan for key in keys], dtype=np.int64)
-        shares = self._shares.of_keys(keys)
-        if nodes[-1] < len(tracked) - 1:
-            nodes = np.append(nodes, len(tracked) - 1)
-            # Its map is one key scan newer, with the shares of that one's map.
-            last = shares[-1:] if len(keys) > 1 else np.eye(3) * (shares[-1:] + 1.0)
-            shares = np.concatenate([shares, last])
         noise = self._noise(tracked, keys)
+        nodes = np.append(anchored, len(tracked) - 1)
         back, new = stretches(tracked, nodes, noise)
-        olds, old_shares = self._shares.of_closures(keys, closures)
-        return EdgeErrors(back, shares, new, olds, old_shares, self._closing(closures, noise))
+        places = np.searchsorted(anchored, [key.scan for key in keys])
+        begins = np.arange(len(keys))
+        for number in range(1, len(keys)):
+            if places[number] == places[number - 1] + 1:
+                begins[number] = begins[number - 1]
+        shares = self._shares.of_keys(keys, begins)
+        if keys[-1].scan < len(tracked) - 1:
+            hung = places[-1] < len(anchored) - 1
+            begins = np.append(begins, len(keys) if hung else begins[-1])
+            # Its map is one key scan newer, with the shares of that one's map.
+            alone = begins[-1] == len(keys) - 1
+            last = np.eye(3) * (np.arange(LOCAL_KEYS) == 0)[:, None, None] if alone else shares[-1]
+            shares = np.concatenate([shares, last[None]])
+            places = np.append(places, len(anchored))
+        hanging = self._hanging(tracked, anchored, places, new, noise)
+        olds, old_shares = self._shares.of_closures(keys, begins, closures)
+        closing = self._closing(closures, noise)
+        return EdgeErrors(
+            back[places], shares, new[places], begins, hanging, olds, old_shares, closing
+        )
+
+    @staticmethod
+    def _hanging(
+        tracked: Sequence[Tracked], anchored: Int, places: Int, new: Float, noise: float
+    ) -> Float:
+        """Covariances (k, 3, 3) of where scans in known places stood, before each pose.
+
+        Such a scan is matched with key scans around it. What they do not fix goes on.
+        """
+        key, found = np.zeros(len(anchored) + 1, np.bool_), np.zeros((len(anchored) + 1, 3, 3))
+        key[places] = True
+        for place in np.flatnonzero(~key).tolist():
+            information = tracked[anchored[place]].information if place < len(anchored) else GUESS
+            inverse = np.linalg.inv(information + GUESS)
+            before = GUESS @ (found[place - 1] + new[place]) @ GUESS
+            found[place] = inverse @ (noise * information + before) @ inverse
+        return np.asarray(found[np.maximum(places - 1, 0)])
 
     def _noise(self, tracked: Sequence[Tracked], keys: Sequence[Key]) -> float:
         """What the inverse of matching's information is to be multiplied with.

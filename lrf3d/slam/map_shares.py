@@ -11,12 +11,13 @@ import numpy as np
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
-from lrf3d.slam.closures import FLOOR, Closure, Key
+from lrf3d.slam.closures import FLOOR, Closure
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.front_end import LOCAL_KEYS, REACH
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.scan_matching import ALIGNED, LAST_SCALE
 from lrf3d.slam.surface import moved
+from lrf3d.slam.violation import Key
 
 
 class MapShares:
@@ -33,33 +34,46 @@ class MapShares:
         self._olds: list[Int] = []
         self._of_closures: list[Float] = []
 
-    def of_keys(self, keys: Sequence[Key]) -> Float:
-        """For each key scan (k, 8, 3, 3) the shares of those before it, from the oldest on."""
+    def of_keys(self, keys: Sequence[Key], begins: Int) -> Float:
+        """For each key scan (k, 8, 3, 3) the shares of those before it, from the oldest on.
+
+        Args:
+            keys: The key scans.
+            begins: (k,) for each the first one of its stretch.
+        """
         for new in range(len(self._of_keys), len(keys)):
-            olds = range(max(new - LOCAL_KEYS, 0), new)
+            begin = int(begins[new])
+            olds = range(max(new - LOCAL_KEYS, begin), new)
             shares = np.zeros((LOCAL_KEYS, 3, 3))
-            shares[: len(olds)] = self._shares(keys, olds, new, keys[new].pose)
+            if len(olds):
+                shares[: len(olds)] = self._shares(keys, olds, new, keys[new].pose)
+            if begin:
+                # Scans in known places before the stretch are in its local map, too.
+                shares *= len(olds) / LOCAL_KEYS
             self._of_keys.append(shares)
         return np.array(self._of_keys[: len(keys)])
 
-    def of_closures(self, keys: Sequence[Key], closures: Sequence[Closure]) -> tuple[Int, Float]:
+    def of_closures(
+        self, keys: Sequence[Key], begins: Int, closures: Sequence[Closure]
+    ) -> tuple[Int, Float]:
         """For each closure the key scans (c, m) of its map, and their shares (c, m, 3, 3).
 
         Where there are fewer than m of them the last number stands again, with no share.
         """
         most = 2 * self._resolution.submap + 1
         for closure in closures[len(self._olds) :]:
-            olds = self._resolution.submap_of(closure.old, closure.new)
+            around = self._resolution.submap_of(closure.old, closure.new)
+            olds = [k for k in around if begins[k] == begins[closure.old]]
             pose = compose(keys[closure.old].pose, closure.relative)
             shares = np.zeros((most, 3, 3))
             shares[: len(olds)] = self._shares(keys, olds, closure.new, pose)
             self._of_closures.append(shares)
-            self._olds.append(np.minimum(np.arange(olds.start, olds.start + most), olds.stop - 1))
+            self._olds.append(np.array(olds + olds[-1:] * (most - len(olds))))
         if not len(closures):
             return np.empty((0, most), np.int64), np.empty((0, most, 3, 3))
-        return np.array(self._olds), np.array(self._of_closures)
+        return np.array(self._olds[: len(closures)]), np.array(self._of_closures[: len(closures)])
 
-    def _shares(self, keys: Sequence[Key], olds: range, new: int, pose: Float) -> Float:
+    def _shares(self, keys: Sequence[Key], olds: Sequence[int], new: int, pose: Float) -> Float:
         """The shares (m, 3, 3) of old key scans in the match of a new one, along its axes."""
         count = len(olds)
         information = np.zeros((count, 3, 3))

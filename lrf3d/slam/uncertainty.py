@@ -43,6 +43,9 @@ class EdgeErrors:
         shares: (k, m, 3, 3) which share of the rest comes of each of the m key scans before, or
             as many as there are, from the oldest on.
         new: (k, 3, 3) covariances of what comes new.
+        begins: (k,) for each the first pose of its stretch: what the front end placed without a
+            known place between. The first one follows a scan in a known place.
+        opening: (k, 3, 3) covariances of where that scan stood, for the first of a stretch.
         olds: (c, s) for each closure the key scans of the map that it was matched with.
         old_shares: (c, s, 3, 3) their shares.
         closing: (c, 3, 3) covariances of what comes new in it, along the axes of its new key scan.
@@ -51,6 +54,8 @@ class EdgeErrors:
     back: Float
     shares: Float
     new: Float
+    begins: Int
+    opening: Float
     olds: Int
     old_shares: Float
     closing: Float
@@ -91,8 +96,12 @@ def joint_covariance(poses: Float, edges: Edges, errors: EdgeErrors, numbers: li
     pull = np.zeros((count, 3, columns))
     driven = ~edges.robust
     np.add.at(pull, j[driven], pulls[driven])
+    # A stretch begins anew: the one before it has nothing to do with its errors.
+    opens = driven & (errors.begins[j] == j)
+    driven &= ~opens
     np.add.at(pull, i[driven], -pulls[driven])
-    covariance = np.zeros((columns, columns))
+    local = frames[j[opens]].transpose(0, 2, 1) @ pulls[opens]
+    covariance = _summed(local, errors.opening[j[opens]])
     if edges.robust.any():
         closed = pulls[edges.robust]
         new, old = j[edges.robust], i[edges.robust]
@@ -103,7 +112,7 @@ def joint_covariance(poses: Float, edges: Edges, errors: EdgeErrors, numbers: li
         for number in range(errors.olds.shape[1]):
             share = errors.old_shares[:, number].transpose(0, 2, 1)
             np.add.at(pull, errors.olds[:, number], inverse @ (share @ local))
-    local = traced(pull, frames, inverses, errors.back, errors.shares)
+    local = traced(pull, frames, inverses, errors.back, errors.shares, errors.begins)
     return np.asarray(covariance + _summed(local, errors.new))
 
 
@@ -127,7 +136,9 @@ def _summed(pulls: Float, covariances: Float) -> Float:
 
 
 @compiled
-def traced(pull: Float, frames: Float, inverses: Float, back: Float, shares: Float) -> Float:
+def traced(
+    pull: Float, frames: Float, inverses: Float, back: Float, shares: Float, begins: Int
+) -> Float:
     """How far (k, 3, m) the new error of each pose of the front end enters m numbers.
 
     From the newest pose to the oldest: what the error of a pose enters, those that it follows
@@ -139,6 +150,7 @@ def traced(pull: Float, frames: Float, inverses: Float, back: Float, shares: Flo
         inverses: (k, 3, 3) their inverses.
         back: (k, 3, 3) the share of the pose before.
         shares: (k, w, 3, 3) those of the local map's key scans.
+        begins: (k,) the first pose of each one's stretch.
     """
     count, columns, window = len(pull), pull.shape[2], shares.shape[1]
     entered = np.zeros(pull.shape)
@@ -150,11 +162,13 @@ def traced(pull: Float, frames: Float, inverses: Float, back: Float, shares: Flo
         np.empty(3),
     )
     for k in range(count - 1, 0, -1):
-        first = max(0, k - window)
+        first = max(begins[k], k - window)
         for column in range(columns):
             _pulled(frames[k], pull[k, :, column], here)
             for a in range(3):
                 entered[k, a, column] = here[a]
+            if begins[k] == k:
+                continue
             _pulled(back[k], here, part)
             _pulled(inverses[k - 1], part, going)
             # The error of the pose before, seen from this one; the map has what is left.

@@ -60,7 +60,7 @@ def test_the_covariance_of_a_chain_is_that_of_its_steps(rng):
     # All goes on by the wheels: as seen a metre on, a turn is an error of the place, too.
     on = np.tile([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]], (4, 1, 1))
     none = np.empty((0, 1), np.int64), np.empty((0, 1, 3, 3)), np.empty((0, 3, 3))
-    errors = EdgeErrors(on, np.zeros((4, 1, 3, 3)), covariances, *none)
+    errors = EdgeErrors(on, np.zeros((4, 1, 3, 3)), covariances, np.zeros(4, np.int64), on, *none)
     covariance = joint_covariance(true, edges, errors, [3])
     assert covariance[0, 0] == pytest.approx(3 / 400)
     assert covariance[2, 2] == pytest.approx(3 / 900)

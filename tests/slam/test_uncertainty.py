@@ -45,6 +45,8 @@ def graph():
         0.3 * np.eye(3) + 0.1 * rng.normal(size=(10, 3, 3)),
         shares,
         spread(rng, 10),
+        np.zeros(10, np.int64),
+        np.zeros((10, 3, 3)),
         np.array([[0, 1, 2], [0, 1, 2]]),
         shares_of(rng, 2, 3),
         spread(rng, 2),
@@ -122,7 +124,7 @@ def test_a_map_that_all_scans_see_keeps_the_noise_of_each_from_adding_up():
         shares = np.zeros((count, window, 3, 3))
         for k in range(1, count):
             shares[k, : min(k, window)] = np.eye(3) / min(k, window)
-        errors = EdgeErrors(back, shares, new, *none)
+        errors = EdgeErrors(back, shares, new, np.zeros(count, np.int64), new, *none)
         variances.append(joint_covariance(poses, edges, errors, [count - 1])[0, 0])
     assert variances[0] == pytest.approx(1e-4 * (count - 1))
     # The mean of eight lies four and a half behind the newest: each step adds that much less.
