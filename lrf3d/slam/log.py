@@ -1,7 +1,7 @@
 """Slam over a recorded drive: scans and odometry lines enter, the poses of both leave."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Protocol
 
@@ -16,13 +16,14 @@ from lrf3d.progress import Progress
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.slam.closures import Closure
-from lrf3d.slam.frames import between, compose
+from lrf3d.slam.frames import bent, between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.lag import WheelPath, fitted_lag, followed, matched_lag, tracked_lag
 from lrf3d.slam.repair import Repaired, Repairs, repaired, rising
 from lrf3d.slam.resolution import Resolution
+from lrf3d.slam.self_check import SelfCheck
 from lrf3d.slam.simulated import MOST_COVARIANCES, scans_of
-from lrf3d.slam.slam import Slam, bent
+from lrf3d.slam.slam import Slam
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.slam.wheels import Wheels
 from lrf3d.world import World
@@ -102,6 +103,7 @@ class LogSolution:
         scans: The scans (k,), in the order in which they were taken, each once.
         repairs: What was wrong with the log.
         passes: How often the drive was solved, because its wheels were otherwise than expected.
+        check: Whether the scans agree with each other.
     """
 
     slam: Slam
@@ -113,6 +115,7 @@ class LogSolution:
     scans: list[LaserScan]
     repairs: Repairs
     passes: int = 1
+    check: SelfCheck = field(default_factory=SelfCheck)
 
     @property
     def closures(self) -> list[Closure]:
@@ -274,7 +277,7 @@ def solve_log(
         change = (1.0 + solution.slam.wheel_biases) / (1.0 + before) - 1.0
         as_known = abs(change[2]) <= LEARNED and abs(change[0]) <= LEARNED_TURN
         if as_known or passes == MOST_PASSES:
-            return replace(solution, passes=passes)
+            return replace(solution, passes=passes, check=solution.slam.self_check())
         known = solution.slam.wheels
 
 
