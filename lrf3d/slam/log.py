@@ -1,5 +1,6 @@
 """Slam over a recorded drive: scans and odometry lines enter, the poses of both leave."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
@@ -7,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, Lrf3dWarning
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMapper
@@ -136,6 +137,9 @@ def slam(recording: Recording, *, key_distance: float = KEY_DISTANCE) -> Run:
     Raises:
         InputError: The log is too short, or its scans differ in their beams.
 
+    Warns:
+        Lrf3dWarning: Scans contradict each other, so that the map or a part of it is wrong.
+
     Examples:
         >>> import lrf3d
         >>> room = lrf3d.load_world("paper_room")
@@ -144,7 +148,10 @@ def slam(recording: Recording, *, key_distance: float = KEY_DISTANCE) -> Run:
         >>> lrf3d.slam(lrf3d.load_log("drive.log")).trajectory.poses[-1, :2].round(1).tolist()
         [1.9, 1.0]
     """
-    return run_of(recording, solve_recording(recording, key_distance=key_distance))
+    solution = solve_recording(recording, key_distance=key_distance)
+    for sentence in solution.check.sentences():
+        warnings.warn(f"slam: {recording.name}: {sentence}", Lrf3dWarning, stacklevel=2)
+    return run_of(recording, solution)
 
 
 def solve_recording(
