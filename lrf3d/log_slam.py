@@ -87,6 +87,13 @@ class SlamLog:
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked[1:]),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked[1:]),
             },
+            "self_check": {
+                "passed": solution.check.passed,
+                "violation": solution.check.violation,
+                "worst_violation": solution.check.worst_violation,
+                "worst_scans": list(solution.check.worst_scans),
+                "key_scans_compared": solution.check.compared,
+            },
             "map": {"segments": len(self.run.map), "objects": self.run.map.object_count},
             "score": None if self.score is None else self.score.as_dict(),
             "milliseconds_a_scan": solution.milliseconds,
@@ -120,6 +127,7 @@ class SlamLog:
             lost = counted(slam["scans_by_odometry_alone"], "scan")
             rows.append(("", f"{lost} matched nothing: placed by odometry"))
         rows.append(("map", self.run.map.counts))
+        rows += [("", sentence) for sentence in self.solution.check.sentences()]
         if self.score is not None:
             score = self.score
             text = f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"

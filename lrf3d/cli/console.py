@@ -4,19 +4,23 @@ import json
 import logging
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from time import monotonic
 from typing import Any, TextIO
 
 from lrf3d.errors import Lrf3dWarning, one_line
-from lrf3d.progress import Progress, silent
+from lrf3d.progress import Progress
+
+BETWEEN_LINES = 30.0
+"""Time between two lines of progress where there is no terminal [s]."""
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
-    """A progress bar on stderr; none if stderr is not a terminal."""
+    """A progress bar on stderr; a line now and then if stderr is not a terminal."""
     if not sys.stderr.isatty():
-        yield silent
+        yield progress_lines(title)
         return
     from rich.console import Console
     from rich.progress import (
@@ -48,6 +52,27 @@ def progress_bar(title: str) -> Iterator[Progress]:
         yield report
 
 
+def progress_lines(title: str, clock: Callable[[], float] = monotonic) -> Progress:
+    """Progress as lines on stderr, so seldom that a short command prints none.
+
+    Args:
+        title: What is counted.
+        clock: Gives the time [s].
+    """
+    began = last = clock()
+
+    def report(done: int, total: int) -> None:
+        nonlocal last
+        now = clock()
+        if now - last < BETWEEN_LINES or not 0 < done < total:
+            return
+        last = now
+        left = (now - began) * (total - done) / done / 60.0
+        say(f"{title}: {done:,} of {total:,}, about {max(left, 1.0):.0f} min left")
+
+    return report
+
+
 def quiet_libraries() -> None:
     """Silence the warnings of libraries, which the user cannot fix; our own are shown in one line.
 
@@ -77,7 +102,7 @@ def quiet_libraries() -> None:
 
 
 def say(message: str) -> None:
-    """Print on stderr what was chosen by default."""
+    """Print on stderr what was chosen by default, or how far the work is."""
     print(f"lrf3d: {one_line(message)}", file=sys.stderr)
 
 

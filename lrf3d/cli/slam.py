@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from lrf3d.cli import options
-from lrf3d.cli.console import progress_bar
+from lrf3d.cli.console import progress_bar, warn
 
 
 def slam(
@@ -61,6 +61,8 @@ def slam(
             relations=known,
             progress=progress,
         )
+    for sentence in solved.solution.check.sentences():
+        warn(sentence)
     files = {
         "run": output.path / "run.npz",
         "map": output.path / "map.geojson",

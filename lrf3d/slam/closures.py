@@ -13,6 +13,7 @@ from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import AMBIGUOUS, correlate
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.graph_distance import DistanceGraph
+from lrf3d.slam.pose_graph import Edges
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.violation import Key, contradicted
@@ -274,3 +275,15 @@ class LoopCloser:
             covariance = covariance + turned(own, -float(second.relative[2]))
         square = float(error @ np.linalg.solve(covariance, error))
         return square < DEVIATIONS**2
+
+
+def closure_edges(closures: list[Closure]) -> Edges:
+    """Closures as edges of the pose graph."""
+    return Edges(
+        np.array([closure.old for closure in closures]),
+        np.array([closure.new for closure in closures]),
+        np.array([closure.relative for closure in closures]),
+        np.array([closure.information for closure in closures]),
+        np.ones(len(closures), np.bool_),
+        np.repeat(FLOOR[None], len(closures), axis=0),
+    )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry import Float, Int, wrap_angle
 
 
 def compose(first: Float, second: Float) -> Float:
@@ -30,3 +30,26 @@ def turned(matrix: Float, angle: float) -> Float:
     cos, sin = np.cos(angle), np.sin(angle)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(rotation @ matrix @ rotation.T)
+
+
+def bent(way: Float, known: Int, poses: Float, at: Float | None = None) -> Float:
+    """A way (n, 3) that is right from step to step, bent to meet known poses.
+
+    Args:
+        way: Poses in a drifting frame.
+        known: (m,) rising numbers of the poses that are known.
+        poses: (m, 3) these poses.
+        at: (n,) how far along each pose of the way is, in any unit; its number if not given.
+    """
+    count = np.arange(len(way))
+    along = count.astype(np.float64) if at is None else at
+    before = np.clip(np.searchsorted(known, count, side="right") - 1, 0, len(known) - 1)
+    after = np.minimum(before + 1, len(known) - 1)
+    from_before = compose(poses[before], between(way[known[before]], way))
+    from_after = compose(poses[after], between(way[known[after]], way))
+    length = along[known[after]] - along[known[before]]
+    share = np.where(length > 0.0, (along - along[known[before]]) / np.where(length, length, 1), 0)
+    share = np.clip(share, 0.0, 1.0)
+    met = compose(from_before, between(from_before, from_after) * share[:, None])
+    met[:, 2] = wrap_angle(met[:, 2])
+    return met

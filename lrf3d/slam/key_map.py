@@ -10,9 +10,9 @@ segments, moved along with the key scan next to them.
 from collections.abc import Callable
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from lrf3d.compiling import compiled
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.slam.frames import between, compose
@@ -25,6 +25,10 @@ AT_ONCE = 24
 
 EACH_SCAN = 2
 """And after each further scan: that takes as long as following the robot does."""
+
+
+PIECE = 2.0
+"""Length of the pieces [m] in which walls follow key scans meanwhile."""
 
 
 class _Drawing:
@@ -99,14 +103,13 @@ class KeyMap:
         new = self._next.draw(self._placed)
         done = np.zeros(len(self._poses), np.bool_)
         done[self._next.order[: self._next.planned]] = True
-        old_segments, old_keys = self._followed(self._now, now)
-        new_segments, new_keys = self._followed(self._next, new)
-        old, new_ones = ~done[old_keys], done[new_keys]
+        parts = self._moved(self._now, now, ~done), self._moved(self._next, new, done)
+        (old_segments, old), (new_segments, fresh) = parts
         return LineMap(
-            np.concatenate([old_segments[old], new_segments[new_ones]]),
-            np.concatenate([now.objects[old], new.objects[new_ones] + now.object_count]),
-            np.concatenate([now.points[old], new.points[new_ones]]),
-            np.concatenate([now.kinds[old], new.kinds[new_ones]]),
+            np.concatenate([old_segments, new_segments]),
+            np.concatenate([now.objects[old], new.objects[fresh] + now.object_count]),
+            np.concatenate([now.points[old], new.points[fresh]]),
+            np.concatenate([now.kinds[old], new.kinds[fresh]]),
         )
 
     def _add_new(self, drawing: _Drawing) -> None:
@@ -125,41 +128,43 @@ class KeyMap:
         """Whether key scans stand elsewhere by now."""
         return bool((_apart(drawing.poses, self._poses) > REDRAWN).any())
 
-    def _followed(self, drawing: _Drawing, line_map: LineMap) -> tuple[Float, Int]:
-        """A drawing's segments (m, 4), moved with the key scans next to them, and these (m,)."""
-        then = compose(self._start, drawing.poses)
-        now = compose(self._start, self._poses)
-        nearest = nearest_places(line_map.segments, then[:, :2].copy())
-        step = compose(now, between(then, np.zeros(3)))[nearest]
-        moved = np.empty((len(nearest), 4))
-        for end in (slice(0, 2), slice(2, 4)):
-            x, y = line_map.segments[:, end].T
-            points = np.stack([x, y, np.zeros(len(x))], axis=1)
-            moved[:, end] = compose(step, points)[:, :2]
-        return moved, nearest
+    def _moved(self, drawing: _Drawing, line_map: LineMap, shown: Bool) -> tuple[Float, Int]:
+        """What a drawing shows, where its key scans stand now.
+
+        Args:
+            drawing: The drawing.
+            line_map: Its map.
+            shown: (k,) the key scans whose surroundings it shows.
+
+        Returns:
+            Segments (s, 4), moved with the key scans next to them, and the segment (s,) of the map
+            that each is part of.
+        """
+        then, now = compose(self._start, drawing.poses), compose(self._start, self._poses)
+        starts, ways = line_map.segments[:, :2], line_map.segments[:, 2:] - line_map.segments[:, :2]
+        # A long wall passes many key scans: it follows, piece by piece, the one that is next to it.
+        counts = 1 + (np.hypot(ways[:, 0], ways[:, 1]) / PIECE).astype(np.int64)
+        source = np.repeat(np.arange(len(counts)), counts)
+        first = np.concatenate([[True], source[1:] != source[:-1]])[: len(source)]
+        number = np.arange(len(source)) - np.flatnonzero(first)[source]
+        middles = starts[source] + ((number + 0.5) / counts[source])[:, None] * ways[source]
+        key = np.asarray(KDTree(then[:, :2]).query(middles)[1], dtype=np.int64)
+        # Pieces that follow each other in one segment are shown as one.
+        kept = shown[key]
+        begins = kept & (first | ~np.roll(kept, 1))
+        ends = kept & np.roll(first | ~kept, -1)
+        ends[-1:] |= kept[-1:]
+        steps = compose(now, between(then, np.zeros(3)))
+        segments = np.empty((int(begins.sum()), 4))
+        for end, pieces, past in ((slice(0, 2), begins, 0), (slice(2, 4), ends, 1)):
+            of, share = source[pieces], (number[pieces] + past) / counts[source[pieces]]
+            place = np.zeros((len(of), 3))
+            place[:, :2] = starts[of] + share[:, None] * ways[of]
+            segments[:, end] = compose(steps[key[pieces]], place)[:, :2]
+        return segments, source[begins]
 
 
 def _apart(first: Float, second: Float) -> Float:
     """How far poses (…, 3) are apart [m]."""
     steps = second - first
     return np.asarray(np.hypot(steps[..., 0], steps[..., 1]))
-
-
-@compiled
-def nearest_places(segments: Float, places: Float) -> Int:
-    """For each segment (m, 4) the nearest of places (k, 2)."""
-    nearest = np.zeros(len(segments), np.int64)
-    for i in range(len(segments)):
-        x, y = segments[i, 0], segments[i, 1]
-        dx, dy = segments[i, 2] - x, segments[i, 3] - y
-        inverse = 1.0 / max(dx * dx + dy * dy, 1e-18)
-        least = np.inf
-        for k in range(len(places)):
-            ux, uy = places[k, 0] - x, places[k, 1] - y
-            along = min(max((ux * dx + uy * dy) * inverse, 0.0), 1.0)
-            ux, uy = ux - along * dx, uy - along * dy
-            apart = ux * ux + uy * uy
-            if apart < least:
-                least = apart
-                nearest[i] = k
-    return nearest

@@ -1,13 +1,14 @@
 """Slam over a recorded drive: scans and odometry lines enter, the poses of both leave."""
 
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Protocol
 
 import numpy as np
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, Lrf3dWarning
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMapper
@@ -16,13 +17,14 @@ from lrf3d.progress import Progress
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, SnapshotSchedule
 from lrf3d.slam.closures import Closure
-from lrf3d.slam.frames import between, compose
+from lrf3d.slam.frames import bent, between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.lag import WheelPath, fitted_lag, followed, matched_lag, tracked_lag
 from lrf3d.slam.repair import Repaired, Repairs, repaired, rising
 from lrf3d.slam.resolution import Resolution
+from lrf3d.slam.self_check import SelfCheck
 from lrf3d.slam.simulated import MOST_COVARIANCES, scans_of
-from lrf3d.slam.slam import Slam, bent
+from lrf3d.slam.slam import Slam
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.slam.wheels import Wheels
 from lrf3d.world import World
@@ -102,6 +104,7 @@ class LogSolution:
         scans: The scans (k,), in the order in which they were taken, each once.
         repairs: What was wrong with the log.
         passes: How often the drive was solved, because its wheels were otherwise than expected.
+        check: Whether the scans agree with each other.
     """
 
     slam: Slam
@@ -113,6 +116,7 @@ class LogSolution:
     scans: list[LaserScan]
     repairs: Repairs
     passes: int = 1
+    check: SelfCheck = field(default_factory=SelfCheck)
 
     @property
     def closures(self) -> list[Closure]:
@@ -133,6 +137,9 @@ def slam(recording: Recording, *, key_distance: float = KEY_DISTANCE) -> Run:
     Raises:
         InputError: The log is too short, or its scans differ in their beams.
 
+    Warns:
+        Lrf3dWarning: Scans contradict each other, so that the map or a part of it is wrong.
+
     Examples:
         >>> import lrf3d
         >>> room = lrf3d.load_world("paper_room")
@@ -141,7 +148,10 @@ def slam(recording: Recording, *, key_distance: float = KEY_DISTANCE) -> Run:
         >>> lrf3d.slam(lrf3d.load_log("drive.log")).trajectory.poses[-1, :2].round(1).tolist()
         [1.9, 1.0]
     """
-    return run_of(recording, solve_recording(recording, key_distance=key_distance))
+    solution = solve_recording(recording, key_distance=key_distance)
+    for sentence in solution.check.sentences():
+        warnings.warn(f"slam: {recording.name}: {sentence}", Lrf3dWarning, stacklevel=2)
+    return run_of(recording, solution)
 
 
 def solve_recording(
@@ -274,7 +284,7 @@ def solve_log(
         change = (1.0 + solution.slam.wheel_biases) / (1.0 + before) - 1.0
         as_known = abs(change[2]) <= LEARNED and abs(change[0]) <= LEARNED_TURN
         if as_known or passes == MOST_PASSES:
-            return replace(solution, passes=passes)
+            return replace(solution, passes=passes, check=solution.slam.self_check())
         known = solution.slam.wheels
 
 

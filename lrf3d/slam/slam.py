@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, sealed, whole_number, wrap_angle
+from lrf3d.geometry import Float, Int, sealed, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose
-from lrf3d.slam.closures import FLOOR, LEAST_WAY, Closure, LoopCloser
+from lrf3d.slam.closures import LEAST_WAY, Closure, LoopCloser, closure_edges
 from lrf3d.slam.edge_errors import ErrorModel, deviation_of
-from lrf3d.slam.frames import between, compose, turned
+from lrf3d.slam.frames import bent, between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import EXPECTED, Anchor, in_known_place
@@ -25,6 +25,7 @@ from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
 from lrf3d.slam.refinement import refined
 from lrf3d.slam.resolution import DENSE, Resolution
+from lrf3d.slam.self_check import SelfCheck, self_check
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.slam.uncertainty import (
     EdgeErrors,
@@ -310,6 +311,10 @@ class Slam:
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
 
+    def self_check(self) -> SelfCheck:
+        """How well the key scans agree with each other, as they are placed now."""
+        return self_check(self._closer.keys, self._key_poses, self._closer.ways)
+
     @property
     def _key_poses(self) -> Float:
         """Poses (k, 3) of the key scans since the start, as they are estimated now."""
@@ -387,38 +392,3 @@ class Slam:
         """The ways (k,) [m] over the graph from the newest key scan to all, up to a limit [m]."""
         every = np.ones(self._key_count, np.bool_)
         return self._closer.graph.distances(self._key_count - 1, limit, every)
-
-
-def closure_edges(closures: list[Closure]) -> Edges:
-    """Closures as edges of the pose graph."""
-    return Edges(
-        np.array([closure.old for closure in closures]),
-        np.array([closure.new for closure in closures]),
-        np.array([closure.relative for closure in closures]),
-        np.array([closure.information for closure in closures]),
-        np.ones(len(closures), np.bool_),
-        np.repeat(FLOOR[None], len(closures), axis=0),
-    )
-
-
-def bent(way: Float, known: Int, poses: Float, at: Float | None = None) -> Float:
-    """A way (n, 3) that is right from step to step, bent to meet known poses.
-
-    Args:
-        way: Poses in a drifting frame.
-        known: (m,) rising numbers of the poses that are known.
-        poses: (m, 3) these poses.
-        at: (n,) how far along each pose of the way is, in any unit; its number if not given.
-    """
-    count = np.arange(len(way))
-    along = count.astype(np.float64) if at is None else at
-    before = np.clip(np.searchsorted(known, count, side="right") - 1, 0, len(known) - 1)
-    after = np.minimum(before + 1, len(known) - 1)
-    from_before = compose(poses[before], between(way[known[before]], way))
-    from_after = compose(poses[after], between(way[known[after]], way))
-    length = along[known[after]] - along[known[before]]
-    share = np.where(length > 0.0, (along - along[known[before]]) / np.where(length, length, 1), 0)
-    share = np.clip(share, 0.0, 1.0)
-    met = compose(from_before, between(from_before, from_after) * share[:, None])
-    met[:, 2] = wrap_angle(met[:, 2])
-    return met

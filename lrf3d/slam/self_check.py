@@ -1,0 +1,100 @@
+"""Self-check: whether a solved drive agrees with itself where the robot came by again.
+
+Key scans and their final poses enter. Where two of them stand near each other, long after one
+another, no beam of the one should pass through what the other saw. How often beams do leaves: over
+the whole drive, and over the worst part of it. Poses that are wrong by more than a door's width
+put rooms onto each other, and beams through walls.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Float
+from lrf3d.slam.frames import between
+from lrf3d.slam.violation import MOST_THROUGH, Key, seen_through_both
+
+NEAR = 3.0
+"""Key scans up to this far apart [m] are compared: they have most of what they see in common."""
+
+LATER = 20.0
+"""And there is more way than this [m] between them: what follows at once agrees in any case."""
+
+COMPARED = 4
+"""Earlier key scans that each one is compared with at most, the nearest."""
+
+PART = 20
+"""Key scans that a part of a drive has."""
+
+MOST_THROUGH_PART = 0.2
+"""Share of points that beams may pass through in such a part. A closed door or a lorry that has
+left are seen by a few scans; and lasers of ten beams see corners where none are."""
+
+
+@dataclass(frozen=True, slots=True)
+class SelfCheck:
+    """How well the scans of a solved drive agree with each other.
+
+    Args:
+        violation: Share of points seen by one scan that beams of another one pass through.
+        worst_violation: The same in the worst part of the drive.
+        worst_scans: The first and the last scan of that part.
+        compared: How many key scans could be compared with earlier ones.
+    """
+
+    violation: float = 0.0
+    worst_violation: float = 0.0
+    worst_scans: tuple[int, int] = (0, 0)
+    compared: int = 0
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing contradicts the poses."""
+        return self.violation <= MOST_THROUGH and self.worst_violation <= MOST_THROUGH_PART
+
+    def sentences(self) -> list[str]:
+        """What is wrong, a sentence each; nothing where all is well."""
+        if self.violation > MOST_THROUGH:
+            share = f"{100.0 * self.violation:.0f} % of what scans saw"
+            return [f"the map contradicts itself: beams pass through {share}; poses are wrong"]
+        if not self.passed:
+            first, last = self.worst_scans
+            share = f"{100.0 * self.worst_violation:.0f} % of what others saw"
+            return [
+                f"beams of scans {first} to {last} pass through {share}: poses are wrong there,"
+                " or the world has changed"
+            ]
+        return []
+
+
+def self_check(keys: Sequence[Key], poses: Float, ways: Float) -> SelfCheck:
+    """Compare the key scans of a solved drive where the robot came by again.
+
+    Args:
+        keys: The key scans (k,).
+        poses: (k, 3) their final poses.
+        ways: (k,) how far the robot had driven at each of them [m].
+    """
+    scans, counts = [], []
+    for number, key in enumerate(keys):
+        apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
+        near = np.flatnonzero((apart < NEAR) & (ways[:number] < ways[number] - LATER))
+        near = near[np.argsort(apart[near], kind="stable")][:COMPARED]
+        if len(near):
+            olds = [keys[k] for k in near.tolist()]
+            counts.append(seen_through_both(olds, key, between(poses[near], poses[number])))
+            scans.append(key.scan)
+    if not counts:
+        return SelfCheck()
+    sums = np.cumsum(np.vstack([np.zeros((1, 2)), counts]), axis=0)
+    part = min(PART, len(counts))
+    through, seen = (sums[part:] - sums[:-part]).T
+    shares = through / np.maximum(seen, 1.0)
+    worst = int(shares.argmax())
+    return SelfCheck(
+        float(sums[-1, 0] / max(sums[-1, 1], 1.0)),
+        float(shares[worst]) if part == PART else 0.0,
+        (scans[worst], scans[worst + part - 1]),
+        len(counts),
+    )

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.slam.self_check import self_check
+from tests.slam.test_slam import drive, errors
+
+ROUND = [(1, 1), (9, 1), (9, 5), (1, 5)]
+
+
+@pytest.fixture(scope="module")
+def rounds():
+    """Eight rounds through two rooms, as Slam follows them, and its key scans after each round."""
+    world = lrf3d.World(
+        [[0, 0, 10, 0], [10, 0, 10, 6], [10, 6, 4, 6], [4, 6, 0, 5.5], [0, 5.5, 0, 0],
+         [3, 2.5, 7, 2.5], [7, 2.5, 7, 3.5], [7, 3.5, 3, 3.5], [3, 3.5, 3, 2.5]]
+    )  # fmt: skip
+    scans, wheels, true = drive(world, [*ROUND * 8, ROUND[0]])
+    slam, counts = lrf3d.Slam(start=true[0]), []
+    steps = [np.zeros(3), *lrf3d.odometry_increments(wheels)]
+    for number, (scan, step) in enumerate(zip(scans, steps, strict=True), 1):
+        slam.update(scan, step)
+        if 8 * number // len(scans) > len(counts):
+            counts.append(len(slam.key_scans))
+    return slam, counts, true
+
+
+def test_in_a_known_place_the_number_of_key_scans_does_not_grow(rounds):
+    _, counts, _ = rounds
+    assert len(counts) == 8
+    assert counts[0] > 20
+    assert counts[7] - counts[3] <= 2
+    assert counts[7] < 3 * counts[0]
+
+
+def test_scans_in_known_places_have_poses_too(rounds):
+    slam, _, true = rounds
+    found = slam.trajectory()
+    assert found.shape == true.shape
+    assert errors(true, found).max() < 0.06
+    assert found[-1] == pytest.approx([*slam.pose[:2], found[-1, 2]], abs=1e-9)
+
+
+def test_a_robot_in_a_known_place_is_no_more_certain_than_what_it_sees(rounds):
+    slam = rounds[0]
+    last = np.array(slam.pose)
+    apart = np.hypot(*(slam.trajectory()[slam.key_scans] - last)[:, :2].T)
+    known = slam.covariances([int(apart.argmin())])[0]
+    assert np.trace(slam.covariance()[:2, :2]) > 0.5 * np.trace(known[:2, :2])
+
+
+def test_the_map_of_a_known_place_has_each_wall_once(rounds):
+    slam, _, _ = rounds
+    assert 9 <= len(slam.map) <= 12
+
+
+def test_a_drive_that_agrees_with_itself_passes_its_check(rounds):
+    check = rounds[0].self_check()
+    assert check.compared > 10
+    assert check.passed and check.violation < 0.02
+    assert check.sentences() == []
+
+
+def test_a_map_that_contradicts_itself_is_reported(rounds):
+    slam = rounds[0]
+    keys, poses, ways = slam._closer.keys, slam._key_poses.copy(), slam._closer.ways
+    poses[len(poses) // 2 :, 1] += 1.5
+    check = self_check(keys, poses, ways)
+    assert not check.passed
+    assert "contradicts itself" in check.sentences()[0]
