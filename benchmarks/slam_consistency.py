@@ -53,12 +53,16 @@ class Drive:
 
     Args:
         squares: (m,) NEES of the poses at the marks.
+        places: (m,) NEES of their places alone.
+        weak: Share of the marks at which a direction is reported that the walls do not fix.
         largest: Largest error of these poses [m].
         closures: Number of closures.
         false: Number of those that are false.
     """
 
     squares: Float
+    places: Float
+    weak: float
     largest: float
     closures: int
     false: int
@@ -103,20 +107,24 @@ def simulated(world: str, seed: int) -> Drive:
     measured[:, 2] += WHEEL_BIAS * increments[:, 0]
     slam = lrf3d.Slam(LASER, start=true[0])
     marks = set(np.linspace(len(true) // MARKS, len(true) - 1, MARKS).astype(int).tolist())
-    squares, largest = [], 0.0
+    squares, places, weak, largest = [], [], [], 0.0
     for number, scan in enumerate(run.scans):
         slam.update(scan, measured[number - 1] if number else np.zeros(3))
         if number in marks:
             error = np.array(slam.pose) - true[number]
             error[2] = wrap_angle(error[2])
-            squares.append(float(error @ np.linalg.solve(slam.covariance(), error)))
+            covariance = slam.covariance()
+            squares.append(float(error @ np.linalg.solve(covariance, error)))
+            places.append(float(error[:2] @ np.linalg.solve(covariance[:2, :2], error[:2])))
+            weak.append(slam.tracked[-1].weak)
             largest = max(largest, float(np.hypot(error[0], error[1])))
     keys = true[slam.key_scans]
     false = 0
     for closure in slam.closures:
         off = between(closure.relative, between(keys[closure.old], keys[closure.new]))
         false += bool(np.hypot(off[0], off[1]) > FALSE_PLACE or abs(off[2]) > FALSE_TURN)
-    return Drive(np.array(squares), largest, len(slam.closures), false)
+    drive = np.array(squares), np.array(places), float(np.mean(weak))
+    return Drive(*drive, largest, len(slam.closures), false)
 
 
 def consistency(drives: list[Drive]) -> dict[str, float]:
@@ -129,6 +137,10 @@ def consistency(drives: list[Drive]) -> dict[str, float]:
         "nees_over_3": float(mean.mean() / 3.0),
         "scans_within_bounds": float(((mean >= low) & (mean <= high)).mean()),
         "scans_too_confident": float((mean > high).mean()),
+        "places_within_95_percent_ellipse": float(
+            np.mean([drive.places < chi2.ppf(0.95, 2) for drive in drives])
+        ),
+        "weak_direction_reported": float(np.mean([drive.weak for drive in drives])),
         "poses_beyond_99_percent": float((squares > chi2.ppf(0.99, 3)).mean()),
         "largest_error_m": max(drive.largest for drive in drives),
         "closures": sum(drive.closures for drive in drives),
