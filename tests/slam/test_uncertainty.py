@@ -25,28 +25,36 @@ def shares_of(rng, *shape):
     return np.linalg.solve(shares.sum(axis=-3)[..., None, :, :], shares)
 
 
-@pytest.fixture
-def graph():
-    """A way around a circle that closes two loops, and of what its errors are made."""
+@pytest.fixture(params=[0, 5])
+def graph(request):
+    """A way around a circle that closes two loops, and of what its errors are made.
+
+    In one of two a stretch begins at pose 5, after a scan that hung on pose 2.
+    """
+    begin = request.param
     rng = np.random.default_rng(2)
     angle = np.linspace(0.0, 2.0 * np.pi, 10)
     poses = np.column_stack([4 * np.cos(angle), 4 * np.sin(angle), angle + 0.5 * np.pi])
     poses[:, 2] = wrap_angle(poses[:, 2])
     first = np.array([*range(9), 0, 1])
+    first[4] = 2 if begin else 4
     second = np.array([*range(1, 10), 9, 9])
     robust = np.arange(11) >= 9
     information = spread(rng, 11) + 5.0 * np.eye(3)
     edges = Edges(first, second, between(poses[first], poses[second]), information, robust,
                   np.zeros((11, 3, 3)))  # fmt: skip
     shares = np.zeros((10, WINDOW, 3, 3))
-    for k in range(1, 10):
-        shares[k, : min(k, WINDOW)] = shares_of(rng, min(k, WINDOW))
+    begins = np.where(np.arange(10) < begin, 0, begin)
+    for k, count in enumerate(np.minimum(np.arange(10) - begins, WINDOW)):
+        if count:
+            # Scans before a stretch have a share in its maps, too.
+            shares[k, :count] = shares_of(rng, count) * (count / WINDOW if begins[k] else 1.0)
     errors = EdgeErrors(
         0.3 * np.eye(3) + 0.1 * rng.normal(size=(10, 3, 3)),
         shares,
         spread(rng, 10),
-        np.zeros(10, np.int64),
-        np.zeros((10, 3, 3)),
+        begins,
+        spread(rng, 10),
         np.array([[0, 1, 2], [0, 1, 2]]),
         shares_of(rng, 2, 3),
         spread(rng, 2),
@@ -54,12 +62,15 @@ def graph():
     return poses, edges, errors
 
 
-def followed(poses, edges, errors, new, closing):
-    """The poses that come of small new errors (k, 3) and (c, 3), by driving and optimising."""
+def followed(poses, edges, errors, new, closing, opening):
+    """The poses that come of small new errors (k, 3), (c, 3), (k, 3), by driving and optimising."""
     front = poses.copy()
     for k in range(1, len(poses)):
+        if errors.begins[k] == k:
+            front[k] = compose(poses[k], new[k])
+            continue
         # Where the pose would be on the map that each key scan draws, and by the one before.
-        olds = range(max(0, k - WINDOW), k)
+        olds = range(max(errors.begins[k], k - WINDOW), k)
         seen = [between(poses[k], compose(front[j], between(poses[j], poses[k]))) for j in olds]
         on_map = sum(errors.shares[k, n] @ each for n, each in enumerate(seen))
         # By the wheels goes on what the pose before is off from the map.
@@ -69,6 +80,8 @@ def followed(poses, edges, errors, new, closing):
         front[k] = compose(poses[k], on_map + errors.back[k] @ (before - at_before) + new[k])
     i, j = edges.first, edges.second
     measured = between(front[i], front[j])
+    for edge in np.flatnonzero((errors.begins[j] == j) & ~edges.robust):
+        measured[edge] = between(poses[i[edge]], compose(front[j[edge]], opening[j[edge]]))
     for number, edge in enumerate(np.flatnonzero(edges.robust)):
         old, last = i[edge], j[edge]
         seen = [
@@ -87,13 +100,13 @@ def test_covariances_are_those_of_poses_that_follow_all_errors(graph):
     numbers = [2, 6, 9]
     count, small = len(poses), 1e-5
     covariance = np.zeros((9, 9))
-    for group, covariances in ((0, errors.new), (1, errors.closing)):
-        for k in range(group == 0, len(covariances)):
+    for group, covariances in enumerate((errors.new, errors.closing, errors.opening)):
+        for k in range(group != 1, len(covariances)):
             columns = []
             for axis in range(3):
                 made = []
                 for sign in (small, -small):
-                    both = [np.zeros((count, 3)), np.zeros((2, 3))]
+                    both = [np.zeros((count, 3)), np.zeros((2, 3)), np.zeros((count, 3))]
                     both[group][k, axis] = sign
                     made.append(followed(poses, edges, errors, *both)[numbers])
                 off = made[0] - made[1]

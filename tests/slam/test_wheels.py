@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+import lrf3d
 from lrf3d.slam.frames import between
 from lrf3d.slam.lag import WheelPath, fitted_lag
 from lrf3d.slam.log import solve_log
@@ -55,3 +56,21 @@ def test_a_drive_is_right_from_its_beginning_whatever_its_wheels_measure():
     solution = solve_log(scans, wheels, np.arange(len(scans)))
     assert errors(true, wheels).max() > 4.0
     assert errors(true, solution.scan_poses).max() < 0.6
+
+
+def test_the_first_scans_do_not_follow_wheels_that_turn_as_they_drive(monkeypatch):
+    corridor = lrf3d.World([[-5, 0, 30, 0], [-5, 2.4, 30, 2.4]])
+    true = np.column_stack([np.arange(0.0, 3.0, 0.25), np.full(12, 1.2), np.zeros(12)])
+    scans = [step.scan for step in lrf3d.Simulation(corridor, true)]
+    steps = np.vstack([np.zeros(3), lrf3d.odometry_increments(true)])
+    steps[:, 2] += 0.05 * steps[:, 0]
+
+    def heading():
+        slam = lrf3d.Slam(start=true[0])
+        for scan, step in zip(scans, steps, strict=True):
+            slam.update(scan, step)
+        return abs(slam.pose.theta)
+
+    wary = heading()
+    monkeypatch.setattr(Wheels, "unlearned", lambda self, increment: 0.0)
+    assert wary < 0.5 * heading()
