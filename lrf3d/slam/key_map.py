@@ -41,6 +41,8 @@ class _Drawing:
         self.poses = poses
         self.planned = 0
         self.done = 0
+        # Finds the key scan next to a place, once that is asked for.
+        self.places: KDTree | None = None
 
     def draw(self, placed: Callable[[int, Float], LaserScan]) -> LineMap:
         """The map of the key scans that are to be in it by now."""
@@ -148,7 +150,10 @@ class KeyMap:
         first = np.concatenate([[True], source[1:] != source[:-1]])[: len(source)]
         number = np.arange(len(source)) - np.flatnonzero(first)[source]
         middles = starts[source] + ((number + 0.5) / counts[source])[:, None] * ways[source]
-        key = np.asarray(KDTree(then[:, :2]).query(middles)[1], dtype=np.int64)
+        if drawing.places is None or drawing.places.n != len(then):
+            # Balancing the tree takes longer than it saves.
+            drawing.places = KDTree(then[:, :2], balanced_tree=False, compact_nodes=False)
+        key = np.asarray(drawing.places.query(middles)[1], dtype=np.int64)
         # Pieces that follow each other in one segment are shown as one.
         kept = shown[key]
         begins = kept & (first | ~np.roll(kept, 1))

@@ -60,6 +60,7 @@ def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
     assert summary["score"]["rotation_mean"] < 0.5
     assert summary["log"]["odometry_lines"] == len(true)
     assert summary["slam"]["scans_by_odometry_alone"] == 0
+    assert summary["self_check"]["passed"] and summary["self_check"]["violation"] < 0.02
     table = np.loadtxt(folder / "trajectory.tum")
     assert table.shape == (len(true), 8)
     assert np.hypot(*(table[:, 1:3] - true[:, :2]).T).max() < 0.05

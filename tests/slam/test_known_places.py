@@ -1,9 +1,18 @@
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import lrf3d
+from lrf3d.errors import Lrf3dWarning
 from lrf3d.slam.self_check import self_check
 from tests.slam.test_slam import drive, errors
+
+WORLD = lrf3d.World(
+    [[0, 0, 10, 0], [10, 0, 10, 6], [10, 6, 4, 6], [4, 6, 0, 5.5], [0, 5.5, 0, 0],
+     [3, 2.5, 7, 2.5], [7, 2.5, 7, 3.5], [7, 3.5, 3, 3.5], [3, 3.5, 3, 2.5]]
+)  # fmt: skip
 
 ROUND = [(1, 1), (9, 1), (9, 5), (1, 5)]
 
@@ -11,11 +20,7 @@ ROUND = [(1, 1), (9, 1), (9, 5), (1, 5)]
 @pytest.fixture(scope="module")
 def rounds():
     """Eight rounds through two rooms, as Slam follows them, and its key scans after each round."""
-    world = lrf3d.World(
-        [[0, 0, 10, 0], [10, 0, 10, 6], [10, 6, 4, 6], [4, 6, 0, 5.5], [0, 5.5, 0, 0],
-         [3, 2.5, 7, 2.5], [7, 2.5, 7, 3.5], [7, 3.5, 3, 3.5], [3, 3.5, 3, 2.5]]
-    )  # fmt: skip
-    scans, wheels, true = drive(world, [*ROUND * 8, ROUND[0]])
+    scans, wheels, true = drive(WORLD, [*ROUND * 8, ROUND[0]])
     slam, counts = lrf3d.Slam(start=true[0]), []
     steps = [np.zeros(3), *lrf3d.odometry_increments(wheels)]
     for number, (scan, step) in enumerate(zip(scans, steps, strict=True), 1):
@@ -68,3 +73,16 @@ def test_a_map_that_contradicts_itself_is_reported(rounds):
     check = self_check(keys, poses, ways)
     assert not check.passed
     assert "contradicts itself" in check.sentences()[0]
+
+
+def test_a_log_whose_map_contradicts_itself_warns():
+    """In the second round the laser hangs upside down, unnoticed: left is right."""
+    scans, wheels, _ = drive(WORLD, [*ROUND * 2, ROUND[0]])
+    half = len(scans) // 2
+    for number in range(half, len(scans)):
+        scans[number] = replace(scans[number], ranges=scans[number].ranges[::-1])
+    log = SimpleNamespace(
+        name="flipped", scans=scans, poses=wheels, wheels=None, mount=lrf3d.Pose(0.0, 0.0, 0.0)
+    )
+    with pytest.warns(Lrf3dWarning, match="flipped: "):
+        lrf3d.slam(log)
