@@ -193,9 +193,7 @@ class DrawnBeams:
         """Hit points (hits, 8): position [m], colour by range or intensity, side of the wall."""
         share = np.clip(self.point_ranges / min(range_max, FARTHEST_COLOUR), 0.0, 1.0)
         if by == "intensity" and self.point_lights is not None:
-            dark, bright = np.log(INTENSITY_COLOURS)
-            with np.errstate(divide="ignore"):
-                share = np.clip((bright - np.log(self.point_lights)) / (bright - dark), 0.0, 1.0)
+            share = darkness(self.point_lights)
         place = share * (len(RANGE_COLOURS) - 1)
         rows = np.zeros((len(self.points), 8), np.float32)
         rows[:, :2] = self.points
@@ -210,6 +208,14 @@ class DrawnBeams:
     def _at(self, ends: Float, wanted: Float, ranges: Float) -> Float:
         """Points at wanted ranges (n, 1) on the way from the apex to ends (n, 2)."""
         return self.apex + (ends - self.apex) * (wanted / np.maximum(ranges, 1e-9)[:, None])
+
+
+def darkness(intensities: Float) -> Float:
+    """Places (…) among the colours of hit points of intensities: 0 bright, 1 dark, by factors."""
+    dark, bright = np.log(INTENSITY_COLOURS)
+    with np.errstate(divide="ignore"):
+        place = (bright - np.log(intensities)) / (bright - dark)
+    return np.asarray(np.clip(place, 0.0, 1.0))
 
 
 def fading_ends(count: int, beam_angle: float) -> Float:
