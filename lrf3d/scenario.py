@@ -71,6 +71,7 @@ class Scenario(Value):
         view: Camera of the film: ``chase``, ``first``, ``orbit``, ``top``, or the name of one of
             the world's cameras.
         playback: Simulated seconds in a second of film.
+        points_by: What the colour of hit points in the film shows, ``range`` or ``intensity``.
         name: Name in files and pictures.
 
     Examples:
@@ -99,6 +100,7 @@ class Scenario(Value):
     mapper: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     view: str = "story"
     playback: float = PLAYBACK
+    points_by: str = "range"
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -290,7 +292,7 @@ class Scenario(Value):
             obstacles=scenario.obstacles,
             **arguments,
         )
-        made.film = FilmPlan(scenario.view, scenario.playback)
+        made.film = FilmPlan(scenario.view, scenario.playback, scenario.points_by)
         return made
 
     def run(

@@ -26,6 +26,13 @@ class CasterName(StrEnum):
     PLANAR = "planar"
 
 
+class PointsName(StrEnum):
+    """What the colour of hit points may show."""
+
+    RANGE = "range"
+    INTENSITY = "intensity"
+
+
 class RendererName(StrEnum):
     """Renderers of films."""
 
@@ -100,6 +107,10 @@ RendererOption = Annotated[
     typer.Option(
         help="Renderer of the film; embree needs no OpenGL. The best available if not given."
     ),
+]
+PointsBy = Annotated[
+    PointsName | None,
+    typer.Option(help="What the colour of hit points shows; that of the run if not given."),
 ]
 Playback = Annotated[
     float | None, typer.Option(min=0.01, help="Simulated seconds per second of film.")

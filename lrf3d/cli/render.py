@@ -1,5 +1,6 @@
 """``lrf3d render``: the film of a saved run, or pictures of it."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -33,6 +34,7 @@ def render(
     size: options.Size = None,
     fps: options.Fps = None,
     playback: options.Playback = None,
+    points_by: options.PointsBy = None,
     samples: options.Samples = 4,
     workers: options.Workers = None,
     renderer: options.RendererOption = None,
@@ -54,6 +56,8 @@ def render(
     )
     path = _output_path(run, out, at is not None, frames)
     kept = load_run(run)
+    if points_by is not None:
+        kept = replace(kept, film=replace(kept.film, points_by=points_by.value))
     make_folder(path.parent)
     if frames:
         count = make_frames(kept, path, film, (first, last))

@@ -14,6 +14,7 @@ lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, h
 film_view             name of the camera that the run is filmed from, and film_playback the seconds
                       of the run in a second of the film, if nothing else is given; missing
                       in older files, which are filmed from ``chase`` at 1
+film_points_by        what the colour of hit points in the film shows, where it is not the range
 obstacle_heights (m,) heights [m] of the dynamic obstacles; missing, like the next four, if there
                       were none, and in older files
 obstacle_corners (m,) number of corners of each outline; obstacle_outlines (…, 2) the corners
@@ -73,7 +74,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import LIGHT, Run
 from lrf3d.world import World
-from lrf3d.world.cameras import FilmPlan, FixedCamera
+from lrf3d.world.cameras import USUAL_FILM, FilmPlan, FixedCamera
 from lrf3d.world.materials import material_of, material_value
 
 if TYPE_CHECKING:
@@ -88,6 +89,7 @@ DTYPE_KINDS = {
     ),
     **dict.fromkeys(("estimate_scans", "estimate_closures", "estimate_dropped"), "iu"),
     **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
+    "film_points_by": "U",
     "materials": "U",
 }
 """What kinds of values an array may have, as NumPy names them; all others have floats."""
@@ -153,6 +155,8 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
         "film_view": np.array(film.view),
         "film_playback": np.array(film.playback),
     }
+    if film.points_by != USUAL_FILM.points_by:
+        arrays["film_points_by"] = np.array(film.points_by)
     if lrf.light != LaserRangeFinder().light:
         threshold, near_field, echo, echoes = lrf.light
         arrays["receiver"] = np.array([threshold, near_field, ECHO_CHOICES.index(echo), echoes])
@@ -286,7 +290,8 @@ def _film(arrays: dict[str, Any]) -> FilmPlan:
     if "film_view" not in arrays:
         # Files of earlier versions do not hold it; films then were as fast as the drive.
         return FilmPlan("chase", 1.0)
-    return FilmPlan(str(arrays["film_view"]), float(arrays["film_playback"]))
+    points_by = str(arrays.get("film_points_by", "range"))
+    return FilmPlan(str(arrays["film_view"]), float(arrays["film_playback"]), points_by)
 
 
 def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":

@@ -331,7 +331,8 @@ class Scenery:
         self._fan.update(self.beams.fan(height))
         self._lines.update(self.beams.lines(height, self._reach))
         self._trace.update(self.beams.trace(height))
-        self._dots.update(self.beams.dots(height, self.run.lrf.range_max))
+        by = self.run.film.points_by
+        self._dots.update(self.beams.dots(height, self.run.lrf.range_max, by=by))
 
 
 def _over(frame: Frame) -> float:

@@ -17,6 +17,7 @@ from lrf3d.scene.look import (
     FAN_END_SHARE,
     FAN_ENDS,
     FARTHEST_COLOUR,
+    INTENSITY_COLOURS,
     RANGE_COLOURS,
     TRACE_COLOUR,
     TRACE_STRENGTH,
@@ -54,6 +55,7 @@ class DrawnBeams:
         ranges: (beams,) how far that is [m].
         points: (hits, 2) the reflection points [m].
         point_ranges: (hits,) their measured ranges [m].
+        point_lights: (hits,) their intensities, or None.
         joined: (beams − 1,) whether the beam and the next ended on one wall.
         hits: (beams,) which beams returned.
         sides: (hits, 2) where the face of the wall looks that each point lies on; 0 where no wall
@@ -68,6 +70,7 @@ class DrawnBeams:
     ranges: Float
     points: Float
     point_ranges: Float
+    point_lights: Float | None
     joined: Bool
     hits: Bool
     sides: Float
@@ -121,9 +124,11 @@ class DrawnBeams:
         reached = np.hypot(*(ends - apex).T)
         step = float(scan.angles[1] - scan.angles[0]) if len(scan.angles) > 1 else 0.0
         measured = scan.ranges[scan.hits]
+        lights = None if scan.intensities is None else scan.intensities[scan.hits]
         return cls(
-            apex, ends, reached, points, measured, joined, scan.hits, sides, step, legs, leg_beams
-        )
+            apex, ends, reached, points, measured, lights, joined, scan.hits, sides, step, legs,
+            leg_beams,
+        )  # fmt: skip
 
     def fan(self, height: float) -> Single:
         """Triangles (3 · n, 5) of the fan: position and range of each corner [m], and its share.
@@ -184,10 +189,12 @@ class DrawnBeams:
         opaque = np.full((len(start), 2), TRACE_STRENGTH)
         return line_quads(start, end, colours, opaque, height, self.sides[index[first]])
 
-    def dots(self, height: float, range_max: float) -> Single:
-        """Hit points (hits, 8): position [m], colour by range and side of the wall."""
-        farthest = min(range_max, FARTHEST_COLOUR)
-        place = np.clip(self.point_ranges / farthest, 0.0, 1.0) * (len(RANGE_COLOURS) - 1)
+    def dots(self, height: float, range_max: float, *, by: str = "range") -> Single:
+        """Hit points (hits, 8): position [m], colour by range or intensity, side of the wall."""
+        share = np.clip(self.point_ranges / min(range_max, FARTHEST_COLOUR), 0.0, 1.0)
+        if by == "intensity" and self.point_lights is not None:
+            share = darkness(self.point_lights)
+        place = share * (len(RANGE_COLOURS) - 1)
         rows = np.zeros((len(self.points), 8), np.float32)
         rows[:, :2] = self.points
         rows[:, 2] = height
@@ -201,6 +208,14 @@ class DrawnBeams:
     def _at(self, ends: Float, wanted: Float, ranges: Float) -> Float:
         """Points at wanted ranges (n, 1) on the way from the apex to ends (n, 2)."""
         return self.apex + (ends - self.apex) * (wanted / np.maximum(ranges, 1e-9)[:, None])
+
+
+def darkness(intensities: Float) -> Float:
+    """Places (…) among the colours of hit points of intensities: 0 bright, 1 dark, by factors."""
+    dark, bright = np.log(INTENSITY_COLOURS)
+    with np.errstate(divide="ignore"):
+        place = (bright - np.log(intensities)) / (bright - dark)
+    return np.asarray(np.clip(place, 0.0, 1.0))
 
 
 def fading_ends(count: int, beam_angle: float) -> Float:

@@ -103,6 +103,9 @@ RANGE_COLOURS = np.array(
 )
 """Colours of hit points from near to far."""
 
+INTENSITY_COLOURS = (1e-4, 1.0)
+"""Intensities from which hit points have the last and the first colour; steps are of factors."""
+
 FARTHEST_COLOUR = 30.0
 """Range [m] from which hit points have their last colour."""
 

@@ -15,7 +15,7 @@ from lrf3d.gltf import still_glb
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.beams import fading_ends
+from lrf3d.scene.beams import darkness, fading_ends
 from lrf3d.scene.bodies import obstacle_colours
 from lrf3d.scene.estimate import BELIEVED, CORNERS, TRUTH, DrawnEstimate
 from lrf3d.scene.map_bands import WallTops
@@ -198,6 +198,9 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
         **_estimate_arrays(timeline),
         "joined": (joined_beams(run.ranges, run.walls), np.uint8),
     }
+    if run.film.points_by == "intensity" and run.intensities is not None:
+        shares = darkness(np.nan_to_num(run.intensities))
+        arrays["darkness"] = np.round(255.0 * shares), np.uint8
     block, layout = bytearray(), {}
     for name, (values, kind) in arrays.items():
         array: NDArray[Any] = np.asarray(values, kind).ravel()

@@ -223,7 +223,7 @@ export default {
       this.changed = true;
       this.pose = run.pose(time);
       const scan = run.scan(time);
-      this.showScan(scan.pose, scan.ranges, scan.joined, scan.on);
+      this.showScan(scan.pose, scan.ranges, scan.joined, scan.on, scan.darkness);
       const stage = run.stage(time);
       if (stage !== this.shownStage) {
         this.shownStage = stage;
@@ -280,14 +280,14 @@ export default {
       if (news.map) this.showMap(news.map);
     },
 
-    showScan(pose, ranges, joined, on) {
+    showScan(pose, ranges, joined, on, darkness) {
       this.beams.group.visible = on;
       const hits = ranges.filter((range) => Number.isFinite(range));
       const nearest = hits.length ? hits.reduce((a, b) => Math.min(a, b)).toFixed(2) + " m" : "none";
       this.beamText = on
         ? `${hits.length} / ${ranges.length} beams hit, min ${nearest}`
         : "beams off";
-      if (on) this.beams.show(pose, ranges, joined, this.pose);
+      if (on) this.beams.show(pose, ranges, joined, this.pose, darkness);
     },
 
     showMap({ segments, colours, tops, objects }) {

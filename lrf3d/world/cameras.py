@@ -69,10 +69,13 @@ class FilmPlan:
     Args:
         view: Name of the camera, one that every world has or one of the world's.
         playback: Simulated seconds in a second of film.
+        points_by: What the colour of hit points shows, ``range`` or ``intensity``; where a scan
+            has no intensities, it is the range.
     """
 
     view: str = "story"
     playback: float = PLAYBACK
+    points_by: str = "range"
 
 
 USUAL_FILM = FilmPlan()

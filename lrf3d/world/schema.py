@@ -265,7 +265,7 @@ TABLES: Mapping[str, Mapping[str, Check]] = {
         "merge_distance": _LENGTH,
         "floor": _LENGTH,
     },
-    "film": {"view": text(), "playback": _LENGTH},
+    "film": {"view": text(), "playback": _LENGTH, "points_by": text("range", "intensity")},
 }
 
 CAMERA: Mapping[str, Check] = {

@@ -9,7 +9,7 @@ import lrf3d
 from lrf3d import LaserRangeFinder, LineMap, LineMapper, ProportionalNoise, World
 from lrf3d.errors import InputError
 from lrf3d.mapping.robust.mirrors import Reflectance, mirror_lines, mirrored, without_images
-from lrf3d.mapping.robust.panes import stretches
+from lrf3d.mapping.robust.pane_stretches import frames, stretches
 from lrf3d.world import Material
 
 LRF = LaserRangeFinder(-np.pi, np.pi, beams=361, range_max=40.0)
@@ -229,9 +229,44 @@ def test_glass_ends_where_beams_end_on_something_opaque_or_would_have_flashed():
     pieces[7:9, 3] = 5
     pieces[12:15, [2, 4]] = 5
     want = np.array([[0.25, 1.7], [2.25, 2.95], [3.75, 4.45]])
-    assert np.array(stretches(pieces, reach)) == pytest.approx(want)
+    assert np.array(stretches(pieces, reach, np.empty(0))) == pytest.approx(want)
     pieces[:, 3] += 9
-    assert stretches(pieces, reach) == []
+    assert stretches(pieces, reach, np.empty(0)) == []
+
+
+def test_glass_goes_on_where_beams_pass_until_a_wall_meets_it():
+    pieces, reach = np.zeros((80, 5), np.int64), np.full((80, 2), (np.inf, -np.inf))
+    pieces[:, 2] = 6
+    for row in (4, 5, 70, 71):
+        pieces[row, :2], reach[row] = 2, (0.25 * row, 0.25 * row + 0.2)
+    whole = [(pytest.approx(1.0), pytest.approx(17.95))]
+    # A single beam that ends in front of it is no wall, nor is a wall where the glass ends.
+    pieces[30, 2:4] = 1
+    assert stretches(pieces, reach, np.array([0.9, 18.1, 1.2])) == whole
+    assert stretches(pieces, reach, np.array([9.0])) == []
+    pieces[40:44, 3] = 4
+    assert stretches(pieces, reach, np.empty(0)) == []
+
+
+def test_walls_meet_a_line_where_they_end_on_it_or_cross_it():
+    walls = np.array([[2, 0.1, 2, 5], [4, -3, 6, 3], [7, 2, 7, 9], [8, 0.05, 11, 0.1]])
+    found = frames(np.array([1.0, 0.0]), np.array([1.0, 0.0]), walls)
+    assert found.tolist() == pytest.approx([1.0, 4.0])
+
+
+def test_what_glass_returned_counts_before_and_after_the_flash_that_shows_its_line():
+    # With nothing behind it the front returns a beam or two in each scan.
+    front = World(
+        [[0, 20, 20, 20], [-60, -9, 80, -9]], materials=["glass", "brick"], objects=[0, 1]
+    )
+    far = np.column_stack([np.linspace(-14, 8, 40), np.full(40, 12.0), np.linspace(0, 0.6, 40)])
+    near = np.array([[10.0, 14.0, 0.0]])
+    lrf = LaserRangeFinder(-np.pi, np.pi, beams=13, range_max=40.0)
+    for poses in (np.vstack([far, near]), np.vstack([near, far])):
+        run, _ = mapped(front, poses, lrf)
+        glass = run.map.segments[run.map.kinds == "glass"]
+        assert len(glass) == 1 and np.ptp(glass[0, [0, 2]]) > 19.0
+        assert glass[0, [1, 3]] == pytest.approx([20.0, 20.0], abs=0.1)
 
 
 def test_reflectance_is_the_mean_in_a_cell():

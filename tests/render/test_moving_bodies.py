@@ -42,7 +42,7 @@ def same(first, second):
 
 
 def test_a_run_keeps_what_moves_and_how_it_is_filmed(tmp_path):
-    run = replace(room_run(), obstacles=ALL, film=FilmPlan("top", 3.5))
+    run = replace(room_run(), obstacles=ALL, film=FilmPlan("top", 3.5, "intensity"))
     save_run(run, tmp_path / "run.npz")
     back = load_run(tmp_path)
     assert same(back.obstacles, ALL) and back.film == run.film

@@ -7,7 +7,13 @@ import lrf3d
 from lrf3d.geometry import lengths
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.scene.beams import DrawnBeams
-from lrf3d.scene.look import GLASS_COLOUR, MIRROR_COLOUR, RETRO_COLOUR, object_colours
+from lrf3d.scene.look import (
+    GLASS_COLOUR,
+    MIRROR_COLOUR,
+    RANGE_COLOURS,
+    RETRO_COLOUR,
+    object_colours,
+)
 from lrf3d.scene.turns import Turns, WallOptics
 
 WALLS = [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [4, 1, 5, 2.5]]
@@ -49,6 +55,20 @@ def test_points_lie_on_the_walls_that_mirrors_show():
     straight = drawn(hall("plaster", "plaster", "plaster", "plaster", "brick"))[1]
     assert len(beams.lines(0.5, 80.0)) > len(straight.lines(0.5, 80.0))
     assert len(beams.fan(0.5)) and len(beams.trace(0.5))
+
+
+def test_points_are_coloured_by_their_intensity_if_asked():
+    scan, beams = drawn(hall("plaster", "mirror", "retro-reflector", "dark cloth", "brick"))
+    by_range, by_light = (beams.dots(0.5, 80.0, by=by) for by in ("range", "intensity"))
+    assert (by_range[:, :3] == by_light[:, :3]).all() and (by_range[:, 6:] == by_light[:, 6:]).all()
+    lights = scan.intensities[scan.hits]
+    assert (by_light[lights >= 1.0, 3:6] == RANGE_COLOURS[0].astype(np.float32)).all()
+    assert lights.max() > 1.0 and len(np.unique(by_light[:, 3:6], axis=0)) > 50
+    # From yellow to purple the green of the colours falls all the way to red.
+    green = by_light[np.argsort(-lights), 4]
+    assert (np.diff(green[lights[np.argsort(-lights)] > 1e-3]) <= 1e-6).all()
+    bare = drawn(lrf3d.World(WALLS, range(5)))[1]
+    assert bare.dots(0.5, 80.0, by="intensity").tobytes() == bare.dots(0.5, 80.0).tobytes()
 
 
 def test_a_leg_begins_where_the_one_before_ends():

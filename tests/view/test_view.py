@@ -458,3 +458,16 @@ def test_a_range_finder_of_one_beam_is_played():
     ranges, walls = run.ranges[:, middle], run.walls[:, middle]
     arrays = unpacked(replace(run, lrf=lrf, ranges=ranges, truth=ranges, walls=walls))
     assert len(arrays["joined"]) == 0 and len(arrays["ranges"]) == len(run)
+
+
+def test_points_of_a_run_have_the_darkness_of_their_light_if_asked():
+    office = load_scenario("glass_office")
+    run = office.run(rng=0, scans=4)
+    assert "darkness" not in unpacked(run)
+    dark = unpacked(replace(run, film=replace(run.film, points_by="intensity")))["darkness"]
+    shares = dark.reshape(run.ranges.shape) / 255.0
+    lights = run.intensities
+    assert (shares[lights >= 1.0] == 0.0).all() and (shares[lights <= 1e-4] == 1.0).all()
+    between = (lights > 1e-4) & (lights < 1.0)
+    want = -np.log10(lights[between]) / 4.0
+    assert np.abs(shares[between] - want).max() <= 0.5 / 255.0 + 1e-9

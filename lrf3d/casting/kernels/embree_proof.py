@@ -15,7 +15,7 @@ from lrf3d.casting.kernels.fan import trace
 from lrf3d.casting.kernels.predicates import FILTER
 from lrf3d.casting.kernels.scans import Laser, turn
 from lrf3d.casting.kernels.tree import STACK, PlainTree, Tree
-from lrf3d.compiling import inner
+from lrf3d.compiling import borrower, inner
 from lrf3d.geometry import Float, Int
 
 LEAST_SINE = 0.03
@@ -77,7 +77,7 @@ def known_of(plain: PlainKnown) -> ProvedWalls:
     return ProvedWalls(Tree(*tree), clear, owners, Local(*local))
 
 
-@inner
+@borrower
 def prove(
     known: ProvedWalls,
     faces: NDArray[np.int32],

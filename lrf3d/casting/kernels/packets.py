@@ -12,7 +12,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float
 
 WIDTH = 8
@@ -102,13 +102,13 @@ def packets_for(intersect: int, scene: int, flags: int) -> Packets:
     return Packets(intersect, scene, packet)
 
 
-@inner
+@borrower
 def component(value: float) -> float:
     """A component of a direction as Embree gets it."""
     return value if abs(value) >= LEAST_COMPONENT else 0.0
 
 
-@inner
+@borrower
 def find(
     packets: Packets,
     x: float,

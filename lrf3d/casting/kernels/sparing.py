@@ -19,7 +19,7 @@ from lrf3d.casting.kernels.embree_proof import ProvedWalls, prove
 from lrf3d.casting.kernels.packets import WIDTH, Packets, find
 from lrf3d.casting.kernels.predicates import FILTER, Beam, Wall, wall_at
 from lrf3d.casting.kernels.scans import PADDING
-from lrf3d.compiling import inner
+from lrf3d.compiling import borrower, inner
 from lrf3d.geometry import Float, Int
 
 OPEN = -3
@@ -91,7 +91,7 @@ def stride_for(beams: int, half: float, range_max: float, width: float) -> int:
     return 1
 
 
-@inner
+@borrower
 def find_all(
     packets: Packets,
     known: ProvedWalls,
@@ -159,7 +159,7 @@ def find_all(
         gap //= 2
 
 
-@inner
+@borrower
 def _nothing_between(wall: Wall, one: Beam, other: Beam, angle: float, width: float) -> bool:
     """Whether nothing of a width fits between two beams, with an angle between, and their wall."""
     ax, ay = wall.px - one.ox, wall.py - one.oy

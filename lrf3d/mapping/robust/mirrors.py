@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
+from lrf3d.mapping.robust.lit_beams import LitBeams, crossings
 from lrf3d.mapping.robust.optics_constants import (
     DIFFERENT_SINE,
     IMAGE_DISTANCE,
@@ -29,7 +30,6 @@ from lrf3d.mapping.robust.optics_constants import (
     PARALLEL_SINE,
     STRAY_WINDOW,
 )
-from lrf3d.mapping.robust.panes import LitBeams, crossings
 
 SAMPLE = 0.1
 """[m] Steps in which segments are searched for images."""

@@ -17,6 +17,7 @@ from lrf3d.mapping.line_map import GLASS, MIRROR, WALL, LineMap
 from lrf3d.mapping.robust.beams import Beams, Frame
 from lrf3d.mapping.robust.dim_returns import DimReturns
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+from lrf3d.mapping.robust.lit_beams import LitBeams, flashes, pairs
 from lrf3d.mapping.robust.mirrors import Mirrors, without_images
 from lrf3d.mapping.robust.optics_constants import (
     ABSORBED,
@@ -24,7 +25,7 @@ from lrf3d.mapping.robust.optics_constants import (
     ABSORBED_SINE,
     PANE_JOINS,
 )
-from lrf3d.mapping.robust.panes import LitBeams, Panes, flashes, grazed, pairs
+from lrf3d.mapping.robust.panes import Panes, grazed
 
 
 class Seen(NamedTuple):
@@ -123,7 +124,7 @@ class Optics:
         self.panes.take_up(self.dim)
         if len(self.panes):
             glass &= ~self.panes.count(beams, np.arange(len(self.panes)))
-            self.glass = self.panes.segments()
+            self.glass = self.panes.segments(segments)
         if glass.any():
             self.dim.add(beams.returns(glass))
 
@@ -154,13 +155,14 @@ class Optics:
 
     def state(self) -> dict[str, Any]:
         """All that is known, as plain arrays by their names; `restore` takes them back."""
-        return {**self.panes.state(), **self.dim.state(), **self.mirrors.state()}
+        known = {**self.panes.state(), **self.dim.state(), **self.mirrors.state()}
+        return {**known, "glass": self.glass.copy()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what was known."""
         self.panes.restore(state)
         self.dim.restore(state)
-        self.glass = self.panes.segments()
+        self.glass = state["glass"].copy()
         self.mirrors.restore(state)
 
 

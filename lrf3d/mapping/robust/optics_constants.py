@@ -51,9 +51,12 @@ PANE_PIECE = 0.25
 PANE_PIECES = 256
 """[pieces] How many pieces a pane may have: 64 m."""
 
-PANE_GAP = 10.0
+PANE_GAP = 25.0
 """[m] Longest gap between two returns of one pane where no beam ends on something opaque. Between
 two places from which a robot met a pane at a right angle it returned nothing."""
+
+FRAME_DISTANCE, FRAME_SINE = 0.3, 0.3
+"""[m, sine] A wall meets the line of a pane where it ends so near it or crosses it, no flatter."""
 
 LEAST_SHOWN = 3
 """[beams] A pane is glass where at least so many beams returned light as glass does or passed …"""

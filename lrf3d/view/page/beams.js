@@ -1,4 +1,5 @@
-// The beams of a scan: the fan, single beams, hit points coloured by range, the trace on walls.
+// The beams of a scan: the fan, single beams, hit points coloured by range or intensity, the trace
+// on walls.
 
 import { THREE } from "nicegui-scene";
 
@@ -108,7 +109,7 @@ export class BeamsMesh {
   }
 
   // Show a scan taken at a pose, from where the robot stands now.
-  show(pose, ranges, joined, robot) {
+  show(pose, ranges, joined, robot, darkness) {
     const { angles, ends, away } = this;
     const count = angles.length;
     for (let i = 0; i < count; i++) {
@@ -120,7 +121,7 @@ export class BeamsMesh {
     }
     this.showFan(ranges, joined, robot);
     this.showLines(robot);
-    this.showDots(ranges, robot);
+    this.showDots(ranges, robot, darkness);
     this.showTrace(joined, robot);
   }
 
@@ -154,7 +155,7 @@ export class BeamsMesh {
     changed(this.lines);
   }
 
-  showDots(ranges, robot) {
+  showDots(ranges, robot, darkness) {
     const place = this.dots.attributes.position.array;
     const tint = this.dots.attributes.tint.array;
     const { points, trace } = this.look;
@@ -163,7 +164,8 @@ export class BeamsMesh {
     ranges.forEach((range, beam) => {
       if (!Number.isFinite(range)) return;
       this.put(place, 3 * hits, beam, robot, this.away[beam] - 2 * trace.gap);
-      tint.set(between(points.colours, range / farthest), 3 * hits);
+      const share = darkness ? darkness[beam] / 255 : range / farthest;
+      tint.set(between(points.colours, share), 3 * hits);
       hits += 1;
     });
     this.dots.setDrawRange(0, hits);

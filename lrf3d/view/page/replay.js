@@ -78,6 +78,8 @@ export class Replay {
       },
       ranges: this.ranges.subarray(i * index, i * (index + 1)),
       joined: this.joined.subarray((i - 1) * index, (i - 1) * (index + 1)),
+      // By intensity, where the run asks for it; else points are coloured by range.
+      darkness: this.darkness?.subarray(i * index, i * (index + 1)),
     };
   }
 
