@@ -160,9 +160,10 @@ OBSTACLE_COLOURS = np.array(
 _HUE_STEP = 0.6180339887
 """The golden ratio's fraction: neighbours in number lie far apart."""
 
-_TINT_STEP = 0.5698402910
-"""Step in hue [turns] between two objects of a map: that of Roberts' sequence which, with five
-tones, leaves the nearest two of sixty objects furthest apart; the golden one has 21 come round."""
+_TINT_START, _TINT_STEP = 0.85, 0.5698402910
+"""Hue of the first object of a map and the step to the next [turns]: a step of Roberts' sequence,
+which with five tones and this start leaves the nearest two of sixty objects furthest apart; with
+the golden step every 21st looks the same."""
 
 
 _TRAIL_HUE, _FREE_HUES = np.radians(255.0), np.radians(20.0)
@@ -227,7 +228,7 @@ def object_tints(objects: Int) -> Float:
     """Colours (n, 3) of the objects of a map, strong on white, the same for the same number."""
     number = np.asarray(objects, dtype=np.float64)
     # Hues such a step apart never come round; five tones part those that come near.
-    turn = np.mod(-number * _TINT_STEP, 1.0)
+    turn = np.mod(_TINT_START - number * _TINT_STEP, 1.0)
     hue = _TRAIL_HUE + _FREE_HUES + turn * 2.0 * (np.pi - _FREE_HUES)
     lightness = _TONES[number.astype(np.int64) % len(_TONES)]
     return _oklch_to_rgb(lightness, np.full(len(number), _CHROMA), hue)
