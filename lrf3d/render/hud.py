@@ -309,6 +309,7 @@ def hud_lines(
     return (*lines, Line(((0.0, counts),), _PALE)) if run.maps else lines
 
 
+@cache
 def _width(words: str) -> float:
     """The width of words of a title, in units of the letters' size."""
     return float(font(_TITLE, bold=True).getlength(words)) / _TITLE
