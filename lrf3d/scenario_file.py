@@ -89,10 +89,11 @@ def _scenario(file: WorldFile) -> Scenario:
     noise = dict(file.tables.get("noise", {}))
     sigma = noise.pop("sigma", SIGMA)
     sigma, *compared = sigma if isinstance(sigma, tuple) else (sigma,)
+    lrf = _range_finder(file)
     return Scenario(
         world=file.world,
-        lrf=_range_finder(file),
-        noise=Imperfections(**noise).noise(sigma),
+        lrf=lrf,
+        noise=Imperfections(**noise).noise(sigma, lrf),
         compared=tuple(compared),
         obstacles=_obstacles(file, robot.get("radius", RADIUS)),
         mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),

@@ -11,7 +11,7 @@ from lrf3d.casting.timed import Caster, timed
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
-from lrf3d.laser.echoes import measured_echoes
+from lrf3d.laser.echoes import measured
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
@@ -61,9 +61,9 @@ class Sensor:
             InputError: The noise does not return a valid scan.
         """
         true_scan = self._cast.cast_at(self.lrf, pose, time)
-        scan = self.noise(true_scan, rng)
+        scan = measured(true_scan, self.noise, rng)
         self._check(scan)
-        return true_scan, measured_echoes(true_scan, scan, self.noise, rng)
+        return true_scan, scan
 
     def measure_batch(
         self, poses: Float, times: Float, rng: np.random.Generator
@@ -92,7 +92,7 @@ class Sensor:
             walls = np.array([scan.walls for scan in scans])
         measured = np.empty_like(truth)
         for row, true_scan in zip(measured, scans, strict=True):
-            scan = self.noise(true_scan, rng)
+            scan = measured(true_scan, self.noise, rng)
             self._check(scan)
             row[:] = scan.ranges
         return measured, truth, walls

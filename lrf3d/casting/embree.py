@@ -9,7 +9,7 @@ lasers are cast in 3D, in float64.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,33 @@ from lrf3d.casting.exact import RationalCaster
 from lrf3d.casting.kernels.scans import BEYOND_WALLS
 from lrf3d.casting.mesh_scene import MeshScene, level_cut
 from lrf3d.casting.wall_scene import WallScene, build_wall_scene
+from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
 from lrf3d.pose import as_pose
 from lrf3d.world import World
+
+
+class LayerLight(NamedTuple):
+    """Layers of beams with their light; −1 stands for no wall, and after the last one of a chain.
+
+    Attributes:
+        ranges: (layers, beams) ranges [m] after REP 117.
+        walls: (layers, beams) the walls that they end on.
+        intensities: (layers, beams) their intensities, 0 where nothing returned.
+        echoes: (layers, beams, k) ranges [m] of the strongest echoes, the nearest first; k is 0
+            where the laser reports one echo.
+        echo_intensities: (layers, beams, k) their intensities.
+        chains: (layers, beams, 16) the walls on the way of each beam.
+    """
+
+    ranges: Float
+    walls: Int
+    intensities: Float
+    echoes: Float
+    echo_intensities: Float
+    chains: Int
+
 
 LEVELS = 8
 """Number of laser heights for which the cuts of a mesh are kept."""
@@ -92,8 +115,11 @@ class EmbreeCaster(BatchCaster):
             roll: Turn about the robot's ahead [rad]; its left side rises where it is positive.
 
         Returns:
-            Ranges (layers, beams) [m] after REP 117, and the walls or triangles, −1 for none.
+            Ranges (layers, beams) [m] after REP 117, and the walls or triangles, −1 for none. In
+            worlds with materials they are those of `light_layers`.
         """
+        if self._lights is not None:
+            return self.light_layers(lrf, pose, elevations, pitch=pitch, roll=roll)[:2]
         x, y, theta = as_pose(pose)
         level = (np.asarray(elevations, dtype=np.float64) == 0.0) & (pitch == 0.0 == roll)
         ranges = np.empty((len(level), lrf.beams))
@@ -107,6 +133,59 @@ class EmbreeCaster(BatchCaster):
             distances, faces = self._solid().cast(origin, beams.reshape(-1, 3), lrf.range_max)
             ranges[~level], walls[~level] = limited(lrf, distances, faces)
         return ranges, walls
+
+    def light_layers(
+        self,
+        lrf: LaserRangeFinder,
+        pose: Sequence[float] | Float,
+        elevations: Sequence[float] = (0.0,),
+        *,
+        pitch: float = 0.0,
+        roll: float = 0.0,
+    ) -> LayerLight:
+        """Cast in 3D with the light of each beam: mirrors, glass, intensities and echoes.
+
+        Walls are upright, so mirrors turn inclined beams in plan and leave their slope; beams go
+        over what is lower. As in `cast_layers`, level layers are exact and others are cast in
+        float64, from leg to leg.
+
+        Args:
+            lrf: The range finder: its angles, limits, height, and what it makes of the light.
+            pose: Pose x, y [m], theta [rad].
+            elevations: Angles of the layers above the laser's own plane [rad].
+            pitch: Turn about the robot's left [rad].
+            roll: Turn about the robot's ahead [rad].
+
+        Raises:
+            InputError: The world has no materials.
+
+        Examples:
+            >>> import lrf3d
+            >>> walls = [[2, -1, 2, 1], [-1, -1, -1, 1]]
+            >>> world = lrf3d.World(walls, [0, 1], materials=["mirror", "plaster"])
+            >>> ahead = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1, height=1.0)
+            >>> found = lrf3d.EmbreeCaster(world).light_layers(ahead, (0, 0, 0), [0.0, 0.1, 0.9])
+            >>> found.ranges[:, 0].round(3).tolist()
+            [5.0, 5.025, inf]
+            >>> found.chains[1, 0, :3].tolist()
+            [0, 1, -1]
+        """
+        lights = self._lights
+        if lights is None:
+            raise InputError("world without materials: its beams have no intensities")
+        x, y, theta = as_pose(pose)
+        level = (np.asarray(elevations, dtype=np.float64) == 0.0) & (pitch == 0.0 == roll)
+        beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
+        origin = np.array([x, y, lrf.height])
+        lit = lights.light_solid(lrf, self._solid(), origin, beams.reshape(-1, 3))
+        flat = self._lit(
+            lrf, np.array([(x, y, theta)] * int(level.any())).reshape(-1, 3), chains=True
+        )
+        # Each layer is a row of the inclined ones, in their order, or the level scan after these.
+        rows = np.where(level, len(beams), np.cumsum(~level) - 1)
+        return LayerLight(
+            *(np.concatenate(both)[rows] for both in zip(lit[:6], flat[:6], strict=True))
+        )
 
     def _solid(self) -> MeshScene:
         """The 3D scene of the walls or of the mesh, built at its first use."""

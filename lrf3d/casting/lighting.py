@@ -26,6 +26,7 @@ from lrf3d.casting.kernels.echoes import (
 from lrf3d.casting.kernels.light import light_scans
 from lrf3d.casting.kernels.scans import laser_of
 from lrf3d.casting.kernels.tree import Tree
+from lrf3d.casting.mesh_scene import MeshScene
 from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
@@ -132,6 +133,20 @@ class Lighting:
         if lit.undecided.any():
             for row in np.flatnonzero(lit.undecided.any(axis=1)).tolist():
                 self._decide(lrf, poses[row], level, receiver, _rows(lit, row))
+
+    def light_solid(
+        self, lrf: LaserRangeFinder, scene: MeshScene, origin: Float, beams: Float
+    ) -> Lit:
+        """The light of beams (n, 3) in 3D from an origin (3,), a whole number of scans of them."""
+        from lrf3d.casting.kernels.solid_light import light_solid
+
+        scans = self.empty(lrf, len(beams) // lrf.beams, chains=True)
+        arrays: Any = [array.reshape(len(beams), *array.shape[2:]) for array in scans]
+        optics = self._world.segments, self._kinds, self._table
+        receiver, mesh = receiver_of(lrf)[:], (scene.corners, scene.owners)
+        beams, reach = np.ascontiguousarray(beams), float(lrf.range_max)
+        light_solid(scene.tree[:], mesh, optics, receiver, reach, origin, beams, tuple(arrays))
+        return scans
 
     def _decide(
         self, lrf: LaserRangeFinder, pose: Float, level: _Level, receiver: Receiver, lit: Lit

@@ -16,13 +16,18 @@ class MeshScene:
     Args:
         triangles: (n, 3, 3) corners [m].
         owners: (n,) the wall that each triangle belongs to, or its own index.
+
+    Attributes:
+        tree: The tree over the triangles.
+        corners: (n, 3, 3) their corners in its order [m].
+        owners: (n + 1,) the owner of each triangle by its number, and −1 for none.
     """
 
     def __init__(self, triangles: Float, owners: Int) -> None:
         plan = triangles[:, :, :2]
         tree = build_tree(np.hstack([plan.min(axis=1), plan.max(axis=1)]))
-        self._owners = np.append(owners, -1)
-        self._tree, self._corners = tree, np.ascontiguousarray(triangles[tree.rows])
+        self.owners, self.tree = np.append(owners, -1), tree
+        self.corners = np.ascontiguousarray(triangles[tree.rows])
 
     @classmethod
     def of_world(cls, world: World) -> "MeshScene":
@@ -49,8 +54,8 @@ class MeshScene:
         """
         distances, hits = np.empty(len(directions)), np.empty(len(directions), np.int64)
         starts = np.atleast_2d(origins)
-        cast_solid(self._tree, self._corners, starts, directions, reach, distances, hits)
-        return distances, self._owners[hits]
+        cast_solid(self.tree, self.corners, starts, directions, reach, distances, hits)
+        return distances, self.owners[hits]
 
 
 def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:

@@ -1,6 +1,7 @@
 """The laser range finder, its scans and its noise (section 2.3 of Teslić et al.)."""
 
-from lrf3d.laser.imperfections import AngleNoise, DropOuts, Imperfections, MixedPixels
+from lrf3d.laser.imperfections import AngleNoise, DropOuts, Imperfections
+from lrf3d.laser.mixed_pixels import MixedPixels
 from lrf3d.laser.noise import (
     Chain,
     ConstantNoise,

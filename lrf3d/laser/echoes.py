@@ -9,35 +9,48 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.laser.noise import Noise
+from lrf3d.laser.noise import Chain, Noise
 from lrf3d.laser.scan import LaserScan
 
 
-def measured_echoes(
-    true_scan: LaserScan, scan: LaserScan, noise: Noise, rng: np.random.Generator
-) -> LaserScan:
-    """The measured scan, with noise on its echoes as well.
+def measured(true_scan: LaserScan, noise: Noise, rng: np.random.Generator) -> LaserScan:
+    """The measured scan: the noise of its ranges, and of its echoes where it has some.
 
-    The echo that is the range of a beam has the noise of that range; each other one has its own.
-    Echoes that the noise loses are left out. A noise that changes echoes itself is left alone.
+    A chain acts part by part. The echo that is the range of a beam has the noise of that range;
+    each other one has its own. Echoes that a noise loses are left out. A noise that changes echoes
+    itself, as `MixedPixels`, is left alone.
 
     Args:
         true_scan: The scan without noise.
-        scan: What the noise made of it.
         noise: The noise.
-        rng: The generator of the noise, after that.
+        rng: Its generator.
 
     Examples:
         >>> import lrf3d
         >>> import numpy as np
-        >>> from lrf3d.laser.echoes import measured_echoes
-        >>> true = lrf3d.LaserScan((0, 0, 0), [0.0], [1.0], echoes=[[1.0, 3.0]],
-        ...                        echo_intensities=[[0.4, 0.1]])
-        >>> noise, rng = lrf3d.ProportionalNoise(0.1), np.random.default_rng(0)
-        >>> scan = noise(true, rng)
-        >>> bool(measured_echoes(true, scan, noise, rng).echoes[0, 0] == scan.ranges[0])
+        >>> from lrf3d.laser.echoes import measured
+        >>> true = lrf3d.LaserScan((0, 0, 0), [0.0], [1.0], echoes=[[1.0, 3.0]], range_max=9.0,
+        ...                        intensities=[0.4], echo_intensities=[[0.4, 0.1]])
+        >>> scan = measured(true, lrf3d.ProportionalNoise(0.1), np.random.default_rng(0))
+        >>> bool(scan.echoes[0, 0] == scan.ranges[0] != 1.0)
         True
     """
+    if true_scan.echoes is None:
+        return noise(true_scan, rng)
+    scan = true_scan
+    for part in noise.noises if isinstance(noise, Chain) else (noise,):
+        changed = part(scan, rng)
+        # What a user's noise returns is checked by who asked for the scan.
+        if not isinstance(changed, LaserScan):
+            return changed
+        scan = _with_noise(scan, changed, part, rng)
+    return scan
+
+
+def _with_noise(
+    true_scan: LaserScan, scan: LaserScan, noise: Noise, rng: np.random.Generator
+) -> LaserScan:
+    """What a noise made of a scan, with noise on its other echoes as well."""
     true_echoes, light = true_scan.echoes, true_scan.echo_intensities
     if true_echoes is None or light is None:
         return scan

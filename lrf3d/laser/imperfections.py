@@ -1,16 +1,17 @@
 """Imperfections of a range finder, in addition to the noise of Eq. 7.
 
-Beams deviate from their angle, do not return, or hit a near and a far surface at once. Each is a
-separate noise; Imperfections chains those that are given.
+Beams deviate from their angle, do not return, or hit a near and a far surface at once (see
+`mixed_pixels`). Each is a separate noise; Imperfections chains those that are given.
 """
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, is_finite
+from lrf3d.geometry import Float, is_finite
+from lrf3d.laser.mixed_pixels import MixedPixels, on_one_wall
 from lrf3d.laser.noise import (
     NO_SPREAD,
     Chain,
@@ -21,6 +22,7 @@ from lrf3d.laser.noise import (
     Quantised,
     check_sigma,
 )
+from lrf3d.laser.range_finder import LaserRangeFinder
 from lrf3d.laser.scan import LaserScan
 
 
@@ -34,7 +36,8 @@ class Imperfections:
         beam_deg: Width of a beam [°]; see MixedPixels.
         drop_outs: Probability that any beam is lost; see DropOuts.
         drop_outs_far: Probability that a beam is lost at range_max.
-        drop_outs_grazing: Probability that a beam along a wall is lost.
+        drop_outs_grazing: Probability that a beam along a wall is lost, of world files of earlier
+            versions. In worlds with materials the threshold of the laser decides instead.
         resolution: Ranges are rounded to multiples of it [m]; see Quantised.
     """
 
@@ -46,17 +49,24 @@ class Imperfections:
     drop_outs_grazing: float = 0.0
     resolution: float = 0.0
 
-    def noise(self, sigma: float) -> Noise:
-        """The chain of all imperfections, with noise of σ [m] at range_max, in physical order.
+    def noise(self, sigma: float, lrf: LaserRangeFinder | None = None) -> Noise:
+        """The chain of all imperfections, in physical order.
 
         Imperfections that are off are left out; if all are off, it is the noise of Eq. 7 alone.
+
+        Args:
+            sigma: Noise [m] at range_max.
+            lrf: The range finder, whose echo and threshold mixed pixels take.
         """
         probabilities = self.drop_outs, self.drop_outs_far, self.drop_outs_grazing
         chain: list[Noise] = []
         if self.angle_deg:
             chain.append(AngleNoise(float(np.radians(self.angle_deg))))
         if self.beam_deg:
-            chain.append(MixedPixels(float(np.radians(self.beam_deg))))
+            light: dict[str, Any] = (
+                {} if lrf is None else {"echo": lrf.echo, "threshold": lrf.threshold}
+            )
+            chain.append(MixedPixels(float(np.radians(self.beam_deg)), **light))
         if any(probabilities):
             chain.append(DropOuts(*probabilities))
         if self.constant:
@@ -96,7 +106,8 @@ class DropOuts:
     A beam is lost for one of three reasons, independent of each other: anywhere with the
     probability ``share``; at the range d with ``far`` · (d / range_max)², as the light spreads;
     at the angle i from the wall's normal with ``grazing`` · (1 − cos i), as a dull wall reflects.
-    In a chain it comes before noises of the range, because it derives the angle from the ranges.
+    Scans with intensities have no such losses: there the threshold of the laser makes them. In a
+    chain it comes before noises of the range, because it derives the angle from the ranges.
 
     Args:
         share: Probability anywhere.
@@ -132,7 +143,7 @@ class DropOuts:
         kept = np.full(len(scan.ranges), 1.0 - self.share)
         if self.far:
             kept *= 1.0 - self.far * np.clip(scan.ranges / scan.range_max, 0.0, 1.0) ** 2
-        if self.grazing:
+        if self.grazing and scan.intensities is None:
             kept *= 1.0 - self.grazing * (1.0 - np.cos(incidences(scan)))
         return 1.0 - kept
 
@@ -148,63 +159,15 @@ class DropOuts:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class MixedPixels:
-    """Beams with a width of ``divergence`` [rad]: at an edge the two ranges are mixed.
-
-    If two neighbouring beams hit different walls, more than ``jump`` [m] apart in range, the edge
-    lies between them at a uniformly random angle. A beam whose light falls on both sides of it
-    returns the mean of the two ranges, weighted by the share of the light on each, and its wall
-    is −1. Beams that did not return are not mixed.
-
-    Args:
-        divergence: Width of a beam [rad].
-        jump: Least difference of the ranges at an edge [m].
-
-    Raises:
-        InputError: One of them is not a positive number.
-    """
-
-    divergence: float
-    jump: float = 0.1
-    spread: ClassVar[tuple[float, float]] = NO_SPREAD
-
-    def __post_init__(self) -> None:
-        for name in ("divergence", "jump"):
-            if not (is_finite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InputError(
-                    f"mixed pixels: {name} is {getattr(self, name)}, expected a positive number"
-                )
-
-    def edges(self, scan: LaserScan) -> Bool:
-        """Whether there is an edge between each beam and the next (beams − 1,)."""
-        returned = np.isfinite(scan.ranges)
-        ranges = np.where(returned, scan.ranges, 0.0)
-        apart = np.abs(np.diff(ranges)) > self.jump
-        return np.asarray(returned[:-1] & returned[1:] & apart & ~on_one_wall(scan))
-
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """Return the scan with mixed ranges at its edges."""
-        gaps = np.abs(np.diff(scan.angles))
-        offsets = rng.random(len(scan.ranges))[1:] * gaps
-        edge = np.flatnonzero(self.edges(scan))
-        ranges = scan.ranges.copy()
-        near, far = scan.ranges[edge], scan.ranges[edge + 1]
-        # A beam may have an edge on either side, each with light on the neighbour's surface.
-        ranges[edge] += self._beyond(offsets[edge]) * (far - near)
-        ranges[edge + 1] += self._beyond((gaps - offsets)[edge]) * (near - far)
-        walls = np.where(ranges == scan.ranges, scan.walls, -1)
-        return replace(scan, ranges=ranges, walls=walls)
-
-    def _beyond(self, away: Float) -> Float:
-        """Share of a beam that falls beyond an edge at an angle (n,) from its middle [rad]."""
-        return np.clip(0.5 - away / self.divergence, 0.0, 0.5)
-
-
-def on_one_wall(scan: LaserScan) -> Bool:
-    """Which beams (beams − 1,) hit the same wall as the next one."""
-    known = scan.walls >= 0
-    return np.asarray(known[:-1] & known[1:] & (scan.walls[:-1] == scan.walls[1:]))
+def losses_by_light(noise: Noise) -> str | None:
+    """A warning for a world with materials if a noise loses beams at grazing incidence, or None."""
+    parts = noise.noises if isinstance(noise, Chain) else (noise,)
+    if not any(isinstance(part, DropOuts) and part.grazing for part in parts):
+        return None
+    return (
+        "noise.drop_outs_grazing has no effect in a world with materials, where laser.threshold"
+        " decides which walls return light; remove it"
+    )
 
 
 def incidences(scan: LaserScan) -> Float:

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import AMBIGUOUS, correlate
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.graph_distance import DistanceGraph
 from lrf3d.slam.resolution import DENSE, Resolution
-from lrf3d.slam.surface import moved, wall_map
+from lrf3d.slam.surface import wall_map
+from lrf3d.slam.violation import Key, contradicted
 
 LEAST_WAY = 6.0
 """Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
@@ -53,12 +53,6 @@ CLOSURE_WAY = 0.5
 REACH = 0.3
 """How far off walls are looked for [m] when a closure is matched."""
 
-BEHIND = 0.3
-"""A beam that passes this far behind what the other scan saw [m] contradicts a closure."""
-
-MOST_THROUGH = 0.04
-"""Share of points that beams may pass through: doors open and people walk."""
-
 AGREEING = 3
 """Closures that have to agree with each other before any of them is accepted."""
 
@@ -78,29 +72,6 @@ FLOOR = np.diag([1.0, 1.0, 10.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Key:
-    """A key scan.
-
-    Args:
-        scan: Its number among all scans.
-        pose: (3,) where the front end had it, in its own drifting frame.
-        surface: (m, 4) what it is recognised by, in the frame of the robot.
-        walls: (w, 4) what it adds to a map.
-        angles: (beams,) directions of its beams [rad], rising.
-        ranges: (beams,) their ranges [m].
-        laser: (2,) where the laser stands on the robot [m].
-    """
-
-    scan: int
-    pose: Float
-    surface: Float
-    walls: Float
-    angles: Float
-    ranges: Float
-    laser: Float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Closure:
     """An old key scan and a new one that show the same place.
 
@@ -117,58 +88,12 @@ class Closure:
     information: Float
 
 
-@compiled
-def seen_through(points: Float, laser: Float, angles: Float, ranges: Float) -> tuple[int, int]:
-    """How many points (m, 2) in the frame of a robot its beams pass through, of how many in view.
-
-    A beam counts with the shorter of its neighbours' ranges, so that one that slips past an edge
-    contradicts nothing.
-    """
-    through = seen = 0
-    step = (angles[-1] - angles[0]) / (len(angles) - 1)
-    for i in range(len(points)):
-        dx, dy = points[i, 0] - laser[0], points[i, 1] - laser[1]
-        away = np.arctan2(dy, dx) - angles[0]
-        away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
-        beam = int(away / step + 0.5)
-        if beam < 1 or beam > len(angles) - 2:
-            continue
-        least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])
-        if not (least > 0.0 and np.isfinite(least)):
-            continue
-        seen += 1
-        if least > np.sqrt(dx * dx + dy * dy) + BEHIND:
-            through += 1
-    return through, seen
-
-
-def contradicted(keys: list[Key], olds: range, new: Key, poses: Float) -> bool:
-    """Whether beams of a new key scan or of old ones pass through what the other saw.
-
-    Args:
-        keys: All key scans.
-        olds: Numbers of the old ones.
-        new: The new one.
-        poses: (k, 3) for each old one the pose of the new one as seen from it.
-    """
-    through = seen = 0
-    backs = between(poses, np.zeros(3))
-    for number, relative, back in zip(olds, poses, backs, strict=True):
-        old = keys[number]
-        there, here = moved(new.surface, relative), moved(old.surface, back)
-        for points, key in ((there, old), (here, new)):
-            count = seen_through(points, key.laser, key.angles, key.ranges)
-            through += count[0]
-            seen += count[1]
-    return through > MOST_THROUGH * max(seen, 1)
-
-
 class LoopCloser:
     """Finds closures for new key scans, and keeps them until enough agree."""
 
     def __init__(self, resolution: Resolution = DENSE) -> None:
         self.keys: list[Key] = []
-        self._resolution = resolution
+        self.resolution = resolution
         self._drift = DRIFT * resolution.drift
         self._drift_turn = DRIFT_TURN * resolution.drift
         self.accepted: list[Closure] = []
@@ -176,32 +101,45 @@ class LoopCloser:
         # Those of the last stretch: not accepted yet, and accepted.
         self._pending: list[Closure] = []
         self._recent: list[Closure] = []
-        self._graph = DistanceGraph()
-        # How far the robot had driven at each key scan [m].
-        self._ways = np.empty(0)
+        self.graph = DistanceGraph()
+        # How far the robot had driven at each key scan [m], and by now.
+        self.ways = np.empty(0)
+        self.way = 0.0
+        # Key scans that follow each other without a known place between them are of one stretch.
+        self._stretches = np.empty(0, np.int64)
 
     @property
     def unconfirmed(self) -> list[Closure]:
         """Closures that were found and are rejected: too few others agree with them."""
         return self._rejected + self._pending
 
-    def add_key(self, key: Key, lost: int = 0) -> None:
+    def drive(self, step: Float, lost: int) -> float:
+        """Note how the robot has moved; returns the way [m] over which it drifts as far.
+
+        Args:
+            step: (3,) pose now as seen from where it was.
+            lost: How many scans on the way matched nothing.
+        """
+        # A turn in place lets the robot drift like a way of the length of its lever.
+        way = float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST_WAY * lost
+        self.way += way
+        return way
+
+    def add_key(self, key: Key, reference: int = -1, way: float = 0.0) -> None:
         """Take in the next key scan.
 
         Args:
             key: The key scan.
-            lost: How many scans since the last one matched nothing.
+            reference: Number of the key scan that its pose is known from; none for the first.
+            way: How far the robot has driven from it [m].
         """
-        if self.keys:
-            step = between(self.keys[-1].pose, key.pose)
-            # A turn in place lets the robot drift like a way of the length of its lever.
-            way = float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST_WAY * lost
-            self._graph.add()
-            self._graph.link(len(self.keys) - 1, len(self.keys), way)
-            self._ways = np.append(self._ways, self._ways[-1] + way)
-        else:
-            self._graph.add()
-            self._ways = np.zeros(1)
+        new, stretch = len(self.keys), 0
+        self.graph.add()
+        if new:
+            self.graph.link(reference, new, way)
+            stretch = int(self._stretches[-1]) + (reference != new - 1)
+        self.ways = np.append(self.ways, self.way)
+        self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)
 
     def search(self, poses: Float) -> list[Closure]:
@@ -213,16 +151,16 @@ class LoopCloser:
         new = len(self.keys) - 1
         found = self._found(new, poses)
         # What lies farther back is beside no closure to come.
-        oldest = self._ways[new] - STRETCH
-        self._rejected += [c for c in self._pending if self._ways[c.new] <= oldest]
-        self._pending = [c for c in self._pending if self._ways[c.new] > oldest]
-        self._recent = [c for c in self._recent if self._ways[c.new] > oldest]
+        oldest = self.ways[new] - STRETCH
+        self._rejected += [c for c in self._pending if self.ways[c.new] <= oldest]
+        self._pending = [c for c in self._pending if self.ways[c.new] > oldest]
+        self._recent = [c for c in self._recent if self.ways[c.new] > oldest]
         accepted: list[Closure] = []
         for closure in found:
             self._pending.append(closure)
             accepted += self._confirmed(closure)
         for closure in accepted:
-            self._graph.link(closure.old, closure.new, CLOSURE_WAY)
+            self.graph.link(closure.old, closure.new, CLOSURE_WAY)
         self.accepted += accepted
         self._recent += accepted
         return accepted
@@ -233,10 +171,10 @@ class LoopCloser:
         if len(key.surface) < LEAST_POINTS:
             return []
         apart = np.hypot(poses[:, 0] - poses[new, 0], poses[:, 1] - poses[new, 1])
-        fits = (self._ways < self._ways[new] - LEAST_WAY) & (apart < NEAR + 0.5 * MOST_WINDOW)
+        fits = (self.ways < self.ways[new] - LEAST_WAY) & (apart < NEAR + 0.5 * MOST_WINDOW)
         if not fits.any():
             return []
-        ways = self._graph.distances(new, FARTHEST_WAY, fits)
+        ways = self.graph.distances(new, FARTHEST_WAY, fits)
         window = np.clip(2.0 * self._drift * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
         fits &= (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
         closures: list[Closure] = []
@@ -253,7 +191,7 @@ class LoopCloser:
                 closures.append(closure)
                 break
             # The next try is at another place than this one.
-            fits &= np.abs(self._ways - self._ways[old]) > OTHER_PLACE
+            fits &= np.abs(self.ways - self.ways[old]) > OTHER_PLACE
         return closures
 
     def _matched(
@@ -261,14 +199,15 @@ class LoopCloser:
     ) -> Closure | None:
         """The closure between two key scans, if they show the same place."""
         key = self.keys[new]
-        submap = self._resolution.submap
-        near = range(max(old - submap, 0), min(old + submap + 1, new))
+        submap = self.resolution.submap
+        around = range(max(old - submap, 0), min(old + submap + 1, new))
+        near = [k for k in around if self._stretches[k] == self._stretches[old]]
         origin = self.keys[old].pose
         # A stretch so short was drawn by the front end better than the graph knows it.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
         grid = wall_map(
             ((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True)),
-            self._resolution.along,
+            self.resolution.along,
         )
         if grid is None or len(grid.surface) < LEAST_POINTS:
             return None
@@ -280,15 +219,15 @@ class LoopCloser:
             window=window,
             turn=turn,
             reach=REACH,
-            sigma=self._resolution.sigma,
+            sigma=self.resolution.sigma,
         )
-        if not matches or matches[0].explained < self._resolution.overlap:
+        if not matches or matches[0].explained < self.resolution.overlap:
             return None
         best = matches[0]
         if any(match.explained > AMBIGUOUS * best.explained for match in matches[1:]):
             return None
         relatives = between(locals_, best.pose)
-        if contradicted(self.keys, near, key, relatives):
+        if contradicted([self.keys[k] for k in near], key, relatives):
             return None
         information = CLOSURE_SHARE * best.information
         relative = np.array([*best.pose[:2], wrap_angle(best.pose[2])])
@@ -311,7 +250,7 @@ class LoopCloser:
 
     def _beside(self, first: Closure, second: Closure) -> bool:
         """Whether two closures join the same two stretches of the way."""
-        ways = self._ways
+        ways = self.ways
         return bool(
             abs(ways[first.new] - ways[second.new]) < STRETCH
             and abs(ways[first.old] - ways[second.old]) < STRETCH
@@ -324,8 +263,8 @@ class LoopCloser:
         old = between(self.keys[first.old].pose, self.keys[second.old].pose)
         new = between(self.keys[first.new].pose, self.keys[second.new].pose)
         error = between(compose(first.relative, new), compose(old, second.relative))
-        way = abs(self._ways[first.old] - self._ways[second.old])
-        way += abs(self._ways[first.new] - self._ways[second.new])
+        way = abs(self.ways[first.old] - self.ways[second.old])
+        way += abs(self.ways[first.new] - self.ways[second.new])
         spread = np.array(
             [0.05 + self._drift * way, 0.05 + self._drift * way, 0.015 + self._drift_turn * way]
         )

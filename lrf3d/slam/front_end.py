@@ -101,16 +101,21 @@ class Tracked:
 
         The information [1/m²] is that of the place, whatever the heading is.
         """
-        turn = max(float(self.information[2, 2]), 1e-9)
-        coupling = self.information[:2, 2]
-        place = self.information[:2, :2] - np.outer(coupling, coupling) / turn
-        values, directions = np.linalg.eigh(place)
-        return directions[:, 0], float(max(values[0], 0.0))
+        return weakest_direction(self.information)
 
     @property
     def weak(self) -> bool:
         """Whether matching leaves a direction to the odometry, as along a corridor."""
         return self.weakest[1] < WEAK
+
+
+def weakest_direction(information: Float) -> tuple[Float, float]:
+    """The direction (2,) that information (3, 3) fixes worst, and how well [1/m²]."""
+    turn = max(float(information[2, 2]), 1e-9)
+    coupling = information[:2, 2]
+    place = information[:2, :2] - np.outer(coupling, coupling) / turn
+    values, directions = np.linalg.eigh(place)
+    return directions[:, 0], float(max(values[0], 0.0))
 
 
 class FrontEnd:

@@ -6,7 +6,8 @@ leave, by Gauss-Newton over SE(2) with sparse normal equations. The error of an 
     e = (Rᵢᵀ(tⱼ − tᵢ) − z_t, θⱼ − θᵢ − z_θ)
 """
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -20,6 +21,16 @@ ROBUST_SCALE = 3.0
 
 SETTLED = 1e-5
 """Poses that move by less [m, rad] have settled."""
+
+LEAST_REACH = 20.0
+"""Way over the graph [m] within which poses are optimised at first when something has changed."""
+
+RESTING = 1e-3
+"""The change has died out where poses move by less [m, rad]."""
+
+
+FIRST = np.zeros(1, np.int64)
+"""The pose that is held: a graph of relative poses does not say where it lies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +111,19 @@ class NormalEquations:
     def __add__(self, other: "NormalEquations") -> "NormalEquations":
         return NormalEquations(self.matrix + other.matrix, self.gradient + other.gradient)
 
-    def step(self, damping: float = 0.0) -> Float:
-        """The step (k, 3) that solves them with the first pose held."""
-        free = self.matrix[3:, 3:].tocsc()
+    def step(self, damping: float = 0.0, held: Int = FIRST) -> Float:
+        """The step (k, 3) that solves them with some poses held: the first, if not given."""
+        step = np.zeros(len(self.gradient))
+        moves = np.ones((len(step) // 3, 3), np.bool_)
+        moves[held] = False
+        rows = np.flatnonzero(moves)
+        free = self.matrix[rows][:, rows].tocsc()
         if damping:
             free = free + csc_array(
                 (damping * free.diagonal(), (np.arange(free.shape[0]),) * 2), shape=free.shape
             )
-        solved = factor(csc_array(free)).solve(-self.gradient[3:])
-        return np.concatenate([np.zeros(3), solved]).reshape(-1, 3)
+        step[rows] = factor(csc_array(free)).solve(-self.gradient[rows])
+        return step.reshape(-1, 3)
 
 
 def factor(matrix: csc_array) -> SuperLU:
@@ -166,3 +181,34 @@ def optimised(poses: Float, edges: Edges, iterations: int = 10) -> Float:
         if np.abs(step).max() < SETTLED:
             break
     return poses
+
+
+def optimised_around(poses: Float, edges: Edges, ways: Callable[[float], Float]) -> Float:
+    """The poses (k, 3) after a Gauss-Newton step where something has changed; the first is held.
+
+    The step is taken around the change alone, with all else held. Where poses half-way to the
+    border still move, it reaches twice as far: until the change has died out.
+
+    Args:
+        poses: The poses before.
+        edges: All edges.
+        ways: Gives for each pose (k,) the way over the graph from the change [m], +inf beyond a
+            limit [m].
+    """
+    reach = LEAST_REACH
+    while True:
+        way = ways(reach)
+        free = way <= reach
+        used = edges.part(free[edges.first] | free[edges.second])
+        nodes = np.unique(np.concatenate([used.first, used.second, FIRST]))
+        first, second = (np.searchsorted(nodes, ends) for ends in (used.first, used.second))
+        inside = replace(used, first=first, second=second)
+        held = np.flatnonzero(~free[nodes] | (nodes == 0))
+        step = edge_equations(poses[nodes], inside).step(held=held)
+        if free.all() or not (np.abs(step[way[nodes] > 0.5 * reach]) > RESTING).any():
+            break
+        reach *= 2.0
+    moved = poses.copy()
+    moved[nodes] += step
+    moved[:, 2] = wrap_angle(moved[:, 2])
+    return moved

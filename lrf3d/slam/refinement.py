@@ -10,11 +10,11 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
-from lrf3d.slam.closures import Key
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.resolution import Resolution
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import surface_of_scan, wall_map
+from lrf3d.slam.violation import Key
 
 PRIOR = np.diag([2500.0, 2500.0, 10000.0])
 """Information of where a scan stood before: 0.02 m and 0.01 rad."""
@@ -35,7 +35,7 @@ def refined(
     motions: Float,
     keys: Sequence[Key],
     key_poses: Float,
-    key_scans: Int,
+    anchored: Int,
 ) -> Float:
     """Poses (n, 3) of all scans, matched with the key scans around them.
 
@@ -45,13 +45,14 @@ def refined(
         motions: (n, 3) how the robot moved to each of them from the one before by its wheels.
         keys: The key scans (k,).
         key_poses: (k, 3) their poses.
-        key_scans: (k,) their numbers among all scans.
+        anchored: (m,) rising numbers of scans, from 0: key scans, and those in known places. Each
+            scan is matched with what lies around the last of them.
     """
     refined_poses = poses.copy()
     resolution = Resolution.of(scans[0].angles)
-    ends = np.append(key_scans[1:], len(scans))
-    for number, (first, end) in enumerate(zip(key_scans.tolist(), ends.tolist(), strict=True)):
-        apart = np.hypot(*(key_poses[:, :2] - key_poses[number, :2]).T)
+    ends = np.append(anchored[1:], len(scans))
+    for first, end in zip(anchored.tolist(), ends.tolist(), strict=True):
+        apart = np.hypot(*(key_poses[:, :2] - poses[first, :2]).T)
         nearest = np.argsort(apart, kind="stable")[: resolution.around]
         grid = wall_map(((keys[k].walls, key_poses[k]) for k in nearest.tolist()), resolution.along)
         if grid is None:
@@ -63,7 +64,7 @@ def refined(
                 driven = compose(refined_poses[scan - 1], motions[scan])
                 off = np.abs(between(driven, poses[scan])).max()
                 guesses += [driven] if off > DOUBTFUL else []
-            surface = surface_of_scan(scans[scan], keys[number].laser, sparse=resolution.sparse)
+            surface = surface_of_scan(scans[scan], keys[0].laser, sparse=resolution.sparse)
             prior = turned(PRIOR, float(poses[scan, 2]))
             matches = [
                 match_scan(surface, grid, guess, prior, ITERATIONS, REACH, resolution.sigma)

@@ -13,17 +13,20 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, sealed, whole_number, wrap_angle
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose
-from lrf3d.slam.closures import FLOOR, Closure, Key, LoopCloser
+from lrf3d.slam.closures import FLOOR, LEAST_WAY, Closure, LoopCloser
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
+from lrf3d.slam.key_map import KeyMap
+from lrf3d.slam.known_places import EXPECTED, Anchor, in_known_place
 from lrf3d.slam.line_adjustment import adjusted
-from lrf3d.slam.pose_graph import Edges, optimised
+from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
 from lrf3d.slam.refinement import refined
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.surface import surface_of_scan
 from lrf3d.slam.uncertainty import honest, joint_covariance, relative_covariance, variance_factor
+from lrf3d.slam.violation import Key
 from lrf3d.slam.wheels import Wheels
 
 EDGE_SHARE = 0.3
@@ -35,14 +38,11 @@ NEWS = 4.0
 are scaled by the variance factor: those of matching are ten times too large where scans are good,
 and with them the errors of a drive through offices were twice as large."""
 
-ONLINE_ITERATIONS, FINAL_ITERATIONS = 1, 20
-"""Most Gauss-Newton steps over the pose graph, while the robot drives and in the end."""
+FINAL_ITERATIONS = 20
+"""Most Gauss-Newton steps over the pose graph in the end."""
 
 LEAST_ROOM = 256
 """Key scans that there is room for at first."""
-
-REDRAWN = 0.02
-"""The map is drawn anew where key scans have moved by more than this since [m]."""
 
 
 class Slam:
@@ -103,11 +103,9 @@ class Slam:
         self._wheel_covariance = np.zeros((3, 3))
         # The variance factor at the last optimisation.
         self._variance = 0.0
+        self._anchors: list[Anchor] = []
         self._scans: list[LaserScan] = []
-        self._mapper = LineMapper()
-        # Where the map shows the key scans, and how many of them the mapper has taken in.
-        self._shown = np.empty((0, 3))
-        self._mapped = 0
+        self._map = KeyMap(lambda number, pose: self.placed(self._scans[number], pose), self._start)
 
     def __repr__(self) -> str:
         return (
@@ -141,16 +139,25 @@ class Slam:
         self._tracked.append(self._front.track(surface, increment))
         self._wheel_covariance += self._tracked[-1].covariance
         if self._front.key_due():
-            self._add_key(scan, *self._front.add_key(surface))
+            self._anchor(scan, *self._front.add_key(surface))
+        self._map.update(self._key_poses, self._robot)
 
     @property
     def pose(self) -> Pose:
         """Estimated pose of the robot at the last scan; the start before the first."""
         if not self._tracked:
             return Pose(*self._start.tolist())
-        key = self._closer.keys[-1]
-        placed = compose(self._key_poses[-1], between(key.pose, self._tracked[-1].pose))
-        return Pose(*compose(self._start, placed).tolist())
+        return Pose(*compose(self._start, self._robot).tolist())
+
+    @property
+    def _robot(self) -> Float:
+        """Pose (3,) of the robot since the start, at the last scan."""
+        return compose(self._key_poses[self._anchors[-1].key], self._since_key())
+
+    def _since_key(self) -> Float:
+        """Pose (3,) of the last scan as seen from the key scan that its pose is known from."""
+        last = self._anchors[-1]
+        return compose(last.relative, between(last.front, self._tracked[-1].pose))
 
     def covariance(self) -> Float:
         """Covariance (3, 3) of the pose at the last scan, x, y [m], theta [rad], since the start.
@@ -159,8 +166,10 @@ class Slam:
         """
         poses, edges = self._key_poses, self._gathered_edges()
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
-            last = self._edge_to_last()
-            poses = np.vstack([poses, compose(poses[-1], last.measured[0])])
+            # A scan in a known place was matched with old ones, as a closure is.
+            hung = np.array([self._anchors[-1].key < len(poses) - 1])
+            last = replace(self._edge_to_last(), robust=hung)
+            poses = np.vstack([poses, self._robot])
             edges = Edges.joined([edges, last])
         if len(poses) < 2:
             return np.zeros((3, 3))
@@ -217,24 +226,12 @@ class Slam:
 
     @property
     def map(self) -> LineMap:
-        """The map of all key scans as they are placed now; computed when it is read."""
-        for number in range(self._mapped, self._key_count):
-            self._mapper.update(self.placed(self._scans[number], self._shown[number]))
-        self._mapped = self._key_count
-        return self._mapper.map
+        """The map of the key scans, computed when it is read.
 
-    def _show_keys(self) -> None:
-        """Let the map show new key scans where they are, and all anew if some have moved.
-
-        This happens as the scans come, so that the map does not depend on when it is read.
+        Where a closed loop has moved key scans, it is right around the robot at once, and drawn
+        anew elsewhere within the next scans: see `lrf3d.slam.key_map`.
         """
-        now = self._key_poses
-        steps = (self._shown - now[: len(self._shown)])[:, :2]
-        if (np.hypot(steps[:, 0], steps[:, 1]) > REDRAWN).any():
-            self._mapper, self._mapped = LineMapper(), 0
-            self._shown = now.copy()
-        else:
-            self._shown = np.concatenate([self._shown, now[len(self._shown) :]])
+        return self._map.map()
 
     def placed(self, scan: LaserScan, pose: Float) -> LaserScan:
         """A scan with the pose of its laser, where the robot is at a pose (3,) since the start."""
@@ -253,7 +250,14 @@ class Slam:
         Between two key scans the front end's way is bent so that it meets both.
         """
         front = np.array([scan.pose for scan in self._tracked]).reshape(-1, 3)
-        return bent(front, self.key_scans, key_poses)
+        keys = [anchor.key for anchor in self._anchors]
+        relative = np.array([anchor.relative for anchor in self._anchors]).reshape(-1, 3)
+        return bent(front, self._anchored, compose(key_poses[keys], relative))
+
+    @property
+    def _anchored(self) -> Int:
+        """The numbers (m,) of key scans and of scans in known places among all scans."""
+        return np.array([anchor.scan for anchor in self._anchors], dtype=np.int64)
 
     @property
     def key_scans(self) -> Int:
@@ -296,14 +300,14 @@ class Slam:
             poses = optimised(self._key_poses, edges, FINAL_ITERATIONS)
             surfaces = [key.surface for key in self._closer.keys]
             self._room[: len(poses)] = adjusted(poses, edges.part(~edges.robust), surfaces)
-            self._show_keys()
+            self._map.redraw(self._key_poses)
 
     def refined(self, scans: Sequence[LaserScan]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
         keys, key_poses = self._closer.keys, self._key_poses
         poses = self.scan_poses(key_poses)
         motions = np.array([scan.motion for scan in self._tracked])
-        poses = refined(scans, poses, motions, keys, key_poses, self.key_scans)
+        poses = refined(scans, poses, motions, keys, key_poses, self._anchored)
         poses = compose(self._start, poses)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
@@ -321,45 +325,68 @@ class Slam:
 
     def _edge_to_last(self) -> Edges:
         """The edge from the last key scan to the last scan."""
-        tracked, number = self._tracked[-1], np.array([self._key_count])
-        relative = between(self._closer.keys[-1].pose, tracked.pose)
+        tracked, relative = self._tracked[-1], self._since_key()
+        first, second = np.array([self._anchors[-1].key]), np.array([self._key_count])
         # The information is along the axes of the new pose; the edge's is along the old one's.
         turn = float(relative[2])
         wheels = turned(np.diag(1.0 / self._wheel_covariance.diagonal()), turn)
         information = turned(EDGE_SHARE * tracked.information, turn) + wheels
         never = np.array([False])
-        return Edges(number - 1, number, relative[None], information[None], never, wheels[None])
+        return Edges(first, second, relative[None], information[None], never, wheels[None])
 
-    def _add_key(self, scan: LaserScan, surface: Float, walls: Float) -> None:
-        """Add a vertex for the newest scan to the pose graph, and the loops that it closes."""
-        tracked, keys = self._tracked[-1], self._closer.keys
+    def _anchor(self, scan: LaserScan, surface: Float, walls: Float) -> None:
+        """Hang the newest scan on a key scan if it stands in a known place, or make it one."""
+        tracked, number = self._tracked[-1], len(self._tracked) - 1
         # A laser that hangs upside down turns clockwise.
-        way = slice(None, None, -1) if scan.angles[0] > scan.angles[-1] else slice(None)
-        angles, ranges = scan.angles[way], scan.ranges[way]
-        key = Key(len(self._tracked) - 1, tracked.pose, surface, walls, angles, ranges, self._laser)
-        self._scans.append(scan)
-        new = np.zeros(3)
-        if keys:
-            edge = self._edge_to_last()
-            new = compose(self._key_poses[-1], edge.measured[0])
-            self._new_edges.append(edge)
-        self._wheel_covariance = np.zeros((3, 3))
+        order = slice(None, None, -1) if scan.angles[0] > scan.angles[-1] else slice(None)
+        angles, ranges = scan.angles[order], scan.ranges[order]
+        key = Key(number, tracked.pose, surface, walls, angles, ranges, self._laser)
+        if not self._anchors:
+            self._add_key(key, scan, np.zeros(3))
+            return
+        last = self._anchors[-1]
+        lost = sum(not scan.matched for scan in self._tracked[last.scan + 1 :])
+        way = self._closer.drive(between(last.front, tracked.pose), lost)
+        if self._closer.ways[-1] > LEAST_WAY:
+            place = in_known_place(self._closer, key, last, way, self._key_poses)
+            if place is not None:
+                self._anchors.append(place)
+                self._wheel_covariance = EXPECTED.copy()
+                return
+        self._new_edges.append(self._edge_to_last())
+        self._add_key(key, scan, self._robot, last.key, last.way + way)
+        self._close_loops()
+
+    def _add_key(
+        self, key: Key, scan: LaserScan, pose: Float, reference: int = -1, way: float = 0.0
+    ) -> None:
+        """Add a vertex to the pose graph."""
         if self._key_count == len(self._room):
             self._room = np.concatenate([self._room, np.empty_like(self._room)])
-        self._room[self._key_count] = new
+        self._room[self._key_count] = pose
+        self._anchors.append(Anchor(key.scan, self._key_count, np.zeros(3), key.pose))
         self._key_count += 1
-        first = keys[-1].scan + 1 if keys else 0
-        self._closer.add_key(key, sum(not scan.matched for scan in self._tracked[first:]))
-        closures = self._closer.search(self._key_poses) if len(keys) > 1 else []
-        if closures:
-            more = closure_edges(closures)
-            self._new_edges.append(more)
-            if (more.squares(self._key_poses) > NEWS**2 * self._variance).any():
-                edges = self._gathered_edges()
-                poses = optimised(self._key_poses, edges, ONLINE_ITERATIONS)
-                self._room[: len(poses)] = poses
-                self._variance = min(variance_factor(poses, edges, self._deviation()), 1.0)
-        self._show_keys()
+        self._scans.append(scan)
+        self._wheel_covariance = np.zeros((3, 3))
+        self._closer.add_key(key, reference, way)
+
+    def _close_loops(self) -> None:
+        """Find the loops that the newest key scan closes, and optimise what they change."""
+        closures = self._closer.search(self._key_poses)
+        if not closures:
+            return
+        more = closure_edges(closures)
+        self._new_edges.append(more)
+        if (more.squares(self._key_poses) > NEWS**2 * self._variance).any():
+            edges = self._gathered_edges()
+            poses = optimised_around(self._key_poses, edges, self._ways_from_here)
+            self._room[: len(poses)] = poses
+            self._variance = min(variance_factor(poses, edges, self._deviation()), 1.0)
+
+    def _ways_from_here(self, limit: float) -> Float:
+        """The ways (k,) [m] over the graph from the newest key scan to all, up to a limit [m]."""
+        every = np.ones(self._key_count, np.bool_)
+        return self._closer.graph.distances(self._key_count - 1, limit, every)
 
 
 def closure_edges(closures: list[Closure]) -> Edges:

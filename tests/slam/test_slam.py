@@ -5,11 +5,11 @@ from scipy.interpolate import Akima1DInterpolator
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.slam.closures import seen_through
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.lag import WheelPath
 from lrf3d.slam.log import line_poses, solve_log
 from lrf3d.slam.repair import rising, without_jumps
+from lrf3d.slam.violation import seen_through
 from lrf3d.slam.wheels import Wheels
 
 SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)

@@ -1,5 +1,6 @@
 """A sweep gives each run once, and the same, wherever, whenever and in whatever order."""
 
+import gc
 import json
 import os
 import re
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import Scheduler
 from pyarrow import parquet
 from typer.testing import CliRunner
 
@@ -18,6 +20,7 @@ from lrf3d.errors import InputError
 from lrf3d.output import draw_all
 from lrf3d.scenario_file import load_scenario
 from lrf3d.sweep import sweeping
+from lrf3d.sweep.cluster import connected
 from lrf3d.sweep.drawing import curves_of, figures_of, table_text
 from lrf3d.sweep.grid import SweepGrid, parse_axis, parse_values, read_grid
 from lrf3d.sweep.plan import digest, make_plan, seed_of
@@ -397,6 +400,14 @@ def test_a_killed_process_that_takes_long_to_go_is_no_error(room, tmp_path, monk
     result = sweep(tiny(room), tmp_path / "out", workers=1)
     assert len(result.rows) > 0
     assert len(waits) == 3 and waits[2] > 5.0
+
+
+def test_a_cluster_that_has_ended_keeps_no_memory():
+    for _ in range(2):
+        with connected(None, workers=1):
+            pass
+    gc.collect()
+    assert not any(isinstance(each, Scheduler) for each in gc.get_objects())
 
 
 def test_processes_that_cannot_be_started_are_one_clear_error(room, tmp_path, monkeypatch):

@@ -277,7 +277,21 @@ def _surface(
     """Brightness of a wall for a ray, and the shares of its light that go on mirrored and pass."""
     ex = segments[name, 2] - segments[name, 0]
     ey = segments[name, 3] - segments[name, 1]
-    across, along = abs(dx * ey - dy * ex), abs(dx * ex + dy * ey)
+    return surface_light(table, kind, abs(dx * ey - dy * ex), abs(dx * ex + dy * ey))
+
+
+@borrower
+def surface_light(
+    table: Float, kind: int, across: float, along: float
+) -> tuple[float, float, float]:
+    """Brightness of a material, and the shares of light that go on mirrored and pass.
+
+    Args:
+        table: The materials, as `Optics` has them.
+        kind: Row of the material.
+        across: Part of the ray's direction along the normal, not negative.
+        along: The rest of it, across the normal, in the same unit.
+    """
     size = math.sqrt(across * across + along * along)
     cos, sin = across / size, along / size
     diffuse = table[kind, 0]

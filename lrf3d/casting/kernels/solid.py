@@ -11,7 +11,7 @@ import numpy as np
 
 from lrf3d.casting.kernels.buffer import ROOM
 from lrf3d.casting.kernels.tree import STACK, Tree
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Int
 
 Vector = tuple[float, float, float]
@@ -33,43 +33,74 @@ def cast_solid(
     Corners (m, 3, 3) are those of the triangles, in the order of the tree that stands over them in
     plan. Of triangles at the same distance it is the first. Some may be found beyond reach [m].
     """
-    boxes, links, _, rows = tree
-    stack = np.empty(STACK, np.int64)
-    nears = np.empty(STACK)
+    stack, nears, none = np.empty(STACK, np.int64), np.empty(STACK), np.empty(0, np.int64)
     for i in range(len(beams)):
         origin = origins[min(i, len(origins) - 1)]
-        dx, dy, dz = beams[i, 0], beams[i, 1], beams[i, 2]
-        best, hit = np.inf, -1
-        limit = reach * ROOM
-        stack[0], nears[0] = 0, 0.0
-        top = 1 if len(corners) > 0 else 0
-        while top > 0:
-            top -= 1
-            if nears[top] > limit:
+        turn = beams[i, 0], beams[i, 1], beams[i, 2]
+        found = first_met(tree, corners, none, -1, origin, turn, reach, stack, nears)
+        distances[i], hits[i] = found
+
+
+@borrower
+def first_met(
+    tree: Tree,
+    corners: Float,
+    owners: Int,
+    left: int,
+    origin: Float,
+    turn: Vector,
+    reach: float,
+    stack: Int,
+    nears: Float,
+) -> tuple[float, int]:
+    """The distance and the number of the triangle that a ray meets first; infinity and −1 for none.
+
+    Args:
+        tree: The tree over the triangles.
+        corners: (m, 3, 3) their corners.
+        owners: (m,) the wall of each triangle, by its number; unused where none is left.
+        left: The wall that the ray comes from, which it does not meet; −1 for none.
+        origin: (3,) where it starts.
+        turn: Its direction.
+        reach: Distance [m] from which on nothing needs to be found.
+        stack: Room for boxes that wait.
+        nears: Room for their distances.
+    """
+    boxes, links, _, rows = tree
+    dx, dy, dz = turn
+    best, hit = np.inf, -1
+    limit = reach * ROOM
+    stack[0], nears[0] = 0, 0.0
+    top = 1 if len(corners) > 0 else 0
+    while top > 0:
+        top -= 1
+        if nears[top] > limit:
+            continue
+        node = stack[top]
+        first, count = links[node, 0], links[node, 1]
+        # Boxes below this one wait with the nearest on top.
+        bottom = top
+        for k in range(first, first - count):
+            near = _near(boxes[k], origin[0], origin[1], dx, dy)
+            if not near <= limit:
                 continue
-            node = stack[top]
-            first, count = links[node, 0], links[node, 1]
-            # Boxes below this one wait with the nearest on top.
-            bottom = top
-            for k in range(first, first - count):
-                near = _near(boxes[k], origin[0], origin[1], dx, dy)
-                if not near <= limit:
-                    continue
-                place = top
-                while place > bottom and nears[place - 1] < near:
-                    stack[place], nears[place] = stack[place - 1], nears[place - 1]
-                    place -= 1
-                stack[place], nears[place] = k, near
-                top += 1
-            for k in range(first, first + count):
-                t = _meet(corners[k], origin, dx, dy, dz)
-                if t < best or (t == best and rows[k] < hit):
-                    best, hit = t, rows[k]
-                    limit = min(limit, best * ROOM)
-        distances[i], hits[i] = best, hit
+            place = top
+            while place > bottom and nears[place - 1] < near:
+                stack[place], nears[place] = stack[place - 1], nears[place - 1]
+                place -= 1
+            stack[place], nears[place] = k, near
+            top += 1
+        for k in range(first, first + count):
+            if left >= 0 and owners[rows[k]] == left:
+                continue
+            t = _meet(corners[k], origin, dx, dy, dz)
+            if t < best or (t == best and rows[k] < hit):
+                best, hit = t, rows[k]
+                limit = min(limit, best * ROOM)
+    return best, hit
 
 
-@inner
+@borrower
 def _near(box: Float, x: float, y: float, dx: float, dy: float) -> float:
     """How far away at least a beam meets a box in plan, or infinity where it passes by."""
     near, far = 0.0, np.inf
@@ -86,7 +117,7 @@ def _near(box: Float, x: float, y: float, dx: float, dy: float) -> float:
     return near if near <= far else np.inf
 
 
-@inner
+@borrower
 def _meet(corners: Float, origin: Float, dx: float, dy: float, dz: float) -> float:
     """The distance at which a beam meets a triangle, infinite where it does not."""
     ax, ay, az = a = _seen(corners[0], origin)
@@ -111,13 +142,13 @@ def _meet(corners: Float, origin: Float, dx: float, dy: float, dz: float) -> flo
     return t if t >= 0.0 else np.inf
 
 
-@inner
+@borrower
 def _seen(corner: Float, origin: Float) -> Vector:
     """A corner as seen from the origin."""
     return corner[0] - origin[0], corner[1] - origin[1], corner[2] - origin[2]
 
 
-@inner
+@borrower
 def _side(a: Vector, b: Vector, d: Vector) -> float:
     """On which side of the edge from a to b the beam passes: the sign of d · (a × b)."""
     (ax, ay, az), (bx, by, bz), (dx, dy, dz) = a, b, d

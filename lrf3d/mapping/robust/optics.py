@@ -15,6 +15,7 @@ from lrf3d.geometry import Float, Int, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, WALL, LineMap
 from lrf3d.mapping.robust.beams import Beams, Frame
+from lrf3d.mapping.robust.dim_returns import DimReturns
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.mirrors import Mirrors, without_images
 from lrf3d.mapping.robust.optics_constants import (
@@ -48,13 +49,14 @@ class Optics:
 
     Attributes:
         panes: The lines on which glass may stand.
+        dim: Returns that may be of glass, on no line so far.
         mirrors: The lines that may be mirrors.
         glass: (s, 4) the stretches that are glass, in the map's frame [m].
     """
 
     def __init__(self, extract: LikelihoodExtractor) -> None:
         self._extract = extract
-        self.panes, self.mirrors = Panes(), Mirrors()
+        self.panes, self.dim, self.mirrors = Panes(), DimReturns(), Mirrors()
         self.glass = np.empty((0, 4))
 
     def look(
@@ -118,9 +120,12 @@ class Optics:
             ends, moments, _ = self._extract.walls(alone, heading, noise)
             moments[:, 1:3] += beams.place
             self.panes.add(ends + np.tile(beams.place, 2), moments)
+        self.panes.take_up(self.dim)
         if len(self.panes):
-            self.panes.count(beams, np.arange(len(self.panes)))
+            glass &= ~self.panes.count(beams, np.arange(len(self.panes)))
             self.glass = self.panes.segments()
+        if glass.any():
+            self.dim.add(beams.returns(glass))
 
     def show(self, line_map: LineMap, frame: Frame) -> LineMap:
         """A map in the world with what is known to be glass or a mirror in it."""
@@ -149,11 +154,12 @@ class Optics:
 
     def state(self) -> dict[str, Any]:
         """All that is known, as plain arrays by their names; `restore` takes them back."""
-        return {**self.panes.state(), **self.mirrors.state()}
+        return {**self.panes.state(), **self.dim.state(), **self.mirrors.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what was known."""
         self.panes.restore(state)
+        self.dim.restore(state)
         self.glass = self.panes.segments()
         self.mirrors.restore(state)
 

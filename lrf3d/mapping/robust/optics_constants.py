@@ -58,6 +58,10 @@ two places from which a robot met a pane at a right angle it returned nothing.""
 LEAST_SHOWN = 3
 """[beams] A pane is glass where at least so many beams returned light as glass does or passed …"""
 
+DIM_CELL, MOST_DIM = 0.1, 20_000
+"""[m, returns] Single dim returns are kept one in a cell of this size, and no more than so many:
+1 MB. It does not matter which of them, as they only show where a pane is."""
+
 OPEN_COSINE, OPEN_DEVIATION = np.cos(np.radians(0.4)), np.radians(0.2)
 """[cosine, rad] A beam that passes so near the normal, of a line whose direction is so well known,
 shows that no glass is there: it would have flashed."""

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, directions, lengths, principal_direction
+from lrf3d.mapping.robust.dim_returns import DimReturns, Line
 from lrf3d.mapping.robust.optics_constants import (
     BRIGHTNESSES,
     DIM_SHARE,
@@ -69,6 +70,13 @@ class LitBeams(NamedTuple):
         """Their intensities (n,) as if from 1 m."""
         return self.intensities * self.ranges**2
 
+    def returns(self, chosen: Bool) -> Float:
+        """Some of the returns as `DimReturns` keeps them (k, 6)."""
+        ranges, units = self.ranges[chosen], self.units[chosen]
+        bright = self.brightness()[chosen] / self.usual
+        places = self.place + ranges[:, None] * units
+        return np.column_stack([places, units, self.deviations[chosen] ** 2, bright])
+
     def classes(self, cosine: Float | float = 1.0) -> tuple[Bool, Bool]:
         """Which beams (…, n) return a flash, and which are dim, beside what is usual.
 
@@ -92,6 +100,7 @@ class Panes:
             the line.
         anchors: (k, 4) where stations along it count from [m], and its direction when it was found.
         brightness: (BRIGHTNESSES,) how many returns had which brightness, by its logarithm.
+        looked: (k,) the weight of each line when it last took up single returns.
     """
 
     def __init__(self) -> None:
@@ -100,6 +109,7 @@ class Panes:
         self.reach = np.empty((0, PANE_PIECES, 2))
         self.anchors = np.empty((0, 4))
         self.brightness = np.zeros(BRIGHTNESSES, np.int64)
+        self.looked = np.empty(0)
 
     def __len__(self) -> int:
         return len(self.moments)
@@ -124,6 +134,7 @@ class Panes:
                 self.pieces = np.concatenate([self.pieces, none])
                 self.reach = np.concatenate([self.reach, empty])
                 self.anchors = np.vstack([self.anchors, [*moment[1:3], *unit]])
+                self.looked = np.append(self.looked, 0.0)
             else:
                 self.moments[rows[0]] = add_moments(self.moments[rows[0]], moment)
                 # Others that it fits are the same line only if they fit the first themselves.
@@ -131,6 +142,33 @@ class Panes:
                 for other in same:
                     self._merge(rows[0], other)
                 self._keep(np.setdiff1d(np.arange(len(self)), same))
+
+    def take_up(self, dim: DimReturns) -> None:
+        """Take up single returns on lines that have become known, or better known."""
+        for row in np.flatnonzero(self.moments[:, 0] > self.looked).tolist():
+            # Each return that is taken up makes the line better known.
+            while True:
+                points, units = self.lines()
+                low, high = float(self.reach[row, :, 0].min()), float(self.reach[row, :, 1].max())
+                spread = float(_spread(self.moments[row : row + 1], units[row : row + 1])[0])
+                own, mean = self.moments[row], self.moments[row, 1:3]
+                line = Line(
+                    points[row], units[row], mean, own[0], spread, min(low, 0.0), max(high, 0.0)
+                )
+                rows, stations = dim.near(line)
+                place = np.floor(stations / PANE_PIECE).astype(np.int64) + PANE_PIECES // 2
+                inside = (place >= 0) & (place < PANE_PIECES)
+                rows, stations, place = rows[inside], stations[inside], place[inside]
+                if not len(rows):
+                    break
+                for x, y, _, _, variance, _ in dim.returns[rows].tolist():
+                    moment = np.array([1.0 / variance, x, y, 0.0, 0.0, 0.0])
+                    self.moments[row] = add_moments(self.moments[row], moment)
+                flashed = dim.take(rows)[:, 5] > 1.0
+                np.add.at(self.pieces[row], (place, np.where(flashed, FLASHED, DIM)), 1)
+                np.minimum.at(self.reach[row, :, 0], place, stations)
+                np.maximum.at(self.reach[row, :, 1], place, stations)
+            self.looked[row] = self.moments[row, 0]
 
     def lines(self) -> tuple[Float, Float]:
         """A point (k, 2) [m], from which stations count, and the unit direction (k, 2) of each."""
@@ -170,6 +208,7 @@ class Panes:
         if len(rows) < len(self):
             self.moments, self.pieces = self.moments[rows], self.pieces[rows]
             self.reach, self.anchors = self.reach[rows], self.anchors[rows]
+            self.looked = self.looked[rows]
 
     def _match(self, segment: Float, moment: Float) -> list[int]:
         """The lines that a segment is a part of, the best first."""
@@ -202,8 +241,8 @@ class Panes:
         ].tolist()
         return found
 
-    def count(self, beams: LitBeams, near: Int) -> None:
-        """Count the beams of a scan that cross some of the lines (m,)."""
+    def count(self, beams: LitBeams, near: Int) -> Bool:
+        """Count the beams (n,) of a scan that cross some lines (m,); which are returns of glass."""
         points, units = (part[near] for part in self.lines())
         crossing, stations, slope = crossings(beams.place, beams.units, points, units)
         flash, dim = beams.classes(slope)
@@ -230,6 +269,8 @@ class Panes:
         chosen = hit & (dim | flash)
         np.minimum.at(reach, 2 * rows[chosen], stations[chosen])
         np.maximum.at(reach, 2 * rows[chosen] + 1, stations[chosen])
+        counted: Bool = chosen.any(axis=0)
+        return counted
 
     def segments(self) -> Float:
         """The stretches (s, 4) [m] that are glass."""

@@ -1,0 +1,165 @@
+"""The map of key scans, which is drawn anew, in pieces, where their poses have moved.
+
+Key scans and their poses enter as the drive goes on; the map leaves whenever it is asked for. A
+mapper cannot forget where a scan stood. Where closed loops move key scans, all are mapped again in
+their new places, but not at once: those around the robot first, then a few after each scan. Until
+all are done the map shows, of each place, what was drawn anew where that is so, and else the old
+segments, moved along with the key scan next to them.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lrf3d.compiling import compiled
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserScan
+from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.slam.frames import between, compose
+
+REDRAWN = 0.02
+"""The map is drawn anew where key scans have moved by more than this since [m]."""
+
+AT_ONCE = 24
+"""Key scans that are mapped again at once, those nearest to the robot: some 12 m of its way."""
+
+EACH_SCAN = 2
+"""And after each further scan: that takes as long as following the robot does."""
+
+
+class _Drawing:
+    """A mapper, the key scans that it is to take in, and where they are to stand."""
+
+    def __init__(self, keys: Int, poses: Float) -> None:
+        self.mapper = LineMapper()
+        # In the order in which they are taken in; and their poses (k, 3), by their numbers.
+        self.order = keys.tolist()
+        self.poses = poses
+        self.planned = 0
+        self.done = 0
+
+    def draw(self, placed: Callable[[int, Float], LaserScan]) -> LineMap:
+        """The map of the key scans that are to be in it by now."""
+        for number in self.order[self.done : self.planned]:
+            self.mapper.update(placed(number, self.poses[number]))
+        self.done = self.planned
+        return self.mapper.map
+
+
+class KeyMap:
+    """The map of key scans at poses that move.
+
+    Nothing is mapped before the map is asked for, and what it shows does not depend on when it is.
+
+    Args:
+        placed: Makes the scan at a pose (3,) of the key scan of a number.
+        start: (3,) pose in the world of what the poses are since.
+    """
+
+    def __init__(self, placed: Callable[[int, Float], LaserScan], start: Float) -> None:
+        self._placed = placed
+        self._start = start
+        self._now = _Drawing(np.empty(0, np.int64), np.empty((0, 3)))
+        self._next: _Drawing | None = None
+        self._poses = np.empty((0, 3))
+
+    def update(self, poses: Float, robot: Float) -> None:
+        """Go on drawing, after a scan.
+
+        Args:
+            poses: (k, 3) of all key scans, old and new.
+            robot: (3,) where the robot is.
+        """
+        self._poses = poses
+        for drawing in (self._now, self._next):
+            if drawing is not None:
+                self._add_new(drawing)
+        self._now.planned = len(self._now.order)
+        if self._next is None and self._has_moved(self._now):
+            apart = np.hypot(poses[:, 0] - robot[0], poses[:, 1] - robot[1])
+            self._next = _Drawing(np.argsort(apart, kind="stable"), poses.copy())
+            self._next.planned = AT_ONCE - EACH_SCAN
+        if self._next is not None:
+            self._next.planned += EACH_SCAN
+            if self._next.planned >= len(poses):
+                self._next.planned = len(poses)
+                self._now, self._next = self._next, None
+
+    def redraw(self, poses: Float) -> None:
+        """Draw all anew, in the order of the key scans."""
+        self._poses = poses
+        self._now, self._next = _Drawing(np.arange(len(poses)), poses.copy()), None
+        self._now.planned = len(poses)
+
+    def map(self) -> LineMap:
+        """The map as it is now."""
+        now = self._now.draw(self._placed)
+        if self._next is None:
+            return now
+        new = self._next.draw(self._placed)
+        done = np.zeros(len(self._poses), np.bool_)
+        done[self._next.order[: self._next.planned]] = True
+        old_segments, old_keys = self._followed(self._now, now)
+        new_segments, new_keys = self._followed(self._next, new)
+        old, new_ones = ~done[old_keys], done[new_keys]
+        return LineMap(
+            np.concatenate([old_segments[old], new_segments[new_ones]]),
+            np.concatenate([now.objects[old], new.objects[new_ones] + now.object_count]),
+            np.concatenate([now.points[old], new.points[new_ones]]),
+            np.concatenate([now.kinds[old], new.kinds[new_ones]]),
+        )
+
+    def _add_new(self, drawing: _Drawing) -> None:
+        """Put key scans that are new into a drawing: where they are beside those around them."""
+        for number in range(len(drawing.poses), len(self._poses)):
+            pose = self._poses[number]
+            if number:
+                apart = self._poses[:number, :2] - pose[:2]
+                beside = int(np.hypot(apart[:, 0], apart[:, 1]).argmin())
+                if _apart(drawing.poses[beside], self._poses[beside]) > REDRAWN:
+                    pose = compose(drawing.poses[beside], between(self._poses[beside], pose))
+            drawing.poses = np.concatenate([drawing.poses, pose[None]])
+            drawing.order.append(number)
+
+    def _has_moved(self, drawing: _Drawing) -> bool:
+        """Whether key scans stand elsewhere by now."""
+        return bool((_apart(drawing.poses, self._poses) > REDRAWN).any())
+
+    def _followed(self, drawing: _Drawing, line_map: LineMap) -> tuple[Float, Int]:
+        """A drawing's segments (m, 4), moved with the key scans next to them, and these (m,)."""
+        then = compose(self._start, drawing.poses)
+        now = compose(self._start, self._poses)
+        nearest = nearest_places(line_map.segments, then[:, :2].copy())
+        step = compose(now, between(then, np.zeros(3)))[nearest]
+        moved = np.empty((len(nearest), 4))
+        for end in (slice(0, 2), slice(2, 4)):
+            x, y = line_map.segments[:, end].T
+            points = np.stack([x, y, np.zeros(len(x))], axis=1)
+            moved[:, end] = compose(step, points)[:, :2]
+        return moved, nearest
+
+
+def _apart(first: Float, second: Float) -> Float:
+    """How far poses (…, 3) are apart [m]."""
+    steps = second - first
+    return np.asarray(np.hypot(steps[..., 0], steps[..., 1]))
+
+
+@compiled
+def nearest_places(segments: Float, places: Float) -> Int:
+    """For each segment (m, 4) the nearest of places (k, 2)."""
+    nearest = np.zeros(len(segments), np.int64)
+    for i in range(len(segments)):
+        x, y = segments[i, 0], segments[i, 1]
+        dx, dy = segments[i, 2] - x, segments[i, 3] - y
+        inverse = 1.0 / max(dx * dx + dy * dy, 1e-18)
+        least = np.inf
+        for k in range(len(places)):
+            ux, uy = places[k, 0] - x, places[k, 1] - y
+            along = min(max((ux * dx + uy * dy) * inverse, 0.0), 1.0)
+            ux, uy = ux - along * dx, uy - along * dy
+            apart = ux * ux + uy * uy
+            if apart < least:
+                least = apart
+                nearest[i] = k
+    return nearest

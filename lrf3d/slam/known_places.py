@@ -1,0 +1,117 @@
+"""Known places: where a key scan shows what a robot sees, it needs no new one.
+
+A scan, its expected pose and the key scans enter. If the robot is where it has been before, and
+certain of it, its pose as seen from the key scan next to it leaves: the scan hangs on that key
+scan, and the graph does not grow. So it grows with the space, not with time: the idea of Johannsson
+et al. 2013 (a reduced pose graph), here for scans.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.slam.closures import (
+    CLOSURE_WAY,
+    LEAST_POINTS,
+    LEAST_WAY,
+    LEAST_WINDOW,
+    LEAST_WINDOW_TURN,
+    LoopCloser,
+)
+from lrf3d.slam.frames import between, compose
+from lrf3d.slam.front_end import ITERATIONS, REACH, WEAK, weakest_direction
+from lrf3d.slam.scan_matching import match_scan
+from lrf3d.slam.surface import wall_map
+from lrf3d.slam.violation import Key, contradicted
+
+PLACE, PLACE_TURN = 0.5, 0.5
+"""Key scans within this [m], [rad] of each other are of one place."""
+
+ENOUGH = 2
+"""Key scans of a place, of earlier drives past it, with which it is known. With one, errors after
+hours in a town are a fifth larger, and covariances less honest; recorded offices are the same."""
+
+MOST_WITH = 8
+"""Key scans that a scan in a known place is matched with, at most."""
+
+AROUND = 2.0
+"""How far they stand from it [m], at most."""
+
+CERTAIN_WAY = 10.0
+"""A robot is certain of its pose where the way over the graph from what it knows its pose from is
+at most this [m]: it drifts less than the least window in which closures are looked for."""
+
+EXPECTED = np.diag(np.array([LEAST_WINDOW, LEAST_WINDOW, LEAST_WINDOW_TURN]) ** 2.0)
+"""Covariance of the pose that is expected there."""
+
+GUESS = np.diag(1.0 / EXPECTED.diagonal())
+"""And its information."""
+
+
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """A key scan, or a scan in a known place: where the front end's way meets the graph.
+
+    Args:
+        scan: Number of the scan.
+        key: Number of the key scan that it hangs on; its own, if it is one.
+        relative: (3,) its pose as seen from that one.
+        front: (3,) where the front end had it, in its own drifting frame.
+        way: Way [m] over which a robot drifts as far as its pose may be off that of the key scan.
+    """
+
+    scan: int
+    key: int
+    relative: Float
+    front: Float
+    way: float = 0.0
+
+
+def in_known_place(
+    closer: LoopCloser, scan: Key, last: Anchor, way: float, poses: Float
+) -> Anchor | None:
+    """The anchor of a scan that stands in a known place; None if it is to be a key scan.
+
+    Args:
+        closer: The key scans and the graph of ways between them.
+        scan: The scan, as a key scan would be.
+        last: The last anchor.
+        way: How far the robot has driven since [m].
+        poses: (k, 3) estimated poses of the key scans.
+    """
+    resolution, keys = closer.resolution, closer.keys
+    guess = compose(compose(poses[last.key], last.relative), between(last.front, scan.pose))
+    apart = np.hypot(poses[:, 0] - guess[0], poses[:, 1] - guess[1])
+    old = closer.ways < closer.way - LEAST_WAY
+    here = old & (apart < PLACE) & (np.abs(wrap_angle(poses[:, 2] - guess[2])) < PLACE_TURN)
+    if here.sum() < ENOUGH or len(scan.surface) < LEAST_POINTS:
+        return None
+    uncertain = last.way + way
+    ways = closer.graph.distances(last.key, CERTAIN_WAY, here) + uncertain
+    here &= ways < CERTAIN_WAY
+    if here.sum() < ENOUGH:
+        return None
+    near = np.flatnonzero(old & (apart < AROUND) & (ways < CERTAIN_WAY))
+    near = near[np.argsort(apart[near], kind="stable")][:MOST_WITH]
+    around = [keys[k] for k in near.tolist()]
+    grid = wall_map(
+        ((key.walls, pose) for key, pose in zip(around, poses[near], strict=True)),
+        resolution.along,
+    )
+    if grid is None:
+        return None
+    match = match_scan(scan.surface, grid, guess, GUESS, ITERATIONS, REACH, resolution.sigma)
+    off = np.abs(between(guess, match.pose))
+    if (
+        match.explained < resolution.overlap
+        or not max(off[0], off[1]) < LEAST_WINDOW
+        or not off[2] < LEAST_WINDOW_TURN
+        or contradicted(around, scan, between(poses[near], match.pose))
+    ):
+        return None
+    # Along a corridor the walls do not say how far the robot has come: there it goes on drifting.
+    weakest = weakest_direction(match.information)[1]
+    drift = CLOSURE_WAY if weakest >= WEAK else uncertain
+    nearest = int(np.where(here, apart, np.inf).argmin())
+    return Anchor(scan.scan, nearest, between(poses[nearest], match.pose), scan.pose, drift)
