@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from lrf3d.geometry import Single
 from lrf3d.laser import LaserScan
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import FrameRenderer, Mesh, Primitive, Texture
@@ -145,17 +146,35 @@ def glyph(letter: str, size: int, *, bold: bool) -> tuple[Picture, float]:
     return np.asarray(picture), advance
 
 
+_RECTANGLE = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32)
+"""Corners of the two triangles of a picture."""
+
+
+def _rim(wide: float, high: float) -> Single:
+    """Corners (24, 2) of the triangles of a picture's rim, of widths in its own."""
+    strips = (
+        (0.0, 0.0, 1.0, high),
+        (0.0, 1.0 - high, 1.0, 1.0),
+        (0.0, high, wide, 1.0 - high),
+        (1.0 - wide, high, 1.0, 1.0 - high),
+    )
+    return np.concatenate(
+        [[left, low] + _RECTANGLE * [right - left, top - low] for left, low, right, top in strips]
+    ).astype(np.float32)
+
+
 class Stamp:
     """A picture that is laid over the film's.
 
     Args:
         scenery: The scenery of the film.
         picture: (h, w, 4) uint8.
+        rim: Where only a rim of it shows anything, the width of that rim [pixels].
     """
 
-    def __init__(self, scenery: Scenery, picture: Picture) -> None:
+    def __init__(self, scenery: Scenery, picture: Picture, rim: int | None = None) -> None:
         self.size = (picture.shape[1], picture.shape[0])
-        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32)
+        corners = _RECTANGLE if rim is None else _rim(rim / self.size[0], rim / self.size[1])
         self._quad = Primitive("label", (2,), corners, blend=True)
         self._quad.texture = self._texture = Texture(picture)
         self._box = (-1.0, -1.0, 1.0, 1.0)
@@ -290,6 +309,7 @@ def hud_lines(
     return (*lines, Line(((0.0, counts),), _PALE)) if run.maps else lines
 
 
+@cache
 def _width(words: str) -> float:
     """The width of words of a title, in units of the letters' size."""
     return float(font(_TITLE, bold=True).getlength(words)) / _TITLE

@@ -1,5 +1,6 @@
 """The inset: the map as it grows, seen from straight above, in a corner of the picture."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,9 @@ class Inset:
         self._scale = scale_of(size)
         left, top, side = place
         rim = max(2, round(_RIM * self._scale))
-        self._frame = Stamp(scenery, _frame(side + 2 * rim, rim, _RADIUS * self._scale))
+        radius = _RADIUS * self._scale
+        shown = min(rim + math.ceil(radius), side // 2)
+        self._frame = Stamp(scenery, _frame(side + 2 * rim, rim, radius), shown)
         self._frame.place(size, left - rim, top - rim)
         self._box = (left, top, side, side)
         self._paper = _square(_PAPER)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Float, Single
+from lrf3d.geometry import Float, Int, Single
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.pictures import Picture
 
@@ -18,7 +18,8 @@ class Texture:
     Args:
         picture: (h, w, 3 or 4) uint8; or the levels of a texture of layers, (n, h, w, 4) uint8
             each, finest first.
-        far: Whether it is also seen from far away and at a slant, and so needs smaller copies.
+        far: Whether it is also seen from far away and at a slant, and so needs smaller copies; a
+            picture that is not is seen pixel by pixel.
     """
 
     def __init__(
@@ -48,9 +49,12 @@ class Texture:
             size = (picture.shape[-2], picture.shape[-3], *picture.shape[:-3])
             fill = GL.glTexImage3D if layered else GL.glTexImage2D
             fill(kind, level, GL.GL_RGBA8, *size, 0, self._format, GL.GL_UNSIGNED_BYTE, data)
-        smaller = GL.GL_LINEAR_MIPMAP_NEAREST if self._far or layered else GL.GL_LINEAR
+        # A stamp's texels are the picture's pixels: there is nothing to mix.
+        stamp = not (self._far or layered)
+        smaller = GL.GL_NEAREST if stamp else GL.GL_LINEAR_MIPMAP_NEAREST
         GL.glTexParameteri(kind, GL.GL_TEXTURE_MIN_FILTER, smaller)
-        GL.glTexParameteri(kind, GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR)
+        larger = GL.GL_NEAREST if stamp else GL.GL_LINEAR
+        GL.glTexParameteri(kind, GL.GL_TEXTURE_MAG_FILTER, larger)
         wrap = GL.GL_REPEAT if layered else GL.GL_CLAMP_TO_EDGE
         for axis in (GL.GL_TEXTURE_WRAP_S, GL.GL_TEXTURE_WRAP_T):
             GL.glTexParameteri(kind, axis, wrap)
@@ -103,6 +107,8 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             the first is the position.
         vertices: (n, sum of sizes) the vertices; of a dynamic primitive, the first ones.
         indices: (m,) which vertices make the triangles, or nothing for all in order.
+        pattern: (k,) which vertices of a group make its triangles, for a dynamic primitive of
+            groups of vertices of one kind; nothing for all in order.
         mode: What to draw, an OpenGL constant; triangles if not given.
         capacity: Number of vertices of a dynamic primitive; 0 for one that never changes.
         blend: Whether it is translucent.
@@ -116,6 +122,7 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
         vertices: Single,
         *,
         indices: NDArray[np.uint32] | None = None,
+        pattern: Int | None = None,
         mode: int = GL.GL_TRIANGLES,
         capacity: int = 0,
         blend: bool = False,
@@ -135,7 +142,10 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
         self.blend = blend
         self.cull = cull
         self.texture: Texture | None = None
-        self.count = len(vertices) if indices is None else len(indices)
+        self._pattern = pattern
+        if pattern is not None:
+            self.elements = self._grouped(len(vertices))
+        self.count = len(vertices) if self.elements is None else len(self.elements)
         self._room = self.count
 
     def update(self, vertices: Single) -> None:
@@ -143,6 +153,9 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
         vertices = np.ascontiguousarray(vertices, np.float32).reshape(-1, sum(self.sizes))
         self.vertices = vertices
         self.count = len(vertices)
+        if self._pattern is not None:
+            self.elements = self._grouped(len(vertices))
+            self.count = len(self.elements)
         if not self._in_context() or not len(vertices):
             return
         GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self._buffers[0])
@@ -150,7 +163,22 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             self.capacity = 2 * len(vertices)
             size = self.capacity * sum(self.sizes) * _FLOAT
             GL.glBufferData(GL.GL_ARRAY_BUFFER, size, None, GL.GL_DYNAMIC_DRAW)
+            self._fill_groups()
         GL.glBufferSubData(GL.GL_ARRAY_BUFFER, 0, vertices.nbytes, vertices)
+
+    def _grouped(self, vertices: int) -> NDArray[np.uint32]:
+        """Which of so many vertices make the triangles of their groups."""
+        assert self._pattern is not None
+        size = int(self._pattern.max()) + 1
+        starts = size * np.arange(vertices // size)
+        return np.asarray((starts[:, None] + self._pattern).ravel(), np.uint32)
+
+    def _fill_groups(self) -> None:
+        """Fill the buffer of indices for as many groups as there is room for, once for all."""
+        if self._pattern is not None:
+            every = self._grouped(self.capacity)
+            GL.glBindVertexArray(self._vaid)
+            GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, every.nbytes, every, GL.GL_STATIC_DRAW)
 
     def choose(self, indices: NDArray[np.uint32]) -> None:
         """Draw only these of its triangles, which are at most as many as there are."""
@@ -201,9 +229,11 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             buffer = GL.glGenBuffers(1)
             self._buffers.append(buffer)
             GL.glBindBuffer(GL.GL_ELEMENT_ARRAY_BUFFER, buffer)
-            size = self._room * _FLOAT
-            GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, size, None, GL.GL_STATIC_DRAW)
-            GL.glBufferSubData(GL.GL_ELEMENT_ARRAY_BUFFER, 0, elements.nbytes, elements)
+            if self._pattern is None:
+                size = self._room * _FLOAT
+                GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, size, None, GL.GL_STATIC_DRAW)
+                GL.glBufferSubData(GL.GL_ELEMENT_ARRAY_BUFFER, 0, elements.nbytes, elements)
+            self._fill_groups()
         GL.glBindVertexArray(0)
 
 

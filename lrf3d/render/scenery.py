@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float, Single
+from lrf3d.geometry import Float, Int, Single
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.estimate_layer import EstimateLayer
 from lrf3d.render.ground_layer import GroundLayer
@@ -22,10 +22,17 @@ from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams
 from lrf3d.scene.bodies import goal_disc, robot_arrow, robot_mesh, world_from_robot
 from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import DrawnEstimate
-from lrf3d.scene.map_bands import BAND_SIZES, WallTops
+from lrf3d.scene.map_bands import BAND_SIZES, GLOW, SOLID, WallTops
 from lrf3d.scene.stage import Stage, stage_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
-from lrf3d.scene.trail_and_map import RIBBON_SIZES, DrawnMap, legs_begun, smoothed, trail_ribbon
+from lrf3d.scene.trail_and_map import (
+    RIBBON_SIZES,
+    DrawnMap,
+    legs_begun,
+    smoothed,
+    thinned,
+    trail_ribbon,
+)
 from lrf3d.scene.turns import WallOptics
 
 _BLOB_RADIUS, _BLOB_DARKNESS, _BLOB_SHIFT = 0.52, 0.55, 0.16
@@ -117,7 +124,7 @@ class Scenery:
         self._optics = WallOptics.of(run.world)
         rows, indices = robot_mesh(run.lrf.height)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
-        self._keys, self._start = smoothed(drive_keys(timeline)), timeline.start
+        self._keys, self._start = thinned(smoothed(drive_keys(timeline))), timeline.start
         self._robot = Primitive("robot", (3, 3, 3), rows, indices=indices, cull=True)
         self._marker = Primitive("flat", (2, 4), robot_arrow(), blend=True)
         self._goal = goal
@@ -133,8 +140,8 @@ class Scenery:
         self._trace = _dynamic("lines", LINE_SIZES)
         self._dots = _dynamic("points", POINT_SIZES, mode=GL.GL_POINTS)
         self._map = _dynamic("lines", LINE_SIZES)
-        self._bands = _dynamic("bands", BAND_SIZES, blend=False)
-        self._glow = _dynamic("bands", BAND_SIZES)
+        self._bands = _dynamic("bands", BAND_SIZES, blend=False, pattern=SOLID)
+        self._glow = _dynamic("bands", BAND_SIZES, pattern=GLOW)
         self._tops = WallTops(self.structures.segments, self.structures.heights)
         self._scan_shown: tuple[Any, ...] = ()
         self._map_shown = self._bands_shown = -1
@@ -350,7 +357,12 @@ def _mesh(columns: int, rows: int) -> Single:
 
 
 def _dynamic(
-    program: str, sizes: tuple[int, ...], mode: int = GL.GL_TRIANGLES, *, blend: bool = True
+    program: str,
+    sizes: tuple[int, ...],
+    mode: int = GL.GL_TRIANGLES,
+    *,
+    blend: bool = True,
+    pattern: Int | None = None,
 ) -> Primitive:
     empty = np.zeros((0, sum(sizes)), np.float32)
-    return Primitive(program, sizes, empty, mode=mode, capacity=2048, blend=blend)
+    return Primitive(program, sizes, empty, mode=mode, capacity=2048, blend=blend, pattern=pattern)

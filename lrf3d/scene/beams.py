@@ -117,7 +117,9 @@ class DrawnBeams:
         ends = first
         if np.hypot(*(apex - origin)) > 1e-6:
             if known.any():
-                near = np.isin(objects, np.unique(objects[scan.walls[known]])) & hidden
+                met = np.zeros(int(objects.max()) + 1, dtype=bool)
+                met[objects[scan.walls[known]]] = True
+                near = met[objects] & hidden
                 ends = _seen_from(apex, ends, walls[near])
             else:
                 apex = origin

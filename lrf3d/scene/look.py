@@ -161,14 +161,19 @@ OBSTACLE_COLOURS = np.array(
 """What moves beside the robot: strong, and none is the robot's orange."""
 
 _HUE_STEP = 0.6180339887
-"""The golden ratio's fraction of a turn: neighbours in number lie far apart in hue."""
+"""The golden ratio's fraction: neighbours in number lie far apart."""
+
+_TINT_START, _TINT_STEP = 0.85, 0.5698402910
+"""Hue of the first object of a map and the step to the next [turns]: a step of Roberts' sequence,
+which with five tones and this start leaves the nearest two of sixty objects furthest apart; with
+the golden step every 21st looks the same."""
 
 
 _TRAIL_HUE, _FREE_HUES = np.radians(255.0), np.radians(20.0)
 """Hue of the trail in Oklch, and how far off it those of all objects are [rad]."""
 
 
-_TONES, _CHROMA = np.array([0.48, 0.65, 0.56]), 0.17
+_TONES, _CHROMA = np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17
 """Lightness and colourfulness in Oklch of the objects of maps: legible on white, none shouts."""
 
 _LMS_FROM_LAB = np.array(
@@ -225,8 +230,8 @@ def object_colours(world: World, *, indoor: bool) -> Float:
 def object_tints(objects: Int) -> Float:
     """Colours (n, 3) of the objects of a map, strong on white, the same for the same number."""
     number = np.asarray(objects, dtype=np.float64)
-    # Hues a golden step apart never come round; three tones part those that come near.
-    turn = np.mod(-number * _HUE_STEP, 1.0)
+    # Hues such a step apart never come round; five tones part those that come near.
+    turn = np.mod(_TINT_START - number * _TINT_STEP, 1.0)
     hue = _TRAIL_HUE + _FREE_HUES + turn * 2.0 * (np.pi - _FREE_HUES)
     lightness = _TONES[number.astype(np.int64) % len(_TONES)]
     return _oklch_to_rgb(lightness, np.full(len(number), _CHROMA), hue)

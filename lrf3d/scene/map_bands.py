@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Float, Single
+from lrf3d.geometry import Float, Int, Single
 from lrf3d.scene.look import GLOW_REACH, GLOW_STRENGTH, MAP_BAND
 
 BAND_SIZES = (2, 2, 3, 2, 4)
@@ -35,8 +35,9 @@ class Bands(NamedTuple):
     """The corners of a map's bands.
 
     Args:
-        solid: (30 · m, 13) triangles of both sides, the top and both ends of each band.
-        glow: (24 · m, 13) triangles of the glow above and below them, on both sides.
+        solid: (8 · m, 13) corners of each band, whose triangles are :data:`SOLID`.
+        glow: (16 · m, 13) corners of the glow above and below them on both sides, whose triangles
+            are :data:`GLOW`.
     """
 
     solid: Single
@@ -92,15 +93,22 @@ def map_bands(segments: Float, colours: Float, tops: Float, before: Float) -> Ba
     )
 
 
-def _triangles(faces: list[list[tuple[int, float, float]]]) -> Float:
-    """End of the segment, side and height (6 · faces, 3) of each corner of faces' triangles."""
-    return np.array([[face[k] for k in (0, 1, 2, 0, 2, 3)] for face in faces]).reshape(-1, 3)
+_Corner = tuple[int, float, float]
+"""A corner: the end of the segment that it is at, its side and its height."""
+
+
+def _shape(faces: list[list[_Corner]]) -> tuple[Float, Int]:
+    """Corners (c, 3) of faces, each once, and which of them (6 · faces,) make their triangles."""
+    corners = list(dict.fromkeys(corner for face in faces for corner in face))
+    number = {corner: place for place, corner in enumerate(corners)}
+    triangles = [number[face[k]] for face in faces for k in (0, 1, 2, 0, 2, 3)]
+    return np.array(corners, dtype=np.float64), np.array(triangles)
 
 
 _REACH = 1.0 + 2.0 * GLOW_REACH / (MAP_BAND[1] - MAP_BAND[0])
 """How far the glow reaches from the middle of a band, in half heights."""
 
-_SOLID = _triangles(
+_SOLID, SOLID = _shape(
     [
         [(0, 1, -1), (1, 1, -1), (1, 1, 1), (0, 1, 1)],
         [(1, -1, -1), (0, -1, -1), (0, -1, 1), (1, -1, 1)],
@@ -109,14 +117,15 @@ _SOLID = _triangles(
         [(1, 1, -1), (1, -1, -1), (1, -1, 1), (1, 1, 1)],
     ]
 )
-_GLOW = _triangles(
+_GLOW, GLOW = _shape(
     [
         [(0, side, low), (1, side, low), (1, side, high), (0, side, high)]
         for side in (0.5, -0.5)
         for low, high in ((-_REACH, -1.0), (1.0, _REACH))
     ]
 )
-"""Corners of the triangles of a band, and of its glow."""
+"""Corners of a band and of its glow; and which of them make its triangles: both sides, the top and
+both ends."""
 
 
 def _corners(

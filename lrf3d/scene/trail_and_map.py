@@ -27,6 +27,9 @@ _SHARPEST = -0.2
 _PIECE_ERROR = 0.03
 """How far a straight piece of the trail may be off [m], in place and along the way."""
 
+_THIN_ERROR = 0.002
+"""How far a leg of the trail may be off one of the keys that it replaces [m]."""
+
 _BENT, _FINER = 0.02, 5
 """Turn of a leg [rad] from which on it is drawn as a curve, and the number of its pieces."""
 
@@ -92,6 +95,28 @@ def smoothed(keys: DriveKeys) -> DriveKeys:
         np.concatenate([straight, keys.poses[-1:]]),
         keys.set_down[leg],
     )
+
+
+def thinned(keys: DriveKeys) -> DriveKeys:
+    """The keys without those that lie where the robot drives evenly from one to the next."""
+    before = -1
+    while len(keys.times) != before:
+        before = len(keys.times)
+        # Of neighbours only every other one goes at a time: it is seen from where the others are.
+        for parity in (1, 2):
+            kept = np.ones(len(keys.times), dtype=bool)
+            kept[parity:-1:2] = ~_is_between(keys)[parity - 1 :: 2]
+            keys = DriveKeys(keys.times[kept], keys.poses[kept], keys.set_down[kept[:-1]])
+    return keys
+
+
+def _is_between(keys: DriveKeys) -> Bool:
+    """Which keys (k − 2,) lie where the way from the one before to the next is at their time."""
+    times, places = keys.times, keys.poses[:, :2]
+    share = (times[1:-1] - times[:-2]) / np.maximum(times[2:] - times[:-2], 1e-12)
+    even = places[:-2] + share[:, None] * (places[2:] - places[:-2])
+    near = np.abs(even - places[1:-1]).max(axis=1, initial=0.0) < _THIN_ERROR
+    return np.asarray(near & ~keys.set_down[:-1] & ~keys.set_down[1:])
 
 
 def legs_begun(keys: DriveKeys, time: float) -> int:

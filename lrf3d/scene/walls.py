@@ -13,6 +13,7 @@ from lrf3d.progress import Progress, silent
 from lrf3d.scene.facades import CAP, FACADE, PLAIN, bare_above_foot, lay_roofs, lay_walls
 from lrf3d.scene.light import Light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
+from lrf3d.scene.pieces import cut_small, put_together
 from lrf3d.scene.roofs import build_tops, flat_faces, roof_faces
 from lrf3d.scene.shadows import LIT, shade_quads, shade_roofs
 from lrf3d.scene.structures import Structures
@@ -26,8 +27,15 @@ _SIZES = (3, 3, 2, 2, 4)
 _STEP, _STEP_INDOOR = 3.2, 0.8
 """Sides of the pieces that walls are cut into for their light [m]."""
 
+_LIGHT_ERROR, _LIGHT_ERROR_INDOOR = 0.05, 0.02
+"""How far the light of a larger piece may be off that of the small ones, as a factor of a screen's
+colours: what its rays leave to chance. In rooms there is nothing but light to be seen on walls."""
+
 _MOST_PIECES = 60_000
 """About how many pieces there may be: beyond, light takes seconds."""
+
+_LIGHT = [12, 13, 14, 16, 17, 18]
+"""Where light stands in the rows of corners."""
 
 _APART = 0.004
 """Half the gap between both faces of a free wall [m]."""
@@ -113,57 +121,25 @@ def paint_walls(
     under = top.under.astype(np.float32)
     roofs = lay_roofs(_with_shadow(top.roofs, under[:, None, None]), indoor=structures.indoor)
     step = _STEP_INDOOR if structures.indoor else _STEP
-    pieces, part = cut_small(pieces, step, _MOST_PIECES)
-    pieces = bare_above_foot(pieces, indoor=structures.indoor)
+    small = cut_small(pieces, step, _MOST_PIECES)
+    pieces = bare_above_foot(small.quads, indoor=structures.indoor)
     # The two faces of a free wall are apart: a ray meets the one that looks at it.
-    owner = number[owner][part]
+    owner = number[owner][small.owners]
     free = (owner >= int(structures.closed.sum())) & (owner < len(faces.quads))
     free &= pieces[:, 0, 5] < 0.5
     pieces[free, :, :3] += _APART * pieces[free, :, 3:6]
     light = Light(structures, pieces, roofs, progress)
+    lit = small._replace(quads=_with_light(pieces, light.quads, indoor=structures.indoor))
+    kinds = pieces[:, 0, 8].astype(np.int64)
+    error = _LIGHT_ERROR_INDOOR if structures.indoor else _LIGHT_ERROR
+    large, first = put_together(lit, _LIGHT, kinds, owner, objects[owner], error=error)
     painted = Faces(
-        _with_light(pieces, light.quads, indoor=structures.indoor),
-        objects[owner],
+        large.quads,
+        objects[owner][first],
         _with_light(roofs, light.roofs, indoor=structures.indoor),
         top.objects,
     )
     return PaintedWalls(painted, light)
-
-
-def cut_small(quads: Single, step: float, most: int) -> tuple[Single, Int]:
-    """Cut quads into pieces no wider and higher than a step [m], for light that changes on them.
-
-    Args:
-        quads: (n, 4, k) quads whose values change evenly.
-        step: The step [m]; longer where there would be too many pieces.
-        most: About how many pieces there may be.
-
-    Returns:
-        The pieces (m, 4, k), and which of the quads (m,) each is of.
-    """
-    place = quads[:, :, :3].astype(np.float64)
-    wide, high = (np.linalg.norm(place[:, corner] - place[:, 0], axis=1) for corner in (1, 3))
-    while True:
-        counts = (np.ceil(side / step - 1e-3) for side in (wide, high))
-        across, up = (np.maximum(1, count).astype(int) for count in counts)
-        if int((across * up).sum()) <= max(most, len(quads)):
-            break
-        step *= 1.4
-    found, owners = [np.zeros((0, *quads.shape[1:]), np.float32)], [np.zeros(0, np.int64)]
-    for columns, rows in np.unique(np.column_stack([across, up]), axis=0).tolist():
-        chosen = np.flatnonzero((across == columns) & (up == rows))
-        quad = quads[chosen].astype(np.float64)
-        s = (np.arange(columns + 1) / columns)[:, None, None]
-        bottom = quad[:, None, 0] + s.reshape(1, -1, 1) * (quad[:, None, 1] - quad[:, None, 0])
-        top = quad[:, None, 3] + s.reshape(1, -1, 1) * (quad[:, None, 2] - quad[:, None, 3])
-        t = (np.arange(rows + 1) / rows).reshape(1, 1, -1, 1)
-        grid = bottom[:, :, None] + t * (top - bottom)[:, :, None]
-        pieces = np.stack(
-            [grid[:, :-1, :-1], grid[:, 1:, :-1], grid[:, 1:, 1:], grid[:, :-1, 1:]], axis=3
-        )
-        found.append(pieces.reshape(-1, *quads.shape[1:]).astype(np.float32))
-        owners.append(np.repeat(chosen, columns * rows))
-    return np.concatenate(found), np.concatenate(owners)
 
 
 def _with_light(faces: Single, light: Float, *, indoor: bool) -> Single:

@@ -273,4 +273,10 @@ def test_object_tints_are_apart_and_belong_to_their_numbers():
     assert gaps[:6, :6].min() > 0.2
     assert np.linalg.norm(1.0 - colours, axis=1).min() > 0.5
     np.testing.assert_array_equal(object_tints(np.array([7, 2])), colours[[7, 2]])
+    # Of a town of sixty objects no two look alike.
+    town = 255.0 * object_tints(np.arange(60))
+    apart = np.abs(town[:, None] - town[None]).max(axis=2)
+    assert apart[~np.eye(len(town), dtype=bool)].min() > 12.0
+    # The first and the 22nd did.
+    assert apart[0, 21] > 40.0
     assert object_tints(np.empty(0, np.int64)).shape == (0, 3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lrf3d.scene.look import MAP_BAND
-from lrf3d.scene.map_bands import BAND_SIZES, WallTops, map_bands
+from lrf3d.scene.map_bands import BAND_SIZES, GLOW, SOLID, WallTops, map_bands
 
 WALLS = np.array([[0.0, 0.0, 6.0, 0.0], [0.0, 4.0, 6.0, 4.0]])
 COLOURS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -41,6 +41,13 @@ def test_the_glow_fades_away_from_its_band():
     glow = map_bands(WALLS, COLOURS, np.full(2, np.inf), WALLS).glow
     near = np.abs(glow[:, 6]) <= 1.0
     assert (glow[near, 12] > 0.0).all() and (glow[~near, 12] == 0.0).all() and near.mean() == 0.5
+
+
+def test_corners_are_shared_by_the_faces_of_a_band():
+    bands = map_bands(WALLS, COLOURS, np.full(2, np.inf), WALLS)
+    assert len(bands.solid) == 2 * 8 and len(bands.glow) == 2 * 16
+    assert len(SOLID) == 5 * 6 and len(GLOW) == 4 * 6
+    assert SOLID.max() == 7 and GLOW.max() == 15
 
 
 def test_a_map_of_nothing_has_no_band():

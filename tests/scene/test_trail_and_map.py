@@ -8,8 +8,8 @@ from test_render import room_run
 
 from lrf3d.robot import Trajectory
 from lrf3d.scene.look import MAP_BAND
-from lrf3d.scene.timeline import Timeline, drive_keys
-from lrf3d.scene.trail_and_map import DrawnMap, _sides, straight_pieces, trail_ribbon
+from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys
+from lrf3d.scene.trail_and_map import DrawnMap, _sides, straight_pieces, thinned, trail_ribbon
 
 
 def test_the_trail_has_no_gaps_where_the_robot_turns():
@@ -43,6 +43,25 @@ def test_the_trail_is_one_in_all_pictures_and_leaves_out_where_the_robot_was_set
     assert (ribbon[keys.set_down, :, 2:4] == 0.0).all()
     driven = sum(np.hypot(*piece.way) for piece in straight_pieces(keys))
     assert driven == pytest.approx(np.hypot(*np.diff(run.trajectory.poses[:2, :2], axis=0)[0]))
+
+
+def test_keys_go_only_where_the_robot_drives_evenly():
+    times = np.arange(13.0)
+    poses = np.zeros((13, 3))
+    # Ahead for four seconds, then faster, then to the left, then set down elsewhere.
+    poses[:, 0] = [0, 1, 2, 3, 4, 6, 8, 8, 8, 8, 20, 21, 22]
+    poses[7:10, 1] = [1, 2, 3]
+    set_down = np.zeros(12, dtype=bool)
+    set_down[9] = True
+    keys = thinned(DriveKeys(times, poses, set_down))
+    assert keys.times.tolist() == [0, 4, 6, 9, 10, 12]
+    assert keys.set_down.tolist() == [False, False, False, True, False]
+    for name, whole in zip("xy", poses.T, strict=False):
+        axis = "xy".index(name)
+        assert np.interp(times, keys.times, keys.poses[:, axis]) == pytest.approx(whole, abs=0.01)
+    circle = np.column_stack([np.cos(times), np.sin(times), times])
+    bent = DriveKeys(times, circle, np.zeros(12, dtype=bool))
+    assert len(thinned(bent).times) == 13
 
 
 def test_scans_in_quick_succession_are_a_drive():
