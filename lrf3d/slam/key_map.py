@@ -70,7 +70,7 @@ class KeyMap:
         self._poses = np.empty((0, 3))
 
     def update(self, poses: Float, robot: Float) -> None:
-        """Go on drawing, after a scan.
+        """Take in where key scans are now, before `go_on`.
 
         Args:
             poses: (k, 3) of all key scans, old and new.
@@ -85,10 +85,13 @@ class KeyMap:
             apart = np.hypot(poses[:, 0] - robot[0], poses[:, 1] - robot[1])
             self._next = _Drawing(np.argsort(apart, kind="stable"), poses.copy())
             self._next.planned = AT_ONCE - EACH_SCAN
+
+    def go_on(self) -> None:
+        """Go on drawing anew, after each scan."""
         if self._next is not None:
             self._next.planned += EACH_SCAN
-            if self._next.planned >= len(poses):
-                self._next.planned = len(poses)
+            if self._next.planned >= len(self._next.order):
+                self._next.planned = len(self._next.order)
                 self._now, self._next = self._next, None
 
     def redraw(self, poses: Float) -> None:

@@ -41,6 +41,12 @@ class SelfCheck:
         worst_violation: The same in the worst part of the drive.
         worst_scans: The first and the last scan of that part.
         compared: How many key scans could be compared with earlier ones.
+
+    Examples:
+        >>> from lrf3d.slam.self_check import SelfCheck
+        >>> check = SelfCheck(violation=0.06, compared=500)
+        >>> check.passed, check.sentences()[0].split(':')[0]
+        (False, 'the map contradicts itself')
     """
 
     violation: float = 0.0

@@ -149,7 +149,8 @@ class Slam:
         self._wheel_covariance += self._tracked[-1].covariance
         if self._front.key_due():
             self._anchor(scan, *self._front.add_key(surface))
-        self._map.update(self._key_poses, self._robot)
+            self._map.update(self._key_poses, self._robot)
+        self._map.go_on()
 
     @property
     def pose(self) -> Pose:

@@ -49,9 +49,11 @@ def test_after_a_loop_the_map_is_right_around_the_robot_at_once_and_everywhere_s
     wrong = bent(TRUE)
     for count in range(1, len(scans) + 1):
         drawn.update(wrong[:count], wrong[count - 1])
+        drawn.go_on()
     assert farthest_off(drawn.map()) > 0.5
     taken.clear()
     drawn.update(TRUE, TRUE[-1])
+    drawn.go_on()
     line_map = drawn.map()
     assert len(taken) == AT_ONCE
     assert farthest_off(line_map, near=36.0) < 0.05
@@ -61,6 +63,7 @@ def test_after_a_loop_the_map_is_right_around_the_robot_at_once_and_everywhere_s
     while len(taken) < len(scans):
         before = len(taken)
         drawn.update(TRUE, TRUE[-1])
+        drawn.go_on()
         drawn.map()
         assert 0 < len(taken) - before <= EACH_SCAN
         rest += 1
@@ -75,10 +78,12 @@ def test_the_map_does_not_depend_on_when_it_is_read(scans):
     for drawn in (often, seldom):
         for count in range(1, len(scans)):
             drawn.update(wrong[:count], wrong[count - 1])
+            drawn.go_on()
             if drawn is often:
                 drawn.map()
         for _ in range(5):
             drawn.update(TRUE, TRUE[-1])
+            drawn.go_on()
             if drawn is often:
                 drawn.map()
     assert often.map().segments.tolist() == seldom.map().segments.tolist()
@@ -88,6 +93,7 @@ def test_nothing_is_mapped_before_the_map_is_read(scans):
     taken = []
     drawn = key_map(scans, taken)
     drawn.update(TRUE[:5], TRUE[4])
+    drawn.go_on()
     drawn.redraw(TRUE[:5])
     assert taken == []
     assert len(drawn.map()) > 0 and taken == [0, 1, 2, 3, 4]
