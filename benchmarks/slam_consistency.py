@@ -179,7 +179,7 @@ def draw(worlds: dict[str, list[Drive]], path: Path) -> None:
         axes[1, column].set_xlabel("share of the drive")
     axes[0, 0].set_ylabel("place [cm]")
     axes[1, 0].set_ylabel("heading [°]")
-    axes[0, 1].legend(loc="upper left")
+    axes[1, 1].legend(loc="lower right")
     figure.savefig(path, dpi=100)
 
 
