@@ -10,6 +10,7 @@ of three numbers, whose mean over the seeds is 3 for a covariance that is right.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -52,20 +53,24 @@ class Drive:
     """What came of one drive.
 
     Args:
-        squares: (m,) NEES of the poses at the marks.
-        places: (m,) NEES of their places alone.
+        errors: (m, 3) errors of the poses at the marks.
+        covariances: (m, 3, 3) their covariances.
         weak: Share of the marks at which a direction is reported that the walls do not fix.
-        largest: Largest error of these poses [m].
         closures: Number of closures.
         false: Number of those that are false.
     """
 
-    squares: Float
-    places: Float
+    errors: Float
+    covariances: Float
     weak: float
-    largest: float
     closures: int
     false: int
+
+    def squares(self, numbers: int = 3) -> Float:
+        """NEES (m,) of the poses, or of the first numbers of them."""
+        errors, covariances = self.errors[:, :numbers], self.covariances[:, :numbers, :numbers]
+        solved = np.linalg.solve(covariances, errors[:, :, None])[:, :, 0]
+        return np.asarray((errors * solved).sum(axis=1))
 
 
 def identical_rooms(count: int = 20) -> tuple[World, Float]:
@@ -107,29 +112,28 @@ def simulated(world: str, seed: int) -> Drive:
     measured[:, 2] += WHEEL_BIAS * increments[:, 0]
     slam = lrf3d.Slam(LASER, start=true[0])
     marks = set(np.linspace(len(true) // MARKS, len(true) - 1, MARKS).astype(int).tolist())
-    squares, places, weak, largest = [], [], [], 0.0
+    errors, covariances, weak = [], [], []
     for number, scan in enumerate(run.scans):
         slam.update(scan, measured[number - 1] if number else np.zeros(3))
         if number in marks:
             error = np.array(slam.pose) - true[number]
             error[2] = wrap_angle(error[2])
-            covariance = slam.covariance()
-            squares.append(float(error @ np.linalg.solve(covariance, error)))
-            places.append(float(error[:2] @ np.linalg.solve(covariance[:2, :2], error[:2])))
+            errors.append(error)
+            covariances.append(slam.covariance())
             weak.append(slam.tracked[-1].weak)
-            largest = max(largest, float(np.hypot(error[0], error[1])))
     keys = true[slam.key_scans]
     false = 0
     for closure in slam.closures:
         off = between(closure.relative, between(keys[closure.old], keys[closure.new]))
         false += bool(np.hypot(off[0], off[1]) > FALSE_PLACE or abs(off[2]) > FALSE_TURN)
-    drive = np.array(squares), np.array(places), float(np.mean(weak))
-    return Drive(*drive, largest, len(slam.closures), false)
+    marked = np.array(errors), np.array(covariances), float(np.mean(weak))
+    return Drive(*marked, len(slam.closures), false)
 
 
 def consistency(drives: list[Drive]) -> dict[str, float]:
     """The figures of all drives through one world."""
-    squares = np.array([drive.squares for drive in drives])
+    squares = np.array([drive.squares() for drive in drives])
+    errors = np.array([drive.errors for drive in drives])
     mean, freedom = squares.mean(axis=0), 3 * len(drives)
     low, high = (chi2.ppf(share, freedom) / len(drives) for share in (0.025, 0.975))
     return {
@@ -138,34 +142,60 @@ def consistency(drives: list[Drive]) -> dict[str, float]:
         "scans_within_bounds": float(((mean >= low) & (mean <= high)).mean()),
         "scans_too_confident": float((mean > high).mean()),
         "places_within_95_percent_ellipse": float(
-            np.mean([drive.places < chi2.ppf(0.95, 2) for drive in drives])
+            np.mean([drive.squares(2) < chi2.ppf(0.95, 2) for drive in drives])
         ),
         "weak_direction_reported": float(np.mean([drive.weak for drive in drives])),
         "poses_beyond_99_percent": float((squares > chi2.ppf(0.99, 3)).mean()),
-        "largest_error_m": max(drive.largest for drive in drives),
+        "largest_error_m": float(np.hypot(errors[..., 0], errors[..., 1]).max()),
         "closures": sum(drive.closures for drive in drives),
         "false_closures": sum(drive.false for drive in drives),
     }
 
 
-def measure(seeds: int, run: Callable[..., list[Drive]]) -> dict[str, dict[str, float]]:
-    """The figures of all worlds; ``run(function, seeds)`` maps a function over seeds."""
-    return {world: consistency(run(partial(simulated, world), range(seeds))) for world in WORLDS}
+def measure(seeds: int, run: Callable[..., list[Drive]]) -> dict[str, list[Drive]]:
+    """The drives through all worlds; ``run(function, seeds)`` maps a function over seeds."""
+    return {world: run(partial(simulated, world), range(seeds)) for world in WORLDS}
+
+
+def draw(worlds: dict[str, list[Drive]], path: Path) -> None:
+    """Draw how errors and covariances grow along the drives through each world."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 5), layout="constrained")
+    axes = figure.subplots(2, len(worlds), sharex=True, squeeze=False)
+    for column, (world, drives) in enumerate(worlds.items()):
+        squares = np.mean([drive.errors**2 for drive in drives], axis=0)
+        variances = np.mean(
+            [np.diagonal(drive.covariances, axis1=1, axis2=2) for drive in drives], axis=0
+        )
+        share = np.arange(1, len(squares) + 1) / len(squares)
+        for row, (numbers, unit) in enumerate(((slice(0, 2), 100.0), (slice(2, 3), 180.0 / np.pi))):
+            for values, style in ((squares, "o"), (variances, "-")):
+                label = "error" if style == "o" else "standard deviation"
+                root = unit * np.sqrt(values[:, numbers].sum(axis=1))
+                axes[row, column].plot(share, root, style, label=label)
+            axes[row, column].set_ylim(bottom=0.0)
+        axes[0, column].set_title(world)
+        axes[1, column].set_xlabel("share of the drive")
+    axes[0, 0].set_ylabel("place [cm]")
+    axes[1, 0].set_ylabel("heading [°]")
+    axes[1, 1].legend(loc="lower right")
+    figure.savefig(path, dpi=100)
 
 
 def main(
     seeds: Annotated[int, typer.Option(min=2, help="Drives through each world.")] = 50,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Picture of errors and covariances.")] = None,
 ) -> None:
     """Measure how consistent SLAM is, with Dask, and print it as JSON."""
     from lrf3d.sweep.cluster import connected
 
     with connected(scheduler) as client:
-        print(
-            json_text(
-                measure(seeds, lambda work, runs: client.gather(client.map(work, list(runs))))
-            )
-        )
+        worlds = measure(seeds, lambda work, runs: client.gather(client.map(work, list(runs))))
+    print(json_text({world: consistency(drives) for world, drives in worlds.items()}))
+    if figure is not None:
+        draw(worlds, figure)
 
 
 if __name__ == "__main__":

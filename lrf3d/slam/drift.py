@@ -21,7 +21,7 @@ from lrf3d.slam.front_end import Tracked
 from lrf3d.slam.surface import BASELINE, MOST_NEIGHBOURS
 from lrf3d.slam.wheels import EXPECTED
 
-KNOWN_BEFORE = 4.0
+KNOWN_BEFORE = 2.0
 """How many increments the expected noise of the wheels counts as, beside those that scans show."""
 
 LARGEST_SLIP = 10.0
@@ -91,7 +91,7 @@ def stretches(tracked: Sequence[Tracked], nodes: Int, noise: float) -> tuple[Flo
     poses = np.array([scan.pose for scan in tracked])
     usable = np.where([[scan.matched] for scan in tracked], random, np.inf)
     # While systematic errors are still being learned an increment shows these.
-    usable[unlearned > 0.25 * random[:, 2], 2] = np.inf
+    usable[unlearned > random[:, 2], 2] = np.inf
     shares = np.diagonal(gains, axis1=1, axis2=2)
     factors = wheel_factors(between(poses[:-1], poses[1:]), motions[1:], usable[1:], shares[1:])
     wheels = random * factors

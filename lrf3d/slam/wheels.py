@@ -75,8 +75,10 @@ class Wheels:
         In the beginning it is several times that of the random errors: a prior without it would
         turn the first few scans, and with them the whole drive, by some milliradians.
         """
-        row = np.array([increment[2], increment[0]])
-        return float(row @ np.linalg.solve(self._turn_information, row))
+        turn, way = float(increment[2]), float(increment[0])
+        (by_turn, both), (_, by_way) = self._turn_information.tolist()
+        squares = by_way * turn**2 - 2.0 * both * turn * way + by_turn * way**2
+        return float(squares / (by_turn * by_way - both**2))
 
     def compare(self, measured: Float, matched: Float, covariance: Float) -> None:
         """Learn how far one corrected increment was off, by the one that matching found.
