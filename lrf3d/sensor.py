@@ -90,12 +90,12 @@ class Sensor:
             ]
             truth = np.array([scan.ranges for scan in scans])
             walls = np.array([scan.walls for scan in scans])
-        measured = np.empty_like(truth)
-        for row, true_scan in zip(measured, scans, strict=True):
+        ranges = np.empty_like(truth)
+        for row, true_scan in zip(ranges, scans, strict=True):
             scan = measured(true_scan, self.noise, rng)
             self._check(scan)
             row[:] = scan.ranges
-        return measured, truth, walls
+        return ranges, truth, walls
 
     def _check(self, scan: Any) -> None:
         """Check that a noise has returned a valid scan.

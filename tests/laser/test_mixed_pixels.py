@@ -10,6 +10,7 @@ from lrf3d import LaserRangeFinder, PlanarCaster, World
 from lrf3d.errors import InputError
 from lrf3d.laser import Chain, DropOuts, Imperfections, MixedPixels, ProportionalNoise
 from lrf3d.laser.echoes import measured
+from lrf3d.sensor import Sensor
 
 LRF = LaserRangeFinder(-0.5, 0.5, beams=51, range_max=30.0, echoes=3)
 STEP = 1.0 / 50.0
@@ -140,9 +141,14 @@ def test_the_threshold_makes_the_losses_at_grazing_incidence_not_a_probability()
     assert np.isinf(scan.ranges[:13]).all() and np.isfinite(scan.ranges[13:]).all()
 
 
-def test_runs_of_one_seed_are_the_same_one_by_one_and_in_batches():
+def test_scans_of_one_seed_are_the_same_one_by_one_and_in_batches():
     noise = Chain([MixedPixels(WIDE), ProportionalNoise(0.02)])
     office = lrf3d.load_scenario("glass_office")
-    first, again = (office.run(rng=2, scans=6, noise=noise) for _ in range(2))
-    assert first.ranges.tobytes() == again.ranges.tobytes()
-    assert first.echoes.tobytes() == again.echoes.tobytes()
+    poses = np.array([(2.0 + 0.3 * k, 2.5, 0.2 * k) for k in range(6)])
+    sensor = Sensor(office.world, office.lrf, caster="planar", noise=noise)
+    one, other = np.random.default_rng(2), np.random.default_rng(2)
+    ranges, truth, _ = sensor.measure_batch(poses, np.arange(6.0), one)
+    for k, pose in enumerate(poses):
+        true_scan, scan = sensor.measure(pose, float(k), other)
+        assert scan.ranges.tobytes() == ranges[k].tobytes()
+        assert true_scan.ranges.tobytes() == truth[k].tobytes()
