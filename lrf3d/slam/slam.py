@@ -113,7 +113,8 @@ class Slam:
         self._variance, self._closures_used = 0.0, 0
         self._anchors: list[Anchor] = []
         self._scans: list[LaserScan] = []
-        self._map = KeyMap(lambda number, pose: self.placed(self._scans[number], pose), self._start)
+        # A bound method, unlike a function made here, follows copies of this object.
+        self._map = KeyMap(self._placed_key, self._start)
 
     def __repr__(self) -> str:
         return (
@@ -236,6 +237,10 @@ class Slam:
         """A scan with the pose of its laser, where the robot is at a pose (3,) since the start."""
         robot = compose(self._start, pose)
         return replace(scan, pose=Pose(*compose(robot, np.array([*self._laser, 0.0])).tolist()))
+
+    def _placed_key(self, number: int, pose: Float) -> LaserScan:
+        """A key scan with the pose of its laser, where the robot is at a pose (3,)."""
+        return self.placed(self._scans[number], pose)
 
     def trajectory(self) -> Float:
         """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous."""

@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import numpy as np
 import pytest
 import shapely
@@ -134,6 +137,24 @@ def test_the_covariance_of_a_relative_pose_does_not_depend_on_the_way_to_it(iden
     assert slam.relative_covariance(3, 3).tolist() == np.zeros((3, 3)).tolist()
     with pytest.raises(InputError, match="key scan"):
         slam.relative_covariance(0, last + 1)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda slam: pickle.loads(pickle.dumps(slam))])
+def test_a_copy_goes_on_by_itself(copied):
+    scans, wheels, _ = drive(rooms(1), [(1, 1), (4, 1)])
+    steps, half = [np.zeros(3), *lrf3d.odometry_increments(wheels)], len(scans) // 2
+    slam = lrf3d.Slam()
+    for scan, step in zip(scans[:half], steps[:half], strict=True):
+        slam.update(scan, step)
+    other = copied(slam)
+    for scan, step in zip(scans[half:], steps[half:], strict=True):
+        other.update(scan, step)
+    shown = other.map.segments.tolist()
+    assert len(slam.trajectory()) == half
+    for scan, step in zip(scans[half:], steps[half:], strict=True):
+        slam.update(scan, step)
+    assert other.trajectory().tolist() == slam.trajectory().tolist()
+    assert shown == slam.map.segments.tolist()
 
 
 def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry():
