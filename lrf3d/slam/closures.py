@@ -126,19 +126,22 @@ class LoopCloser:
         self.way += way
         return way
 
-    def add_key(self, key: Key, reference: int = -1, way: float = 0.0) -> None:
+    def add_key(
+        self, key: Key, reference: int = -1, way: float = 0.0, *, hung: bool = False
+    ) -> None:
         """Take in the next key scan.
 
         Args:
             key: The key scan.
             reference: Number of the key scan that its pose is known from; none for the first.
             way: How far the robot has driven from it [m].
+            hung: Whether a scan in a known place stands between the two.
         """
         new, stretch = len(self.keys), 0
         self.graph.add()
         if new:
             self.graph.link(reference, new, way)
-            stretch = int(self._stretches[-1]) + (reference != new - 1)
+            stretch = int(self._stretches[-1]) + hung
         self.ways = np.append(self.ways, self.way)
         self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)

@@ -114,7 +114,7 @@ class Slam:
         self._anchors: list[Anchor] = []
         self._scans: list[LaserScan] = []
         # A bound method, unlike a function made here, follows copies of this object.
-        self._map = KeyMap(self._placed_key, self._start)
+        self._map = KeyMap(self._placed, self._start)
 
     def __repr__(self) -> str:
         return (
@@ -233,14 +233,11 @@ class Slam:
         """
         return self._map.map()
 
-    def placed(self, scan: LaserScan, pose: Float) -> LaserScan:
-        """A scan with the pose of its laser, where the robot is at a pose (3,) since the start."""
+    def _placed(self, number: int, pose: Float) -> LaserScan:
+        """A key scan with the pose of its laser, where the robot is at a pose (3,) since start."""
         robot = compose(self._start, pose)
-        return replace(scan, pose=Pose(*compose(robot, np.array([*self._laser, 0.0])).tolist()))
-
-    def _placed_key(self, number: int, pose: Float) -> LaserScan:
-        """A key scan with the pose of its laser, where the robot is at a pose (3,)."""
-        return self.placed(self._scans[number], pose)
+        laser = compose(robot, np.array([*self._laser, 0.0]))
+        return replace(self._scans[number], pose=Pose(*laser.tolist()))
 
     def trajectory(self) -> Float:
         """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous."""
@@ -363,13 +360,16 @@ class Slam:
                 self._wheel_covariance = EXPECTED.copy()
                 return
         self._new_edges.append(self._edge_to_last())
-        self._add_key(key, scan, self._robot, last.key, last.way + way)
+        self._add_key(key, scan, self._robot, last, last.way + way)
         self._close_loops()
 
     def _add_key(
-        self, key: Key, scan: LaserScan, pose: Float, reference: int = -1, way: float = 0.0
+        self, key: Key, scan: LaserScan, pose: Float, last: Anchor | None = None, way: float = 0.0
     ) -> None:
         """Add a vertex to the pose graph."""
+        reference, hung = -1, False
+        if last is not None:
+            reference, hung = last.key, last.scan != self._closer.keys[last.key].scan
         if self._key_count == len(self._room):
             self._room = np.concatenate([self._room, np.empty_like(self._room)])
         self._room[self._key_count] = pose
@@ -377,7 +377,7 @@ class Slam:
         self._key_count += 1
         self._scans.append(scan)
         self._wheel_covariance = np.zeros((3, 3))
-        self._closer.add_key(key, reference, way)
+        self._closer.add_key(key, reference, way, hung=hung)
 
     def _close_loops(self) -> None:
         """Find the loops that the newest key scan closes, and optimise what they change."""
