@@ -157,6 +157,20 @@ def test_a_copy_goes_on_by_itself(copied):
     assert shown == slam.map.segments.tolist()
 
 
+def test_robots_that_start_with_the_same_wheels_learn_their_own():
+    scans, wheels, _ = drive(rooms(1), [(1, 1), (4, 1)], bias=0.1)
+    known, steps = Wheels(), [np.zeros(3), *lrf3d.odometry_increments(wheels)]
+    found = []
+    for _ in range(2):
+        slam = lrf3d.Slam(wheels=known)
+        for scan, step in zip(scans, steps, strict=True):
+            slam.update(scan, step)
+        found.append(slam.trajectory().tolist())
+    assert found[0] == found[1]
+    assert not known.biases.any()
+    assert slam.wheels.biases.any()
+
+
 def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry():
     scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 1.0])
     with pytest.raises(InputError, match="2 beams"):
