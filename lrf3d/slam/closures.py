@@ -146,6 +146,11 @@ class LoopCloser:
         self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)
 
+    def ways_from_newest(self, limit: float) -> Float:
+        """The ways (k,) [m] over the graph from the newest key scan, +inf beyond a limit [m]."""
+        every = np.ones(len(self.keys), np.bool_)
+        return self.graph.distances(len(self.keys) - 1, limit, every)
+
     def search(self, poses: Float) -> list[Closure]:
         """Closures of the newest key scan that are accepted now, and older ones that it confirms.
 

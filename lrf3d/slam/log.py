@@ -281,7 +281,7 @@ def solve_log(
         before = known.biases
         solution = _solved(drive, known, key_distance=key_distance, progress=progress)
         passes += 1
-        change = (1.0 + solution.slam.wheel_biases) / (1.0 + before) - 1.0
+        change = (1.0 + solution.slam.wheels.biases) / (1.0 + before) - 1.0
         as_known = abs(change[2]) <= LEARNED and abs(change[0]) <= LEARNED_TURN
         if as_known or passes == MOST_PASSES:
             return replace(solution, passes=passes, check=solution.slam.self_check())

@@ -189,8 +189,11 @@ class Slam:
 
         Args:
             numbers: (m,) numbers of the key scans.
+
+        Raises:
+            InputError: There is no such key scan.
         """
-        if not len(chosen := np.asarray(numbers, dtype=np.int64)):
+        if not len(chosen := self._key_numbers(numbers)):
             return np.zeros((0, 3, 3))
         found = pose_covariances(self._key_poses, self._used_edges(), self._edge_errors(), chosen)
         return turned(found, float(self._start[2]))
@@ -205,12 +208,19 @@ class Slam:
         Raises:
             InputError: There is no such key scan.
         """
-        for number in (first, second):
-            whole_number(number, "key scan", least=0, most=max(len(self._closer.keys) - 1, 0))
-        if first == second:
+        seen_from, seen = self._key_numbers((first, second)).tolist()
+        if seen_from == seen:
             return np.zeros((3, 3))
         edges, errors = self._used_edges(), self._edge_errors()
-        return relative_covariance(self._key_poses, edges, errors, first, second)
+        return relative_covariance(self._key_poses, edges, errors, seen_from, seen)
+
+    def _key_numbers(self, numbers: Sequence[int] | Int) -> Int:
+        """Numbers (m,) of key scans from outside, checked."""
+        if len(numbers) and not self._key_count:
+            raise InputError(f"slam: key scan {numbers[0]}: there is none before the first scan")
+        most = self._key_count - 1
+        checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
+        return np.array(checked, dtype=np.int64)
 
     def _used_edges(self) -> Edges:
         """The edges that the poses follow: without closures since the last optimisation."""
@@ -281,11 +291,6 @@ class Slam:
         return self._front.wheels
 
     @property
-    def wheel_biases(self) -> Float:
-        """What the wheels measure systematically wrong (3,): see `lrf3d.slam.wheels`."""
-        return self._front.wheels.biases
-
-    @property
     def tracked(self) -> list[Tracked]:
         """How the front end placed each scan, in its own drifting frame."""
         return self._tracked
@@ -344,9 +349,9 @@ class Slam:
         """Hang the newest scan on a key scan if it stands in a known place, or make it one."""
         tracked, number = self._tracked[-1], len(self._tracked) - 1
         # A laser that hangs upside down turns clockwise.
-        order = slice(None, None, -1) if scan.angles[0] > scan.angles[-1] else slice(None)
-        angles, ranges = scan.angles[order], scan.ranges[order]
-        key = Key(number, tracked.pose, surface, walls, angles, ranges, self._laser)
+        order = -1 if scan.angles[0] > scan.angles[-1] else 1
+        beams = scan.angles[::order], scan.ranges[::order]
+        key = Key(number, tracked.pose, surface, walls, *beams, self._laser)
         if not self._anchors:
             self._add_key(key, scan, np.zeros(3))
             return
@@ -367,9 +372,8 @@ class Slam:
         self, key: Key, scan: LaserScan, pose: Float, last: Anchor | None = None, way: float = 0.0
     ) -> None:
         """Add a vertex to the pose graph."""
-        reference, hung = -1, False
-        if last is not None:
-            reference, hung = last.key, last.scan != self._closer.keys[last.key].scan
+        reference = -1 if last is None else last.key
+        hung = last is not None and last.scan != self._closer.keys[last.key].scan
         if self._key_count == len(self._room):
             self._room = np.concatenate([self._room, np.empty_like(self._room)])
         self._room[self._key_count] = pose
@@ -388,13 +392,8 @@ class Slam:
         self._new_edges.append(more)
         if (more.squares(self._key_poses) > NEWS**2 * self._variance).any():
             edges = self._gathered_edges()
-            poses = optimised_around(self._key_poses, edges, self._ways_from_here)
+            poses = optimised_around(self._key_poses, edges, self._closer.ways_from_newest)
             self._room[: len(poses)] = poses
             deviation = deviation_of(self._tracked, self._resolution.sigma)
             self._variance = min(variance_factor(poses, edges, deviation), 1.0)
             self._closures_used = len(self._closer.accepted)
-
-    def _ways_from_here(self, limit: float) -> Float:
-        """The ways (k,) [m] over the graph from the newest key scan to all, up to a limit [m]."""
-        every = np.ones(self._key_count, np.bool_)
-        return self._closer.graph.distances(self._key_count - 1, limit, every)

@@ -82,7 +82,7 @@ def test_no_closure_takes_one_room_for_another(identical_rooms):
 
 def test_the_turn_that_wheels_of_unequal_size_add_is_found(identical_rooms):
     solution, _, _ = identical_rooms
-    assert solution.slam.wheel_biases[1] == pytest.approx(-0.03, abs=0.006)
+    assert solution.slam.wheels.biases[1] == pytest.approx(-0.03, abs=0.006)
 
 
 def test_in_a_corridor_the_way_along_it_is_left_to_the_odometry_and_reported():
@@ -169,6 +169,22 @@ def test_robots_that_start_with_the_same_wheels_learn_their_own():
     assert found[0] == found[1]
     assert not known.biases.any()
     assert slam.wheels.biases.any()
+
+
+@pytest.mark.parametrize("wrong", [[-1], [1], [0.5], [[0]], [np.nan]])
+def test_covariances_of_key_scans_that_are_not_there_are_refused(wrong):
+    slam = lrf3d.Slam()
+    assert slam.covariances([]).shape == (0, 3, 3)
+    with pytest.raises(InputError, match="none before the first scan"):
+        slam.covariances([0])
+    with pytest.raises(InputError, match="none before the first scan"):
+        slam.relative_covariance(0, 0)
+    slam.update(drive(rooms(1), [(1, 1), (1.5, 1)])[0][0], (0, 0, 0))
+    assert slam.covariances([0]).tolist() == np.zeros((1, 3, 3)).tolist()
+    with pytest.raises(InputError, match=r"key scan .*: expected a whole number from 0 to 0"):
+        slam.covariances(wrong)
+    with pytest.raises(InputError, match=r"key scan .*: expected a whole number from 0 to 0"):
+        slam.relative_covariance(0, *wrong)
 
 
 def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry():
