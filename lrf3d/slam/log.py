@@ -201,12 +201,7 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
     # The last map is that of all scans: those after the last key scan show nothing new.
     maps[len(scans) - 1] = line_map = maps.pop(keys[-1])
     solid = lengths(line_map.segments) > 0.0
-    first = scans[0]
-    angles = first.angles
-    lrf = LaserRangeFinder(
-        float(angles[0]), float(angles[-1]), len(angles), first.range_min, first.range_max
-    )
-    ranges = np.array([scan.ranges for scan in scans])
+    lrf, ranges = range_finder_of(scans)
     times, _ = rising(np.array([scan.time for scan in scans]))
     # Stamps count from 1970; the clock of a run begins with it.
     times -= times[0]
@@ -221,6 +216,21 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
         tuple(maps.values()),
         estimate=estimate_of(solution, poses),
     )
+
+
+def range_finder_of(scans: Sequence[LaserScan]) -> tuple[LaserRangeFinder, Float]:
+    """The range finder that took scans (k,), and their ranges (k, beams) [m] in its order."""
+    first, ranges = scans[0], np.array([scan.ranges for scan in scans])
+    angles, farthest = first.angles, first.range_max
+    if angles[0] > angles[-1]:
+        # A laser that hangs upside down turns clockwise; the range finder of a run does not.
+        angles, ranges = angles[::-1], ranges[:, ::-1]
+    if not np.isfinite(farthest):
+        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
+        usual = LaserRangeFinder().range_max
+        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
+    begin, end = float(angles[0]), float(angles[-1])
+    return LaserRangeFinder(begin, end, len(angles), first.range_min, farthest), ranges
 
 
 def estimate_of(solution: LogSolution, poses: Float) -> EstimatedTrajectory:
@@ -259,7 +269,8 @@ def solve_log(
 
     Raises:
         InputError: There are fewer than two scans or no odometry, the scans are of several laser
-            range finders, or the odometry jumps so often that it is none.
+            range finders, a number of the odometry is not finite, or it jumps so often that it is
+            invalid.
     """
     if len(scans) < 2 or not len(wheels):
         raise InputError(
@@ -273,6 +284,12 @@ def solve_log(
                 " expected scans of one laser range finder"
             )
     stamps = np.arange(len(wheels), dtype=np.float64) if times is None else times
+    if not (finite := np.isfinite(wheels).all(axis=1) & np.isfinite(stamps)).all():
+        line = int(np.flatnonzero(~finite)[0])
+        raise InputError(
+            f"slam: odometry line {line} at {stamps[line]} s has the pose {wheels[line].tolist()};"
+            " expected finite numbers"
+        )
     log = repaired(scans, wheels, stamps, places)
     drive = _drive_of(log, laser_offset)
     known = drive.first_wheels

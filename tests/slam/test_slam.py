@@ -1,5 +1,7 @@
 import copy
 import pickle
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -316,6 +318,37 @@ def test_beams_that_pass_through_what_the_other_saw_are_counted():
     ranges = np.full(11, 4.0)
     points = np.array([[2.0, 0.0], [4.1, 0.0], [3.8, 0.3], [2.0, 30.0]])
     assert seen_through(points, np.zeros(2), angles, ranges) == (1, 3)
+
+
+@pytest.fixture
+def short_log():
+    scans, wheels, _ = drive(rooms(1), [(1, 1), (3, 1)])
+    scans = [replace(scan, time=0.1 * number) for number, scan in enumerate(scans)]
+    mount = lrf3d.Pose(0.0, 0.0, 0.0)
+    return SimpleNamespace(name="short", scans=scans, poses=wheels, wheels=None, mount=mount)
+
+
+def test_a_log_whose_driver_gives_no_largest_range_is_solved(short_log):
+    short_log.scans = [replace(scan, range_max=np.inf) for scan in short_log.scans]
+    assert lrf3d.slam(short_log).lrf.range_max == lrf3d.LaserRangeFinder().range_max
+
+
+def test_a_laser_that_turns_clockwise_sees_the_same_drive(short_log):
+    run = lrf3d.slam(short_log)
+    short_log.scans = [
+        replace(scan, angles=scan.angles[::-1], ranges=scan.ranges[::-1])
+        for scan in short_log.scans
+    ]
+    other = lrf3d.slam(short_log)
+    assert np.array_equal(other.lrf.angles, run.lrf.angles)
+    assert np.array_equal(other.ranges, run.ranges)
+    assert other.trajectory.poses == pytest.approx(run.trajectory.poses, abs=0.002)
+
+
+def test_odometry_that_is_not_finite_is_refused(short_log):
+    short_log.poses[4, 1] = np.nan
+    with pytest.raises(InputError, match=r"odometry line 4 at 0\.4 s"):
+        lrf3d.slam(short_log)
 
 
 def test_a_log_of_too_little_is_refused():
