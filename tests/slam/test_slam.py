@@ -159,6 +159,15 @@ def test_a_copy_goes_on_by_itself(copied):
     assert shown == slam.map.segments.tolist()
 
 
+def test_all_scans_are_refined_or_none():
+    slam, scans = lrf3d.Slam(), drive(rooms(1), [(1, 1), (2, 1)])[0][:3]
+    assert slam.refined([]).shape == (0, 3)
+    for scan in scans:
+        slam.update(scan, (0.1, 0, 0))
+    with pytest.raises(InputError, match="2 scans to refine; expected all 3"):
+        slam.refined(scans[:2])
+
+
 def test_robots_that_start_with_the_same_wheels_learn_their_own():
     scans, wheels, _ = drive(rooms(1), [(1, 1), (4, 1)], bias=0.1)
     known, steps = Wheels(), [np.zeros(3), *lrf3d.odometry_increments(wheels)]
