@@ -21,7 +21,7 @@ from lrf3d.slam.front_end import Tracked
 from lrf3d.slam.surface import BASELINE, MOST_NEIGHBOURS
 from lrf3d.slam.wheels import EXPECTED
 
-KNOWN_BEFORE = 2.0
+PRIOR_INCREMENTS = 2.0
 """How many increments the expected noise of the wheels counts as, beside those that scans show."""
 
 LARGEST_SLIP = 10.0
@@ -61,7 +61,7 @@ def wheel_factors(found: Float, motions: Float, variances: Float, gains: Float) 
     squares = np.where(shown, off / np.where(shown, 1.0 - gains, 1.0), 0.0) ** 2
     squares = np.minimum(squares, LARGEST_SLIP**2 * variances)
     # The sums are compared, not each increment: what adds up is to be right.
-    before = KNOWN_BEFORE * variances.sum(axis=0) / np.maximum(shown.sum(axis=0), 1)
+    before = PRIOR_INCREMENTS * variances.sum(axis=0) / np.maximum(shown.sum(axis=0), 1)
     total, expected = squares.sum(axis=0) + before, variances.sum(axis=0) + before
     known = expected > 0.0
     factors = np.where(known, total / np.where(known, expected, 1.0), 1.0)

@@ -20,7 +20,7 @@ from lrf3d.slam.edge_errors import ErrorModel, deviation_of
 from lrf3d.slam.frames import bent, between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.key_map import KeyMap
-from lrf3d.slam.known_places import EXPECTED, Anchor, in_known_place
+from lrf3d.slam.known_places import PLACE_COVARIANCE, Anchor, in_known_place
 from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
 from lrf3d.slam.refinement import refined
@@ -362,7 +362,7 @@ class Slam:
             place = in_known_place(self._closer, key, last, way, self._key_poses)
             if place is not None:
                 self._anchors.append(place)
-                self._wheel_covariance = EXPECTED.copy()
+                self._wheel_covariance = PLACE_COVARIANCE.copy()
                 return
         self._new_edges.append(self._edge_to_last())
         self._add_key(key, scan, self._robot, last, last.way + way)

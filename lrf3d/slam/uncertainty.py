@@ -19,10 +19,10 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.slam.pose_graph import Edges, edge_equations, factor
 
-KNOWN_BEFORE = 30.0
+PRIOR_RESIDUALS = 30.0
 """How many residuals the deviation of matched points counts as, beside those of closures."""
 
-DEVIATIONS = 2.4
+POINT_DEVIATIONS = 2.4
 """Matched points count as if they lay this many times farther off than they do, for adjacent ones
 share their errors: see `lrf3d.slam.drift`."""
 
@@ -71,8 +71,8 @@ def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
     """
     residuals = 3.0 * float(edges.robust.sum())
     squares = float((edges.weights(poses) * edges.squares(poses)).sum())
-    before = KNOWN_BEFORE * (DEVIATIONS * deviation) ** 2
-    return CORRELATED * (squares + before) / (residuals + KNOWN_BEFORE)
+    before = PRIOR_RESIDUALS * (POINT_DEVIATIONS * deviation) ** 2
+    return CORRELATED * (squares + before) / (residuals + PRIOR_RESIDUALS)
 
 
 def joint_covariance(poses: Float, edges: Edges, errors: EdgeErrors, numbers: list[int]) -> Float:
