@@ -1,8 +1,8 @@
 """Loop closures: key scans that show the same place as much older ones.
 
-Key scans and their estimated poses enter; relative poses between key scans leave that
-hold up: the scans overlap, no beam of the one passes through what the other saw, no other place in
-the window fits as well, and enough closures of the same stretch agree with each other.
+Key scans and their estimated poses enter; relative poses between key scans leave. Each was checked:
+the scans overlap, no beam of the one passes through what the other saw, no other place in the
+window fits as well, and enough closures of the same stretch agree with each other.
 """
 
 from dataclasses import dataclass
@@ -66,7 +66,6 @@ DEVIATIONS = 3.5
 CLOSURE_SHARE = 0.3
 """Share of the matching's information that a closure's edge counts with: old and new map were drawn
 by the same drifting front end, and both are bent a little."""
-
 
 FLOOR = np.diag([1.0, 1.0, 10.0])
 """Information that a closure has in any direction: 1 m and 0.3 rad, for it lay in the window."""
@@ -133,7 +132,7 @@ class LoopCloser:
 
         Args:
             key: The key scan.
-            reference: Number of the key scan that its pose is known from; none for the first.
+            reference: Number of the key scan that its pose is known from; -1 for the first.
             way: How far the robot has driven from it [m].
             hung: Whether a scan in a known place stands between the two.
         """
@@ -211,7 +210,7 @@ class LoopCloser:
         around = self.resolution.submap_of(old, new)
         near = [k for k in around if self._stretches[k] == self._stretches[old]]
         origin = self.keys[old].pose
-        # A stretch so short was drawn by the front end better than the graph knows it.
+        # Over a stretch so short the front end's poses are better than those of the graph.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
         grid = wall_map(
             ((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True)),

@@ -30,20 +30,20 @@ from lrf3d.slam.wheels import Wheels
 from lrf3d.world import World
 
 CALIBRATED = 400
-"""Scans at the beginning of a log that the errors of its wheels are first learned from. With them
-a loop of 460 m, driven with wheels 15 % off, closes ten times as well."""
+"""Scans at the beginning of a log that give the first estimate of its wheels' errors. With it the
+end of a loop of 460 m, driven with wheels 15 % off, is ten times nearer to its beginning."""
 
 LEARNED, LEARNED_TURN = 0.012, 0.15
-"""Wheels whose way or turn turns out to be wrong by more than this share, beside what was known at
-first, have misplaced the beginning: the drive is solved once more. Around blocks of 400 to 640 m of
-corridor that takes half to three quarters of the error away. Scans show turns, but hardly the way
-along a corridor, so that only large errors of turns matter."""
+"""Where the scale of the way or of turns changes during a drive by more than this share of the first
+estimate, the beginning is misplaced: the drive is solved once more. Around blocks of 400 to 640 m
+of corridor that takes half to three quarters of the error away. Scans show turns, but hardly the
+way along a corridor, so that only large errors of turns matter."""
 
 MOST_PASSES = 3
-"""How often a drive is solved at most."""
+"""Times that a drive is solved, at most."""
 
 STILL = 1e-3
-"""What a line without motion counts as between two scans [m], so that none counts nothing."""
+"""Length [m] that is added to the motion at each line, so that no line has none."""
 
 
 class OdometryLines(Protocol):
@@ -71,7 +71,7 @@ class Recording(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Its name."""
 
     @property
     def scans(self) -> Sequence[LaserScan]:
@@ -92,19 +92,19 @@ class Recording(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LogSolution:
-    """What slam made of a recorded drive.
+    """The solution of a recorded drive.
 
     Args:
-        slam: The slam that ran over it, with all its key scans.
+        slam: The `Slam` that ran over it, with all its key scans.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         lag: How far the laser's clock is behind that of the odometry, in lines.
-        scan_poses: (k, 3) poses of the robot at the scans.
+        scan_poses: (k, 3) poses x, y [m], theta [rad] of the robot at the scans.
         line_poses: (n, 3) its poses at the odometry lines as logged, by the clock of the laser.
         milliseconds: Mean time of an update [ms].
         scans: The scans (k,), in the order in which they were taken, each once.
         repairs: What was wrong with the log.
-        passes: How often the drive was solved, because its wheels were otherwise than expected.
-        check: Whether the scans agree with each other.
+        passes: How often the drive was solved: again where its wheels' errors turned out to differ.
+        check: How well the scans agree with each other.
     """
 
     slam: Slam
@@ -313,9 +313,9 @@ class _Drive:
         log: The recording.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         path: The way of the wheels.
-        start: (3,) where they have the robot at the first scan.
-        increments: (k, 3) how they moved it to each scan.
-        first_wheels: Their errors, as the beginning of the drive shows them.
+        start: (3,) pose of the robot at the first scan by the wheels.
+        increments: (k, 3) odometry increments to each scan: ahead, to the left [m], turn [rad].
+        first_wheels: The wheels' errors, as the beginning of the drive shows them.
     """
 
     log: Repaired
@@ -327,7 +327,7 @@ class _Drive:
 
 
 def _drive_of(log: Repaired, laser_offset: float) -> _Drive:
-    """Find the lag of a recording, and what its beginning says of the wheels."""
+    """Find the lag of a recording and, from its beginning, the errors of its wheels."""
     laser, path = np.array([laser_offset, 0.0]), WheelPath(log.wheels)
     resolution = Resolution.of(log.scans[0].angles)
 
@@ -345,7 +345,7 @@ def _drive_of(log: Repaired, laser_offset: float) -> _Drive:
 def _solved(
     drive: _Drive, wheels: Wheels, *, key_distance: float, progress: Progress
 ) -> LogSolution:
-    """Solve a drive, with what is known of its wheels."""
+    """Solve a drive, starting from known errors of its wheels."""
     log, path, offset = drive.log, drive.path, drive.laser_offset
     scans, places = log.scans, log.places
     slam = Slam(start=drive.start, laser_offset=offset, key_distance=key_distance, wheels=wheels)

@@ -1,7 +1,7 @@
 """Slam: poses and map from scans and odometry increments alone, current after every scan.
 
-A scan and how the robot moved since the last one by its wheels enter. The front end places the
-scan; key scans look for loops, and where one closes the pose graph is optimised, the poses move
+A scan and the odometry increment since the last one enter. The front end places the scan. Each key
+scan is searched for loop closures; where a loop closes, the pose graph is optimised, the poses move
 and the map is drawn anew.
 """
 
@@ -37,7 +37,7 @@ from lrf3d.slam.violation import Key
 from lrf3d.slam.wheels import Wheels
 
 EDGE_SHARE = 0.3
-"""Share of the matching's information that counts for the edge between key scans: neighbours are
+"""Share of the matching's information that the edge between two key scans has: adjacent ones are
 matched with the same local map, and share its errors."""
 
 NEWS = 4.0
@@ -61,7 +61,7 @@ class Slam:
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         key_distance: Way from one key scan to the next [m].
         key_turn: Turn from one key scan to the next [rad].
-        wheels: What is known of the wheels' errors from an earlier drive.
+        wheels: The wheels' errors as found in an earlier drive, of which a copy is kept.
 
     Raises:
         InputError: A number is not finite, or a distance not positive.
@@ -166,14 +166,14 @@ class Slam:
         return compose(self._key_poses[self._anchors[-1].key], self._since_key())
 
     def _since_key(self) -> Float:
-        """Pose (3,) of the last scan as seen from the key scan that its pose is known from."""
+        """Pose (3,) of the last scan as seen from the key scan of the last anchor."""
         last = self._anchors[-1]
         return compose(last.relative, between(last.front, self._tracked[-1].pose))
 
     def covariance(self) -> Float:
         """Covariance (3, 3) of the pose at the last scan, x, y [m], theta [rad], since the start.
 
-        It takes a step over the whole pose graph, and is computed when it is asked for.
+        Each call takes a step over the whole pose graph.
         """
         poses, edges = self._key_poses, self._used_edges()
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
@@ -199,7 +199,7 @@ class Slam:
         return turned(found, float(self._start[2]))
 
     def relative_covariance(self, first: int, second: int) -> Float:
-        """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
+        """Covariance (3, 3) of a key scan's pose as seen from another one, along the axes of that.
 
         Args:
             first: Number of the key scan that it is seen from.
@@ -223,12 +223,12 @@ class Slam:
         return np.array(checked, dtype=np.int64)
 
     def _used_edges(self) -> Edges:
-        """The edges that the poses follow: without closures since the last optimisation."""
+        """The edges that the poses fit: all but the closures since the last optimisation."""
         edges = self._gathered_edges()
         return edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
 
     def _edge_errors(self, scans: int | None = None) -> EdgeErrors:
-        """Of what their errors are made, up to the last key scan or so many scans."""
+        """What the errors of these edges are made of, up to the last key scan or this many scans."""
         keys, used = self._closer.keys, self._closer.accepted[: self._closures_used]
         tracked = self._tracked[: keys[-1].scan + 1 if scans is None else scans]
         anchored = self._anchored[: np.searchsorted(self._anchored, len(tracked))]
@@ -287,7 +287,7 @@ class Slam:
 
     @property
     def wheels(self) -> Wheels:
-        """What is known of the wheels' errors."""
+        """The wheels' errors as found so far; ``wheels.biases`` are the systematic ones."""
         return self._front.wheels
 
     @property
@@ -298,8 +298,8 @@ class Slam:
     def finish(self) -> None:
         """Adjust all poses, once the last scan is in: by the pose graph, then by the walls.
 
-        The walls replace the closures: what lies on one line says more than the relative pose of
-        two scans, and of a closure that was wrong nothing stays.
+        The walls replace the closures: they fix poses better than the relative poses of two scans
+        do, and a closure that was wrong leaves no trace.
         """
         edges = self._gathered_edges()
         if len(edges):
@@ -320,7 +320,7 @@ class Slam:
         return poses
 
     def self_check(self) -> SelfCheck:
-        """How well the key scans agree with each other, as they are placed now."""
+        """Compare the key scans, at their current poses, where the robot came by again."""
         return self_check(self._closer.keys, self._key_poses, self._closer.ways)
 
     @property

@@ -76,7 +76,7 @@ class Wheels:
         turn the first few scans, and with them the whole drive, by some milliradians.
 
         Args:
-            increment: (3,) corrected, ahead, to the left [m], turn [rad].
+            increment: (3,) as the wheels measured it, ahead, to the left [m], turn [rad].
         """
         turn, way = float(increment[2]), float(increment[0])
         (by_turn, both), (_, by_way) = self._turn_information.tolist()
