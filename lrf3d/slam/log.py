@@ -30,14 +30,14 @@ from lrf3d.slam.wheels import Wheels
 from lrf3d.world import World
 
 CALIBRATED = 400
-"""Scans at the beginning of a log that give the first estimate of its wheels' errors. With it the
-end of a loop of 460 m, driven with wheels 15 % off, is ten times nearer to its beginning."""
+"""Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
+loop of 460 m, driven with wheels 15 % off, closes with a tenth of the error."""
 
 LEARNED, LEARNED_TURN = 0.012, 0.15
-"""Where the scale of the way or of turns changes during a drive by more than this share of the first
-estimate, the beginning is misplaced: the drive is solved once more. Around blocks of 400 to 640 m
-of corridor that takes half to three quarters of the error away. Scans show turns, but hardly the
-way along a corridor, so that only large errors of turns matter."""
+"""Where the scale of the way or of turns moves by more than this share from its first estimate, the
+beginning is misplaced: the drive is solved once more. Around blocks of 400 to 640 m of corridor
+that takes half to three quarters of the error away. Scans show turns, but hardly the way along a
+corridor, so that only large errors of turns matter."""
 
 MOST_PASSES = 3
 """Times that a drive is solved, at most."""

@@ -228,7 +228,7 @@ class Slam:
         return edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
 
     def _edge_errors(self, scans: int | None = None) -> EdgeErrors:
-        """What the errors of these edges are made of, up to the last key scan or this many scans."""
+        """What these edges' errors are made of, up to the last key scan or a number of scans."""
         keys, used = self._closer.keys, self._closer.accepted[: self._closures_used]
         tracked = self._tracked[: keys[-1].scan + 1 if scans is None else scans]
         anchored = self._anchored[: np.searchsorted(self._anchored, len(tracked))]
