@@ -131,9 +131,11 @@ class Slam:
                 [m], turn [rad].
 
         Raises:
-            InputError: The scan has another number of beams than the laser range finder, or the
+            InputError: The scan has no beams or another number than the laser range finder, or the
                 odometry is not three finite numbers.
         """
+        if not len(scan.ranges):
+            raise InputError("slam: scan of 0 beams; expected at least one")
         if self._lrf is not None and len(scan.ranges) != self._lrf.beams:
             raise InputError(
                 f"slam: scan of {len(scan.ranges)} beams, the laser range finder has"
@@ -312,10 +314,9 @@ class Slam:
     def refined(self, scans: Sequence[LaserScan]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
         keys, key_poses = self._closer.keys, self._key_poses
-        poses = self.scan_poses(key_poses)
-        motions = np.array([scan.motion for scan in self._tracked])
-        poses = refined(scans, poses, motions, keys, key_poses, self._anchored)
-        poses = compose(self._start, poses)
+        poses, motions = self.scan_poses(key_poses), np.array([t.motion for t in self._tracked])
+        found = refined(scans, poses, motions, keys, key_poses, self._anchored)
+        poses = compose(self._start, found)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
 

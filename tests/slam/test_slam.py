@@ -198,6 +198,13 @@ def test_covariances_of_key_scans_that_are_not_there_are_refused(wrong):
         slam.relative_covariance(0, *wrong)
 
 
+def test_a_scan_without_beams_is_refused():
+    slam = lrf3d.Slam()
+    with pytest.raises(InputError, match="scan of 0 beams"):
+        slam.update(lrf3d.LaserScan((0, 0, 0), [], []), (0, 0, 0))
+    assert slam.trajectory().shape == (0, 3)
+
+
 def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry():
     scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 1.0])
     with pytest.raises(InputError, match="2 beams"):
