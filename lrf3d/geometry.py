@@ -82,8 +82,9 @@ def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = No
     Raises:
         InputError: It is not a whole number, or out of range.
     """
-    if not is_finite(value) or value != int(value) or value < least or value > (most or value):
-        limit = f"from {least} to {most}" if most else f"of at least {least}"
+    largest = value if most is None else most
+    if not is_finite(value) or value != int(value) or value < least or value > largest:
+        limit = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise InputError(f"{name} {shown(value)}: expected a whole number {limit}")
     return int(value)
 

@@ -53,7 +53,7 @@ class SlamLog:
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         solution, tracked = self.solution, self.solution.slam.tracked
-        repairs, biases = solution.repairs, solution.slam.wheel_biases.tolist()
+        repairs, biases = solution.repairs, solution.slam.wheels.biases.tolist()
         return {
             "name": self.log.name,
             "log": {

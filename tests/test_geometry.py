@@ -147,6 +147,9 @@ def test_whole_numbers_are_those_within_their_limits():
         assert type(whole_number(value, "beams", most=5)) is int
     assert whole_number(1, "beams") == 1 and whole_number(10**9, "beams") == 10**9
     assert whole_number(0, "beams", least=0) == 0
+    assert whole_number(0, "key scan", least=0, most=0) == 0
+    with pytest.raises(InputError, match="from 0 to 0"):
+        whole_number(1, "key scan", least=0, most=0)
     for wrong in (0, 6, 2.5, -3, np.nan, np.inf, "3", None):
         with pytest.raises(InputError, match=r"beams .*: expected a whole number from 1 to 5"):
             whole_number(wrong, "beams", most=5)

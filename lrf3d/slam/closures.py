@@ -1,8 +1,8 @@
 """Loop closures: key scans that show the same place as much older ones.
 
-Key scans and their estimated poses enter; relative poses between key scans leave that
-hold up: the scans overlap, no beam of the one passes through what the other saw, no other place in
-the window fits as well, and enough closures of the same stretch agree with each other.
+Key scans and their estimated poses enter; relative poses between key scans leave. Each was checked:
+the scans overlap, no beam of the one passes through what the other saw, no other place in the
+window fits as well, and enough closures of the same stretch agree with each other.
 """
 
 from dataclasses import dataclass
@@ -67,7 +67,6 @@ CLOSURE_SHARE = 0.3
 """Share of the matching's information that a closure's edge counts with: old and new map were drawn
 by the same drifting front end, and both are bent a little."""
 
-
 FLOOR = np.diag([1.0, 1.0, 10.0])
 """Information that a closure has in any direction: 1 m and 0.3 rad, for it lay in the window."""
 
@@ -126,22 +125,30 @@ class LoopCloser:
         self.way += way
         return way
 
-    def add_key(self, key: Key, reference: int = -1, way: float = 0.0) -> None:
+    def add_key(
+        self, key: Key, reference: int = -1, way: float = 0.0, *, hung: bool = False
+    ) -> None:
         """Take in the next key scan.
 
         Args:
             key: The key scan.
-            reference: Number of the key scan that its pose is known from; none for the first.
+            reference: Number of the key scan that its pose is known from; -1 for the first.
             way: How far the robot has driven from it [m].
+            hung: Whether a scan in a known place stands between the two.
         """
         new, stretch = len(self.keys), 0
         self.graph.add()
         if new:
             self.graph.link(reference, new, way)
-            stretch = int(self._stretches[-1]) + (reference != new - 1)
+            stretch = int(self._stretches[-1]) + hung
         self.ways = np.append(self.ways, self.way)
         self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)
+
+    def ways_from_newest(self, limit: float) -> Float:
+        """The ways (k,) [m] over the graph from the newest key scan, +inf beyond a limit [m]."""
+        every = np.ones(len(self.keys), np.bool_)
+        return self.graph.distances(len(self.keys) - 1, limit, every)
 
     def search(self, poses: Float) -> list[Closure]:
         """Closures of the newest key scan that are accepted now, and older ones that it confirms.
@@ -203,7 +210,7 @@ class LoopCloser:
         around = self.resolution.submap_of(old, new)
         near = [k for k in around if self._stretches[k] == self._stretches[old]]
         origin = self.keys[old].pose
-        # A stretch so short was drawn by the front end better than the graph knows it.
+        # Over a stretch so short the front end's poses are better than those of the graph.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
         grid = wall_map(
             ((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True)),

@@ -1,8 +1,9 @@
-"""Drift: how the front end's errors come of those of its scans and of the wheels.
+"""Drift: how the errors of scans and wheels become those of the front end's poses.
 
-Scans as the front end placed them enter. What leaves says, for each stretch between two key scans,
-how far the error at its end is that of its beginning, that of the local map, or new. A scan's pose
-is a mean, weighted by information, of where its walls lie on the map and where the wheels have it:
+Scans as the front end placed them enter. For each stretch between two nodes of the pose graph,
+which shares of the error at its end come from its beginning and from the local map, and which
+covariance is new, leave. A scan's pose is a mean, weighted by information, of the pose by the walls
+of the map and the pose by the wheels:
 
     T = P (Ω T_map + Ω₀ T_wheels),    P = (Ω + Ω₀)⁻¹
 
@@ -21,18 +22,19 @@ from lrf3d.slam.front_end import Tracked
 from lrf3d.slam.surface import BASELINE, MOST_NEIGHBOURS
 from lrf3d.slam.wheels import EXPECTED
 
-KNOWN_BEFORE = 2.0
-"""How many increments the expected noise of the wheels counts as, beside those that scans show."""
+PRIOR_INCREMENTS = 2.0
+"""Increments that the expected noise of the wheels counts as, beside those that scans measure."""
 
 LARGEST_SLIP = 10.0
-"""An increment counts as off by so many deviations at most."""
+"""Deviations that an increment counts as off by, at most."""
 
 SEEN = 0.5
-"""An increment shows the noise of the wheels in directions in which the scans have this share."""
+"""An increment shows the noise of the wheels in directions in which scans have at least this share
+of the pose."""
 
 
 def correlated_points(surface: Float) -> float:
-    """How many following points of a surface (m, 4) share one error, in the harmonic mean.
+    """How many adjacent points of a surface (m, 4) share one error, in the harmonic mean.
 
     The normal and the offset of a point are those of the points around it: see
     `lrf3d.slam.surface`.
@@ -45,14 +47,14 @@ def correlated_points(surface: Float) -> float:
 
 
 def wheel_factors(found: Float, motions: Float, variances: Float, gains: Float) -> Float:
-    """By what the wheels' variances (3,) are to be multiplied, by how far they and scans differ.
+    """Factors (3,) for the wheels' variances, from how far wheels and scans differ.
 
     Args:
-        found: (n, 3) increments as the front end found them.
+        found: (n, 3) increments as the front end found them: ahead, to the left [m], turn [rad].
         motions: (n, 3) those of the wheels.
-        variances: (n, 3) what their random errors are expected to have; +inf where that says
-            nothing.
-        gains: (n, 3) which share of the error found has itself.
+        variances: (n, 3) expected variances of their random errors [m²], [rad²]; +inf where an
+            increment is not to be used.
+        gains: (n, 3) which share of the wheels' error the found increment still has.
     """
     off = found - motions
     off[:, 2] = wrap_angle(off[:, 2])
@@ -60,8 +62,8 @@ def wheel_factors(found: Float, motions: Float, variances: Float, gains: Float) 
     variances = np.where(shown, variances, 0.0)
     squares = np.where(shown, off / np.where(shown, 1.0 - gains, 1.0), 0.0) ** 2
     squares = np.minimum(squares, LARGEST_SLIP**2 * variances)
-    # The sums are compared, not each increment: what adds up is to be right.
-    before = KNOWN_BEFORE * variances.sum(axis=0) / np.maximum(shown.sum(axis=0), 1)
+    # Sums are compared, not increments: the error that accumulates is what has to be right.
+    before = PRIOR_INCREMENTS * variances.sum(axis=0) / np.maximum(shown.sum(axis=0), 1)
     total, expected = squares.sum(axis=0) + before, variances.sum(axis=0) + before
     known = expected > 0.0
     factors = np.where(known, total / np.where(known, expected, 1.0), 1.0)
@@ -70,16 +72,16 @@ def wheel_factors(found: Float, motions: Float, variances: Float, gains: Float) 
 
 
 def stretches(tracked: Sequence[Tracked], nodes: Int, noise: float) -> tuple[Float, Float]:
-    """How errors go on from node to node, and what comes new.
+    """How errors propagate from node to node, and which are added.
 
     Args:
         tracked: The scans.
-        nodes: (k,) the numbers of those that are nodes, from 0 on.
-        noise: What the inverse of matching's information is to be multiplied with.
+        nodes: (k,) rising numbers of the scans that are nodes, the first of them 0.
+        noise: The factor from the inverse of matching's information to a covariance.
 
     Returns:
-        For each node which share (k, 3, 3) of the error of the one before goes on by the wheels;
-        the rest is that of the local map. And the covariance (k, 3, 3) of what comes new.
+        For each node the share (k, 3, 3) of the error of the node before that it keeps by the
+        wheels; the rest comes from the local map. And the covariance (k, 3, 3) that is added.
     """
     motions = np.array([scan.motion for scan in tracked])
     information = np.array([scan.information for scan in tracked])
@@ -90,12 +92,12 @@ def stretches(tracked: Sequence[Tracked], nodes: Int, noise: float) -> tuple[Flo
     gains = both / prior[:, None, :]
     poses = np.array([scan.pose for scan in tracked])
     usable = np.where([[scan.matched] for scan in tracked], random, np.inf)
-    # While systematic errors are still being learned an increment shows these.
+    # While the systematic errors are still unknown, turns differ by these instead of by noise.
     usable[unlearned > random[:, 2], 2] = np.inf
     shares = np.diagonal(gains, axis1=1, axis2=2)
     factors = wheel_factors(between(poses[:-1], poses[1:]), motions[1:], usable[1:], shares[1:])
     wheels = random * factors
-    # What is learned of the systematic errors is as much better as the wheels' noise is smaller.
+    # Where the wheels' noise is smaller than expected, the systematic errors are known better.
     before = ((EXPECTED[:2] * motions[:, [2, 0]]) ** 2).sum(axis=1)
     known = np.maximum(1.0 / np.maximum(unlearned, 1e-12) - 1.0 / np.maximum(before, 1e-12), 0.0)
     left = 1.0 / (1.0 / np.maximum(before, 1e-12) + known / factors[2])
@@ -116,9 +118,9 @@ def chained(
 
     Args:
         motions: (n, 3) increments to each scan.
-        gains: (n, 3, 3) which share of the wheels' error each has.
+        gains: (n, 3, 3) which share of the wheels' error each scan keeps.
         wheels: (n, 3) variances of the increments.
-        scans: (n, 3, 3) covariances of what the noise of each scan does.
+        scans: (n, 3, 3) covariances of the poses by the noise of each scan.
         nodes: (k,) the scans that are nodes.
     """
     back = np.zeros((len(nodes), 3, 3))
@@ -163,7 +165,7 @@ def _product(first: Float, second: Float, product: Float) -> None:
 
 @inner
 def _spread(matrix: Float, covariance: Float, left: Float, found: Float) -> None:
-    """The covariance (3, 3) of what a matrix makes of errors; left is room for the half of it."""
+    """The covariance A C Aᵀ (3, 3) of errors after a matrix A; left is room for A C."""
     _product(matrix, covariance, left)
     for a in range(3):
         for b in range(3):

@@ -1,7 +1,7 @@
-"""Edge errors: of what the errors of a drive's pose graph are made.
+"""Edge errors: which independent errors those of a drive's pose graph are made of.
 
-The scans as the front end placed them, the key scans and the closures enter; what
-`lrf3d.slam.uncertainty` needs to find covariances leaves.
+The scans as the front end placed them, the key scans and the closures enter; the `EdgeErrors` that
+`lrf3d.slam.uncertainty` computes covariances from leave.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.slam.closures import CLOSURE_SHARE, FLOOR, Closure
 from lrf3d.slam.drift import correlated_points, stretches
 from lrf3d.slam.front_end import LOCAL_KEYS, Tracked
-from lrf3d.slam.known_places import GUESS
+from lrf3d.slam.known_places import PLACE_INFORMATION
 from lrf3d.slam.map_shares import MapShares
 from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.uncertainty import EdgeErrors, rotations
@@ -20,22 +20,22 @@ from lrf3d.slam.violation import Key
 
 
 def deviation_of(tracked: Sequence[Tracked], sigma: float) -> float:
-    """How far matched points lie off their walls, over the deviation [m] that one counts with."""
+    """The usual distance of matched points to their walls, as a multiple of sigma [m]."""
     matched = [scan.deviation for scan in tracked if scan.matched]
     return float(np.median(matched)) / sigma if matched else 1.0
 
 
 class ErrorModel:
-    """Finds the errors of a pose graph's edges; of key scans that it knows nothing is done again.
+    """Computes the errors of a pose graph's edges; what it has computed of key scans is kept.
 
     Args:
-        resolution: That of the laser.
+        resolution: The resolution of the laser.
     """
 
     def __init__(self, resolution: Resolution = DENSE) -> None:
         self._resolution = resolution
         self._shares = MapShares(resolution)
-        # For each key scan the share that one of its points has in the points around it.
+        # For each key scan the inverse of how many of its points share one error.
         self._alone: list[float] = []
 
     def edge_errors(
@@ -45,12 +45,12 @@ class ErrorModel:
         keys: Sequence[Key],
         closures: Sequence[Closure],
     ) -> EdgeErrors:
-        """The errors of the edges between the key scans, to the last scan, and of closures.
+        """The errors of edges between key scans, of the edge to the last scan, and of closures.
 
         Args:
             tracked: The scans, at least one.
-            anchored: (a,) numbers of the key scans and of scans in known places among them.
-            keys: The key scans; the last scan is one more pose of the graph if it is none of them.
+            anchored: (a,) numbers of the key scans and of scans in known places among all scans.
+            keys: The key scans; if the last scan is not one of them it is a further pose.
             closures: The closures, in the order of their edges.
         """
         noise = self._noise(tracked, keys)
@@ -65,7 +65,7 @@ class ErrorModel:
         if keys[-1].scan < len(tracked) - 1:
             hung = places[-1] < len(anchored) - 1
             begins = np.append(begins, len(keys) if hung else begins[-1])
-            # Its map is one key scan newer, with the shares of that one's map.
+            # The last scan's map has one key scan more than that key scan's; its shares serve.
             alone = begins[-1] == len(keys) - 1
             last = np.eye(3) * (np.arange(LOCAL_KEYS) == 0)[:, None, None] if alone else shares[-1]
             shares = np.concatenate([shares, last[None]])
@@ -81,23 +81,23 @@ class ErrorModel:
     def _hanging(
         tracked: Sequence[Tracked], anchored: Int, places: Int, new: Float, noise: float
     ) -> Float:
-        """Covariances (k, 3, 3) of where scans in known places stood, before each pose.
+        """Covariances (k, 3, 3) of the scans in known places that come just before each pose.
 
-        Such a scan is matched with key scans around it. What they do not fix goes on.
+        Such a scan is matched with the key scans around it. In directions that these do not fix
+        the error of the anchor before it persists.
         """
-        key, found = np.zeros(len(anchored) + 1, np.bool_), np.zeros((len(anchored) + 1, 3, 3))
-        key[places] = True
-        for place in np.flatnonzero(~key).tolist():
-            information = tracked[anchored[place]].information if place < len(anchored) else GUESS
-            inverse = np.linalg.inv(information + GUESS)
-            before = GUESS @ (found[place - 1] + new[place]) @ GUESS
+        guess, found = PLACE_INFORMATION, np.zeros((len(anchored), 3, 3))
+        for place in np.setdiff1d(np.arange(len(anchored)), places).tolist():
+            information = tracked[anchored[place]].information
+            inverse = np.linalg.inv(information + guess)
+            before = guess @ (found[place - 1] + new[place]) @ guess
             found[place] = inverse @ (noise * information + before) @ inverse
         return np.asarray(found[np.maximum(places - 1, 0)])
 
     def _noise(self, tracked: Sequence[Tracked], keys: Sequence[Key]) -> float:
-        """What the inverse of matching's information is to be multiplied with.
+        """The factor from the inverse of matching's information to a covariance.
 
-        Matching counts with a large deviation of each point, because there are things that move.
+        Matching assumes a large deviation of each point, because there are things that move.
         """
         deviation = deviation_of(tracked, self._resolution.sigma)
         if self._resolution.sparse:
@@ -107,7 +107,7 @@ class ErrorModel:
 
     @staticmethod
     def _closing(closures: Sequence[Closure], noise: float) -> Float:
-        """Covariances (c, 3, 3) of the noise in closures, along the axes of the new key scans."""
+        """Covariances (c, 3, 3) of closures' own noise, along the axes of their new key scans."""
         if not closures:
             return np.empty((0, 3, 3))
         turn = rotations(np.array([closure.relative[2] for closure in closures]))

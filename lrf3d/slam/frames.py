@@ -31,10 +31,9 @@ def _poses(x: Float, y: Float, turn: Float) -> Float:
 
 
 def turned(matrix: Float, angle: float) -> Float:
-    """A covariance or information matrix (3, 3) of a pose in axes turned back by an angle [rad].
+    """Covariance or information matrices (…, 3, 3) of poses, in axes turned back by an angle [rad].
 
-    What is known along the axes of the robot is so known along those of the map, in which the
-    robot stands at the angle.
+    It takes a matrix along the axes of a robot that stands at this angle to the axes of the map.
     """
     cos, sin = np.cos(angle), np.sin(angle)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

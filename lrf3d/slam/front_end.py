@@ -4,6 +4,7 @@ Surfaces and odometry increments enter; poses in the drifting frame of the front
 every half metre a key scan: loops are closed with these, and the pose graph is made of them.
 """
 
+from copy import deepcopy
 from dataclasses import dataclass
 from itertools import chain
 
@@ -127,7 +128,7 @@ class FrontEnd:
         key_distance: Way between key scans [m].
         key_turn: Turn between key scans [rad].
         resolution: That of the laser.
-        wheels: What is known of the wheels' errors; nothing if not given.
+        wheels: What is known of the wheels' errors; nothing if not given. A copy of it is kept.
     """
 
     def __init__(
@@ -141,7 +142,7 @@ class FrontEnd:
         self.key_distance, self.key_turn = key_distance, key_turn
         self.resolution = resolution
         self.pose = np.zeros(3)
-        self.wheels = Wheels() if wheels is None else wheels
+        self.wheels = Wheels() if wheels is None else deepcopy(wheels)
         # The surfaces that make the local map, with their poses, for each of the last key scans.
         self._local: list[list[tuple[Float, Float]]] = []
         # Those of a sparse laser's scans since the last key scan.

@@ -1,10 +1,10 @@
-"""The map of key scans, which is drawn anew, in pieces, where their poses have moved.
+"""Key map: the map of key scans, which is drawn anew in pieces where their poses have moved.
 
-Key scans and their poses enter as the drive goes on; the map leaves whenever it is asked for. A
-mapper cannot forget where a scan stood. Where closed loops move key scans, all are mapped again in
+Key scans and their poses enter as the drive goes on; the map leaves whenever it is read. A mapper
+cannot take a scan out of its map. So when closed loops move key scans, all are mapped again in
 their new places, but not at once: those around the robot first, then a few after each scan. Until
-all are done the map shows, of each place, what was drawn anew where that is so, and else the old
-segments, moved along with the key scan next to them.
+all are done, the map shows each place as drawn anew if its key scan is done; if not, it shows the
+old segments, moved along with the key scan next to them.
 """
 
 from collections.abc import Callable
@@ -18,21 +18,21 @@ from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.slam.frames import between, compose
 
 REDRAWN = 0.02
-"""The map is drawn anew where key scans have moved by more than this since [m]."""
+"""The map is drawn anew once a key scan has moved by more than this [m]."""
 
 AT_ONCE = 24
 """Key scans that are mapped again at once, those nearest to the robot: some 12 m of its way."""
 
 EACH_SCAN = 2
-"""And after each further scan: that takes as long as following the robot does."""
-
+"""Key scans that are mapped again after each further scan, as long as there are any: that takes as
+long as following the robot does."""
 
 PIECE = 2.0
-"""Length of the pieces [m] in which walls follow key scans meanwhile."""
+"""Length of the pieces [m] in which old walls follow their key scans until they are drawn anew."""
 
 
 class _Drawing:
-    """A mapper, the key scans that it is to take in, and where they are to stand."""
+    """A mapper, the key scans that it is to take in, and their poses in its map."""
 
     def __init__(self, keys: Int, poses: Float) -> None:
         self.mapper = LineMapper()
@@ -55,11 +55,12 @@ class _Drawing:
 class KeyMap:
     """The map of key scans at poses that move.
 
-    Nothing is mapped before the map is asked for, and what it shows does not depend on when it is.
+    Nothing is mapped before the map is read, and the map does not depend on when it was read.
 
     Args:
-        placed: Makes the scan at a pose (3,) of the key scan of a number.
-        start: (3,) pose in the world of what the poses are since.
+        placed: Returns the key scan of a number with the pose of its laser in the world, where the
+            robot is at a pose (3,) since the start.
+        start: (3,) pose x, y [m], theta [rad] of the start in the world.
     """
 
     def __init__(self, placed: Callable[[int, Float], LaserScan], start: Float) -> None:
@@ -70,11 +71,11 @@ class KeyMap:
         self._poses = np.empty((0, 3))
 
     def update(self, poses: Float, robot: Float) -> None:
-        """Take in where key scans are now, before `go_on`.
+        """Take in the current poses of the key scans, before `go_on`.
 
         Args:
-            poses: (k, 3) of all key scans, old and new.
-            robot: (3,) where the robot is.
+            poses: (k, 3) poses since the start of all key scans, old and new.
+            robot: (3,) pose of the robot since the start.
         """
         self._poses = poses
         for drawing in (self._now, self._next):
@@ -118,7 +119,7 @@ class KeyMap:
         )
 
     def _add_new(self, drawing: _Drawing) -> None:
-        """Put key scans that are new into a drawing: where they are beside those around them."""
+        """Put new key scans into a drawing, each as it stands to the key scan next to it."""
         for number in range(len(drawing.poses), len(self._poses)):
             pose = self._poses[number]
             if number:
@@ -130,11 +131,11 @@ class KeyMap:
             drawing.order.append(number)
 
     def _has_moved(self, drawing: _Drawing) -> bool:
-        """Whether key scans stand elsewhere by now."""
+        """Whether key scans have moved since the drawing took them in."""
         return bool((_apart(drawing.poses, self._poses) > REDRAWN).any())
 
     def _moved(self, drawing: _Drawing, line_map: LineMap, shown: Bool) -> tuple[Float, Int]:
-        """What a drawing shows, where its key scans stand now.
+        """The segments of a drawing, moved to where its key scans stand now.
 
         Args:
             drawing: The drawing.
@@ -142,8 +143,8 @@ class KeyMap:
             shown: (k,) the key scans whose surroundings it shows.
 
         Returns:
-            Segments (s, 4), moved with the key scans next to them, and the segment (s,) of the map
-            that each is part of.
+            Segments (s, 4) [m], moved with the key scans next to them, and for each the number
+            (s,) of the segment of the map that it is part of.
         """
         then, now = compose(self._start, drawing.poses), compose(self._start, self._poses)
         starts, ways = line_map.segments[:, :2], line_map.segments[:, 2:] - line_map.segments[:, :2]
@@ -173,6 +174,6 @@ class KeyMap:
 
 
 def _apart(first: Float, second: Float) -> Float:
-    """How far poses (…, 3) are apart [m]."""
+    """Distances (…) between the places of poses (…, 3) [m]."""
     steps = second - first
     return np.asarray(np.hypot(steps[..., 0], steps[..., 1]))

@@ -1,9 +1,9 @@
-"""Known places: where a key scan shows what a robot sees, it needs no new one.
+"""Known places: where older key scans show what a scan shows, no new key scan is needed.
 
-A scan, its expected pose and the key scans enter. If the robot is where it has been before, and
-certain of it, its pose as seen from the key scan next to it leaves: the scan hangs on that key
-scan, and the graph does not grow. So it grows with the space, not with time: the idea of Johannsson
-et al. 2013 (a reduced pose graph), here for scans.
+A scan, the anchor before it and the key scans enter. If the robot is certainly where it has been
+before, an anchor leaves: the scan hangs on the nearest key scan, by its pose as seen from there,
+and the pose graph does not grow. So the graph grows with the space, not with time: the idea of the
+reduced pose graph (Johannsson et al. 2013), here for scans.
 """
 
 from dataclasses import dataclass
@@ -29,24 +29,24 @@ PLACE, PLACE_TURN = 0.5, 0.5
 """Key scans within this [m], [rad] of each other are of one place."""
 
 ENOUGH = 2
-"""Key scans of a place, of earlier drives past it, with which it is known. With one, errors after
-hours in a town are a fifth larger, and covariances less honest; recorded offices are the same."""
+"""Key scans of earlier drives past a place that make it known. With one, errors after hours in a
+town are a fifth larger, and covariances too small; in recorded offices nothing changes."""
 
 MOST_WITH = 8
 """Key scans that a scan in a known place is matched with, at most."""
 
 AROUND = 2.0
-"""How far they stand from it [m], at most."""
+"""How far from the scan these key scans stand [m], at most."""
 
 CERTAIN_WAY = 10.0
-"""A robot is certain of its pose where the way over the graph from what it knows its pose from is
-at most this [m]: it drifts less than the least window in which closures are looked for."""
+"""A robot is certain of its pose relative to key scans that are at most this way [m] over the graph
+from its last anchor: it drifts less than the least window in which closures are looked for."""
 
-EXPECTED = np.diag(np.array([LEAST_WINDOW, LEAST_WINDOW, LEAST_WINDOW_TURN]) ** 2.0)
-"""Covariance of the pose that is expected there."""
+PLACE_COVARIANCE = np.diag(np.array([LEAST_WINDOW, LEAST_WINDOW, LEAST_WINDOW_TURN]) ** 2.0)
+"""Covariance of the pose of a scan there before it is matched: the least window of closures."""
 
-GUESS = np.diag(1.0 / EXPECTED.diagonal())
-"""And its information."""
+PLACE_INFORMATION = np.diag(1.0 / PLACE_COVARIANCE.diagonal())
+"""The inverse of that covariance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +56,9 @@ class Anchor:
     Args:
         scan: Number of the scan.
         key: Number of the key scan that it hangs on; its own, if it is one.
-        relative: (3,) its pose as seen from that one.
-        front: (3,) where the front end had it, in its own drifting frame.
-        way: Way [m] over which a robot drifts as far as its pose may be off that of the key scan.
+        relative: (3,) its pose x, y [m], theta [rad] as seen from that key scan.
+        front: (3,) its pose x, y [m], theta [rad] in the drifting frame of the front end.
+        way: How uncertain the relative pose is, as the way [m] over which a robot drifts as far.
     """
 
     scan: int
@@ -101,7 +101,9 @@ def in_known_place(
     )
     if grid is None:
         return None
-    match = match_scan(scan.surface, grid, guess, GUESS, ITERATIONS, REACH, resolution.sigma)
+    match = match_scan(
+        scan.surface, grid, guess, PLACE_INFORMATION, ITERATIONS, REACH, resolution.sigma
+    )
     off = np.abs(between(guess, match.pose))
     if (
         match.explained < resolution.overlap
@@ -110,7 +112,7 @@ def in_known_place(
         or contradicted(around, scan, between(poses[near], match.pose))
     ):
         return None
-    # Along a corridor the walls do not say how far the robot has come: there it goes on drifting.
+    # Along a corridor the walls do not fix how far the robot has come: there it goes on drifting.
     weakest = weakest_direction(match.information)[1]
     drift = CLOSURE_WAY if weakest >= WEAK else uncertain
     nearest = int(np.where(here, apart, np.inf).argmin())

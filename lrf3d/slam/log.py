@@ -30,20 +30,20 @@ from lrf3d.slam.wheels import Wheels
 from lrf3d.world import World
 
 CALIBRATED = 400
-"""Scans at the beginning of a log that the errors of its wheels are first learned from. With them
-a loop of 460 m, driven with wheels 15 % off, closes ten times as well."""
+"""Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
+loop of 460 m, driven with wheels 15 % off, closes with a tenth of the error."""
 
 LEARNED, LEARNED_TURN = 0.012, 0.15
-"""Wheels whose way or turn turns out to be wrong by more than this share, beside what was known at
-first, have misplaced the beginning: the drive is solved once more. Around blocks of 400 to 640 m of
-corridor that takes half to three quarters of the error away. Scans show turns, but hardly the way
-along a corridor, so that only large errors of turns matter."""
+"""Where the scale of the way or of turns moves by more than this share from its first estimate, the
+beginning is misplaced: the drive is solved once more. Around blocks of 400 to 640 m of corridor
+that takes half to three quarters of the error away. Scans show turns, but hardly the way along a
+corridor, so that only large errors of turns matter."""
 
 MOST_PASSES = 3
-"""How often a drive is solved at most."""
+"""Times that a drive is solved, at most."""
 
 STILL = 1e-3
-"""What a line without motion counts as between two scans [m], so that none counts nothing."""
+"""Length [m] that is added to the motion at each line, so that no line has none."""
 
 
 class OdometryLines(Protocol):
@@ -71,7 +71,7 @@ class Recording(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Its name."""
 
     @property
     def scans(self) -> Sequence[LaserScan]:
@@ -92,19 +92,19 @@ class Recording(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LogSolution:
-    """What slam made of a recorded drive.
+    """The solution of a recorded drive.
 
     Args:
-        slam: The slam that ran over it, with all its key scans.
+        slam: The `Slam` that ran over it, with all its key scans.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         lag: How far the laser's clock is behind that of the odometry, in lines.
-        scan_poses: (k, 3) poses of the robot at the scans.
+        scan_poses: (k, 3) poses x, y [m], theta [rad] of the robot at the scans.
         line_poses: (n, 3) its poses at the odometry lines as logged, by the clock of the laser.
         milliseconds: Mean time of an update [ms].
         scans: The scans (k,), in the order in which they were taken, each once.
         repairs: What was wrong with the log.
-        passes: How often the drive was solved, because its wheels were otherwise than expected.
-        check: Whether the scans agree with each other.
+        passes: How often the drive was solved: again where its wheels' errors turned out to differ.
+        check: How well the scans agree with each other.
     """
 
     slam: Slam
@@ -201,12 +201,7 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
     # The last map is that of all scans: those after the last key scan show nothing new.
     maps[len(scans) - 1] = line_map = maps.pop(keys[-1])
     solid = lengths(line_map.segments) > 0.0
-    first = scans[0]
-    angles = first.angles
-    lrf = LaserRangeFinder(
-        float(angles[0]), float(angles[-1]), len(angles), first.range_min, first.range_max
-    )
-    ranges = np.array([scan.ranges for scan in scans])
+    lrf, ranges = range_finder_of(scans)
     times, _ = rising(np.array([scan.time for scan in scans]))
     # Stamps count from 1970; the clock of a run begins with it.
     times -= times[0]
@@ -221,6 +216,21 @@ def run_of(recording: Recording, solution: LogSolution) -> Run:
         tuple(maps.values()),
         estimate=estimate_of(solution, poses),
     )
+
+
+def range_finder_of(scans: Sequence[LaserScan]) -> tuple[LaserRangeFinder, Float]:
+    """The range finder that took scans (k,), and their ranges (k, beams) [m] in its order."""
+    first, ranges = scans[0], np.array([scan.ranges for scan in scans])
+    angles, farthest = first.angles, first.range_max
+    if angles[0] > angles[-1]:
+        # A laser that hangs upside down turns clockwise; the range finder of a run does not.
+        angles, ranges = angles[::-1], ranges[:, ::-1]
+    if not np.isfinite(farthest):
+        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
+        usual = LaserRangeFinder().range_max
+        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
+    begin, end = float(angles[0]), float(angles[-1])
+    return LaserRangeFinder(begin, end, len(angles), first.range_min, farthest), ranges
 
 
 def estimate_of(solution: LogSolution, poses: Float) -> EstimatedTrajectory:
@@ -259,7 +269,8 @@ def solve_log(
 
     Raises:
         InputError: There are fewer than two scans or no odometry, the scans are of several laser
-            range finders, or the odometry jumps so often that it is none.
+            range finders, a number of the odometry is not finite, or it jumps so often that it is
+            invalid.
     """
     if len(scans) < 2 or not len(wheels):
         raise InputError(
@@ -273,6 +284,12 @@ def solve_log(
                 " expected scans of one laser range finder"
             )
     stamps = np.arange(len(wheels), dtype=np.float64) if times is None else times
+    if not (finite := np.isfinite(wheels).all(axis=1) & np.isfinite(stamps)).all():
+        line = int(np.flatnonzero(~finite)[0])
+        raise InputError(
+            f"slam: odometry line {line} at {stamps[line]} s has the pose {wheels[line].tolist()};"
+            " expected finite numbers"
+        )
     log = repaired(scans, wheels, stamps, places)
     drive = _drive_of(log, laser_offset)
     known = drive.first_wheels
@@ -281,7 +298,7 @@ def solve_log(
         before = known.biases
         solution = _solved(drive, known, key_distance=key_distance, progress=progress)
         passes += 1
-        change = (1.0 + solution.slam.wheel_biases) / (1.0 + before) - 1.0
+        change = (1.0 + solution.slam.wheels.biases) / (1.0 + before) - 1.0
         as_known = abs(change[2]) <= LEARNED and abs(change[0]) <= LEARNED_TURN
         if as_known or passes == MOST_PASSES:
             return replace(solution, passes=passes, check=solution.slam.self_check())
@@ -296,9 +313,9 @@ class _Drive:
         log: The recording.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         path: The way of the wheels.
-        start: (3,) where they have the robot at the first scan.
-        increments: (k, 3) how they moved it to each scan.
-        first_wheels: Their errors, as the beginning of the drive shows them.
+        start: (3,) pose of the robot at the first scan by the wheels.
+        increments: (k, 3) odometry increments to each scan: ahead, to the left [m], turn [rad].
+        first_wheels: The wheels' errors, as the beginning of the drive shows them.
     """
 
     log: Repaired
@@ -310,7 +327,7 @@ class _Drive:
 
 
 def _drive_of(log: Repaired, laser_offset: float) -> _Drive:
-    """Find the lag of a recording, and what its beginning says of the wheels."""
+    """Find the lag of a recording and, from its beginning, the errors of its wheels."""
     laser, path = np.array([laser_offset, 0.0]), WheelPath(log.wheels)
     resolution = Resolution.of(log.scans[0].angles)
 
@@ -328,7 +345,7 @@ def _drive_of(log: Repaired, laser_offset: float) -> _Drive:
 def _solved(
     drive: _Drive, wheels: Wheels, *, key_distance: float, progress: Progress
 ) -> LogSolution:
-    """Solve a drive, with what is known of its wheels."""
+    """Solve a drive, starting from known errors of its wheels."""
     log, path, offset = drive.log, drive.path, drive.laser_offset
     scans, places = log.scans, log.places
     slam = Slam(start=drive.start, laser_offset=offset, key_distance=key_distance, wheels=wheels)

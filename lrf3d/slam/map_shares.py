@@ -1,8 +1,8 @@
-"""Map shares: how far each key scan of a map decides where a scan is matched with it.
+"""Map shares: how far the pose of a matched scan follows each key scan of the map.
 
-The surface of a scan, its pose, and the key scans of the map that it was matched with enter; for
-each of these a matrix (3, 3) leaves: the pose of the scan follows the errors of their poses as far
-as that. Together they are the identity, for if the whole map moves the scan moves with it.
+The surface of a scan, its pose, and the key scans of the map that it was matched with enter. For
+each of these key scans a matrix (3, 3) leaves, which takes an error of its pose to the error of the
+scan's pose. The matrices add up to the identity: if the whole map moves, the scan moves with it.
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ from lrf3d.slam.violation import Key
 
 
 class MapShares:
-    """The shares of all key scans' maps and of all closures' maps, each computed once.
+    """The shares in the maps of all key scans and of all closures, each computed once.
 
     Args:
-        resolution: That of the laser. Shares of a sparse one, whose points take their normals from
-            many scans together, are taken to be equal.
+        resolution: The resolution of the laser. Key scans of a sparse laser, whose points take
+            their normals from many scans together, have equal shares.
     """
 
     def __init__(self, resolution: Resolution = DENSE) -> None:
@@ -35,7 +35,7 @@ class MapShares:
         self._of_closures: list[Float] = []
 
     def of_keys(self, keys: Sequence[Key], begins: Int) -> Float:
-        """For each key scan (k, 8, 3, 3) the shares of those before it, from the oldest on.
+        """Shares (k, 8, 3, 3) of the key scans before each key scan, from the oldest on.
 
         Args:
             keys: The key scans.
@@ -58,7 +58,12 @@ class MapShares:
     ) -> tuple[Int, Float]:
         """For each closure the key scans (c, m) of its map, and their shares (c, m, 3, 3).
 
-        Where there are fewer than m of them the last number stands again, with no share.
+        Where there are fewer than m of them the last number is repeated, with shares of zero.
+
+        Args:
+            keys: The key scans (k,).
+            begins: (k,) for each the first one of its stretch.
+            closures: The closures (c,), in the order in which they were accepted.
         """
         most = 2 * self._resolution.submap + 1
         for closure in closures[len(self._olds) :]:
@@ -84,7 +89,7 @@ class MapShares:
             information = shared_information(
                 keys[new].surface, np.concatenate(seen), owners, count, along, sigma
             )
-        # A direction that the walls do not fix is shared evenly.
+        # In a direction that the walls do not fix all have the same share.
         even = information + FLOOR / count
         return np.asarray(np.linalg.solve(even.sum(axis=0), even))
 
@@ -100,7 +105,7 @@ def shared_information(
     Args:
         surface: (n, 4) what the scan saw, in its own frame.
         cloud: (p, 4) the points of the map in the same frame.
-        owners: (p,) which of the key scans each is of.
+        owners: (p,) for each point the key scan that saw it, from 0 to m - 1.
         count: How many key scans these are.
         along: How far along a wall a point of it speaks for the wall [m].
         sigma: Standard deviation [m] that a point's distance to its line counts with.

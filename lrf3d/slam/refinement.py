@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.slam.frames import between, compose, turned
@@ -47,8 +48,15 @@ def refined(
         key_poses: (k, 3) their poses.
         anchored: (m,) rising numbers of scans, from 0: key scans, and those in known places. Each
             scan is matched with what lies around the last of them.
+
+    Raises:
+        InputError: There are not as many scans as poses.
     """
+    if len(scans) != len(poses):
+        raise InputError(f"slam: {len(scans)} scans to refine; expected all {len(poses)}")
     refined_poses = poses.copy()
+    if not len(scans):
+        return refined_poses
     resolution = Resolution.of(scans[0].angles)
     ends = np.append(anchored[1:], len(scans))
     for first, end in zip(anchored.tolist(), ends.tolist(), strict=True):

@@ -1,9 +1,9 @@
-"""Self-check: whether a solved drive agrees with itself where the robot came by again.
+"""Self-check: whether the scans of a solved drive agree where the robot came by again.
 
-Key scans and their final poses enter. Where two of them stand near each other, long after one
-another, no beam of the one should pass through what the other saw. How often beams do leaves: over
-the whole drive, and over the worst part of it. Poses that are wrong by more than a door's width
-put rooms onto each other, and beams through walls.
+Key scans and their final poses enter. Where two of them stand near each other, with a long way
+between them, no beam of the one should pass through what the other saw. The share of beams that do
+leaves, for the whole drive and for the worst part of it. Poses that are wrong by more than a door's
+width put rooms onto each other, and beams through walls.
 """
 
 from collections.abc import Sequence
@@ -16,10 +16,10 @@ from lrf3d.slam.frames import between
 from lrf3d.slam.violation import MOST_THROUGH, Key, seen_through_both
 
 NEAR = 3.0
-"""Key scans up to this far apart [m] are compared: they have most of what they see in common."""
+"""Key scans up to this far apart [m] are compared: most of what they see is the same."""
 
 LATER = 20.0
-"""And there is more way than this [m] between them: what follows at once agrees in any case."""
+"""Least way [m] between two key scans that are compared: adjacent ones agree in any case."""
 
 COMPARED = 4
 """Earlier key scans that each one is compared with at most, the nearest."""
@@ -28,8 +28,8 @@ PART = 20
 """Key scans that a part of a drive has."""
 
 MOST_THROUGH_PART = 0.2
-"""Share of points that beams may pass through in such a part. A closed door or a lorry that has
-left are seen by a few scans; and lasers of ten beams see corners where none are."""
+"""Share of points that beams may pass through in such a part. A closed door, or a lorry that has
+left, is seen by a few scans; and lasers of ten beams see corners where there are none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +37,10 @@ class SelfCheck:
     """How well the scans of a solved drive agree with each other.
 
     Args:
-        violation: Share of points seen by one scan that beams of another one pass through.
-        worst_violation: The same in the worst part of the drive.
-        worst_scans: The first and the last scan of that part.
+        violation: Share of the points seen by one scan that beams of another pass through.
+        worst_violation: The same in the worst part of the drive; 0 if fewer key scans than a part
+            has could be compared.
+        worst_scans: Numbers of the first and the last scan of that part.
         compared: How many key scans could be compared with earlier ones.
 
     Examples:
@@ -60,7 +61,7 @@ class SelfCheck:
         return self.violation <= MOST_THROUGH and self.worst_violation <= MOST_THROUGH_PART
 
     def sentences(self) -> list[str]:
-        """What is wrong, a sentence each; nothing where all is well."""
+        """What is wrong, a sentence each; an empty list where nothing is."""
         if self.violation > MOST_THROUGH:
             share = f"{100.0 * self.violation:.0f} % of what scans saw"
             return [f"the map contradicts itself: beams pass through {share}; poses are wrong"]
@@ -79,7 +80,7 @@ def self_check(keys: Sequence[Key], poses: Float, ways: Float) -> SelfCheck:
 
     Args:
         keys: The key scans (k,).
-        poses: (k, 3) their final poses.
+        poses: (k, 3) their final poses x, y [m], theta [rad].
         ways: (k,) how far the robot had driven at each of them [m].
     """
     scans, counts = [], []

@@ -1,7 +1,7 @@
 """Slam: poses and map from scans and odometry increments alone, current after every scan.
 
-A scan and how the robot moved since the last one by its wheels enter. The front end places the
-scan; key scans look for loops, and where one closes the pose graph is optimised, the poses move
+A scan and the odometry increment since the last one enter. The front end places the scan. Each key
+scan is searched for loop closures; where a loop closes, the pose graph is optimised, the poses move
 and the map is drawn anew.
 """
 
@@ -20,7 +20,7 @@ from lrf3d.slam.edge_errors import ErrorModel, deviation_of
 from lrf3d.slam.frames import bent, between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.key_map import KeyMap
-from lrf3d.slam.known_places import EXPECTED, Anchor, in_known_place
+from lrf3d.slam.known_places import PLACE_COVARIANCE, Anchor, in_known_place
 from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
 from lrf3d.slam.refinement import refined
@@ -37,7 +37,7 @@ from lrf3d.slam.violation import Key
 from lrf3d.slam.wheels import Wheels
 
 EDGE_SHARE = 0.3
-"""Share of the matching's information that counts for the edge between key scans: neighbours are
+"""Share of the matching's information that the edge between two key scans has: adjacent ones are
 matched with the same local map, and share its errors."""
 
 NEWS = 4.0
@@ -61,7 +61,7 @@ class Slam:
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         key_distance: Way from one key scan to the next [m].
         key_turn: Turn from one key scan to the next [rad].
-        wheels: What is known of the wheels' errors from an earlier drive.
+        wheels: The wheels' errors as found in an earlier drive, of which a copy is kept.
 
     Raises:
         InputError: A number is not finite, or a distance not positive.
@@ -113,7 +113,8 @@ class Slam:
         self._variance, self._closures_used = 0.0, 0
         self._anchors: list[Anchor] = []
         self._scans: list[LaserScan] = []
-        self._map = KeyMap(lambda number, pose: self.placed(self._scans[number], pose), self._start)
+        # A bound method, unlike a function made here, follows copies of this object.
+        self._map = KeyMap(self._placed, self._start)
 
     def __repr__(self) -> str:
         return (
@@ -130,9 +131,11 @@ class Slam:
                 [m], turn [rad].
 
         Raises:
-            InputError: The scan has another number of beams than the laser range finder, or the
+            InputError: The scan has no beams or another number than the laser range finder, or the
                 odometry is not three finite numbers.
         """
+        if not len(scan.ranges):
+            raise InputError("slam: scan of 0 beams; expected at least one")
         if self._lrf is not None and len(scan.ranges) != self._lrf.beams:
             raise InputError(
                 f"slam: scan of {len(scan.ranges)} beams, the laser range finder has"
@@ -165,14 +168,14 @@ class Slam:
         return compose(self._key_poses[self._anchors[-1].key], self._since_key())
 
     def _since_key(self) -> Float:
-        """Pose (3,) of the last scan as seen from the key scan that its pose is known from."""
+        """Pose (3,) of the last scan as seen from the key scan of the last anchor."""
         last = self._anchors[-1]
         return compose(last.relative, between(last.front, self._tracked[-1].pose))
 
     def covariance(self) -> Float:
         """Covariance (3, 3) of the pose at the last scan, x, y [m], theta [rad], since the start.
 
-        It takes a step over the whole pose graph, and is computed when it is asked for.
+        Each call takes a step over the whole pose graph.
         """
         poses, edges = self._key_poses, self._used_edges()
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
@@ -188,14 +191,17 @@ class Slam:
 
         Args:
             numbers: (m,) numbers of the key scans.
+
+        Raises:
+            InputError: There is no such key scan.
         """
-        if not len(chosen := np.asarray(numbers, dtype=np.int64)):
+        if not len(chosen := self._key_numbers(numbers)):
             return np.zeros((0, 3, 3))
         found = pose_covariances(self._key_poses, self._used_edges(), self._edge_errors(), chosen)
         return turned(found, float(self._start[2]))
 
     def relative_covariance(self, first: int, second: int) -> Float:
-        """Covariance (3, 3) of a key scan's pose as seen from another one, along its axes.
+        """Covariance (3, 3) of a key scan's pose as seen from another one, along the axes of that.
 
         Args:
             first: Number of the key scan that it is seen from.
@@ -204,20 +210,27 @@ class Slam:
         Raises:
             InputError: There is no such key scan.
         """
-        for number in (first, second):
-            whole_number(number, "key scan", least=0, most=max(len(self._closer.keys) - 1, 0))
-        if first == second:
+        seen_from, seen = self._key_numbers((first, second)).tolist()
+        if seen_from == seen:
             return np.zeros((3, 3))
         edges, errors = self._used_edges(), self._edge_errors()
-        return relative_covariance(self._key_poses, edges, errors, first, second)
+        return relative_covariance(self._key_poses, edges, errors, seen_from, seen)
+
+    def _key_numbers(self, numbers: Sequence[int] | Int) -> Int:
+        """Numbers (m,) of key scans from outside, checked."""
+        if len(numbers) and not self._key_count:
+            raise InputError(f"slam: key scan {numbers[0]}: there is none before the first scan")
+        most = self._key_count - 1
+        checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
+        return np.array(checked, dtype=np.int64)
 
     def _used_edges(self) -> Edges:
-        """The edges that the poses follow: without closures since the last optimisation."""
+        """The edges that the poses fit: all but the closures since the last optimisation."""
         edges = self._gathered_edges()
         return edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
 
     def _edge_errors(self, scans: int | None = None) -> EdgeErrors:
-        """Of what their errors are made, up to the last key scan or so many scans."""
+        """What these edges' errors are made of, up to the last key scan or a number of scans."""
         keys, used = self._closer.keys, self._closer.accepted[: self._closures_used]
         tracked = self._tracked[: keys[-1].scan + 1 if scans is None else scans]
         anchored = self._anchored[: np.searchsorted(self._anchored, len(tracked))]
@@ -232,10 +245,11 @@ class Slam:
         """
         return self._map.map()
 
-    def placed(self, scan: LaserScan, pose: Float) -> LaserScan:
-        """A scan with the pose of its laser, where the robot is at a pose (3,) since the start."""
+    def _placed(self, number: int, pose: Float) -> LaserScan:
+        """A key scan with the pose of its laser, where the robot is at a pose (3,) since start."""
         robot = compose(self._start, pose)
-        return replace(scan, pose=Pose(*compose(robot, np.array([*self._laser, 0.0])).tolist()))
+        laser = compose(robot, np.array([*self._laser, 0.0]))
+        return replace(self._scans[number], pose=Pose(*laser.tolist()))
 
     def trajectory(self) -> Float:
         """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous."""
@@ -275,13 +289,8 @@ class Slam:
 
     @property
     def wheels(self) -> Wheels:
-        """What is known of the wheels' errors."""
+        """The wheels' errors as found so far; ``wheels.biases`` are the systematic ones."""
         return self._front.wheels
-
-    @property
-    def wheel_biases(self) -> Float:
-        """What the wheels measure systematically wrong (3,): see `lrf3d.slam.wheels`."""
-        return self._front.wheels.biases
 
     @property
     def tracked(self) -> list[Tracked]:
@@ -291,8 +300,8 @@ class Slam:
     def finish(self) -> None:
         """Adjust all poses, once the last scan is in: by the pose graph, then by the walls.
 
-        The walls replace the closures: what lies on one line says more than the relative pose of
-        two scans, and of a closure that was wrong nothing stays.
+        The walls replace the closures: they fix poses better than the relative poses of two scans
+        do, and a closure that was wrong leaves no trace.
         """
         edges = self._gathered_edges()
         if len(edges):
@@ -305,15 +314,14 @@ class Slam:
     def refined(self, scans: Sequence[LaserScan]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
         keys, key_poses = self._closer.keys, self._key_poses
-        poses = self.scan_poses(key_poses)
-        motions = np.array([scan.motion for scan in self._tracked])
-        poses = refined(scans, poses, motions, keys, key_poses, self._anchored)
-        poses = compose(self._start, poses)
+        poses, motions = self.scan_poses(key_poses), np.array([t.motion for t in self._tracked])
+        found = refined(scans, poses, motions, keys, key_poses, self._anchored)
+        poses = compose(self._start, found)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
 
     def self_check(self) -> SelfCheck:
-        """How well the key scans agree with each other, as they are placed now."""
+        """Compare the key scans, at their current poses, where the robot came by again."""
         return self_check(self._closer.keys, self._key_poses, self._closer.ways)
 
     @property
@@ -342,9 +350,9 @@ class Slam:
         """Hang the newest scan on a key scan if it stands in a known place, or make it one."""
         tracked, number = self._tracked[-1], len(self._tracked) - 1
         # A laser that hangs upside down turns clockwise.
-        order = slice(None, None, -1) if scan.angles[0] > scan.angles[-1] else slice(None)
-        angles, ranges = scan.angles[order], scan.ranges[order]
-        key = Key(number, tracked.pose, surface, walls, angles, ranges, self._laser)
+        order = -1 if scan.angles[0] > scan.angles[-1] else 1
+        beams = scan.angles[::order], scan.ranges[::order]
+        key = Key(number, tracked.pose, surface, walls, *beams, self._laser)
         if not self._anchors:
             self._add_key(key, scan, np.zeros(3))
             return
@@ -355,16 +363,18 @@ class Slam:
             place = in_known_place(self._closer, key, last, way, self._key_poses)
             if place is not None:
                 self._anchors.append(place)
-                self._wheel_covariance = EXPECTED.copy()
+                self._wheel_covariance = PLACE_COVARIANCE.copy()
                 return
         self._new_edges.append(self._edge_to_last())
-        self._add_key(key, scan, self._robot, last.key, last.way + way)
+        self._add_key(key, scan, self._robot, last, last.way + way)
         self._close_loops()
 
     def _add_key(
-        self, key: Key, scan: LaserScan, pose: Float, reference: int = -1, way: float = 0.0
+        self, key: Key, scan: LaserScan, pose: Float, last: Anchor | None = None, way: float = 0.0
     ) -> None:
         """Add a vertex to the pose graph."""
+        reference = -1 if last is None else last.key
+        hung = last is not None and last.scan != self._closer.keys[last.key].scan
         if self._key_count == len(self._room):
             self._room = np.concatenate([self._room, np.empty_like(self._room)])
         self._room[self._key_count] = pose
@@ -372,7 +382,7 @@ class Slam:
         self._key_count += 1
         self._scans.append(scan)
         self._wheel_covariance = np.zeros((3, 3))
-        self._closer.add_key(key, reference, way)
+        self._closer.add_key(key, reference, way, hung=hung)
 
     def _close_loops(self) -> None:
         """Find the loops that the newest key scan closes, and optimise what they change."""
@@ -383,13 +393,8 @@ class Slam:
         self._new_edges.append(more)
         if (more.squares(self._key_poses) > NEWS**2 * self._variance).any():
             edges = self._gathered_edges()
-            poses = optimised_around(self._key_poses, edges, self._ways_from_here)
+            poses = optimised_around(self._key_poses, edges, self._closer.ways_from_newest)
             self._room[: len(poses)] = poses
             deviation = deviation_of(self._tracked, self._resolution.sigma)
             self._variance = min(variance_factor(poses, edges, deviation), 1.0)
             self._closures_used = len(self._closer.accepted)
-
-    def _ways_from_here(self, limit: float) -> Float:
-        """The ways (k,) [m] over the graph from the newest key scan to all, up to a limit [m]."""
-        every = np.ones(self._key_count, np.bool_)
-        return self._closer.graph.distances(self._key_count - 1, limit, every)

@@ -1,14 +1,14 @@
 """Uncertainty: covariances of the poses of key scans, and of one as seen from another.
 
-The pose graph enters, and of which independent errors those of its edges are made; covariances
-leave. A pose graph that is solved with weights Ω moves by δ = H⁻¹ Jᵀ Ω ε where its edges are off by
-ε. The inverse of its normal equations, H⁻¹, would be the covariance if edges were independent and
-as good as their weights say. They are not: edges between following key scans are matched with one
-local map, and closures of one stretch with another. So ε is traced to what is independent: the
-noise of each scan, and of the wheels between two.
+The pose graph and the independent errors that its edges' errors are made of enter; covariances
+leave. A pose graph that is solved with weights Ω moves by δ = H⁻¹ Jᵀ Ω ε if its edges have the
+errors ε. The inverse of its normal equations, H⁻¹, would be the covariance if edges were
+independent and Ω their information. They are not: edges between adjacent key scans are matched with
+one local map, and closures of one stretch with another. So ε is traced to independent errors: the
+noise of each scan, and of the wheels between two scans.
 
-Errors of poses are twists about the origin: of how a rigid body that the pose belongs to has moved.
-Those of several key scans can be averaged wherever these stand.
+Errors of poses are written as twists about the origin, the motion of a rigid body that the pose
+belongs to, so that errors of key scans at different places can be averaged.
 """
 
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.slam.pose_graph import Edges, edge_equations, factor
 
-KNOWN_BEFORE = 30.0
-"""How many residuals the deviation of matched points counts as, beside those of closures."""
+PRIOR_RESIDUALS = 30.0
+"""Residuals that the deviation of matched points counts as, beside those of closures."""
 
-DEVIATIONS = 2.4
-"""Matched points count as if they lay this many times farther off than they do, for adjacent ones
-share their errors: see `lrf3d.slam.drift`."""
+POINT_DEVIATIONS = 2.4
+"""Factor on the distances of matched points to their walls: adjacent points share their errors, see
+`lrf3d.slam.drift`."""
 
 CORRELATED = 1.3
-"""By how much closures' squared errors exceed those of independent edges."""
+"""Factor by which closures' squared errors exceed those of independent edges."""
 
 TOGETHER = 16
 """Covariances that are computed at once."""
@@ -35,20 +35,23 @@ TOGETHER = 16
 
 @dataclass(frozen=True, eq=False)
 class EdgeErrors:
-    """Of what the errors of a pose graph's edges are made; matrices are along the robot's axes.
+    """What the errors of a pose graph's edges are made of.
+
+    Covariances are of x, y [m], theta [rad]; all matrices are along the axes of the robot.
 
     Args:
-        back: (k, 3, 3) for each pose which share of the error of the one before goes on in the
-            front end without the map.
-        shares: (k, m, 3, 3) which share of the rest comes of each of the m key scans before, or
-            as many as there are, from the oldest on.
-        new: (k, 3, 3) covariances of what comes new.
-        begins: (k,) for each the first pose of its stretch: what the front end placed without a
-            known place between. The first one follows a scan in a known place.
-        opening: (k, 3, 3) covariances of where that scan stood, for the first of a stretch.
+        back: (k, 3, 3) for each pose the share of the error of the pose before that it keeps by
+            the wheels.
+        shares: (k, m, 3, 3) for each pose the shares, in the rest, of the m key scans before it,
+            or of as many as there are, from the oldest on.
+        new: (k, 3, 3) covariances of the errors that each pose adds.
+        begins: (k,) for each pose the first one of its stretch. A stretch holds the poses that
+            follow each other without a known place between; the first one follows a scan in one.
+        opening: (k, 3, 3) covariances of that scan's pose, for the first pose of a stretch.
         olds: (c, s) for each closure the key scans of the map that it was matched with.
         old_shares: (c, s, 3, 3) their shares.
-        closing: (c, 3, 3) covariances of what comes new in it, along the axes of its new key scan.
+        closing: (c, 3, 3) covariances of each closure's own noise, along the axes of its new key
+            scan.
     """
 
     back: Float
@@ -65,18 +68,25 @@ def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
     """How large closures' squared errors are, in units of the variances that matching gives.
 
     Args:
-        poses: (k, 3) that fit the edges best.
+        poses: (k, 3) the poses that fit the edges best.
         edges: The edges.
         deviation: RMS distance of matched points to their walls, over what one counts with.
     """
     residuals = 3.0 * float(edges.robust.sum())
     squares = float((edges.weights(poses) * edges.squares(poses)).sum())
-    before = KNOWN_BEFORE * (DEVIATIONS * deviation) ** 2
-    return CORRELATED * (squares + before) / (residuals + KNOWN_BEFORE)
+    before = PRIOR_RESIDUALS * (POINT_DEVIATIONS * deviation) ** 2
+    return CORRELATED * (squares + before) / (residuals + PRIOR_RESIDUALS)
 
 
 def joint_covariance(poses: Float, edges: Edges, errors: EdgeErrors, numbers: list[int]) -> Float:
-    """Covariance (3m, 3m) of some poses together; the first pose of all is held, and certain."""
+    """Covariance (3m, 3m) of some poses together; the very first pose is fixed.
+
+    Args:
+        poses: (k, 3) all poses of the graph, x, y [m], theta [rad].
+        edges: Its edges.
+        errors: What the errors of the edges are made of.
+        numbers: Numbers of the m poses; rows and columns are their x, y, theta, pose by pose.
+    """
     count, columns = len(poses), 3 * len(numbers)
     free = edge_equations(poses, edges).matrix[3:, 3:].tocsc()
     rows = (3 * np.array(numbers)[:, None] + np.arange(3)).ravel()
@@ -96,7 +106,7 @@ def joint_covariance(poses: Float, edges: Edges, errors: EdgeErrors, numbers: li
     pull = np.zeros((count, 3, columns))
     driven = ~edges.robust
     np.add.at(pull, j[driven], pulls[driven])
-    # A stretch begins anew: the one before it has nothing to do with its errors.
+    # The first edge of a stretch has the errors of the scan in a known place, not of pose i.
     opens = driven & (errors.begins[j] == j)
     driven &= ~opens
     np.add.at(pull, i[driven], -pulls[driven])
@@ -117,7 +127,7 @@ def joint_covariance(poses: Float, edges: Edges, errors: EdgeErrors, numbers: li
 
 
 def pose_covariances(poses: Float, edges: Edges, errors: EdgeErrors, numbers: Int) -> Float:
-    """Covariances (m, 3, 3) of poses (m,) by their numbers, each by itself."""
+    """Covariances (m, 3, 3) of the poses of some numbers (m,), each by itself."""
     found = np.zeros((len(numbers), 3, 3))
     moved = np.flatnonzero(numbers > 0)
     # Not all at once: of a long drive that would be a matrix of its length times theirs.
@@ -139,17 +149,17 @@ def _summed(pulls: Float, covariances: Float) -> Float:
 def traced(
     pull: Float, frames: Float, inverses: Float, back: Float, shares: Float, begins: Int
 ) -> Float:
-    """How far (k, 3, m) the new error of each pose of the front end enters m numbers.
+    """Derivatives (k, 3, m) of m numbers by the error that each pose of the front end adds.
 
-    From the newest pose to the oldest: what the error of a pose enters, those that it follows
-    enter too.
+    From the newest pose to the oldest: what depends on the error of a pose also depends on the
+    errors of the poses that it follows.
 
     Args:
-        pull: (k, 3, m) how far the twist of each pose enters; it is added to.
-        frames: (k, 3, 3) what makes twists of errors along the robot's axes.
+        pull: (k, 3, m) derivatives by the twist of each pose; it is changed in place.
+        frames: (k, 3, 3) matrices from errors along the robot's axes to twists.
         inverses: (k, 3, 3) their inverses.
         back: (k, 3, 3) the share of the pose before.
-        shares: (k, w, 3, 3) those of the local map's key scans.
+        shares: (k, w, 3, 3) the shares of the local map's key scans.
         begins: (k,) the first pose of each one's stretch.
     """
     count, columns, window = len(pull), pull.shape[2], shares.shape[1]
@@ -171,7 +181,7 @@ def traced(
                 continue
             _pulled(back[k], here, part)
             _pulled(inverses[k - 1], part, going)
-            # The error of the pose before, seen from this one; the map has what is left.
+            # The share of the pose before, along the axes of this one; the map has the rest.
             _pulled(frames[k], going, before)
             for a in range(3):
                 pull[k - 1, a, column] += going[a]
@@ -192,19 +202,19 @@ def _pulled(matrix: Float, vector: Float, product: Float) -> None:
 
 
 def _levers(poses: Float) -> Float:
-    """Matrices (k, 3, 3) that make twists of errors of poses (k, 3)."""
+    """Matrices (k, 3, 3) from errors of poses (k, 3), along the axes of the map, to twists."""
     levers = np.tile(np.eye(3), (len(poses), 1, 1))
     levers[:, 0, 2], levers[:, 1, 2] = poses[:, 1], -poses[:, 0]
     return levers
 
 
 def rotations(angles: Float) -> Float:
-    """Matrices (k, 3, 3) that turn a pose's place by angles (k,)."""
-    turned = np.tile(np.eye(3), (len(angles), 1, 1))
-    turned[:, 0, 0] = turned[:, 1, 1] = np.cos(angles)
-    turned[:, 1, 0] = np.sin(angles)
-    turned[:, 0, 1] = -turned[:, 1, 0]
-    return turned
+    """Matrices (k, 3, 3) that rotate x, y of a pose's error by angles (k,) [rad]."""
+    matrices = np.tile(np.eye(3), (len(angles), 1, 1))
+    matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(angles)
+    matrices[:, 1, 0] = np.sin(angles)
+    matrices[:, 0, 1] = -matrices[:, 1, 0]
+    return matrices
 
 
 def relative_covariance(

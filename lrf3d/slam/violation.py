@@ -1,7 +1,8 @@
-"""Violation: beams that pass through what another scan saw, which true poses do not explain.
+"""Violation: beams of one scan that pass through what another scan saw.
 
-Key scans and their poses enter; how many of the points that one saw lie in view of another, and
-how many of these the beams of the other pass through, leave.
+Key scans and their relative poses enter. Of the points that one scan saw, the number that lies in
+view of the other leaves, and the number of these that the other's beams pass through. With right
+poses hardly any are.
 """
 
 from collections.abc import Iterable
@@ -27,9 +28,10 @@ class Key:
 
     Args:
         scan: Its number among all scans.
-        pose: (3,) where the front end had it, in its own drifting frame.
-        surface: (m, 4) what it is recognised by, in the frame of the robot.
-        walls: (w, 4) what it adds to a map.
+        pose: (3,) its pose x, y [m], theta [rad] in the drifting frame of the front end.
+        surface: (m, 4) points x, y [m] and unit normals that it is recognised by, in the frame of
+            the robot.
+        walls: (w, 4) those that it adds to a map, in the same frame.
         angles: (beams,) directions of its beams [rad], rising.
         ranges: (beams,) their ranges [m].
         laser: (2,) where the laser stands on the robot [m].
@@ -46,10 +48,16 @@ class Key:
 
 @compiled
 def seen_through(points: Float, laser: Float, angles: Float, ranges: Float) -> tuple[int, int]:
-    """How many points (m, 2) in the frame of a robot its beams pass through, of how many in view.
+    """How many points of a surface the beams of a scan pass through, and how many are in view.
 
-    A beam counts with the shorter of its neighbours' ranges, so that one that slips past an edge
-    contradicts nothing.
+    A beam counts with the least of its own and its neighbours' ranges, so that one that slips past
+    an edge contradicts nothing.
+
+    Args:
+        points: (m, 4) the points x, y [m] and their normals, in the frame of the robot.
+        laser: (2,) place of the laser on the robot [m].
+        angles: (beams,) directions of the beams [rad], rising.
+        ranges: (beams,) their ranges [m].
     """
     through = seen = 0
     step = (angles[-1] - angles[0]) / (len(angles) - 1)
@@ -70,12 +78,12 @@ def seen_through(points: Float, laser: Float, angles: Float, ranges: Float) -> t
 
 
 def seen_through_both(olds: Iterable[Key], new: Key, poses: Float) -> tuple[int, int]:
-    """How many points of a key scan and of others beams of the other pass through, of how many.
+    """How many points of a key scan and of others are seen through by the other, and are in view.
 
     Args:
         olds: The others (k,).
         new: The key scan.
-        poses: (k, 3) its pose as seen from each of them.
+        poses: (k, 3) pose x, y [m], theta [rad] of the key scan as seen from each of them.
     """
     through = seen = 0
     backs = between(poses, np.zeros(3))
@@ -89,6 +97,6 @@ def seen_through_both(olds: Iterable[Key], new: Key, poses: Float) -> tuple[int,
 
 
 def contradicted(olds: Iterable[Key], new: Key, poses: Float) -> bool:
-    """Whether too many points are seen through; arguments are those of `seen_through_both`."""
+    """Whether beams pass through too many points; arguments are those of `seen_through_both`."""
     through, seen = seen_through_both(olds, new, poses)
     return through > MOST_THROUGH * max(seen, 1)

@@ -1,7 +1,7 @@
-"""Wheels: what odometry measures systematically wrong, and how far it may be off by chance.
+"""Wheels: the systematic errors of odometry, and the covariance of its random ones.
 
-Odometry increments (ahead, to the left [m], turn [rad]) enter, and what scan matching found
-instead; corrected increments leave, and their covariances. The wheels are taken to turn by
+Odometry increments (ahead, to the left [m], turn [rad]) and the same motions by scan matching
+enter; corrected increments and their covariances leave. The model of the wheels is
 
     Δθ = (1 + a)·Δθ_wheels + b·Δs,    Δs = (1 + c)·Δs_wheels
 
@@ -33,7 +33,7 @@ FORGETTING = 0.98
 
 
 class Wheels:
-    """Corrects odometry increments by what scan matching has found of the wheels' errors."""
+    """Corrects odometry increments by the errors of the wheels that scan matching has shown."""
 
     def __init__(self) -> None:
         self._turn_information = np.diag(EXPECTED[:2] ** -2.0)
@@ -70,10 +70,13 @@ class Wheels:
         return np.diag(deviations)
 
     def unlearned(self, increment: Float) -> float:
-        """Variance [rad²] of an increment's turn by the systematic errors that are not known yet.
+        """Variance [rad²] of an increment's turn by what is not known of a and b yet.
 
         In the beginning it is several times that of the random errors: a prior without it would
         turn the first few scans, and with them the whole drive, by some milliradians.
+
+        Args:
+            increment: (3,) as the wheels measured it, ahead, to the left [m], turn [rad].
         """
         turn, way = float(increment[2]), float(increment[0])
         (by_turn, both), (_, by_way) = self._turn_information.tolist()
@@ -81,20 +84,25 @@ class Wheels:
         return float(squares / (by_turn * by_way - both**2))
 
     def compare(self, measured: Float, matched: Float, covariance: Float) -> None:
-        """Learn how far one corrected increment was off, by the one that matching found.
+        """Update the size of random errors by a corrected increment and the one of matching.
 
         The running mean never falls below what is expected: wheels that were right for a while
         may still slip.
+
+        Args:
+            measured: (3,) the corrected increment, ahead, to the left [m], turn [rad].
+            matched: (3,) the increment that matching found.
+            covariance: (3, 3) that of the corrected increment.
         """
         error = matched - measured
         square = error**2 / covariance.diagonal() * np.repeat(self._excess, [2, 1])
         now = np.array([0.5 * (square[0] + square[1]), square[2]])
-        # A slip counts as one of ten deviations, so that it is not remembered for ever.
+        # A slip counts as at most ten deviations, so that its effect fades.
         now = np.minimum(now, 100.0 * self._excess)
         self._excess = np.maximum(FORGETTING * self._excess + (1.0 - FORGETTING) * now, 1.0)
 
     def learn(self, measured: Float, matched: Float, ahead_known: bool) -> None:
-        """Learn the systematic errors from a stretch of some scans.
+        """Add a stretch of some scans to the regression of the systematic errors.
 
         Args:
             measured: (3,) sums of the raw increments: way ahead, to the left [m], turn [rad].
@@ -103,7 +111,7 @@ class Wheels:
         """
         way, turn = float(matched[0]), float(matched[2])
         row = np.array([turn, way])
-        # The larger way counts, so that wheels that measure twice the way are learned, too.
+        # The larger way counts, so that wheels that measure twice the way are corrected, too.
         farthest = max(abs(way), abs(float(measured[0])))
         spread = STILL_HEADING + SWERVE * farthest
         spread += SLIP_TURN * max(abs(turn), abs(float(measured[2])))
@@ -123,10 +131,10 @@ class Wheels:
 
 
 def _weight(residual: float, spread: float) -> float:
-    """The weight of a stretch in the regression, by how far it is off what is known.
+    """The weight of a stretch in the regression, by its residual.
 
-    One that is off by more than three deviations holds a slip, which is no bias. By more than ten
-    are those off that were driven backwards with encoders that know no sign.
+    Beyond three deviations it contains a slip, which is no systematic error. Beyond ten it was
+    driven backwards, with encoders that measure no sign.
     """
     off = abs(residual) / spread
     return 0.0 if off > 10.0 else 1.0 / (spread * spread * max(1.0, off / 3.0))

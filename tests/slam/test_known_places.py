@@ -6,7 +6,9 @@ import pytest
 
 import lrf3d
 from lrf3d.errors import Lrf3dWarning
+from lrf3d.slam.closures import LoopCloser
 from lrf3d.slam.self_check import self_check
+from lrf3d.slam.violation import Key
 from tests.slam.test_slam import drive, errors
 
 WORLD = lrf3d.World(
@@ -52,6 +54,22 @@ def test_a_robot_in_a_known_place_is_no_more_certain_than_what_it_sees(rounds):
     apart = np.hypot(*(slam.trajectory()[slam.key_scans] - last)[:, :2].T)
     known = slam.covariances([int(apart.argmin())])[0]
     assert np.trace(slam.covariance()[:2, :2]) > 0.5 * np.trace(known[:2, :2])
+
+
+def test_the_front_end_drifts_between_key_scans_even_if_one_hangs_on_the_other():
+    """A robot that leaves where it made its last key scan has driven rounds since then."""
+    surface, closer = np.zeros((0, 4)), LoopCloser()
+    for number, hung in enumerate([False, False, True, False]):
+        key = Key(number, np.zeros(3), surface, surface, np.zeros(3), np.zeros(3), np.zeros(2))
+        closer.add_key(key, number - 1, 0.5, hung=hung)
+    assert closer._stretches.tolist() == [0, 0, 1, 1]
+
+
+def test_stretches_of_key_scans_end_where_scans_hang(rounds):
+    slam = rounds[0]
+    places = np.searchsorted(slam._anchored, slam.key_scans)
+    assert (np.diff(places) > 1).tolist() == np.diff(slam._closer._stretches).astype(bool).tolist()
+    assert slam._closer._stretches[-1] > 0
 
 
 def test_the_map_of_a_known_place_has_each_wall_once(rounds):

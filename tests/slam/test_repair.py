@@ -151,7 +151,7 @@ def test_odometry_that_measures_twice_the_way_is_found_out(recorded, turn):
         doubled.append(compose(doubled[-1], step))
     doubled = np.array(doubled)
     solution = solve_recording(replace(log, wheels=replace(log.wheels, poses=doubled)))
-    found = solution.slam.wheel_biases
+    found = solution.slam.wheels.biases
     assert (1.0 + found)[[0, 2]] == pytest.approx((1.0 / turn, 0.5), abs=0.1)
     assert solution.passes > 1
     assert errors(solution, true).max() < 0.06

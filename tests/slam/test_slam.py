@@ -1,3 +1,8 @@
+import copy
+import pickle
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import shapely
@@ -79,7 +84,7 @@ def test_no_closure_takes_one_room_for_another(identical_rooms):
 
 def test_the_turn_that_wheels_of_unequal_size_add_is_found(identical_rooms):
     solution, _, _ = identical_rooms
-    assert solution.slam.wheel_biases[1] == pytest.approx(-0.03, abs=0.006)
+    assert solution.slam.wheels.biases[1] == pytest.approx(-0.03, abs=0.006)
 
 
 def test_in_a_corridor_the_way_along_it_is_left_to_the_odometry_and_reported():
@@ -134,6 +139,70 @@ def test_the_covariance_of_a_relative_pose_does_not_depend_on_the_way_to_it(iden
     assert slam.relative_covariance(3, 3).tolist() == np.zeros((3, 3)).tolist()
     with pytest.raises(InputError, match="key scan"):
         slam.relative_covariance(0, last + 1)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda slam: pickle.loads(pickle.dumps(slam))])
+def test_a_copy_goes_on_by_itself(copied):
+    scans, wheels, _ = drive(rooms(1), [(1, 1), (4, 1)])
+    steps, half = [np.zeros(3), *lrf3d.odometry_increments(wheels)], len(scans) // 2
+    slam = lrf3d.Slam()
+    for scan, step in zip(scans[:half], steps[:half], strict=True):
+        slam.update(scan, step)
+    other = copied(slam)
+    for scan, step in zip(scans[half:], steps[half:], strict=True):
+        other.update(scan, step)
+    shown = other.map.segments.tolist()
+    assert len(slam.trajectory()) == half
+    for scan, step in zip(scans[half:], steps[half:], strict=True):
+        slam.update(scan, step)
+    assert other.trajectory().tolist() == slam.trajectory().tolist()
+    assert shown == slam.map.segments.tolist()
+
+
+def test_all_scans_are_refined_or_none():
+    slam, scans = lrf3d.Slam(), drive(rooms(1), [(1, 1), (2, 1)])[0][:3]
+    assert slam.refined([]).shape == (0, 3)
+    for scan in scans:
+        slam.update(scan, (0.1, 0, 0))
+    with pytest.raises(InputError, match="2 scans to refine; expected all 3"):
+        slam.refined(scans[:2])
+
+
+def test_robots_that_start_with_the_same_wheels_learn_their_own():
+    scans, wheels, _ = drive(rooms(1), [(1, 1), (4, 1)], bias=0.1)
+    known, steps = Wheels(), [np.zeros(3), *lrf3d.odometry_increments(wheels)]
+    found = []
+    for _ in range(2):
+        slam = lrf3d.Slam(wheels=known)
+        for scan, step in zip(scans, steps, strict=True):
+            slam.update(scan, step)
+        found.append(slam.trajectory().tolist())
+    assert found[0] == found[1]
+    assert not known.biases.any()
+    assert slam.wheels.biases.any()
+
+
+@pytest.mark.parametrize("wrong", [[-1], [1], [0.5], [[0]], [np.nan]])
+def test_covariances_of_key_scans_that_are_not_there_are_refused(wrong):
+    slam = lrf3d.Slam()
+    assert slam.covariances([]).shape == (0, 3, 3)
+    with pytest.raises(InputError, match="none before the first scan"):
+        slam.covariances([0])
+    with pytest.raises(InputError, match="none before the first scan"):
+        slam.relative_covariance(0, 0)
+    slam.update(drive(rooms(1), [(1, 1), (1.5, 1)])[0][0], (0, 0, 0))
+    assert slam.covariances([0]).tolist() == np.zeros((1, 3, 3)).tolist()
+    with pytest.raises(InputError, match=r"key scan .*: expected a whole number from 0 to 0"):
+        slam.covariances(wrong)
+    with pytest.raises(InputError, match=r"key scan .*: expected a whole number from 0 to 0"):
+        slam.relative_covariance(0, *wrong)
+
+
+def test_a_scan_without_beams_is_refused():
+    slam = lrf3d.Slam()
+    with pytest.raises(InputError, match="scan of 0 beams"):
+        slam.update(lrf3d.LaserScan((0, 0, 0), [], []), (0, 0, 0))
+    assert slam.trajectory().shape == (0, 3)
 
 
 def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry():
@@ -265,6 +334,37 @@ def test_beams_that_pass_through_what_the_other_saw_are_counted():
     ranges = np.full(11, 4.0)
     points = np.array([[2.0, 0.0], [4.1, 0.0], [3.8, 0.3], [2.0, 30.0]])
     assert seen_through(points, np.zeros(2), angles, ranges) == (1, 3)
+
+
+@pytest.fixture
+def short_log():
+    scans, wheels, _ = drive(rooms(1), [(1, 1), (3, 1)])
+    scans = [replace(scan, time=0.1 * number) for number, scan in enumerate(scans)]
+    mount = lrf3d.Pose(0.0, 0.0, 0.0)
+    return SimpleNamespace(name="short", scans=scans, poses=wheels, wheels=None, mount=mount)
+
+
+def test_a_log_whose_driver_gives_no_largest_range_is_solved(short_log):
+    short_log.scans = [replace(scan, range_max=np.inf) for scan in short_log.scans]
+    assert lrf3d.slam(short_log).lrf.range_max == lrf3d.LaserRangeFinder().range_max
+
+
+def test_a_laser_that_turns_clockwise_sees_the_same_drive(short_log):
+    run = lrf3d.slam(short_log)
+    short_log.scans = [
+        replace(scan, angles=scan.angles[::-1], ranges=scan.ranges[::-1])
+        for scan in short_log.scans
+    ]
+    other = lrf3d.slam(short_log)
+    assert np.array_equal(other.lrf.angles, run.lrf.angles)
+    assert np.array_equal(other.ranges, run.ranges)
+    assert other.trajectory.poses == pytest.approx(run.trajectory.poses, abs=0.002)
+
+
+def test_odometry_that_is_not_finite_is_refused(short_log):
+    short_log.poses[4, 1] = np.nan
+    with pytest.raises(InputError, match=r"odometry line 4 at 0\.4 s"):
+        lrf3d.slam(short_log)
 
 
 def test_a_log_of_too_little_is_refused():
