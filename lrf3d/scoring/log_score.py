@@ -125,6 +125,7 @@ class _MapCaster:
         if not np.allclose(np.diff(angles, 2), 0.0, atol=UNEVEN):
             raise InputError("scan with beams at uneven angles: score_log needs them evenly spaced")
         farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
-        lrf = LaserRangeFinder(angles[0], angles[-1], len(angles), 0.0, farthest)
+        lrf = LaserRangeFinder(angles.min(), angles.max(), len(angles), 0.0, farthest)
         ranges: Float = self._caster.cast(lrf, pose).ranges
-        return ranges
+        # A laser that hangs upside down turns clockwise.
+        return ranges if angles[0] <= angles[-1] else ranges[::-1]

@@ -60,6 +60,15 @@ def test_a_log_scores_the_same_far_from_the_origin():
     assert there == pytest.approx(here, abs=1e-9)
 
 
+def test_a_laser_that_turns_clockwise_scores_the_same():
+    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]), box(4, 3, 2, 2))
+    lrf = LaserRangeFinder(-1.0, 2.0, 91)
+    scans = make_run(world, np.array([[2.0, 2.0, 0.2], [9.0, 5.0, 2.0]]), lrf, sigma=0.5).scans
+    turned = [replace(s, angles=s.angles[::-1].copy(), ranges=s.ranges[::-1].copy()) for s in scans]
+    scores = [score_log(as_map(world.segments), each).as_dict() for each in (scans, turned)]
+    assert scores[1] == pytest.approx(scores[0], abs=1e-12)
+
+
 def test_a_log_without_map_or_returns_has_no_figures():
     scan = LaserScan(Pose(0, 0, 0), np.zeros(1), np.array([5.0]))
     empty = score_log(LineMap.empty(), [scan]).as_dict()
