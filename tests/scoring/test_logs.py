@@ -63,9 +63,9 @@ def test_a_log_scores_the_same_far_from_the_origin():
 def test_a_laser_that_turns_clockwise_scores_the_same():
     world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]), box(4, 3, 2, 2))
     lrf = LaserRangeFinder(-1.0, 2.0, 91)
-    scans = make_run(world, np.array([[2.0, 2.0, 0.2], [9.0, 5.0, 2.0]]), lrf, sigma=0.5).scans
-    turned = [replace(s, angles=s.angles[::-1].copy(), ranges=s.ranges[::-1].copy()) for s in scans]
-    scores = [score_log(as_map(world.segments), each).as_dict() for each in (scans, turned)]
+    run = make_run(world, np.array([[2.0, 2.0, 0.2], [9.0, 5.0, 2.0]]), lrf, sigma=0.5)
+    turned = [replace(s, angles=s.angles[::-1], ranges=s.ranges[::-1]) for s in run.scans]
+    scores = [score_log(as_map(world.segments), each).as_dict() for each in (run.scans, turned)]
     assert scores[1] == pytest.approx(scores[0], abs=1e-12)
 
 
