@@ -28,7 +28,7 @@ LINES = 512
 """Lines of a file that there is room for. Each has two marks: the block that starts in it was
 reached, and its condition failed, or its loop ended, where no block follows."""
 
-DECORATORS = {"compiled", "inner"}
+DECORATORS = {"borrower", "compiled", "inner"}
 
 BRANCHES = (ast.If, ast.For, ast.While)
 
