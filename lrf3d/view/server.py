@@ -134,7 +134,9 @@ def serve(
             proxy_headers=False,
         )
     except SystemExit:
-        raise OutputError(f"cannot listen at {host}:{port}; choose another --port") from None
+        # The address was taken meanwhile; or else the program was stopped as the server started.
+        free_port(host, port)
+        raise
 
 
 def _attach(drive: HandDrive, setup: dict[str, Any]) -> None:

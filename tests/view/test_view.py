@@ -1,7 +1,9 @@
 """Runs and worlds in the browser: the page is there, draws, plays and obeys."""
 
 import re
+import signal
 import socket
+import subprocess
 import sys
 from dataclasses import replace
 from itertools import combinations
@@ -471,3 +473,18 @@ def test_points_of_a_run_have_the_darkness_of_their_light_if_asked():
     between = (lights > 1e-4) & (lights < 1.0)
     want = -np.log10(lights[between]) / 4.0
     assert np.abs(shares[between] - want).max() <= 0.5 / 255.0 + 1e-9
+
+
+STOPPED = """
+import signal, sys
+from nicegui import app
+from lrf3d.cli import main
+app.on_startup(lambda: signal.raise_signal(signal.SIGHUP))
+sys.argv = ["lrf3d", "view", "paper_room", "--no-browser"]
+main()
+"""
+
+
+def test_a_page_that_is_stopped_before_it_listens_blames_no_port():
+    done = subprocess.run([sys.executable, "-c", STOPPED], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (128 + signal.SIGHUP, "lrf3d: stopped\n")
