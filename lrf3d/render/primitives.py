@@ -167,7 +167,7 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
         GL.glBufferSubData(GL.GL_ARRAY_BUFFER, 0, vertices.nbytes, vertices)
 
     def _grouped(self, vertices: int) -> NDArray[np.uint32]:
-        """Which of so many vertices make the triangles of their groups."""
+        """The vertices that make the triangles of their groups."""
         assert self._pattern is not None
         size = int(self._pattern.max()) + 1
         starts = size * np.arange(vertices // size)

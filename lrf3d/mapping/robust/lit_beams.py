@@ -65,7 +65,7 @@ class LitBeams(NamedTuple):
 def flashes(beams: LitBeams, flash: Bool) -> tuple[Float, Float]:
     """Segments (m, 4) and moments (m, 6) of the brightest beams of flashes.
 
-    Each is met at a right angle: it is a point that knows its direction.
+    Each is met at a right angle: it is a point with a direction.
     """
     bright = np.where(flash, beams.brightness(), 0.0)
     before, after = np.roll(bright, 1), np.roll(bright, -1)

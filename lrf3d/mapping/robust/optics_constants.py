@@ -62,8 +62,8 @@ LEAST_SHOWN = 3
 """[beams] A pane is glass where at least so many beams returned light as glass does or passed …"""
 
 DIM_CELL, MOST_DIM = 0.1, 20_000
-"""[m, returns] Single dim returns are kept one in a cell of this size, and no more than so many:
-1 MB. It does not matter which of them, as they only show where a pane is."""
+"""[m, returns] Single dim returns are kept one in a cell of this size, and at most this number of
+them: 1 MB. It does not matter which of them, as they only show where a pane is."""
 
 OPEN_COSINE, OPEN_DEVIATION = np.cos(np.radians(0.4)), np.radians(0.2)
 """[cosine, rad] A beam that passes so near the normal, of a line whose direction is so well known,
