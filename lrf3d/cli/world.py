@@ -73,12 +73,15 @@ def convert(
     resolution: Annotated[
         float | None, typer.Option(help="Side of a cell of a ROS map [m]; 0.05 if not given.")
     ] = None,
+    trees: Annotated[
+        bool, typer.Option("--trees", help="Make walls of the trunks of trees in a .osm file, too.")
+    ] = False,
     json: options.Json = False,
 ) -> None:
     """Read a world from one format and write it in another."""
     from lrf3d.world import load_world, save_world
 
-    read = load_world(source).scaled(scale)
+    read = load_world(source, trees=trees).scaled(scale)
     save_world(read, target, resolution=resolution)
     _say({"from": source} | _report(read) | {"written": str(target)}, json)
 

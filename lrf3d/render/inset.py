@@ -190,6 +190,6 @@ def _square(colour: tuple[float, ...]) -> Primitive:
 
 
 def _houses(scenery: Scenery) -> Single:
-    """Triangles (v, 6) of the ground plans of solids."""
-    corners = triangles(scenery.structures.solids)[0].reshape(-1, 2)
+    """Triangles (v, 6) of the ground plans of solids and trunks."""
+    corners = triangles(scenery.structures.footprints)[0].reshape(-1, 2)
     return np.concatenate([corners, np.tile(_STONE, (len(corners), 1))], axis=1).astype(np.float32)

@@ -315,7 +315,7 @@ def _parts(
     objects = np.concatenate([quad_objects, roof_objects])
     keys = np.column_stack([objects, cells])
     # Small objects are one part wherever they stand.
-    small = _sizes_of(structures)[objects] <= _LONGEST
+    small = _sizes_of(structures, int(objects.max(initial=-1)) + 1)[objects] <= _LONGEST
     keys[small, 1:] = 0
     _, owners = np.unique(keys, axis=0, return_inverse=True)
     owners = owners.reshape(-1)
@@ -327,9 +327,8 @@ def _parts(
     return owners[: len(quads)], owners[len(quads) :], Parts(boxes, _skyline(structures))
 
 
-def _sizes_of(structures: Structures) -> Float:
-    """The longer side (objects,) of the box around each object [m]."""
-    count = int(structures.objects.max(initial=-1)) + 1
+def _sizes_of(structures: Structures, count: int) -> Float:
+    """The longer side (count,) of the box around each object's walls [m]."""
     ends = structures.segments.reshape(-1, 2)
     flat = np.column_stack([ends, np.zeros(len(ends))])
     boxes = Boxes.around(flat, np.repeat(structures.objects, 2), count)

@@ -206,7 +206,7 @@ class Top:
     ) -> None:
         self._timeline = timeline
         self._covered = covered
-        ends = structures.segments.reshape(-1, 2)
+        ends = structures.places
         if not len(ends):
             ends = np.array([[-1.0, -1.0], [1.0, 1.0]])
         self._low: Float = ends.min(axis=0)

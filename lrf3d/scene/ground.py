@@ -74,6 +74,12 @@ _LIGHT_CELL, _LIGHT_CELL_INDOOR, _LIGHT_CELLS = 0.8, 0.25, 150
 _LIGHT_BLUR = 0.8
 """How far that light is smoothed [cells]: rays are few, and it changes slowly."""
 
+_BED = 0.65
+"""Radius of the bed of a tree in a pavement [m]."""
+
+_LEAVES = 220
+"""How much of the sun leaves hide, 0…255: some of it comes through."""
+
 BRIGHTEST = 1.3
 """What light, as a factor of a screen's colours, the largest value of a picture stands for."""
 
@@ -134,7 +140,7 @@ class Ground:
 
 def paint_ground(structures: Structures, light: Light) -> Ground:
     """Paint the ground of a world in its light, coarser the larger it is."""
-    ends = structures.segments.reshape(-1, 2)
+    ends = structures.places
     if not len(ends):
         ends = np.zeros((1, 2))
     margin = 3.0 if structures.indoor else max(_MARGIN, 2.0 + _reach(structures))
@@ -167,6 +173,7 @@ def _paint(structures: Structures, light: Light, brush: Brush) -> Ground:
     if not indoor:
         fine = brush.finer()
         shadow = fine.blank()
+        fine.polygons(shadow, structures.crowns.shadows(), fill=_LEAVES)
         fine.quads(shadow, _shadows(structures))
         shining = 1.0 - np.asarray(fine.reduced(shadow, _SHADOW_BLUR), np.float32) / 255.0
         lit += shining[..., None] * np.float32(SUN[2] * SUNSHINE)
@@ -188,7 +195,8 @@ def _paint(structures: Structures, light: Light, brush: Brush) -> Ground:
 
 def _reach(structures: Structures) -> float:
     """How far the longest shadow reaches [m], along x or y."""
-    return float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
+    tallest = max(each.max(initial=0.0) for each in (structures.heights, structures.trees[:, 3]))
+    return float(tallest * np.abs(SUN[:2]).max() / SUN[2])
 
 
 def _baked(light: Light, brush: Brush, *, indoor: bool) -> Single:
@@ -226,6 +234,11 @@ def _paint_streets(structures: Structures, brush: Brush) -> Image.Image:
         fine.polygons(streets, plan.streets)
         fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
         fine.polygons(paved, plan.paved)
+        # Where the ground is paved, trees stand in beds of their own.
+        trees = shapely.points(structures.trees[:, :2])
+        trees = trees[shapely.dwithin(plan.paved, trees, _BED)]
+        for picture in (streets, kerbs, paved):
+            fine.polygons(picture, shapely.buffer(trees, _BED), fill=0)
     else:
         # From so far away, a street is what lies between houses.
         for picture, reach in ((streets, STREET), (paved, STREET + PAVEMENT)):

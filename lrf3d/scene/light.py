@@ -151,10 +151,13 @@ class Light:
         self._owner = np.concatenate(
             [np.repeat(np.arange(len(quads)), 2), len(quads) + np.arange(len(roofs))]
         )
-        self._facing = np.concatenate([quads[:, 0, 3:6], roofs[:, 0, 3:6]])
+        # Only leaves look another way at each corner.
+        leaves = roofs[:, :, 3:6].mean(axis=1)
+        leaves /= np.linalg.norm(leaves, axis=1)[:, None]
+        self._facing = np.concatenate([quads[:, 0, 3:6], leaves])
 
     def _grid(self, structures: Structures) -> None:
-        ends = structures.segments.reshape(-1, 2)
+        ends = structures.places
         low, high = ends.min(axis=0) - 4.0, ends.max(axis=0) + 4.0
         cell = max(_CELL * (0.5 if self._indoor else 1.0), float((high - low).max()) / _CELLS)
         self._low, self._cell = low, cell
@@ -268,6 +271,8 @@ def _corners(quads: Single, roofs: Single) -> tuple[_Points, Int]:
     inward = np.zeros((len(first), 3))
     np.add.at(inward, owner, (middles - rows[:, :3]).astype(np.float64))
     inward /= counts
+    # Along the faces: the corner of a round body would else lie within it.
+    inward -= (inward * rows[first, 3:6]).sum(axis=1)[:, None] * rows[first, 3:6]
     length = np.maximum(np.linalg.norm(inward, axis=1), 1e-9)[:, None]
     step = inward / length * np.minimum(_INWARD, 0.3 * length)
     normals = rows[first, 3:6].astype(np.float64)

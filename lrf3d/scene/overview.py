@@ -43,7 +43,7 @@ class Overview:
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._timeline = timeline
         path = timeline.run.trajectory.poses[:, :2] - timeline.origin
-        ends = structures.segments.reshape(-1, 2)
+        ends = structures.places
         around = self.AROUND_INDOOR if structures.indoor else self.AROUND
         low, high = path.min(axis=0) - around, path.max(axis=0) + around
         if len(ends) and (np.ptp(ends, axis=0) > self.WHOLE * (high - low)).any():

@@ -94,6 +94,25 @@ def shade_quads(structures: Structures, quads: Single) -> tuple[Single, Int]:
     return np.concatenate([plain[whole], cut]), np.concatenate([whole, strips.face])
 
 
+def height_of_shadows(structures: Structures, places: Float) -> Float:
+    """Height (n,) [m] up to which walls hide the sun over places (n, 2); :data:`LIT` for none."""
+    heights = np.full(len(places), LIT)
+    walls = structures.segments
+    if structures.indoor or not 0 < len(walls) <= _MOST_WALLS or not len(places):
+        return heights
+    reach = structures.heights.max() / _SLOPE
+    ways = shapely.linestrings(np.stack([places, places + reach * _TOWARD], axis=1))
+    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
+    place, wall = tree.query(ways, predicate="intersects")
+    start, end = walls[wall, :2], walls[wall, 2:]
+    turn = _cross(end - start, np.broadcast_to(_TOWARD, start.shape))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = -_cross(end - start, places[place] - start) / turn
+    high = structures.heights[wall] - _SLOPE * np.nan_to_num(np.abs(away), nan=0.0, posinf=0.0)
+    np.maximum.at(heights, place, high)
+    return heights
+
+
 def shade_roofs(structures: Structures) -> tuple[Any, Int, Float]:
     """Cut the solids where higher ones cast shadows on their roofs.
 
@@ -140,15 +159,17 @@ def _swept(segments: Float, heights: Float) -> Float:
 
 
 def _cast(structures: Structures, quads: Single) -> Cast:
-    """What all walls hide from the faces that look at the sun."""
+    """What all walls and trees hide from the faces that look at the sun."""
     base = quads[:, :2, :2].astype(np.float64)
     # Upright faces whose normal looks to the sun; float32 leaves some walls no length.
     bright = quads[:, 0, 3:5].astype(np.float64) @ _TOWARD
     wide = (base[:, 0] != base[:, 1]).any(axis=1)
     faces = np.flatnonzero((bright > _GRAZED) & (quads[:, 0, 5] < 0.5) & wide)
-    reach = structures.heights.max(initial=0.0) / _SLOPE
+    screens, tops = structures.crowns.screens()
+    walls = np.concatenate([structures.segments, screens])
+    tops = np.concatenate([np.column_stack([structures.heights] * 2), tops])
+    reach = tops.max(initial=0.0) / _SLOPE
     sides = np.concatenate([base[faces, 0], base[faces, 1]], axis=1)
-    walls = structures.segments
     tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
     toward = shapely.polygons(_swept(sides, np.full(len(sides), -reach * _SLOPE)))
     face, wall = tree.query(toward, predicate="intersects")
@@ -175,7 +196,8 @@ def _cast(structures: Structures, quads: Single) -> Cast:
         high = np.where(level, np.where(inside, 1.0, -1.0), np.maximum(*bounds))
         share[0], share[1] = np.maximum(share[0], low), np.minimum(share[1], high)
     ends = place[0] + (place[1] - place[0]) * share
-    heights = structures.heights[wall] - _SLOPE * (away[0] + (away[1] - away[0]) * share)
+    low, high = tops[wall].T
+    heights = low + (high - low) * share - _SLOPE * (away[0] + (away[1] - away[0]) * share)
     swap = ends[1] < ends[0]
     ends[:, swap], heights[:, swap] = ends[::-1, swap], heights[::-1, swap]
     good = (share[1] > share[0]) & (ends[1] - ends[0] > 1e-6) & (heights.max(axis=0) > _LOWEST)

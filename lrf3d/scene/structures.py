@@ -7,6 +7,7 @@ their origin knows no centimetres.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
 from lrf3d.scene.look import object_colours
+from lrf3d.scene.trees import Crowns, find_trees, tree_rows
 from lrf3d.world import World
 
 SIGHT_DISTANCE = 4000.0
@@ -70,6 +72,7 @@ def _near(world: World, low: Float, high: Float) -> World:
         heights=np.minimum(world.heights[kept], SIGHT_DISTANCE),
         object_names=world.object_names[:count],
         colours=world.colours[:count],
+        materials=world.materials[:count],
     )
 
 
@@ -124,6 +127,9 @@ class Structures:
         solid_objects: (k,) the object that each solid is.
         solid_heights: (k,) heights of their roofs [m].
         solid_colours: (k, 3) colours of their walls.
+        trees: (t, 4) x and y, radius of the trunk, height of each tree [m]; its walls are not
+            among the others.
+        tree_objects: (t,) the object that each tree is.
         indoor: Whether this is the inside of a house.
         origin: (2,) where the origin of the film's frame lies in the world [m].
         path: (k, 2) where a robot drives [m].
@@ -139,6 +145,8 @@ class Structures:
     solid_objects: Int
     solid_heights: Float
     solid_colours: Float
+    trees: Float
+    tree_objects: Int
     indoor: bool
     origin: Float
     path: Float
@@ -166,6 +174,11 @@ class Structures:
         path = np.zeros((0, 2)) if path is None else path - origin
         indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT)
         areas = _areas(segments, world.objects, world.object_count)
+        tops = np.zeros(world.object_count)
+        np.maximum.at(tops, world.objects, world.heights)
+        grown = np.flatnonzero(find_trees(world, areas))
+        trees = tree_rows(areas[grown], tops[grown])
+        areas[grown] = None
         areas[_entered(areas, path) | _holds_others(areas, segments, world.objects)] = None
         closed = np.zeros(len(segments), dtype=bool)
         facing = segments.copy()
@@ -179,23 +192,41 @@ class Structures:
             facing[turned] = segments[turned][:, [2, 3, 0, 1]]
         colours = object_colours(world, indoor=indoor)
         found = np.flatnonzero(~shapely.is_missing(areas))
-        tops = np.zeros(world.object_count)
-        np.maximum.at(tops, world.objects, world.heights)
+        built = ~np.isin(world.objects, grown)
+        objects = world.objects[built]
         return cls(
-            segments=facing,
-            objects=world.objects,
-            heights=world.heights,
-            colours=colours[world.objects].reshape(-1, 3),
-            seeds=np.modf(world.objects * 0.7548776662 + 0.11)[0],
-            closed=closed,
+            segments=facing[built],
+            objects=objects,
+            heights=world.heights[built],
+            colours=colours[objects].reshape(-1, 3),
+            seeds=np.modf(objects * 0.7548776662 + 0.11)[0],
+            closed=closed[built],
             solids=areas[found],
             solid_objects=found,
             solid_heights=tops[found],
             solid_colours=colours[found].reshape(-1, 3),
+            trees=trees,
+            tree_objects=grown,
             indoor=indoor,
             origin=origin,
             path=path,
         )
+
+    @property
+    def places(self) -> Float:
+        """Places (n, 2) that are the farthest out: ends of walls, and trees [m]."""
+        return np.concatenate([self.segments.reshape(-1, 2), self.trees[:, :2]])
+
+    @property
+    def footprints(self) -> NDArray[Any]:
+        """Polygons (k + t,) of solids and of the trunks of trees."""
+        trunks = shapely.buffer(shapely.points(self.trees[:, :2]), self.trees[:, 2])
+        return np.concatenate([self.solids, trunks])
+
+    @cached_property
+    def crowns(self) -> Crowns:
+        """The crowns of the trees."""
+        return Crowns.of(self.trees, self.solids)
 
     def within(self, low: Float, high: Float) -> "Structures":
         """The walls and solids that reach into a box from low (2,) to high (2,) [m]."""
@@ -204,6 +235,10 @@ class Structures:
         walls = ((least <= high) & (most >= low)).all(axis=1)
         bounds = shapely.bounds(self.solids).reshape(-1, 4)
         solids = ((bounds[:, :2] <= high) & (bounds[:, 2:] >= low)).all(axis=1)
+        reach = self.trees[:, 3:]
+        trees = ((self.trees[:, :2] + reach >= low) & (self.trees[:, :2] - reach <= high)).all(
+            axis=1
+        )
         return Structures(
             segments=self.segments[walls],
             objects=self.objects[walls],
@@ -215,6 +250,8 @@ class Structures:
             solid_objects=self.solid_objects[solids],
             solid_heights=self.solid_heights[solids],
             solid_colours=self.solid_colours[solids],
+            trees=self.trees[trees],
+            tree_objects=self.tree_objects[trees],
             indoor=self.indoor,
             origin=self.origin,
             path=self.path,

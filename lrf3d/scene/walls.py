@@ -15,8 +15,9 @@ from lrf3d.scene.light import Light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
 from lrf3d.scene.pieces import cut_small, put_together
 from lrf3d.scene.roofs import build_tops, flat_faces, roof_faces
-from lrf3d.scene.shadows import LIT, shade_quads, shade_roofs
+from lrf3d.scene.shadows import LIT, height_of_shadows, shade_quads, shade_roofs
 from lrf3d.scene.structures import Structures
+from lrf3d.scene.trees import trunk_faces
 
 CAP_WIDTH = 0.12
 """Width [m] of the strip on top of a free wall, which shows where it runs from above."""
@@ -113,13 +114,17 @@ def paint_walls(
         solid = np.arange(len(structures.solids))
         polygons, under = structures.solids, np.full(len(solid), LIT)
     top = build_tops(structures, polygons, solid, under, shadows=shadows)
-    # What stands on roofs are walls of their own, after all others.
-    number = np.concatenate([number, len(faces.quads) + np.arange(len(top.quads))])
-    quads = np.concatenate([quads, _with_shadow(top.quads, LIT)])
-    objects = np.concatenate([faces.objects, top.quad_objects])
+    trunks, leaves = _trees(structures, shadows=shadows)
+    # What stands on roofs are walls of their own, after all others, and so are trunks.
+    count = len(top.quads) + len(trunks)
+    number = np.concatenate([number, len(faces.quads) + np.arange(count)])
+    quads = np.concatenate([quads, _with_shadow(top.quads, LIT), trunks])
+    trees, crowns = structures.tree_objects, structures.crowns
+    objects = np.concatenate([faces.objects, top.quad_objects, np.repeat(trees, 6)])
     pieces, owner = lay_walls(quads, number, indoor=structures.indoor)
     under = top.under.astype(np.float32)
-    roofs = lay_roofs(_with_shadow(top.roofs, under[:, None, None]), indoor=structures.indoor)
+    roofs = np.concatenate([_with_shadow(top.roofs, under[:, None, None]), leaves])
+    roofs = lay_roofs(roofs, indoor=structures.indoor)
     step = _STEP_INDOOR if structures.indoor else _STEP
     small = cut_small(pieces, step, _MOST_PIECES)
     pieces = bare_above_foot(small.quads, indoor=structures.indoor)
@@ -137,20 +142,35 @@ def paint_walls(
         large.quads,
         objects[owner][first],
         _with_light(roofs, light.roofs, indoor=structures.indoor),
-        top.objects,
+        np.concatenate([top.objects, np.repeat(trees[crowns.trees], len(crowns.triangles))]),
     )
     return PaintedWalls(painted, light)
 
 
+def _trees(structures: Structures, *, shadows: bool) -> tuple[Single, Single]:
+    """The sides (6 · t, 4, 15) of trunks, and the leaves (f, 3, 15) of crowns, in their shadows."""
+    crowns = structures.crowns
+    under = np.full((len(structures.trees), 1, 1, 1), LIT)
+    trunks, leaves = trunk_faces(structures.trees, crowns), crowns.faces()
+    if not shadows or structures.indoor:
+        return _with_shadow(trunks, LIT), _with_shadow(leaves, LIT)
+    # A crown hides the sun, which stands high, from all of its trunk.
+    under[crowns.trees] = -LIT
+    over = height_of_shadows(structures, leaves[..., :2].reshape(-1, 2).astype(np.float64))
+    sides = np.repeat(under, 6, axis=0).reshape(-1, 1, 1)
+    shade = over.reshape(-1, 3, 1) - leaves[..., 2:3]
+    return _with_shadow(trunks, sides), _with_shadow(leaves, shade)
+
+
 def _with_light(faces: Single, light: Float, *, indoor: bool) -> Single:
     """Faces with the light in the sun, and where it is hidden, at their corners."""
-    normals = faces[:, 0, 3:6].astype(np.float64)
-    sun = np.zeros((len(faces), 3))
-    if not indoor:
-        sun = np.maximum(normals @ SUN, 0.0)[:, None] * SUNSHINE
     rows = np.zeros((*faces.shape[:2], 19), np.float32)
     rows[..., :16] = faces
-    rows[..., 12:15] = screen(light + sun[:, None])
+    sun = np.zeros((1, 1, 3))
+    if not indoor:
+        # Only leaves look another way at each corner.
+        sun = np.maximum(faces[..., 3:6].astype(np.float64) @ SUN, 0.0)[..., None] * SUNSHINE
+    rows[..., 12:15] = screen(light + sun)
     rows[..., 16:19] = screen(light)
     return rows
 

@@ -148,8 +148,8 @@ def joined_beams(ranges: Float, walls: Int) -> Bool:
 
 
 def _outlines(structures: Structures) -> list[list[float]]:
-    """Outlines of houses and their yards: x, y, x, y, … each."""
-    rings = shapely.get_rings(structures.solids)
+    """Outlines of houses and their yards, and of trunks: x, y, x, y, … each."""
+    rings = shapely.get_rings(structures.footprints)
     return [np.round(shapely.get_coordinates(ring), 2).ravel().tolist() for ring in rings]
 
 

@@ -20,11 +20,13 @@ class WorldFormat:
         write: Writes a world to a path; None if worlds are not written in this format.
         apart: Whether the file is read in a process of its own, because the library that parses it
             limits neither time nor memory.
+        trees: Whether ``read`` takes ``trees=True``, which makes walls of the trunks of trees.
     """
 
-    read: Callable[[Path], World]
+    read: Callable[..., World]
     write: Callable[..., None] | None = None
     apart: bool = False
+    trees: bool = False
 
 
 # Each format is imported by its own functions, so that a world loads no other format's libraries.
@@ -54,10 +56,10 @@ def _write_geojson(world: World, path: Path) -> None:
     write_geojson(world, path)
 
 
-def _read_osm(path: Path) -> World:
+def _read_osm(path: Path, *, trees: bool = False) -> World:
     from lrf3d.world.osm import read_osm
 
-    return read_osm(path)
+    return read_osm(path, trees=trees)
 
 
 def _read_ros_map(path: Path) -> World:
@@ -102,7 +104,7 @@ FORMATS = {
     ".toml": WorldFormat(_read_toml, _write_toml),
     ".geojson": WorldFormat(_read_geojson, _write_geojson),
     ".json": WorldFormat(_read_geojson),
-    ".osm": WorldFormat(_read_osm),
+    ".osm": WorldFormat(_read_osm, trees=True),
     ".yaml": WorldFormat(_read_ros_map, _write_ros_map),
     ".yml": WorldFormat(_read_ros_map),
     ".dxf": WorldFormat(_read_dxf, apart=True),
@@ -120,11 +122,17 @@ WRITERS = {ending: known.write for ending, known in FORMATS.items() if known.wri
 """What writes a world, by the ending of the file."""
 
 
-def load_world(name_or_path: str | Path) -> World:
+def load_world(name_or_path: str | Path, *, trees: bool = False) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
 
+    Args:
+        name_or_path: The name or the path.
+        trees: Whether the trunks of the trees in an OpenStreetMap extract are walls too, each an
+            object of bark. Films show such objects as trees.
+
     Raises:
-        WorldError: There is no such world, or its file cannot be used.
+        WorldError: There is no such world, its file cannot be used, or trees are asked for of a
+            file that is no such extract.
 
     Examples:
         >>> import lrf3d
@@ -133,6 +141,10 @@ def load_world(name_or_path: str | Path) -> World:
     """
     path = find_world(name_or_path)
     known = FORMATS[path.suffix.lower()]
+    if trees:
+        if not known.trees:
+            raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
+        return known.read(path, trees=True)
     if known.apart:
         from lrf3d.world.apart import read_apart
 

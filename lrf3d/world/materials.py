@@ -128,6 +128,7 @@ BUILT_IN = {
         Material("plaster", diffuse=0.8),
         Material("brick", diffuse=0.35),
         Material("asphalt", diffuse=0.15),
+        Material("bark", diffuse=0.3),
         Material("dark cloth", diffuse=0.05),
         Material("metal", diffuse=0.2, specular=0.5, lobe_deg=8.0),
         Material("glass", diffuse=0.01, lobe_deg=0.5, index=1.52),

@@ -4,7 +4,8 @@ A path enters; a :class:`World` leaves, whose point (0, 0) is the middle of the 
 ``place`` says where on Earth that is. Buildings are closed ways and multipolygon relations with a
 tag ``building``; their height is ``height``, or three metres for each of ``building:levels``.
 Tags are free text; a value that cannot be read counts as not given. OpenStreetMap's wiki defines
-them on the pages Key:building, Key:height, Key:min_height and Key:building:levels.
+them on the pages Key:building, Key:height, Key:min_height and Key:building:levels. Trees are read
+where they are asked for, see :mod:`lrf3d.world.osm_trees`.
 """
 
 from array import array
@@ -23,6 +24,7 @@ from lrf3d.world.geographic import centre_of, lay_flat
 from lrf3d.world.geojson_features import LEVEL_HEIGHT, Feature, metres_of
 from lrf3d.world.materials import osm_material
 from lrf3d.world.model import World
+from lrf3d.world.osm_trees import is_tree, trunks
 from lrf3d.world.schema import parse_colour
 from lrf3d.world.xml_file import go_through
 
@@ -48,16 +50,20 @@ NO_WALLS = {"no", "roof", "carport"}
 """Values of the tag building without walls."""
 
 
-def read_osm(path: Path) -> World:
+def read_osm(path: Path, *, trees: bool = False) -> World:
     """Read the buildings of an OpenStreetMap extract in XML.
 
     Buildings that stand above the beams (``min_height`` of two metres or more) and mere roofs are
     left out, and so are outlines of which the extract holds a part only.
 
+    Args:
+        path: The file.
+        trees: Whether the trunks of its trees are walls too, each an object of bark.
+
     Raises:
         WorldError: The file cannot be read, or holds no building; the message names the line.
     """
-    extract = _Extract(path)
+    extract = _Extract(path, trees=trees)
     go_through(path, extract.begin, extract.end, largest=LARGEST_OSM)
     features = [feature for feature in extract.features() if feature.polygons]
     if not features:
@@ -72,6 +78,7 @@ def read_osm(path: Path) -> World:
         )
     features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
     place = float(centre[0]), float(centre[1])
+    features += extract.trunks(features, centre)
     try:
         return world_of_features(features, own_name(path), place=place)
     except WorldError as error:
@@ -90,8 +97,9 @@ class _Item:
 class _Extract:
     """Collects nodes, ways and relations while a file is read."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, trees: bool) -> None:
         self.path = path
+        self.with_trees, self.trees = trees, list[tuple[list[float], dict[str, str]]]()
         # Arrays take a tenth of the memory of numbers and pairs: most nodes are of no building.
         self.ids, self.degrees = array("q"), array("d")
         self.ways: dict[int, _Item] = {}
@@ -113,6 +121,8 @@ class _Extract:
             self.ids.append(self._number(attributes, "id", line))
             self.degrees.append(self._degrees(attributes, "lon", 180.0, line))
             self.degrees.append(self._degrees(attributes, "lat", 90.0, line))
+            if self.with_trees and attributes.get("action") != "delete":
+                self.item = _Item()
         elif tag in ("way", "relation"):
             self.item = _Item()
             if attributes.get("visible") == "false" or attributes.get("action") == "delete":
@@ -133,7 +143,9 @@ class _Extract:
             self.item.tags[attributes.get("k", "")] = attributes.get("v", "")
 
     def end(self, tag: str) -> None:
-        if tag in ("way", "relation"):
+        if tag == "node" and self.item is not None and is_tree(self.item.tags):
+            self.trees.append((self.degrees[-2:].tolist(), self.item.tags))
+        if tag in ("node", "way", "relation"):
             self.item = None
 
     def features(self) -> list[Feature]:
@@ -151,6 +163,14 @@ class _Extract:
                 ring = self._ring(way.refs)
                 found.append(_feature(way.tags, () if ring is None else ((ring,),)))
         return found
+
+    def trunks(self, buildings: Sequence[Feature], centre: Float) -> list[Feature]:
+        """The trunks of trees that stand free of buildings, which are laid flat about a centre."""
+        if not self.trees:
+            return []
+        places = lay_flat(np.array([place for place, _ in self.trees]), centre)
+        polygons = [rings for building in buildings for rings in building.polygons]
+        return trunks(places, [tags for _, tags in self.trees], polygons)
 
     def _building_tags(self, relation: _Item) -> dict[str, str] | None:
         """The tags of a building of several rings; old ones have them on an outer way."""

@@ -36,6 +36,15 @@ WORLDS = {
     "a house far off": tall(np.add(HOUSE, 90e3)),
     "a bow tie": tall([[0, 0, 10, 10], [10, 10, 10, 0], [10, 0, 0, 10], [0, 10, 0, 0]]),
     "a wall beyond all": tall([*HOUSE, [FAR, 0, FAR, 9]], [0] * 4 + [1]),
+    "glass beyond all": World(
+        [*HOUSE, [FAR, 0, FAR, 9]], [0] * 4 + [1], [8.0] * 5, materials=["brick", "glass"]
+    ),
+    "trees alone": World(
+        [*box(3, 5, 0.3, 0.3), *box(9, 5, 0.4, 0.4)], TWO, [7.0] * 8, materials=["bark"] * 2
+    ),
+    "a low tree in a room": World(
+        [*HOUSE, *box(3, 5, 0.3, 0.3)], TWO, [2.5] * 4 + [3.4] * 4, materials=[None, "bark"]
+    ),
     "a room and a wall beyond all": tall([*HOUSE, [FAR, 0, FAR, 9]], [0] * 4 + [1], 2.5),
     "a corner beyond all": tall([[0, 0, 10, 0], [10, 0, FAR, 8], [FAR, 8, 0, 8], [0, 8, 0, 0]]),
     "a wall without end": tall([*HOUSE, [-FAR, -9, FAR, -9.5]], [0] * 4 + [1]),
