@@ -89,6 +89,22 @@ PLAN = (
 )
 """A drawing of 1:100 of a room of 8 m by 6 m."""
 
+_CORNERS = [(x + dx, y) for x in (0, 30) for dx, y in ((0, 0), (12, 0), (12, 12), (0, 12))]
+_NODES = [
+    f'<node id="{number}" lon="{4 + 1.5e-5 * x}" lat="{52 + 9e-6 * y}">{tag}</node>'
+    for number, (x, y, tag) in enumerate(
+        [(x, y, "") for x, y in _CORNERS]
+        + [(x, 18, '<tag k="natural" v="tree"/>') for x in (6, 21, 36)]
+    )
+]
+_WAYS = [
+    f'<way id="{first}">{"".join(f"""<nd ref="{first + k % 4}"/>""" for k in range(5))}'
+    '<tag k="building" v="yes"/></way>'
+    for first in (0, 4)
+]
+TOWN = f"<osm>{''.join(_NODES + _WAYS)}</osm>"
+"""Two houses and three trees."""
+
 
 @dataclass(frozen=True)
 class Snippet:
@@ -128,6 +144,7 @@ class Workshop:
         _write_drawing(Path("plan.dxf"), 1.0)
         _write_drawing(Path("flat.dxf"), 1000.0)
         Path("plan.svg").write_text(PLAN)
+        Path("town.osm").write_text(TOWN)
         _write_scans(Path("scans.npz"))
 
     def run(self, page):
