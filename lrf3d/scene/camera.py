@@ -85,6 +85,8 @@ class SmoothPath:
     SMOOTH = 0.7
     """Time of the film [s] over which turns are smoothed: what looks calm does not hang on how
     fast the run is played."""
+    FOLLOW = 0.15
+    """The same for places: of a fast film the robot would else leave the middle of the picture."""
 
     def __init__(self, timeline: Timeline) -> None:
         step = self.STEP * timeline.playback
@@ -94,7 +96,8 @@ class SmoothPath:
         self.places = poses[:, :2] - timeline.origin
         self.width = self.SMOOTH / self.STEP
         self.headings = gaussian_filter1d(np.unwrap(poses[:, 2]), self.width, mode="nearest")
-        self._smooth = gaussian_filter1d(self.places, self.width, axis=0, mode="nearest")
+        follow = self.FOLLOW / self.STEP
+        self._smooth = gaussian_filter1d(self.places, follow, axis=0, mode="nearest")
 
     def place(self, time: float) -> Float:
         """The smoothed place (2,) at a time [s]."""
@@ -249,7 +252,7 @@ class Orbit:
     """Goes slowly round the robot, near it, and higher where a house is in between."""
 
     FIELD = np.radians(42.0)
-    AWAY, AWAY_INDOOR = 15.0, 7.5
+    AWAY, AWAY_INDOOR = 11.5, 7.0
     """How far off the robot it is [m]."""
     LEAST, LEAST_INDOOR = np.radians(32.0), np.radians(48.0)
     """How steeply it looks down at the least [rad]."""

@@ -32,9 +32,9 @@ class Fixed:
     The farther off the robot is, the narrower is then its field: the robot stays in sight.
     """
 
-    CALM = 16.0
+    CALM = 12.5
     """Distance [m] from which on its field narrows."""
-    NARROWEST = 0.3
+    NARROWEST = 0.15
     """What is left of its field at the least."""
 
     def __init__(self, camera: FixedCamera, timeline: Timeline) -> None:

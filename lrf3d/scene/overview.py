@@ -25,8 +25,15 @@ class Overview:
     """Looks at all that was driven and seen from one side, and drifts slowly round it."""
 
     FIELD = float(np.radians(34.0))
-    STEEP, STEEP_INDOOR = np.radians(37.0), np.radians(56.0)
-    """How steeply it looks down [rad]: into rooms more, so that near walls hide less."""
+    STEEP, STEEPER, STEEP_INDOOR = np.radians(37.0), np.radians(47.0), np.radians(56.0)
+    """How steeply it looks down [rad]: at long, narrow towns up to the second, so that they fill
+    more of the picture, and into rooms still more, so that near walls hide less."""
+    FULL = 0.7
+    """Share of the picture's height from which on it is full."""
+    SIDES = (np.radians(-112.0), np.radians(-22.0), np.radians(-67.0))
+    """Where it may stand [rad]: from each, two sides of houses are seen on which the sun shines."""
+    AS_LARGE = 1.08
+    """It stands at the first of them that is at most so many times as far off as the nearest."""
     AROUND, AROUND_INDOOR = 24.0, 1.5
     """What is shown around the path [m], where the world goes on."""
     WHOLE = 1.6
@@ -59,29 +66,39 @@ class Overview:
             ]
         )
         level = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(level)))
-        self._steep = self.STEEP_INDOOR if structures.indoor else self.STEEP
+        self._steeps = [self.STEEP_INDOOR]
+        if not structures.indoor:
+            self._steeps = np.linspace(self.STEEP, self.STEEPER, 5).tolist()
         top = min(float(structures.heights.max(initial=0.0)), self.TALLEST)
         self._corners = np.concatenate(
             [np.column_stack([level, np.full(len(level), height)]) for height in (0.0, top)]
         )
-        low, high = level.min(axis=0), level.max(axis=0)
-        self._wide = bool(high[0] - low[0] >= high[1] - low[1])
+        self._sides: dict[float, tuple[float, float]] = {}
+
+    def _side(self, aspect: float) -> tuple[float, float]:
+        """Which side it looks from and how steeply [rad]: what shows the whole as large as any."""
+        if aspect not in self._sides:
+            looks = [self._fitting(turn, self._steeps[0], aspect) for turn in self.SIDES]
+            away = np.array([np.linalg.norm(look.eye - look.target) for look, _ in looks])
+            turn = self.SIDES[int(np.argmax(away <= self.AS_LARGE * away.min()))]
+            full = [self._fitting(turn, steep, aspect)[1] >= self.FULL for steep in self._steeps]
+            steep = self._steeps[full.index(True) if True in full else -1]
+            self._sides[aspect] = turn, steep
+        return self._sides[aspect]
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
         passed = (time - self._timeline.start) / self._timeline.playback
         length = (self._timeline.end - self._timeline.start) / self._timeline.playback
-        # A long side lies along one of the picture's, and those that the sun shines on are seen.
-        side = np.radians(-112.0 if self._wide == (aspect >= 1.0) else -22.0)
-        # At its middle time it stands square to the whole; long films do not end at the back.
-        turn = side + self.DRIFT * float(np.clip(passed - 0.5 * length, -20.0, 20.0))
-        back = np.array(
-            [
-                np.cos(turn) * np.cos(self._steep),
-                np.sin(turn) * np.cos(self._steep),
-                np.sin(self._steep),
-            ]
-        )
+        # At its middle time it stands at that side; long films do not end at the back.
+        turn, steep = self._side(aspect)
+        turn += self.DRIFT * float(np.clip(passed - 0.5 * length, -20.0, 20.0))
+        return self._fitting(turn, steep, aspect)[0]
+
+    def _fitting(self, turn: float, steep: float, aspect: float) -> tuple[Look, float]:
+        """The look from a side that shows the whole, and the share of the height that it fills."""
+        level = np.cos(steep)
+        back = np.array([np.cos(turn) * level, np.sin(turn) * level, np.sin(steep)])
         right = np.array([-np.sin(turn), np.cos(turn), 0.0])
         up = np.cross(back, right)
         tall = self.FILL * np.tan(0.5 * self.FIELD)
@@ -95,7 +112,8 @@ class Overview:
             shift = 0.5 * (seen.max(axis=0) + seen.min(axis=0)) * away
             target = target + shift[0] * right + shift[1] * up
         eye = target + away * back
-        return Look(eye, target, self.FIELD, near=0.5, air=self.AIR * away)
+        high = float(np.ptp(seen[:, 1])) / (2.0 * np.tan(0.5 * self.FIELD))
+        return Look(eye, target, self.FIELD, near=0.5, air=self.AIR * away), high
 
 
 class Story:

@@ -87,4 +87,4 @@ def trunks(
     )
     gap = np.hypot(*(places[first] - places[second]).T)
     near[second[(first < second) & (gap <= radii[first] + radii[second])]] = True
-    return [trunk(places[number], tags[number]) for number in np.flatnonzero(~near)]
+    return [trunk(places[number], tags[number]) for number in np.flatnonzero(~near).tolist()]
