@@ -171,9 +171,11 @@ def test_a_fault_at_any_call_of_a_lock_leaves_it_free(tmp_path):
             assert list(tmp_path.iterdir()) == []
 
 
-def test_an_older_bag_stays_until_the_new_one_is_in_its_place(tmp_path, monkeypatch):
+@pytest.mark.parametrize("older", [True, False])
+def test_an_older_bag_stays_until_the_new_one_is_in_its_place(older, tmp_path, monkeypatch):
     pytest.importorskip("rosbags")
-    WRITERS["bag"](tmp_path, 0)
+    if older:
+        WRITERS["bag"](tmp_path, 0)
     before = contents(tmp_path)
     rename = Path.rename
 

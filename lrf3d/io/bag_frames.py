@@ -139,9 +139,7 @@ class FrameTree:
 
     def placed(self, frame: str, above: str, times: Int) -> Placed:
         """Poses of the frame in one of its ancestors at times (n,) [ns]."""
-        result = Placed.identity(len(times))
-        for child in self.chain(frame):
-            if child == above:
-                break
+        result, chain = Placed.identity(len(times)), self.chain(frame)
+        for child in chain[: chain.index(above)]:
             result = self._edges[child][1].at(times) @ result
         return result

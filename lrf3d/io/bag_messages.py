@@ -67,7 +67,7 @@ class Bag:
         wanted = [
             c for c in self._reader.connections if c.topic in topics and c.topic in self.topics
         ]
-        for number, (connection, _, data) in enumerate(self._messages(wanted), 1):
+        for number, (connection, data) in enumerate(self._messages(wanted), 1):
             try:
                 content = self._typestore.deserialize_cdr(data, connection.msgtype)
             except Exception as error:
@@ -75,13 +75,10 @@ class Bag:
                 continue
             yield Message(number, connection.topic, connection.msgtype, content)
 
-    def _messages(self, wanted: list[Any]) -> Iterator[Any]:
-        if not wanted:
-            return
+    def _messages(self, wanted: list[Any]) -> Iterator[tuple[Any, bytes]]:
         try:
-            yield from self._reader.messages(wanted)
-        except Lrf3dError:
-            raise
+            for connection, _, data in self._reader.messages(wanted):
+                yield connection, data
         except Exception as error:
             raise _damaged(self.path, error) from None
 
@@ -207,12 +204,7 @@ def _unpack(decompressor: Any, data: bytes, size: int) -> bytes:
     if size > LARGEST_CHUNK:
         raise ValueError(f"a chunk of {size:,} bytes, at most {LARGEST_CHUNK:,} are read")
     # One byte more than declared is enough to detect that there are too many.
-    raw = decompressor.decompress(data, max_length=size + 1)
-    parts = [raw]
-    while raw and not decompressor.eof and sum(map(len, parts)) <= size:
-        raw = decompressor.decompress(b"", max_length=size + 1)
-        parts.append(raw)
-    return b"".join(parts)
+    return bytes(decompressor.decompress(data, max_length=size + 1))
 
 
 def _zstd() -> Any:

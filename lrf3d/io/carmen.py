@@ -325,9 +325,12 @@ def _scan(
         ranges = np.array([nan])
     if np.isnan(ranges).any() or (ranges < 0.0).any():
         # Only here each reading is looked at alone, to name the one that is wrong.
-        for place, word in enumerate(readings, 1):
-            if not _number(word, f"reading {place}", finite=False) >= 0.0:
-                raise _BadMessage(f"reading {place} is {_shown(word)}, expected metres")
+        place, word = next(
+            (place, word)
+            for place, word in enumerate(readings, 1)
+            if not _number(word, f"reading {place}", finite=False) >= 0.0
+        )
+        raise _BadMessage(f"reading {place} is {_shown(word)}, expected metres")
     ranges[ranges >= farthest] = inf
     # Some drivers write a reading of 0 for a beam without a valid range.
     ranges[ranges == 0.0] = -inf

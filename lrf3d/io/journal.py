@@ -26,6 +26,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from pathlib import Path
 from types import FunctionType
 from typing import IO, TYPE_CHECKING, Any
@@ -170,7 +171,8 @@ class Journal:
         Raises:
             OutputError: The file no longer holds what was written to it.
         """
-        dtype, place = np.dtype(self.columns[name][0]), list(self.columns).index(name)
+        place = list(self.columns).index(name)
+        dtype, part = self.columns[name]
         # A separate handle, so that reading does not move the position for writing.
         try:
             reading = self.path.open("rb")
@@ -180,17 +182,19 @@ class Journal:
             for chunk in self.chunks:
                 if chunk.first + chunk.scans <= first:
                     continue
-                begin = chunk.begin
-                for other, (other_type, part) in self.columns.items():
-                    shape = (chunk.scans, *part)
-                    if other == name:
-                        break
-                    begin += int(np.prod(shape)) * np.dtype(other_type).itemsize
-                file.seek(begin)
-                data = file.read(int(np.prod(shape)) * dtype.itemsize)
+                sizes = self._sizes(chunk.scans)
+                file.seek(chunk.begin + sum(sizes[:place]))
+                data = file.read(sizes[place])
                 if zlib.crc32(data) != chunk.sums[place]:
                     raise self._changed()
-                yield np.frombuffer(data, dtype).reshape(shape)
+                yield np.frombuffer(data, dtype).reshape(chunk.scans, *part)
+
+    def _sizes(self, scans: int) -> list[int]:
+        """The sizes of the columns of some scans [bytes]."""
+        return [
+            int(np.prod((scans, *part))) * np.dtype(dtype).itemsize
+            for dtype, part in self.columns.values()
+        ]
 
     def _changed(self) -> OutputError:
         return OutputError(
@@ -229,17 +233,12 @@ class Journal:
                 segments.copy(), objects.copy(), points.copy(), codes
             )
             at += 56 * size
-        if first != self.scans:
+        bounds = list(accumulate(self._sizes(scans), initial=at))
+        if first != self.scans or bounds[-1] != len(payload):
             return None
-        begin, sums = at, []
-        for dtype, part in self.columns.values():
-            size = int(np.prod((scans, *part))) * np.dtype(dtype).itemsize
-            sums.append(zlib.crc32(payload[begin : begin + size]))
-            begin += size
-        if begin != len(payload):
-            return None
+        sums = tuple(zlib.crc32(payload[begin:end]) for begin, end in pairwise(bounds))
         begin, end = place + _LENGTH.size + at, place + _LENGTH.size + len(payload)
-        return Chunk(first, scans, begin, end, tuple(sums), state["rng"], snapshots)
+        return Chunk(first, scans, begin, end, sums, state["rng"], snapshots)
 
 
 def read_fingerprint(file: IO[bytes]) -> dict[str, str] | None:

@@ -6,7 +6,7 @@ leave, at a cost that depends on how many are as near as those asked for, not on
 
 import numpy as np
 
-from lrf3d.compiling import compiled
+from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Bool, Float, Int
 
 LEAST_ROOM = 256
@@ -73,17 +73,7 @@ def shortest_distances(
     while size > 0:
         node, way = nodes[0], keys[0]
         size -= 1
-        last, key = nodes[size], keys[size]
-        place = 0
-        while 2 * place + 1 < size:
-            child = 2 * place + 1
-            if child + 1 < size and keys[child + 1] < keys[child]:
-                child += 1
-            if keys[child] >= key:
-                break
-            nodes[place], keys[place] = nodes[child], keys[child]
-            place = child
-        nodes[place], keys[place] = last, key
+        remove_least(nodes, keys, size)
         if way > ways[node]:
             continue
         # A robot that comes by again is near what it saw before over few links, however many
@@ -102,11 +92,33 @@ def shortest_distances(
                     for k in range(size):
                         more_nodes[k], more_keys[k] = nodes[k], keys[k]
                     nodes, keys = more_nodes, more_keys
-                place = size
+                insert(nodes, keys, size, end, farther)
                 size += 1
-                while place > 0 and keys[(place - 1) // 2] > farther:
-                    nodes[place], keys[place] = nodes[(place - 1) // 2], keys[(place - 1) // 2]
-                    place = (place - 1) // 2
-                nodes[place], keys[place] = end, farther
             link = before[link]
     return ways
+
+
+@borrower
+def insert(nodes: Int, keys: Float, size: int, node: int, key: float) -> None:
+    """Insert a node by its key into a heap of a size; there must be room for it."""
+    place = size
+    while place > 0 and keys[(place - 1) // 2] > key:
+        nodes[place], keys[place] = nodes[(place - 1) // 2], keys[(place - 1) // 2]
+        place = (place - 1) // 2
+    nodes[place], keys[place] = node, key
+
+
+@borrower
+def remove_least(nodes: Int, keys: Float, size: int) -> None:
+    """Remove the first, the least, of a heap of which a size is left."""
+    last, key = nodes[size], keys[size]
+    place = 0
+    while 2 * place + 1 < size:
+        child = 2 * place + 1
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        nodes[place], keys[place] = nodes[child], keys[child]
+        place = child
+    nodes[place], keys[place] = last, key

@@ -232,7 +232,7 @@ def test_numbers_beyond_float64_products_are_lit_by_rationals(caster):
 NAMES = ["mirror", "glass", "plaster", "metal", "retro-reflector"]
 
 
-@pytest.mark.parametrize("kind", ["anywhere", "on a grid", "far away"])
+@pytest.mark.parametrize("kind", ["anywhere", "on a grid", "far away", "twice"])
 def test_every_wall_of_each_way_is_as_the_rationals_decide(kind):
     rng = np.random.default_rng(len(kind))
     for _ in range(12):
@@ -241,6 +241,8 @@ def test_every_wall_of_each_way_is_as_the_rationals_decide(kind):
         if kind == "on a grid":
             walls = np.array([[-4, -4, 4, -4], *rng.integers(-4, 5, (count, 4))], dtype=float)
             walls = walls[(walls[:, :2] != walls[:, 2:]).any(axis=1)]
+        if kind == "twice":
+            walls = np.vstack([walls, walls[:3][:, [2, 3, 0, 1]], walls[1:4]])
         materials = rng.choice(NAMES, len(walls), p=[0.45, 0.3, 0.15, 0.05, 0.05]).tolist()
         world = World(walls, np.arange(len(walls)), materials=materials)
         exact = ExactLight(world.segments, list(world.materials))
@@ -269,6 +271,43 @@ def test_every_wall_of_each_way_is_as_the_rationals_decide(kind):
                     assert chain in [
                         echo.chain for echo in found if echo.intensity >= 0.999 * found[0].intensity
                     ]
+
+
+@pytest.mark.parametrize("last", ["plaster", "glass"])
+def test_walls_as_short_as_a_rounding_error_are_met_behind_glass_as_the_rationals_decide(last):
+    rng = np.random.default_rng(5)
+    lrf, pose = LaserRangeFinder(-1.0, 1.0, beams=400, range_max=40.0), (0.3, -0.2, 0.1)
+    ahead = lrf.directions(pose)
+    middle = pose[:2] + rng.uniform(2.0, 9.0, (len(ahead), 1)) * ahead
+    half = 10.0 ** rng.uniform(-15.0, -13.0, (len(ahead), 1)) * ahead[:, ::-1] * [-1.0, 1.0]
+    half[(middle - half == middle + half).all(axis=1)] *= 100.0
+    walls = np.vstack([[1.0, -9.0, 1.0, 9.0], np.hstack([middle - half, middle + half])])
+    world = World(walls, np.arange(len(walls)), materials=["glass"] + [last] * len(ahead))
+    exact = ExactLight(world.segments, list(world.materials))
+    scans = [caster(world).cast(lrf, pose) for caster in CASTERS]
+    assert np.array_equal(scans[0].ranges, scans[1].ranges)
+    chains = PlanarCaster(world).chains(lrf, pose)
+    for beam in rng.choice(len(ahead), 60, replace=False).tolist():
+        found = exact.echoes(pose[:2], tuple(ahead[beam]), range_max=40.0)
+        chain = tuple(chains[beam][chains[beam] >= 0].tolist())
+        assert chain == found[0].chain
+        assert ulps(scans[0].ranges[beam], found[0].way) < 0.6
+
+
+def test_of_more_echoes_than_are_kept_the_brightest_stay():
+    mirror = Material("dusty mirror", diffuse=0.02, specular=0.97)
+    pane = Material("pane", diffuse=0.01, specular=0.2, transmission=0.78)
+    places = {1.1: mirror, -1.0: mirror, 0.6: pane, -0.45: pane}
+    world = world_of(*((x, -9, x, 9, kind) for x, kind in places.items()))
+    exact = ExactLight(world.segments, list(world.materials))
+    lrf = LaserRangeFinder(-0.5, 0.5, beams=11, range_max=20.0, echoes=5)
+    scans = [caster(world).cast(lrf, (0, 0, 0)) for caster in CASTERS]
+    assert np.array_equal(scans[0].echoes, scans[1].echoes)
+    for beam, ahead in enumerate(lrf.directions((0, 0, 0))):
+        found = exact.echoes((0.0, 0.0), tuple(ahead), range_max=20.0)
+        assert len(found) == 16
+        kept = sorted(float(echo.way) for echo in found[:5])
+        assert scans[0].echoes[beam] == pytest.approx(kept, rel=1e-14)
 
 
 def test_a_batch_is_its_scans():

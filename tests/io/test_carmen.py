@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic_run import around, box, make_run, make_world
 
+import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
@@ -102,6 +103,7 @@ def test_a_scan_that_is_told_twice_is_read_once():
         (front([1, 2, 3], time="noon"), "time"),
         (front([1, 2, 3], pose=("1e300", 0, 0)), "at most 1e+09"),
         (robot([1, 2, 3], farthest="1e308"), "at most 1e+09"),
+        (robot([1, 2, 3]) + " 4", "0 remissions need"),
         (robot([1, 2, 3], step=0.0), "rad apart"),
         (robot([1, 2, 3], step="nan"), "a value is 'nan'"),
         (robot([1, 2, 3], farthest="far"), "a value is 'far'"),
@@ -321,3 +323,18 @@ def test_an_offset_of_the_laser_that_is_no_length_is_a_bad_line(tmp_path):
         lines = [f"PARAM robot_frontlaser_offset {value} 0 h 0", front([1, 2, 3])]
         log = load_log(write(tmp_path / "a.log", *lines))
         assert log.bad_count == 1 and "robot_frontlaser_offset" in log.bad_lines[0].reason
+
+
+def test_a_log_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
+    monkeypatch.setattr("lrf3d.io.carmen.MOST_READINGS", 5)
+    (tmp_path / "a.log").write_text("FLASER 3 1 2 3 0 0 0 0 0 0 0 host 0\n" * 2)
+    with pytest.raises(InputError, match=r"a\.log: more than 5 readings; cut the log into parts"):
+        load_log(tmp_path / "a.log")
+
+
+def test_a_scan_of_one_beam_has_no_message_that_needs_a_fan(tmp_path):
+    room = lrf3d.World([[3, -3, 3, 3]])
+    run = lrf3d.simulate(room, [(0, 0, 0), (1, 0, 0)], LaserRangeFinder(0.0, 0.0, 1), rng=0)
+    export_run(run, "carmen", tmp_path / "a.log")
+    words = [line.split()[0] for line in (tmp_path / "a.log").read_text().splitlines()]
+    assert "FLASER" not in words and "ROBOTLASER1" in words

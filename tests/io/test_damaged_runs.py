@@ -7,11 +7,12 @@ import zipfile
 
 import numpy as np
 import pytest
+from estimates import estimated
 from numpy.lib import format as npy
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, OutputError, World
-from lrf3d.io import npz
+from lrf3d.io import npz, recording
 from lrf3d.io.npz import Column, write_npz
 
 ROOM = World([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0]])
@@ -115,6 +116,97 @@ def test_a_generator_whose_state_cannot_be_saved_is_refused_before_the_drive(tmp
     with pytest.raises(InputError, match=r"rng with MT19937.*default_rng"):
         lrf3d.record(simulation(rng), tmp_path / "run.npz")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_missing_is_named_when_the_run_is_recorded(tmp_path):
+    with pytest.raises(OutputError, match="nowhere"):
+        lrf3d.record(simulation(), tmp_path / "nowhere" / "run.npz")
+
+
+def test_a_journal_that_cannot_be_opened_is_named(tmp_path, monkeypatch):
+    def refused(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(recording, "Journal", refused)
+    with pytest.raises(OutputError, match=r"run\.journal: cannot be written: Permission denied"):
+        lrf3d.record(simulation(), tmp_path / "run.npz")
+
+
+def test_a_finished_run_that_is_damaged_is_recorded_again(run_file):
+    whole = run_file.read_bytes()
+    run_file.write_bytes(whole[: len(whole) // 2])
+    lrf3d.record(simulation(), run_file, resume=True)
+    assert run_file.read_bytes() == whole
+
+
+def stopped(path, mapper, at):
+    """A recording of four scans, each a chunk of its own, that stops after some of them."""
+
+    def progress(done, total):
+        if done == at:
+            raise KeyboardInterrupt
+
+    made = lrf3d.Simulation(ROOM, POSES, LRF, mapper=mapper, rng=0)
+    with pytest.raises(KeyboardInterrupt):
+        lrf3d.record(made, path, progress=progress)
+    return path.with_suffix(".journal")
+
+
+class Forgetful:
+    """A mapper that cannot return its state."""
+
+    def __init__(self):
+        self.inner = lrf3d.LineMapper()
+
+    def update(self, scan):
+        return self.inner.update(scan)
+
+    def __repr__(self):
+        return "Forgetful()"
+
+
+def test_a_mapper_without_a_state_has_no_checkpoint(tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
+    monkeypatch.setattr(recording, "CHECKPOINT_SCANS", 1)
+    journal = stopped(tmp_path / "run.npz", Forgetful(), 2)
+    assert not journal.with_suffix(".checkpoint").exists()
+    again = lrf3d.Simulation(ROOM, POSES, LRF, mapper=Forgetful(), rng=0)
+    assert len(lrf3d.record(again, tmp_path / "run.npz", resume=True)) == len(POSES)
+
+
+def test_a_chunk_that_stands_twice_in_a_journal_counts_once(tmp_path, monkeypatch, run_file):
+    whole = run_file.read_bytes()
+    run_file.unlink()
+    monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
+    journal = stopped(run_file, None, 1)
+    first = journal.stat().st_size
+    journal = stopped(run_file, None, 2)
+    data = journal.read_bytes()
+    # The second chunk once more, checksum and all, as a copy program that was stopped leaves it.
+    journal.write_bytes(data + data[first:])
+    lrf3d.record(simulation(), run_file, resume=True)
+    assert run_file.read_bytes() == whole
+
+
+def test_an_estimate_of_another_number_of_scans_is_refused(tmp_path):
+    run = estimated(lrf3d.simulate(ROOM, POSES, LRF, rng=0), shift=(0.1, 0.0, 0.0))
+    lrf3d.save_run(run, tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as file:
+        poses = file["estimate_poses"]
+    changed(
+        tmp_path / "run.npz",
+        estimate_poses=np.vstack([poses, poses[-1:]]),
+    )
+    with pytest.raises(InputError, match=r"run\.npz: .*estimate_poses"):
+        lrf3d.load_run(tmp_path / "run.npz")
+
+
+def test_intensities_of_another_number_of_beams_are_refused(tmp_path):
+    lit = World(ROOM.segments, objects=range(4), materials=["mirror", "glass", "brick", "plaster"])
+    lrf3d.save_run(lrf3d.simulate(lit, POSES, LRF, rng=0), tmp_path / "run.npz")
+    changed(tmp_path / "run.npz", intensities=np.zeros((3, 5)))
+    with pytest.raises(InputError, match=r"intensities of shape \(3, 5\), expected \(3, 7\)"):
+        lrf3d.load_run(tmp_path / "run.npz")
 
 
 def test_a_name_with_a_nul_character_is_refused():

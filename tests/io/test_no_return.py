@@ -31,6 +31,8 @@ def test_the_largest_reading_that_many_beams_share_means_no_return():
         lambda rng: rng.uniform(1.0, 6.0, 21),
         lambda rng: np.linspace(1.0, 8.0, 21),
         lambda rng: np.full(21, np.inf),
+        # A corner that a robot at rest reads with one beam in each scan.
+        lambda rng: np.append(rng.uniform(1.0, 6.0, 20), 8.0),
         # A wall seen at a right angle, at the range of its other beams.
         lambda rng: 5.0 / np.cos(np.clip(ANGLES, -0.6, 0.6)) + rng.normal(0, 0.01, 21),
     ],

@@ -287,7 +287,8 @@ def join_stretches(
     count = len(walls.ends)
     parents, everyone = np.arange(count), np.arange(count)
     waiting = np.empty(loose + count + 1, np.int64)
-    waiting[:loose] = everyone[:loose]
+    for row in range(loose):
+        waiting[row] = row
     for row in range(loose + 1, count):
         if joints[row] == joints[row - 1]:
             parents[row] = parents[row - 1]

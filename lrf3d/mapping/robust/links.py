@@ -170,7 +170,8 @@ def add_links(
             if lines[MOST_LINKS, 4] > reach:
                 continue
             others[place] = other
-            lines[place] = lines[MOST_LINKS]
+            for column in range(6):
+                lines[place, column] = lines[MOST_LINKS, column]
             found = min(found + 1, MOST_LINKS)
             if found == MOST_LINKS:
                 farthest = 0

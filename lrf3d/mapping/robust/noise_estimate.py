@@ -159,7 +159,9 @@ def count_residuals(
         # By how much the noise of the neighbours moves that.
         a, b = a * (flat / ranges[one]) ** 2, b * (flat / ranges[other]) ** 2
         size = abs(ranges[middle] - flat) / np.sqrt(1.0 + a * a + b * b)
-        row = np.searchsorted(edges, ranges[middle]) - 1
+        row = -1
+        while row + 1 < len(edges) and edges[row + 1] < ranges[middle]:
+            row += 1
         if 0 <= row < len(edges) - 1:
             decades = np.log10(max(size, NOISE_UNIT) / NOISE_UNIT)
             counts[row, min(int(decades * PER_DECADE), counts.shape[1] - 1)] += 1

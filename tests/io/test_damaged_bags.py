@@ -1,0 +1,123 @@
+"""Bags with messages that cannot be used, and bags that are too large: what is said of them."""
+
+import math
+
+import numpy as np
+import pytest
+from bags import STORE, mounted, odometry, rosbag2, scan, transform, write
+
+from lrf3d.errors import InputError
+from lrf3d.io import bag_messages, load_log, ros_bag
+from lrf3d.io.bag_messages import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.laser import Stamp
+
+WHEELS = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(3)]
+
+
+def scans(*times):
+    return [("/scan", time, SCAN, scan(time)) for time in times]
+
+
+def packed(path, mode):
+    """A bag of two odometry messages and a scan, compressed."""
+    bag = rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin.SQLITE3)
+    bag.set_compression(mode, rosbag2.CompressionFormat.ZSTD)
+    with bag:
+        topics = {}
+        for topic, time, kind, message in [mounted(), *WHEELS, *scans(0.5)]:
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
+            bag.write(topics[topic], Stamp.of(time).nanoseconds, STORE.serialize_cdr(message, kind))
+    return path
+
+
+def test_a_message_that_is_cut_off_is_counted_and_named(tmp_path):
+    with rosbag2.Writer(
+        tmp_path / "bag", version=8, storage_plugin=rosbag2.StoragePlugin.MCAP
+    ) as bag:
+        wheels = bag.add_connection("/odom", ODOMETRY, typestore=STORE)
+        beams = bag.add_connection("/scan", SCAN, typestore=STORE)
+        for _, time, kind, message in WHEELS:
+            bag.write(wheels, Stamp.of(time).nanoseconds, STORE.serialize_cdr(message, kind))
+        whole = STORE.serialize_cdr(scan(0.5), SCAN)
+        bag.write(beams, 500_000_000, whole)
+        for _ in range(7):
+            bag.write(beams, 600_000_000, whole[:30])
+    log = load_log(tmp_path / "bag")
+    assert len(log) == 1 and log.bad_count == 7
+    # The first five are named.
+    assert [bad.number for bad in log.bad_lines] == [3, 4, 5, 6, 7]
+    assert str(log.bad_lines[0]).startswith("message 3: ")
+
+
+def test_a_bag_whose_scans_are_all_invalid_names_the_first(tmp_path):
+    broken = scan(0.5)
+    broken.angle_increment = 0.0
+    bag = write(tmp_path / "bag", *WHEELS, ("/scan", 0.5, SCAN, broken))
+    with pytest.raises(InputError, match=r"no scan on /scan .*first message 2: .*at most a turn"):
+        load_log(bag)
+
+
+def test_a_transform_whose_quaternion_is_not_a_rotation_is_not_used(tmp_path):
+    zero = transform(0.0, "odom", "base_link", turn=(0, 0, 0, 0))
+    moves = [
+        ("/tf", t, TRANSFORMS, transform(float(t), "odom", "base_link", (t, 0, 0))) for t in (0, 1)
+    ]
+    bag = write(tmp_path / "bag", mounted(), ("/tf", 0, TRANSFORMS, zero), *moves, *scans(0.5))
+    log = load_log(bag)
+    assert log.bad_count == 1 and "unit quaternion" in str(log.bad_lines[0])
+
+
+def test_the_first_parent_of_a_frame_counts(tmp_path):
+    moves = []
+    for t in range(2):
+        half = 0.05 * t
+        turn = (0, 0, math.sin(half), math.cos(half))
+        here = transform(float(t), "odom", "base_link", (t, 0, 0), turn)
+        there = transform(float(t), "world", "base_link", (9, 9, 0), turn)
+        moves += [("/tf", t, TRANSFORMS, here), ("/tf", t, TRANSFORMS, there)]
+    log = load_log(write(tmp_path / "bag", mounted(), *moves, *scans(1.0)))
+    assert log.source == "/tf, laser in odom"
+    assert log.poses[0] == pytest.approx([1.0, 0.0, 0.1])
+
+
+def test_a_bag_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
+    monkeypatch.setattr(ros_bag, "MOST_READINGS", 6)
+    bag = write(tmp_path / "bag", mounted(), *WHEELS, *scans(0.5, 1.0))
+    assert len(load_log(bag)) == 2
+    bag = write(tmp_path / "more", mounted(), *WHEELS, *scans(0.5, 1.0, 1.5))
+    with pytest.raises(InputError, match=r"more: more than 6 readings; cut it into parts"):
+        load_log(bag)
+
+
+def test_a_bag_of_compressed_messages_is_to_be_converted(tmp_path):
+    bag = packed(tmp_path / "bag", rosbag2.CompressionMode.MESSAGE)
+    with pytest.raises(InputError, match="each message is compressed; decompress it with ros2"):
+        load_log(bag)
+
+
+def test_a_compressed_bag_is_read_up_to_a_size(tmp_path, monkeypatch):
+    bag = packed(tmp_path / "bag", rosbag2.CompressionMode.FILE)
+    # A folder within a bag is no part of it.
+    (bag / "pictures").mkdir()
+    assert load_log(bag).scans[0].ranges == pytest.approx([1.0, 2.0, 3.0])
+    monkeypatch.setattr(bag_messages, "SMALL_LOG", 1000)
+    monkeypatch.setattr(bag_messages, "LARGEST_RATIO", 1)
+    with pytest.raises(InputError, match=r"\.zstd: unpacks to over 1 times its size"):
+        load_log(bag)
+
+
+@pytest.mark.parametrize("kind", ["zstd", "lz4"])
+@pytest.mark.parametrize("cut", [1, 5, 0.5])
+def test_a_chunk_that_is_cut_off_is_shorter_than_it_claims(kind, cut):
+    from lz4.frame import compress
+    from rosbags.rosbag2 import storage_mcap
+
+    data = np.random.default_rng(0).bytes(100_000)
+    whole = (storage_mcap.zstd.compress if kind == "zstd" else compress)(data)
+    part = whole[: len(whole) // 2] if cut == 0.5 else whole[:-cut]
+    with bag_messages.bounded_unpacking():
+        unpack = storage_mcap.DECOMPRESSORS[kind]
+        assert unpack(whole, len(data)) == data
+        assert data.startswith(unpack(part, len(data)))
+        assert len(unpack(whole, len(data) - 7)) == len(data) - 6

@@ -1,0 +1,113 @@
+"""Scan matching against its formula, written with arrays and all pairs of points."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrf3d.slam.scan_matching import (
+    ALIGNED,
+    FIRST_SCALE,
+    LAST_SCALE,
+    PRIOR_SCALE,
+    STEP,
+    match_scan,
+    solve3,
+)
+from lrf3d.slam.surface import CELL, grid_of
+
+REACH, ALONG, SIGMA = 0.2, 0.15, 0.03
+
+
+def lines_near(walls, point, normal, known):
+    """Normal, distance and weight of the map's line near a point; None if there is none."""
+    apart = point - walls[:, :2]
+    square = (apart**2).sum(axis=1)
+    facing = walls[:, 2:] @ normal
+    sure = (walls[:, 2:] ** 2).sum(axis=1) >= 0.25
+    if not known:
+        there = sure & (facing > 0.0) & (square < REACH**2 + ALONG**2)
+        if not there.any():
+            return None
+        normal = walls[np.where(there, square, np.inf).argmin(), 2:]
+        facing = walls[:, 2:] @ normal
+    off = (apart * walls[:, 2:]).sum(axis=1)
+    along = 1.0 - (square - off**2) / ALONG**2
+    there = (facing >= ALIGNED) & (along > 0.0) & (np.abs(off) <= REACH)
+    weight = np.where(there, along**2 * (1.0 - off**2 / REACH**2) ** 2, 0.0)
+    if weight.sum() < 1e-3:
+        return None
+    mean = weight @ walls[:, 2:]
+    return mean / np.hypot(*mean), weight @ off / weight.sum(), min(1.0, weight.sum())
+
+
+def expected(surface, walls, guess, prior, iterations):
+    """The match after some steps of Gauss-Newton."""
+    pose, settled = guess.copy(), 0
+    for iteration in range(iterations):
+        scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, 4) / 4)
+        turned = np.array([[np.cos(pose[2]), -np.sin(pose[2])], [np.sin(pose[2]), np.cos(pose[2])]])
+        rows, distances, weights = [], [], []
+        for each in surface:
+            lever, normal = turned @ each[:2], turned @ each[2:]
+            found = lines_near(walls, pose[:2] + lever, normal, each[2:] @ each[2:] >= 0.25)
+            if found is not None:
+                line, distance, weight = found
+                rows.append([*line, line[1] * lever[0] - line[0] * lever[1]])
+                distances.append(distance)
+                weights.append(weight / (1.0 + (distance / scale) ** 2) ** 2)
+        rows, distances, weights = (np.array(each) for each in (rows, distances, weights))
+        rows = rows.reshape(-1, 3)
+        information = rows.T @ (weights[:, None] * rows) / SIGMA**2
+        gradient = rows.T @ (weights * distances) / SIGMA**2
+        total = weights.sum()
+        deviation = np.sqrt(weights @ distances**2 / total) if total > 0.0 else np.inf
+        off = pose - guess
+        trust = 1.0 / (1.0 + off @ prior @ off / PRIOR_SCALE**2)
+        step = np.linalg.solve(information + trust * prior, gradient + trust * prior @ off)
+        pose = pose - step
+        settled = settled + 1 if (np.abs(step) < STEP).all() else 0
+        if settled and iteration >= 4:
+            break
+    return pose, information, total / len(surface), deviation
+
+
+def around(rng, count):
+    """Points of some straight walls and lone ones, with unit normals."""
+    angle = rng.choice(rng.uniform(-np.pi, np.pi, 3), count) + rng.normal(0.0, 0.2, count)
+    normals = np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.column_stack([rng.uniform(-1.0, 1.0, (count, 2)), normals])
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 3, 5, 8, 12]))
+def test_a_match_is_that_of_the_formula(seed, iterations):
+    assert REACH**2 + ALONG**2 < CELL**2
+    rng = np.random.default_rng(seed)
+    walls = around(rng, 150)
+    walls[rng.random(150) < 0.1, 2:] *= 0.1
+    # Points of the scan lie near those of the map, from a robot that stands elsewhere.
+    seen = walls[rng.choice(150, 12, replace=False)] + rng.normal(0.0, 0.03, (12, 4))
+    seen[rng.random(12) < 0.3, 2:] *= 0.1
+    seen[-1, :2] += 9.0
+    true = np.array([0.4, -0.3, 0.7])
+    turned = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    surface = np.column_stack([(seen[:, :2] - true[:2]) @ turned, seen[:, 2:] @ turned])
+    guess = true + rng.normal(0.0, 0.02, 3)
+    mixed = rng.normal(size=(3, 3))
+    prior = mixed @ mixed.T + np.diag([500.0, 500.0, 900.0])
+    found = match_scan(surface, grid_of(walls, ALONG), guess, prior, iterations, REACH, SIGMA)
+    pose, information, explained, deviation = expected(surface, walls, guess, prior, iterations)
+    assert found.pose == pytest.approx(pose, abs=1e-9)
+    assert found.information == pytest.approx(information, rel=1e-6, abs=1e-6)
+    assert found.explained == pytest.approx(explained)
+    assert found.deviation == pytest.approx(deviation)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_symmetric_system_is_solved(seed):
+    rng = np.random.default_rng(seed)
+    mixed = rng.normal(size=(3, 3))
+    matrix, right = mixed @ mixed.T + np.eye(3), rng.normal(size=3)
+    solve = getattr(solve3, "py_func", solve3)
+    assert solve(matrix, right) == pytest.approx(np.linalg.solve(matrix, right))
