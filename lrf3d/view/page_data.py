@@ -22,6 +22,7 @@ from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, drive_keys, obstacle_keys, scan_times
 from lrf3d.scene.trail_and_map import DrawnMap
+from lrf3d.scene.turns import WallOptics
 from lrf3d.world import World
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def make_scene(
         "roof": float(structures.heights.max(initial=0.0)),
         "walls": np.round(walls, 3).ravel().tolist(),
         "houses": _outlines(structures),
+        "mirrors": _mirrors(world, structures),
         "obstacles": [
             {
                 "outline": obstacle.outline.ravel().tolist(),
@@ -95,11 +97,12 @@ def page_look(indoor: bool, shares: Float) -> dict[str, Any]:
     """
     strength = look.FAN_STRENGTH_INDOOR if indoor else look.FAN_STRENGTH
     beams = {"drawn": look.BEAMS_DRAWN, "colour": look.BEAM_COLOUR, "strength": look.BEAM_STRENGTH}
+    beams = {**beams, "curve": 1.0, "turned": look.TURNED_SHARE}
     return {
         "haze": look.HAZE_INDOOR if indoor else look.HAZE,
         "zenith": look.ZENITH_INDOOR if indoor else look.ZENITH,
         "shadow": look.SHADOW_COLOUR,
-        "beams": {**beams, "curve": 1.0},
+        "beams": beams,
         "fan": {
             "colour": look.FAN_COLOUR,
             "strength": strength,
@@ -145,6 +148,15 @@ def joined_beams(ranges: Float, walls: Int) -> Bool:
     hits = np.isfinite(ranges)
     same = (walls[..., 1:] == walls[..., :-1]) & (walls[..., 1:] >= 0)
     return np.asarray(hits[..., 1:] & hits[..., :-1] & same)
+
+
+def _mirrors(world: World, structures: Structures) -> list[float]:
+    """The walls that turn beams: x1, y1, x2, y2, … of each, not rounded as beams go on far."""
+    optics = WallOptics.of(world)
+    if optics is None:
+        return []
+    mirrors = world.segments[optics.mirrors] - np.tile(structures.origin, 2)
+    return mirrors.ravel().tolist()
 
 
 def _outlines(structures: Structures) -> list[list[float]]:

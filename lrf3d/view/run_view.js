@@ -162,7 +162,7 @@ export default {
       this.stage = new Stage(this.$refs.place, setup);
       await this.stage.load(setup.glb);
       const { scene } = this.stage;
-      this.beams = new BeamsMesh(scene, setup.laser, setup.look);
+      this.beams = new BeamsMesh(scene, setup.laser, setup.look, setup.mirrors);
       this.trail = new Trail(scene, setup.look.trail);
       this.bands = new MapBands(scene, setup.look.map);
       this.obstacles = new Obstacles(scene, this.stage.root, setup.obstacles);

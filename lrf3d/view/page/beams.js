@@ -1,9 +1,12 @@
-// The beams of a scan: the fan, single beams, hit points coloured by range or intensity, the trace
-// on walls.
+// The beams of a scan: the fan, single beams with their turns at mirrors, hit points coloured by
+// range or intensity, the trace on walls.
 
 import { THREE } from "nicegui-scene";
 
 import { paintOf } from "./stage.js";
+import { follow } from "./turns.js";
+
+const MOST_TURNS = 8; // Turns of a beam: room for its legs is made where there are mirrors.
 
 const FADING = {
   vertexShader: `
@@ -49,16 +52,20 @@ const DOTS = {
 };
 
 export class BeamsMesh {
-  constructor(scene, { angles, rangeMax, height, reach }, look) {
+  // mirrors: x1, y1, x2, y2 of each in turn.
+  constructor(scene, { angles, rangeMax, height, reach }, look, mirrors) {
     this.look = look;
     this.angles = angles;
+    this.mirrors = mirrors;
     this.rangeMax = rangeMax;
     this.reach = reach;
     const count = angles.length;
     this.group = new THREE.Group();
     this.group.position.z = height;
+    // Where the first leg of each beam ends, and how far that is; all corners of those turned.
     this.ends = new Float32Array(2 * count);
     this.away = new Float32Array(count);
+    this.turned = Array(count);
 
     const corners = 3 * (count - 1);
     this.fan = buffers({ position: [3, corners], range: [1, corners], share: [1, corners] });
@@ -73,13 +80,11 @@ export class BeamsMesh {
     const step = Math.max(1, Math.round(count / look.beams.drawn));
     this.single = [];
     for (let i = Math.floor(((count - 1) % step) / 2); i < count; i += step) this.single.push(i);
-    this.lines = buffers({
-      position: [3, 2 * this.single.length],
-      range: [1, 2 * this.single.length],
-      share: [1, 2 * this.single.length],
-    });
+    const room = 2 * this.single.length * (mirrors.length ? 1 + MOST_TURNS : 1);
+    this.lines = buffers({ position: [3, room], range: [1, room], share: [1, room] });
     const shares = this.single.flatMap((beam) => [look.fan.shares[beam], look.fan.shares[beam]]);
-    this.lines.attributes.share.array.set(shares);
+    // Legs after a mirror are as faint from end to end.
+    this.lines.attributes.share.array.fill(look.beams.turned).set(shares);
     const lines = new THREE.LineSegments(this.lines, fading(reach, look.beams));
 
     this.dots = buffers({ position: [3, count], tint: [3, count] });
@@ -115,23 +120,33 @@ export class BeamsMesh {
     for (let i = 0; i < count; i++) {
       const range = ranges[i];
       const length = Number.isFinite(range) ? range : range < 0 ? 0 : this.rangeMax;
-      ends[2 * i] = pose.x + length * Math.cos(pose.theta + angles[i]);
-      ends[2 * i + 1] = pose.y + length * Math.sin(pose.theta + angles[i]);
+      let end = [
+        pose.x + length * Math.cos(pose.theta + angles[i]),
+        pose.y + length * Math.sin(pose.theta + angles[i]),
+      ];
+      if (this.mirrors.length) {
+        const { corners, first } = follow(this.mirrors, [pose.x, pose.y], end);
+        this.turned[i] = first < 0 ? undefined : { corners, first };
+        end = corners[0];
+      }
+      ends.set(end, 2 * i);
       away[i] = Math.hypot(ends[2 * i] - robot.x, ends[2 * i + 1] - robot.y);
     }
-    this.showFan(ranges, joined, robot);
+    // What lies on one wall is seen together only by way of one mirror.
+    const together = (i) => joined[i] && this.turned[i]?.first === this.turned[i + 1]?.first;
+    this.showFan(ranges, together, robot);
     this.showLines(robot);
     this.showDots(ranges, robot, darkness);
-    this.showTrace(joined, robot);
+    this.showTrace(together, robot);
   }
 
-  showFan(ranges, joined, robot) {
+  showFan(ranges, together, robot) {
     const place = this.fan.attributes.position.array;
     const range = this.fan.attributes.range.array;
     for (let i = 0; i + 1 < this.angles.length; i++) {
       const open = !Number.isFinite(ranges[i]) && !Number.isFinite(ranges[i + 1]);
       // Between two beams that ended on different walls the fan goes as far as the shorter.
-      const limit = joined[i] || open ? Infinity : Math.min(this.away[i], this.away[i + 1]);
+      const limit = together(i) || open ? Infinity : Math.min(this.away[i], this.away[i + 1]);
       place.set([robot.x, robot.y, 0], 9 * i);
       range[3 * i] = 0;
       for (const [corner, beam] of [
@@ -152,6 +167,15 @@ export class BeamsMesh {
       place.set([robot.x, robot.y, 0], 6 * i);
       range[2 * i + 1] = this.put(place, 6 * i + 3, beam, robot, this.reach);
     });
+    let corner = 2 * this.single.length;
+    for (const beam of this.single) {
+      const { corners } = this.turned[beam] ?? { corners: [] };
+      for (let i = 0; i + 1 < corners.length; i++) {
+        place.set([...corners[i], 0, ...corners[i + 1], 0], 3 * corner);
+        corner += 2;
+      }
+    }
+    this.lines.setDrawRange(0, corner);
     changed(this.lines);
   }
 
@@ -163,7 +187,7 @@ export class BeamsMesh {
     let hits = 0;
     ranges.forEach((range, beam) => {
       if (!Number.isFinite(range)) return;
-      this.put(place, 3 * hits, beam, robot, this.away[beam] - 2 * trace.gap);
+      this.putHit(place, 3 * hits, beam, robot, 2 * trace.gap);
       const share = darkness ? darkness[beam] / 255 : range / farthest;
       tint.set(between(points.colours, share), 3 * hits);
       hits += 1;
@@ -172,15 +196,15 @@ export class BeamsMesh {
     changed(this.dots);
   }
 
-  showTrace(joined, robot) {
+  showTrace(together, robot) {
     const place = this.trace.attributes.position.array;
     const [a, b] = [new Float32Array(3), new Float32Array(3)];
     const { gap, half } = this.look.trace;
     let corner = 0;
     for (let i = 0; i + 1 < this.angles.length; i++) {
-      if (!joined[i]) continue;
-      this.put(a, 0, i, robot, this.away[i] - gap);
-      this.put(b, 0, i + 1, robot, this.away[i + 1] - gap);
+      if (!together(i)) continue;
+      this.putHit(a, 0, i, robot, gap);
+      this.putHit(b, 0, i + 1, robot, gap);
       for (const [end, up] of [
         [a, -half],
         [b, -half],
@@ -197,7 +221,20 @@ export class BeamsMesh {
     changed(this.trace);
   }
 
-  // Put the end of a beam, at most so far from the robot, into an array; gives how far it is.
+  // Put where a beam hit its wall, so far before it on its last leg, into an array.
+  putHit(array, start, beam, robot, before) {
+    const way = this.turned[beam];
+    if (!way) {
+      this.put(array, start, beam, robot, this.away[beam] - before);
+      return;
+    }
+    const [[fromX, fromY], [x, y]] = way.corners.slice(-2);
+    const length = Math.hypot(x - fromX, y - fromY);
+    const share = length > before ? before / length : 0;
+    array.set([x + share * (fromX - x), y + share * (fromY - y), 0], start);
+  }
+
+  // Put the end of the first leg, at most so far from the robot, into an array; gives how far it is.
   put(array, start, beam, robot, limit) {
     const length = Math.max(0, Math.min(this.away[beam], limit));
     const share = this.away[beam] > 0 ? length / this.away[beam] : 0;
