@@ -187,26 +187,10 @@ def _shapes(level: int) -> tuple[Float, Int]:
 
     They are icosahedra whose triangles are cut in four as often as the level says.
     """
-    golden = 0.5 * (1.0 + np.sqrt(5.0))
-    corners = np.array(
-        [[-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0],
-         [0, -1, golden], [0, 1, golden], [0, -1, -golden], [0, 1, -golden],
-         [golden, 0, -1], [golden, 0, 1], [-golden, 0, -1], [-golden, 0, 1]]
-    )  # fmt: skip
-    triangles = np.array(
-        [[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4],
-         [11, 10, 2], [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8],
-         [3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1]]
-    )  # fmt: skip
-    for _ in range(level):
-        sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        sides, number = np.unique(sides, axis=0, return_inverse=True)
-        a, b, c = triangles.T
-        ab, bc, ca = (len(corners) + number.reshape(-1, 3)).T
-        corners = np.concatenate([corners, corners[sides].mean(axis=1)])
-        cut = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-        triangles = np.concatenate([np.column_stack(part) for part in cut])
-    corners = corners / np.linalg.norm(corners, axis=1)[:, None]
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=level)
+    corners = np.asarray(ball.vertices)
     rng = np.random.default_rng(11)
     lumps = 1.0 + _LUMPS * rng.uniform(-1.0, 1.0, (_SHAPES, len(corners), 1))
-    return corners * lumps, triangles
+    return corners * lumps, np.asarray(ball.faces)
