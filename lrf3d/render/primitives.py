@@ -257,12 +257,20 @@ class Draw(NamedTuple):
 class FrameRenderer(Protocol):
     """Draws scenes of primitives into pictures, in the order of its methods."""
 
+    def know(self, constants: Mapping[str, Any]) -> None:
+        """Be told what is the same in all pictures, before the first."""
+        ...
+
     def begin(self, scene: Any) -> None:
         """Start a picture."""
         ...
 
     def camera_matrices(self, scene: Any) -> tuple[Float, Float]:
         """Matrix (4, 4) from the scene to the picture turned over, and the eye (3,)."""
+        ...
+
+    def look_through(self, camera: Mapping[str, Any]) -> None:
+        """Draw what comes as a camera sees it: see :class:`lrf3d.render.scenery.Frame`."""
         ...
 
     def draw(self, primitive: Primitive, uniforms: Mapping[str, Any]) -> None:
