@@ -122,7 +122,6 @@ class Film:
             inset.cover(renderer)
         for layer in self._solid:
             self._draw(layer, frame)
-        # From here on the driver's threads draw what is solid.
         renderer.flatten()
         for layer in self._soft:
             self._draw(layer, frame)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Single
-from lrf3d.render.bindings import GL
+from lrf3d.render.bindings import GL, rewrite
 from lrf3d.scene import facades, look
 
 _SHADERS = Path(__file__).parent / "shaders"
@@ -129,7 +129,7 @@ class CameraBlock:
         values[16:19], values[19] = camera["eye"], camera["thick"]
         values[20:22], values[22] = camera["viewport"], camera["slack"]
         GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, self.PLACE, self._buffer)
-        GL.glBufferSubData(GL.GL_UNIFORM_BUFFER, 0, values.nbytes, values)
+        rewrite(GL.GL_UNIFORM_BUFFER, values)
 
     def delete(self) -> None:
         """Free it."""

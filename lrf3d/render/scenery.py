@@ -147,6 +147,7 @@ class Scenery:
         self._tops = WallTops(self.structures.segments, self.structures.heights)
         self._scan_shown: tuple[Any, ...] = ()
         self._map_shown = self._bands_shown = -1
+        self._drawn_maps: dict[int, DrawnMap] = {}
         self._growing = _GROWING * timeline.playback
         self._fade = look.TRAIL_FADE * timeline.playback
         self._reach = min(run.lrf.range_max, look.BEAM_REACH)
@@ -260,8 +261,7 @@ class Scenery:
         stage = self.run.snapshot_after(frame.moment.scan)
         if stage != self._map_shown:
             self._map_shown = stage
-            drawn = DrawnMap.from_snapshot(self.run, stage, self.origin)
-            self._map.update(drawn.lines(self.run.lrf.height))
+            self._map.update(self._drawn_map(stage).lines(self.run.lrf.height))
         yield Draw(self._map, {"width": _MAP_WIDTH * frame.scale, "nearer": _ON_TOP})
 
     def draw_bands(self, frame: Frame) -> Iterator[Draw]:
@@ -298,13 +298,19 @@ class Scenery:
         if stage == self._bands_shown:
             return
         self._bands_shown = stage
-        before, drawn = (
-            DrawnMap.from_snapshot(self.run, number, self.origin)
-            for number in (max(stage - 1, -1), stage)
-        )
+        before, drawn = self._drawn_map(max(stage - 1, -1)), self._drawn_map(stage)
         bands = drawn.bands_from(before, self._tops)
         self._bands.update(bands.solid)
         self._glow.update(bands.glow)
+
+    def _drawn_map(self, stage: int) -> DrawnMap:
+        """The map of a snapshot; the last two are kept, as each is shown more than once."""
+        drawn = self._drawn_maps.get(stage)
+        if drawn is None:
+            drawn = DrawnMap.from_snapshot(self.run, stage, self.origin)
+            kept = list(self._drawn_maps.items())[-1:]
+            self._drawn_maps = dict([*kept, (stage, drawn)])
+        return drawn
 
     def draw_trace(self, frame: Frame) -> Iterator[Draw]:
         """The line on the walls where the scan hit them."""
