@@ -117,11 +117,9 @@ _PYRENDER = SimpleNamespace(
 
 GL: Any
 pyrender: Any
-_write: Any = None
 
 try:
     GL, pyrender = import_libraries()
-    from OpenGL.raw.GL.VERSION.GL_1_5 import glBufferSubData as _write
 except MissingLibraryError:
     GL, pyrender = _GL, _PYRENDER
 
@@ -131,7 +129,9 @@ def rewrite(kind: int, values: NDArray[Any]) -> None:
 
     PyOpenGL's own wrapper of this takes several times as long as the writing.
     """
-    _write(kind, 0, values.nbytes, ctypes.c_void_p(values.ctypes.data))
+    from OpenGL.raw.GL.VERSION.GL_1_5 import glBufferSubData
+
+    glBufferSubData(kind, 0, values.nbytes, ctypes.c_void_p(values.ctypes.data))
 
 
 __all__ = ["GL", "pyrender", "rewrite"]
