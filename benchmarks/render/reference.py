@@ -37,7 +37,8 @@ def drawn(run: Run, view: str, time: float) -> tuple[Float, Look, tuple[float, .
     film._solid = [layer for layer in film._solid if layer != film.scenery.draw_robot]
     picture = film.draw(time)[:, :, :3] / 255.0
     seen = film.camera.look(time, PICTURE[0] / PICTURE[1])
-    haze = film._frame(film.timeline.moment(time), seen).uniforms["haze"]
+    thick = film._frame(film.timeline.moment(time), seen).camera["thick"]
+    haze = (*film.scenery.constants["HAZE"], thick)
     film.close()
     return picture, seen, haze
 

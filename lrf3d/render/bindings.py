@@ -15,10 +15,12 @@ or reached into, and why, is this:
 - ``OffscreenRenderer._platform`` (there): the one context of a process, to make it current.
 """
 
+import ctypes
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import Float
@@ -121,4 +123,15 @@ try:
 except MissingLibraryError:
     GL, pyrender = _GL, _PYRENDER
 
-__all__ = ["GL", "pyrender"]
+
+def rewrite(kind: int, values: NDArray[Any]) -> None:
+    """Write a contiguous array to the beginning of the buffer that is bound.
+
+    PyOpenGL's own wrapper of this takes several times as long as the writing.
+    """
+    from OpenGL.raw.GL.VERSION.GL_1_5 import glBufferSubData
+
+    glBufferSubData(kind, 0, values.nbytes, ctypes.c_void_p(values.ctypes.data))
+
+
+__all__ = ["GL", "pyrender", "rewrite"]

@@ -74,6 +74,7 @@ class Film:
         self.timeline = Timeline(run, playback=playback)
         self.renderer = _renderer(renderer, size, samples)
         self.scenery = Scenery(self.timeline, goal, stage)
+        self.renderer.know(self.scenery.constants)
         small = _SMALL if view == "top" else 1.0
         layout = lay_out(size, widest_lines(run, self.timeline.playback), small)
         self._size = size
@@ -115,14 +116,17 @@ class Film:
         frame = self._frame(moment, look)
         renderer = self.renderer
         renderer.begin(self.scenery.scene)
+        renderer.look_through(frame.camera)
+        inset = None if look.shows_map else self._inset
+        if inset is not None:
+            inset.cover(renderer)
         for layer in self._solid:
             self._draw(layer, frame)
-        # From here on the driver's threads draw what is solid.
         renderer.flatten()
         for layer in self._soft:
             self._draw(layer, frame)
-        if self._inset is not None and not look.shows_map:
-            self._inset.draw(renderer, frame)
+        if inset is not None:
+            inset.draw(renderer, frame)
         if self._hud is not None:
             self._hud.draw(renderer, words)
         self._picture = renderer.finish()
@@ -139,7 +143,7 @@ class Film:
     def _draw(self, layer: Layer, frame: Frame) -> None:
         """Draw a layer over what there is."""
         for primitive, special in layer(frame):
-            self.renderer.draw(primitive, {**frame.uniforms, **special})
+            self.renderer.draw(primitive, special)
 
     def _place_camera(self, look: Look) -> tuple[Float, Float]:
         """Look at the scene: the matrix (4, 4) from it to the picture, and the eye (3,)."""
@@ -153,14 +157,11 @@ class Film:
         """All that the layers of a picture share, worked out once."""
         width, height = self._size
         matrix, eye = self._place_camera(look)
-        light = self.scenery.light
-        *haze, thick = light["haze"]
-        thick = 0.0 if look.clear else min(thick, 1.0 / max(look.air, 1e-9))
-        light["haze"] = (*haze, thick)
-        uniforms = {
-            **light,
+        thick = min(self.scenery.thick, 1.0 / max(look.air, 1e-9))
+        camera = {
             "view_projection": matrix,
             "eye": tuple(eye.tolist()),
+            "thick": 0.0 if look.clear else thick,
             "viewport": (float(width), float(height)),
             "slack": 0.0 if look.clear else _SLACK,
         }
@@ -172,7 +173,7 @@ class Film:
             eye=eye,
             focus=float(0.5 * height / np.tan(0.5 * look.field)),
             scale=self._scale,
-            uniforms=MappingProxyType(uniforms),
+            camera=MappingProxyType(camera),
         )
 
     def _layers(self, chosen: Collection[str]) -> tuple[list[Layer], list[Layer]]:

@@ -61,6 +61,11 @@ class GroundLayer:
     Args:
         stage: What stands in the world, and its ground.
         scene: pyrender's scene, which new tiles are put into.
+
+    Attributes:
+        constants: What all pictures of it have in common: how bright ``BARE`` ground is; what
+            marks, kerbs, pavements and lawns add to that, ``PAINTS``; and the colour of the
+            ground ``BEYOND``, with the width of the change to it [m].
     """
 
     def __init__(self, stage: Stage, scene: Any) -> None:
@@ -68,10 +73,7 @@ class GroundLayer:
         self._structures, self._light = structures, walls.light
         self._scene = scene
         mark, bare, kerb, pavement, lawn = (BRIGHTEST * whole.brightness).tolist()
-        self._paints = {
-            "bare": bare,
-            "paints": (mark - bare, kerb - bare, pavement - kerb, lawn - pavement),
-        }
+        paints = (mark - bare, kerb - bare, pavement - kerb, lawn - pavement)
         self._low, self._high = whole.corner, whole.corner + whole.size
         indoor = structures.indoor
         self._side = _TILE_INDOOR if indoor else _TILE
@@ -84,7 +86,8 @@ class GroundLayer:
         self._land = Primitive("beyond", (2,), land)
         self._whole.texture = self._land.texture = Texture(whole.picture, far=True)
         self._all = _Tile(self._whole, _area(whole), _texel(whole))
-        self._beyond = (*whole.beyond, _RIM_INDOOR if indoor else _RIM)
+        beyond = (*whole.beyond, _RIM_INDOOR if indoor else _RIM)
+        self.constants = {"BARE": bare, "PAINTS": paints, "BEYOND": beyond}
         scene.add(Mesh([self._whole, self._land]))
 
     def draws(self, eye: Float, reach: float, focus: float) -> Iterator[Draw]:
@@ -97,14 +100,14 @@ class GroundLayer:
             yield Draw(tile.primitive, self._uniforms(tile, eye, focus, 0.0))
         whole = self._uniforms(self._all, eye, focus, _BELOW if tiles else 0.0)
         yield Draw(self._whole, whole)
-        yield Draw(self._land, {**whole, "beyond": self._beyond})
+        yield Draw(self._land, whole)
 
     def _uniforms(self, tile: "_Tile", eye: Float, focus: float, below: float) -> dict[str, Any]:
         """The uniforms of a tile, or of the whole, at a height [m]."""
         # On the ground a pixel is as long as the square of its distance, over this, says.
         long = focus * abs(float(eye[2]))
         edge = _RAMP * tile.texel * long
-        return {"area": tile.area, "below": below, "edge": edge, **self._paints}
+        return {"area": tile.area, "below": below, "edge": edge}
 
     def _tiles_round(self, eye: Float, reach: float) -> list[_Tile]:
         """The tiles round an eye; none where they would show no more than the whole picture."""

@@ -146,7 +146,7 @@ def glyph(letter: str, size: int, *, bold: bool) -> tuple[Picture, float]:
     return np.asarray(picture), advance
 
 
-_RECTANGLE = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32)
+RECTANGLE = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], np.float32)
 """Corners of the two triangles of a picture."""
 
 
@@ -159,8 +159,19 @@ def _rim(wide: float, high: float) -> Single:
         (1.0 - wide, high, 1.0, 1.0 - high),
     )
     return np.concatenate(
-        [[left, low] + _RECTANGLE * [right - left, top - low] for left, low, right, top in strips]
+        [[left, low] + RECTANGLE * [right - left, top - low] for left, low, right, top in strips]
     ).astype(np.float32)
+
+
+def box_of(
+    picture: tuple[int, int], corner: tuple[int, int], size: tuple[int, int]
+) -> tuple[float, ...]:
+    """Left, top, right and bottom in −1…1 of a box of a size at a pixel of a picture (w, h)."""
+    # Row 0 of the picture is OpenGL's lowest, so that y grows downward here too.
+    ends = corner, (corner[0] + size[0], corner[1] + size[1])
+    return tuple(
+        2.0 * at / side - 1.0 for end in ends for at, side in zip(end, picture, strict=True)
+    )
 
 
 class Stamp:
@@ -174,23 +185,15 @@ class Stamp:
 
     def __init__(self, scenery: Scenery, picture: Picture, rim: int | None = None) -> None:
         self.size = (picture.shape[1], picture.shape[0])
-        corners = _RECTANGLE if rim is None else _rim(rim / self.size[0], rim / self.size[1])
+        corners = RECTANGLE if rim is None else _rim(rim / self.size[0], rim / self.size[1])
         self._quad = Primitive("label", (2,), corners, blend=True)
         self._quad.texture = self._texture = Texture(picture)
-        self._box = (-1.0, -1.0, 1.0, 1.0)
+        self._box: tuple[float, ...] = (-1.0, -1.0, 1.0, 1.0)
         scenery.scene.add(Mesh([self._quad]))
 
     def place(self, picture: tuple[int, int], left: int, top: int) -> None:
         """Put its upper left corner to a pixel of a picture (width, height)."""
-        right, bottom = left + self.size[0], top + self.size[1]
-        width, height = picture
-        # Row 0 of the picture is OpenGL's lowest, so that y grows downward here too.
-        self._box = (
-            2.0 * left / width - 1.0,
-            2.0 * top / height - 1.0,
-            2.0 * right / width - 1.0,
-            2.0 * bottom / height - 1.0,
-        )
+        self._box = box_of(picture, (left, top), self.size)
 
     def draw(self, renderer: FrameRenderer) -> None:
         """Draw it over the picture."""

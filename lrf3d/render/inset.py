@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float, Single
-from lrf3d.render.hud import Line, Panel, Stamp, panel_size, rounded_box
+from lrf3d.render.hud import RECTANGLE, Line, Panel, Stamp, box_of, panel_size, rounded_box
 from lrf3d.render.layout import scale_of
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Draw, FrameRenderer, Mesh, Primitive
@@ -37,9 +37,12 @@ _FAN_STRENGTH = 0.62
 _ARROW_SIZE = 0.034
 """Size of the robot's arrow, as a share of what is shown."""
 
-_PAPER, _STONE = (*look.PAPER, 0.94), (*look.STONE, 1.0)
+_STONE = (*look.STONE, 1.0)
 _FRAME, _RIM, _RADIUS = (13, 17, 25, 255), 2.0, 6.0
 """Colour, width of the frame and radius of its corners [pixels at 720 lines]."""
+
+_AS_IT_IS = np.eye(4)
+"""The place of what is given in the film's frame."""
 
 _CAPTION, _CAPTION_BACK = (60, 68, 80, 255), (245, 247, 250, 190)
 
@@ -66,7 +69,8 @@ class Inset:
         self._frame = Stamp(scenery, _frame(side + 2 * rim, rim, radius), shown)
         self._frame.place(size, left - rim, top - rim)
         self._box = (left, top, side, side)
-        self._paper = _square(_PAPER)
+        self._paper = Primitive("cover", (2,), RECTANGLE)
+        self._paper_box = box_of(size, (left, top), (side, side))
         self._houses = Primitive("flat", (2, 4), _houses(scenery))
         free = structures.segments[~structures.closed]
         stone = np.full((len(free), 3), _STONE[:3])
@@ -80,19 +84,25 @@ class Inset:
         self._caption.place(size, left, top + side - self._caption.size[1])
         self._captioned = 2 * self._caption.size[0] <= side
 
+    def cover(self, renderer: FrameRenderer) -> None:
+        """Lay its paper down before all else: what lies under it then needs no drawing."""
+        renderer.draw(self._paper, {"box": self._paper_box})
+
     def draw(self, renderer: FrameRenderer, frame: Frame) -> None:
-        """Draw it over the picture."""
+        """Draw it on its paper."""
         scenery, side = self._scenery, float(self._box[2])
         pixel = self.window / side
         under = scenery.run.estimate is not None
         half_width = _HALF_WIDTH_UNDER if under else _TRAIL_HALF_WIDTH
         # What it shows otherwise than the film does, whatever layer it is.
-        own: dict[str, Any] = {
+        camera = {
             "view_projection": self.matrix(frame.pose),
             "eye": (0.0, 0.0, _HEIGHT),
-            "haze": (0.0, 0.0, 0.0, 0.0),
+            "thick": 0.0,
             "viewport": (side, side),
             "slack": 0.0,
+        }
+        own: dict[str, Any] = {
             "nearer": _HEIGHT,
             "half_width": half_width * self._scale * pixel,
             "strength": _FAN_STRENGTH,
@@ -102,7 +112,7 @@ class Inset:
         }
         walls, lines = ({"width": width * self._scale} for width in (_WALL_WIDTH, _MAP_WIDTH))
         layers = (
-            Draw(self._houses, {}),
+            Draw(self._houses, {"place": _AS_IT_IS}),
             Draw(self._walls, walls),
             *scenery.draw_goal(frame),
             *scenery.draw_fan(frame),
@@ -113,11 +123,10 @@ class Inset:
             *(Draw(each, lines) for each, _ in scenery.draw_map(frame)),
             Draw(self._robot, {"place": self._robot_matrix(frame.pose)}),
         )
-        whole = {"view_projection": np.eye(4), "place": np.eye(4)}
         renderer.overlay(self._box)
-        renderer.draw(self._paper, whole)
+        renderer.look_through(camera)
         for primitive, special in layers:
-            renderer.draw(primitive, {**frame.uniforms, **whole, **special, **own})
+            renderer.draw(primitive, {**special, **own})
         renderer.overlay(None)
         self._frame.draw(renderer)
         if self._captioned:
@@ -181,12 +190,6 @@ def _frame(side: int, rim: int, radius: float) -> Picture:
     within = rounded_box((side - 2 * rim,) * 2, _FRAME, radius - 0.5 * rim)
     picture[rim : side - rim, rim : side - rim, 3] = 255 - within[..., 3]
     return picture
-
-
-def _square(colour: tuple[float, ...]) -> Primitive:
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], np.float32)
-    rows = np.concatenate([corners, np.tile(np.array(colour, np.float32), (6, 1))], axis=1)
-    return Primitive("flat", (2, 4), rows, blend=True)
 
 
 def _houses(scenery: Scenery) -> Single:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Int, Single
-from lrf3d.render.bindings import GL, pyrender
+from lrf3d.render.bindings import GL, pyrender, rewrite
 from lrf3d.render.pictures import Picture
 
 
@@ -164,7 +164,7 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             size = self.capacity * sum(self.sizes) * _FLOAT
             GL.glBufferData(GL.GL_ARRAY_BUFFER, size, None, GL.GL_DYNAMIC_DRAW)
             self._fill_groups()
-        GL.glBufferSubData(GL.GL_ARRAY_BUFFER, 0, vertices.nbytes, vertices)
+        rewrite(GL.GL_ARRAY_BUFFER, vertices)
 
     def _grouped(self, vertices: int) -> NDArray[np.uint32]:
         """The vertices that make the triangles of their groups."""
@@ -186,7 +186,7 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
         self.count = len(indices)
         if self._in_context() and len(indices):
             GL.glBindVertexArray(self._vaid)
-            GL.glBufferSubData(GL.GL_ELEMENT_ARRAY_BUFFER, 0, indices.nbytes, indices)
+            rewrite(GL.GL_ELEMENT_ARRAY_BUFFER, indices)
 
     @property
     def spans(self) -> tuple[Span, ...]:
@@ -213,7 +213,7 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             self.capacity = max(self.capacity, len(self.vertices))
             GL.glBufferData(GL.GL_ARRAY_BUFFER, self.capacity * stride, None, GL.GL_DYNAMIC_DRAW)
             if len(self.vertices):
-                GL.glBufferSubData(GL.GL_ARRAY_BUFFER, 0, self.vertices.nbytes, self.vertices)
+                rewrite(GL.GL_ARRAY_BUFFER, self.vertices)
         else:
             GL.glBufferData(
                 GL.GL_ARRAY_BUFFER, self.vertices.nbytes, self.vertices, GL.GL_STATIC_DRAW
@@ -232,7 +232,7 @@ class Primitive(pyrender.Primitive):  # type: ignore[misc]
             if self._pattern is None:
                 size = self._room * _FLOAT
                 GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, size, None, GL.GL_STATIC_DRAW)
-                GL.glBufferSubData(GL.GL_ELEMENT_ARRAY_BUFFER, 0, elements.nbytes, elements)
+                rewrite(GL.GL_ELEMENT_ARRAY_BUFFER, elements)
             self._fill_groups()
         GL.glBindVertexArray(0)
 
@@ -257,12 +257,20 @@ class Draw(NamedTuple):
 class FrameRenderer(Protocol):
     """Draws scenes of primitives into pictures, in the order of its methods."""
 
+    def know(self, constants: Mapping[str, Any]) -> None:
+        """Be told what is the same in all pictures, before the first."""
+        ...
+
     def begin(self, scene: Any) -> None:
         """Start a picture."""
         ...
 
     def camera_matrices(self, scene: Any) -> tuple[Float, Float]:
         """Matrix (4, 4) from the scene to the picture turned over, and the eye (3,)."""
+        ...
+
+    def look_through(self, camera: Mapping[str, Any]) -> None:
+        """Draw what comes as a camera sees it: see :class:`lrf3d.render.scenery.Frame`."""
         ...
 
     def draw(self, primitive: Primitive, uniforms: Mapping[str, Any]) -> None:

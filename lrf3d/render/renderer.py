@@ -1,13 +1,8 @@
-"""The lean renderer: pyrender's scenes, drawn with few calls and read back once, right side up.
-
-Primitives name their programs, which are the files in ``shaders/``; programs keep the places of
-their uniforms.
-"""
+"""The lean renderer: pyrender's scenes, drawn with few calls and read back once, right side up."""
 
 import ctypes
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,119 +13,7 @@ from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.gl import INSTALL_LINE
 from lrf3d.render.pictures import Picture
 from lrf3d.render.primitives import Primitive
-from lrf3d.scene import facades, look
-
-_SHADERS = Path(__file__).parent / "shaders"
-
-_CONSTANTS: dict[str, Any] = {
-    "FAN_COLOUR": look.FAN_COLOUR,
-    "GLOW": look.GLOW,
-    "POINT_HALO": look.POINT_HALO,
-    "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
-    "RIM": look.SHADOW_RIM,
-    "SHADOW_COLOUR": look.SHADOW_COLOUR,
-    "SHARPNESS": look.GROUND_SHARPNESS,
-    "SIZE": (float(facades.BAYS * facades.TILE), float(facades.ROWS * facades.TILE)),
-    "SLANTS": facades.SLANTS,
-    "TILE": float(facades.TILE),
-    "TRAIL_COLOUR": look.TRAIL_COLOUR,
-    "TRAIL_OLD": look.TRAIL_OLD,
-    "WINDOWED": facades.WINDOWED,
-    "ZENITH": look.ZENITH,
-    "ZENITH_INDOOR": look.ZENITH_INDOOR,
-}
-"""Constants of the look that shaders know by these names."""
-
-Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
-
-
-class ShaderProgram:
-    """A linked pair of a vertex and a fragment shader.
-
-    Args:
-        name: The files ``name.vert`` and ``name.frag``; ``common.glsl`` goes before both.
-    """
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self._id = GL.glCreateProgram()
-        shaders = [
-            _compile(f"{name}.vert", GL.GL_VERTEX_SHADER),
-            _compile(f"{name}.frag", GL.GL_FRAGMENT_SHADER),
-        ]
-        for shader in shaders:
-            GL.glAttachShader(self._id, shader)
-        GL.glLinkProgram(self._id)
-        if not GL.glGetProgramiv(self._id, GL.GL_LINK_STATUS):
-            log = GL.glGetProgramInfoLog(self._id)
-            raise RuntimeError(f"shader {name} does not link: {log!r}")
-        for shader in shaders:
-            GL.glDeleteShader(shader)
-        self._places = _uniforms(self._id)
-        self._values: dict[str, Uniform] = {}
-
-    def use(self, uniforms: Mapping[str, Uniform]) -> None:
-        """Make this the program to draw with, and set those of its uniforms that have changed.
-
-        What the shader does not ask for is passed over, so that all programs of a picture can be
-        given the same camera and light.
-        """
-        GL.glUseProgram(self._id)
-        for name, place in self._places.items():
-            value, known = uniforms[name], self._values.get(name)
-            if value is known or (not isinstance(value, np.ndarray) and value == known):
-                continue
-            self._values[name] = value
-            _set(place, value)
-
-    def delete(self) -> None:
-        """Free what the driver holds of it."""
-        GL.glDeleteProgram(self._id)
-
-
-def _uniforms(program: int) -> dict[str, int]:
-    """The names of a program's uniforms but its picture, and their places."""
-    count = GL.glGetProgramiv(program, GL.GL_ACTIVE_UNIFORMS)
-    names = [GL.glGetActiveUniform(program, number)[0] for number in range(count)]
-    places = {name.decode(): GL.glGetUniformLocation(program, name.decode()) for name in names}
-    places.pop("picture", None)
-    return places
-
-
-def _set(place: int, value: Uniform) -> None:
-    if isinstance(value, int):
-        GL.glUniform1i(place, value)
-    elif isinstance(value, float):
-        GL.glUniform1f(place, value)
-    elif isinstance(value, np.ndarray) and value.ndim == 2:
-        GL.glUniformMatrix4fv(place, 1, GL.GL_TRUE, np.ascontiguousarray(value, np.float32))
-    elif len(value) == 2:
-        GL.glUniform2f(place, value[0], value[1])
-    elif len(value) == 3:
-        GL.glUniform3f(place, value[0], value[1], value[2])
-    else:
-        GL.glUniform4f(place, value[0], value[1], value[2], value[3])
-
-
-def _constants() -> str:
-    """The constants of the look, as lines of a shader."""
-    lines = []
-    for name, value in _CONSTANTS.items():
-        values = np.ravel(value).tolist()
-        kind = f"vec{len(values)}" if len(values) > 1 else type(values[0]).__name__
-        lines.append(f"const {kind} {name} = {kind}({', '.join(map(repr, values))});\n")
-    return "".join(lines)
-
-
-def _compile(file: str, kind: int) -> int:
-    common = _constants() + (_SHADERS / "common.glsl").read_text()
-    source = (_SHADERS / file).read_text()
-    shader: int = GL.glCreateShader(kind)
-    GL.glShaderSource(shader, f"#version 330 core\n{common}\n#line 1\n{source}")
-    GL.glCompileShader(shader)
-    if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
-        raise RuntimeError(f"shader {file} does not compile: {GL.glGetShaderInfoLog(shader)!r}")
-    return shader
+from lrf3d.render.programs import CameraBlock, ShaderProgram, Uniform
 
 
 @cache
@@ -174,8 +57,14 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         self._main_fb_ms: int | None = None
         self._buffers: list[int] = []
         self._samples_taken: list[int] = []
+        self._constants: Mapping[str, Any] = {}
         self._programs: dict[str, ShaderProgram] = {}
+        self._camera: CameraBlock | None = None
         self._picture: Picture = np.zeros((height, width, 4), np.uint8)
+
+    def know(self, constants: Mapping[str, Any]) -> None:
+        """Make the programs with these constants, which shaders know by name."""
+        self._constants = constants
 
     def begin(self, scene: Any) -> None:
         """Start a picture: free what has left the scene, clear and set up."""
@@ -204,6 +93,12 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         projection[1] *= -1.0
         return projection @ view, scene.get_pose(scene.main_camera_node)[:3, 3]
 
+    def look_through(self, camera: Mapping[str, Any]) -> None:
+        """Draw what comes as a camera sees it."""
+        if self._camera is None:
+            self._camera = CameraBlock()
+        self._camera.fill(camera)
+
     def draw(self, primitive: Primitive, uniforms: Mapping[str, Uniform]) -> None:
         """Draw a primitive with uniforms for its program."""
         if not primitive.count:
@@ -222,17 +117,17 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
 
     def _program(self, name: str) -> ShaderProgram:
         if name not in self._programs:
-            self._programs[name] = ShaderProgram(name)
+            self._programs[name] = ShaderProgram(name, self._constants)
         return self._programs[name]
 
     def flatten(self) -> None:
         """Have all so far drawn, and go on with one sample a pixel: what comes has soft edges.
 
-        Translucent layers and panels cost some times as much on several samples a pixel. Software
-        draws with threads of its own, which begin here and not where the picture is read.
+        Translucent layers and panels cost some times as much on several samples a pixel. With one
+        sample nothing is sent off here: software OpenGL would write all pixels and read them
+        again, which takes a tenth of the time of a frame.
         """
         if not self._samples:
-            GL.glFlush()
             return
         # One pass over both colours and depths takes three quarters of the time of blitting them.
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._main_fb)
@@ -270,6 +165,9 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         for program in self._programs.values():
             program.delete()
         self._programs = {}
+        if self._camera is not None:
+            self._camera.delete()
+            self._camera = None
         # What was first drawn in the last picture is known to the scene alone.
         self._meshes = self._meshes if self._scene is None else self._scene.meshes
         for mesh in self._meshes:

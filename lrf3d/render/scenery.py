@@ -82,7 +82,9 @@ class Frame:
         eye: (3,) where the eye is [m].
         focus: Pixels that a metre takes at a distance of one metre.
         scale: How many times their size at 720 lines lines and points are.
-        uniforms: What all programs know: camera, light and air.
+        camera: What all programs know of it: ``view_projection``, ``eye``, ``viewport`` [pixels],
+            ``slack``, by how much the depth of marks gains with their distance, and how ``thick``
+            the air is [1/m].
     """
 
     moment: Moment
@@ -92,7 +94,7 @@ class Frame:
     eye: Float
     focus: float
     scale: float
-    uniforms: Mapping[str, Any]
+    camera: Mapping[str, Any]
 
 
 class Scenery:
@@ -145,6 +147,7 @@ class Scenery:
         self._tops = WallTops(self.structures.segments, self.structures.heights)
         self._scan_shown: tuple[Any, ...] = ()
         self._map_shown = self._bands_shown = -1
+        self._drawn_maps: dict[int, DrawnMap] = {}
         self._growing = _GROWING * timeline.playback
         self._fade = look.TRAIL_FADE * timeline.playback
         self._reach = min(run.lrf.range_max, look.BEAM_REACH)
@@ -156,16 +159,16 @@ class Scenery:
             self.scene.add(Mesh([primitive]))
 
     @property
-    def light(self) -> dict[str, Any]:
-        """The uniforms of light and air: the haze's colour, and one over its reach [1/m]."""
+    def constants(self) -> dict[str, Any]:
+        """What is the same in all pictures: the haze's colour, indoor or not, and the ground's."""
         indoor = self.structures.indoor
         haze = look.HAZE_INDOOR if indoor else look.HAZE
-        half = look.HALF_HAZE_INDOOR if indoor else look.HALF_HAZE
-        return {
-            "sun": tuple(look.SUN.tolist()),
-            "haze": (*haze, 1.0 / half),
-            "indoor": float(indoor),
-        }
+        return {"HAZE": tuple(haze), "INDOOR": float(indoor), **self.ground.constants}
+
+    @property
+    def thick(self) -> float:
+        """How thick the air is: one over the distance at which half is haze [1/m]."""
+        return 1.0 / (look.HALF_HAZE_INDOOR if self.structures.indoor else look.HALF_HAZE)
 
     def draw_robot(self, frame: Frame) -> Iterator[Draw]:
         """The robot."""
@@ -182,7 +185,7 @@ class Scenery:
 
     def draw_ground(self, frame: Frame) -> Iterator[Draw]:
         """The ground, finely painted round the eye."""
-        width, height = frame.uniforms["viewport"]
+        width, height = frame.camera["viewport"]
         # How much is seen to each side by an eye that looks down from far above [m].
         across = 0.5 * height / frame.focus * float(frame.eye[2]) * max(1.0, width / height)
         return self.ground.draws(frame.eye, across if frame.look.clear else 0.0, frame.focus)
@@ -258,8 +261,7 @@ class Scenery:
         stage = self.run.snapshot_after(frame.moment.scan)
         if stage != self._map_shown:
             self._map_shown = stage
-            drawn = DrawnMap.from_snapshot(self.run, stage, self.origin)
-            self._map.update(drawn.lines(self.run.lrf.height))
+            self._map.update(self._drawn_map(stage).lines(self.run.lrf.height))
         yield Draw(self._map, {"width": _MAP_WIDTH * frame.scale, "nearer": _ON_TOP})
 
     def draw_bands(self, frame: Frame) -> Iterator[Draw]:
@@ -296,13 +298,19 @@ class Scenery:
         if stage == self._bands_shown:
             return
         self._bands_shown = stage
-        before, drawn = (
-            DrawnMap.from_snapshot(self.run, number, self.origin)
-            for number in (max(stage - 1, -1), stage)
-        )
+        before, drawn = self._drawn_map(max(stage - 1, -1)), self._drawn_map(stage)
         bands = drawn.bands_from(before, self._tops)
         self._bands.update(bands.solid)
         self._glow.update(bands.glow)
+
+    def _drawn_map(self, stage: int) -> DrawnMap:
+        """The map of a snapshot; the last two are kept, as each is shown more than once."""
+        drawn = self._drawn_maps.get(stage)
+        if drawn is None:
+            drawn = DrawnMap.from_snapshot(self.run, stage, self.origin)
+            kept = list(self._drawn_maps.items())[-1:]
+            self._drawn_maps = dict([*kept, (stage, drawn)])
+        return drawn
 
     def draw_trace(self, frame: Frame) -> Iterator[Draw]:
         """The line on the walls where the scan hit them."""

@@ -1,18 +1,14 @@
 in vec2 uv;
 in vec3 way;
 uniform sampler2D picture;
-uniform vec4 paints;    // what marks, kerbs, pavements and lawns add to bare ground
-uniform float bare;     // and how bright that is
 uniform vec4 area;
-uniform vec4 beyond;    // colour of the ground past the picture, and width of the change [m]
 out vec4 colour;
 void main() {
     vec2 past = max(abs(uv - 0.5) - 0.5, 0.0) / area.zw;
-    float share = min((past.x + past.y) / beyond.a, 1.0);
+    float share = min((past.x + past.y) / BEYOND.a, 1.0);
     // What is painted at the rim, such as a line, fades into the mean of what is around it.
     vec4 seen = texture(picture, uv, 4.0 * min(16.0 * share, 1.0));
     float cover = 4.0 * seen.a - 1.0;
-    float paint = bare + dot(clamp(vec4(-cover, cover, cover - 1.0, cover - 2.0), 0.0, 1.0), paints);
-    float far = dot(way, way) * haze.a * haze.a;
-    colour = vec4(mix(mix(paint * seen.rgb, beyond.rgb, share), haze.rgb, far / (1.0 + far)), 1.0);
+    float paint = BARE + dot(clamp(vec4(-cover, cover, cover - 1.0, cover - 2.0), 0.0, 1.0), PAINTS);
+    colour = vec4(hazed(mix(paint * seen.rgb, BEYOND.rgb, share), way * thick), 1.0);
 }

@@ -1,16 +1,18 @@
-// What all shaders know: the camera, the sun and the haze of the picture.
-uniform mat4 view_projection;
-uniform vec3 eye;
-uniform vec3 sun;
-uniform vec4 haze;      // colour, and one over the distance [m] at which half is haze
-uniform float indoor;   // 1 inside a house, else 0
-uniform float slack;    // how much the depth of raised things gains with their distance
+// What all shaders know: the camera of the picture, and its air. In fragment shaders each uniform
+// takes time for each block of pixels; what is the same in all pictures of a film is a constant.
+layout(std140) uniform Camera {
+    mat4 view_projection;
+    vec3 eye;
+    float thick;        // one over the distance [m] at which half is haze
+    vec2 viewport;      // [pixels]
+    float slack;        // how much the depth of raised things gains with their distance
+};
 
-vec3 hazed(vec3 colour, vec3 place) {
+// A colour seen over a way from the eye, which is in units of the haze.
+vec3 hazed(vec3 colour, vec3 way) {
     // Grows with the square of the distance and needs neither a root nor an exponential.
-    vec3 way = (place - eye) * haze.a;
     float far = dot(way, way);
-    return mix(colour, haze.rgb, far / (1.0 + far));
+    return mix(colour, HAZE, far / (1.0 + far));
 }
 
 // Where a point is drawn whose depth is that of a point nearer to the eye by so many metres: what

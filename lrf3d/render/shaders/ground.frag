@@ -1,8 +1,6 @@
 in vec2 uv;
 in vec3 way;
 uniform sampler2D picture;
-uniform vec4 paints;    // what marks, kerbs, pavements and lawns add to bare ground
-uniform float bare;     // and how bright that is
 uniform float edge;     // how much sharper than the picture edges are at 1 m
 out vec4 colour;
 void main() {
@@ -13,7 +11,6 @@ void main() {
     // -1 is a mark, 0 bare ground, 1 a kerb, 2 a pavement and 3 a lawn.
     float cover = 4.0 * seen.a - 1.0;
     vec4 parts = clamp((vec4(-cover, cover, cover - 1.0, cover - 2.0) - 0.5) * sharp + 0.5, 0.0, 1.0);
-    float paint = bare + dot(parts, paints);
-    float far = away * haze.a * haze.a;
-    colour = vec4(mix(paint * seen.rgb, haze.rgb, far / (1.0 + far)), 1.0);
+    float paint = BARE + dot(parts, PAINTS);
+    colour = vec4(hazed(paint * seen.rgb, way * thick), 1.0);
 }

@@ -3,7 +3,6 @@ layout(location = 1) in vec3 there;
 layout(location = 2) in float turn;     // 1 to the left of the way there, -1 to the right; twice that at the end
 layout(location = 3) in vec4 tint;
 layout(location = 4) in vec2 side;      // where the wall's face looks, or 0
-uniform vec2 viewport;  // [pixels]
 uniform float width;    // [pixels]
 uniform float nearer;   // how much nearer to the eye its depth is [m]
 out vec4 paint;

@@ -5,13 +5,11 @@ out vec4 colour;
 void main() {
     vec3 up = normalize(facing);
     vec3 back = normalize(to_eye);
-    float light = 0.56 + 0.36 * max(dot(up, sun), 0.0) + 0.06 * up.z;
-    float shine = max(dot(up, normalize(sun + back)), 0.0);
+    float light = 0.56 + 0.36 * max(dot(up, SUN), 0.0) + 0.06 * up.z;
+    float shine = max(dot(up, normalize(SUN + back)), 0.0);
     // Powers by squaring: 32 and 3.
     shine *= shine; shine *= shine; shine *= shine; shine *= shine; shine *= shine;
     float rim = 1.0 - max(dot(up, back), 0.0);
     vec3 shaded = paint * light + 0.22 * shine + 0.07 * rim * rim * rim;
-    vec3 way = to_eye * haze.a;
-    float far = dot(way, way);
-    colour = vec4(mix(shaded, haze.rgb, far / (1.0 + far)), 1.0);
+    colour = vec4(hazed(shaded, to_eye * thick), 1.0);
 }

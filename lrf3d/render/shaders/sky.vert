@@ -8,9 +8,9 @@ void main() {
     vec4 far = ray_from_corner * vec4(place, 1.0, 1.0);
     vec3 look = normalize(far.xyz / far.w - eye);
     float up = clamp(look.z, 0.0, 1.0);
-    vec3 zenith = mix(ZENITH, ZENITH_INDOOR, indoor);
-    sky = mix(haze.rgb, zenith, 1.0 - pow(1.0 - up, 2.6));
-    float glow = max(dot(look, sun), 0.0);
-    sky += (1.0 - indoor) * GLOW * (0.16 * pow(glow, 10.0));
+    vec3 zenith = mix(ZENITH, ZENITH_INDOOR, INDOOR);
+    sky = mix(HAZE, zenith, 1.0 - pow(1.0 - up, 2.6));
+    float glow = max(dot(look, SUN), 0.0);
+    sky += (1.0 - INDOOR) * GLOW * (0.16 * pow(glow, 10.0));
     gl_Position = vec4(place, 1.0, 1.0);
 }

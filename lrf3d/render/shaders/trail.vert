@@ -3,9 +3,10 @@ layout(location = 1) in vec2 side;
 layout(location = 2) in float when;
 uniform float half_width;
 out float time;
-out vec3 world;
+out vec3 way;           // from the eye, in units of the haze
 void main() {
     time = when;
-    world = vec3(middle + side * half_width, 0.0);
+    vec3 world = vec3(middle + side * half_width, 0.0);
+    way = (world - eye) * thick;
     gl_Position = raised(world, 0.01);
 }

@@ -28,6 +28,5 @@ void main() {
     // The rim of the sun's light is some centimetres wide.
     float shadowed = clamp(under / (fwidth(under) + RIM) + 0.5, 0.0, 1.0);
     vec3 result = (wall * painted.a + painted.rgb) * mix(light, shade, shadowed);
-    float far = dot(way, way);
-    colour = vec4(mix(result, haze.rgb, far / (1.0 + far)), 1.0);
+    colour = vec4(hazed(result, way), 1.0);
 }

@@ -18,6 +18,6 @@ void main() {
     light = bright;
     shade = shaded;
     under = under_shadow;
-    way = (position - eye) * haze.a;
+    way = (position - eye) * thick;
     gl_Position = view_projection * vec4(position, 1.0);
 }

@@ -18,9 +18,7 @@ from lrf3d.render.primitives import Primitive
 from lrf3d.render.traced import raster, sampling, shading
 from lrf3d.render.traced.programs import corners_of, points_of
 from lrf3d.render.traced.surfaces import Grounds, Surfaces
-
-_NO_LAND = (0.5, 0.5, 0.5, 1.0)
-"""Colour of the ground past its pictures, and width of the change [m], until they are named."""
+from lrf3d.scene.look import PAPER, SUN
 
 Box = tuple[int, int, int, int]
 Uniforms = Mapping[str, Any]
@@ -52,13 +50,19 @@ class TracedRenderer:
         self._surfaces: Surfaces | None = None
         self._grounds = Grounds()
         self._solids: list[tuple[Primitive, Uniforms]] = []
-        self._shared: Uniforms = {}
+        self._constants: Uniforms = {}
+        self._camera: Uniforms = {}
+        self._covers: list[Box] = []
         self._box, self._over = self._whole, False
+
+    def know(self, constants: Uniforms) -> None:
+        """Be told what is the same in all pictures, before the first."""
+        self._constants = constants
 
     def begin(self, scene: Any) -> None:
         """Start a picture."""
         self._box, self._over = self._whole, False
-        self._shared, self._solids = {}, []
+        self._solids, self._covers = [], []
 
     def camera_matrices(self, scene: Any) -> tuple[Float, Float]:
         """Matrix (4, 4) from the scene to the picture turned over, and the eye (3,)."""
@@ -69,11 +73,14 @@ class TracedRenderer:
         projection[1] *= -1.0
         return projection @ np.linalg.inv(pose), pose[:3, 3]
 
+    def look_through(self, camera: Uniforms) -> None:
+        """Draw what comes as a camera sees it."""
+        self._camera = camera
+
     def draw(self, primitive: Primitive, uniforms: Uniforms) -> None:
         """Draw a primitive with uniforms for its program; what is solid waits for the rays."""
         name = primitive.program
-        if name in ("walls", "sky", "ground", "beyond"):
-            self._shared = {**self._shared, **uniforms}
+        uniforms = {**self._camera, **uniforms}
         if name == "walls" and self._surfaces is None:
             assert isinstance(primitive, PartedPrimitive) and primitive.texture is not None
             corners = primitive.vertices[primitive.triangles.ravel()].reshape(-1, 3, 16)
@@ -84,6 +91,8 @@ class TracedRenderer:
             self._grounds.add(primitive, uniforms)
         elif name == "robot" or (name == "bands" and not primitive.blend):
             self._solids.append((primitive, uniforms))
+        elif name == "cover":
+            self._covers.append(self._pixels(uniforms["box"]))
         elif name == "label":
             self._draw_label(primitive, uniforms)
         elif name == "points":
@@ -100,6 +109,9 @@ class TracedRenderer:
             self._draw_triangles(solid, uniforms, self._places, self._sampled, self._sampled_near)
         if len(self._places) > 1:
             sampling.resolve(self._sampled, self._sampled_near, self._flat, self._flat_near)
+        for left, top, right, bottom in self._covers:
+            self._flat[top:bottom, left:right] = np.round(255.0 * np.array(PAPER))
+            self._flat_near[top:bottom, left:right] = np.inf
 
     def overlay(self, box: Box | None) -> None:
         """Go on without depth, in a box left, top, width, height [pixels] or in the whole."""
@@ -119,14 +131,14 @@ class TracedRenderer:
         """Find and shade what all pixels see, and look through the samples of those at edges."""
         assert self._surfaces is not None
         surfaces, places, width = self._surfaces, self._places, self._whole[2]
-        camera = _camera(self._shared, self._whole)
+        camera = _camera(self._camera, self._whole)
         scenery = shading.RayScene(
             surfaces.faces,
             surfaces.painted,
             surfaces.painted_levels,
             *self._grounds.table(),
-            _paints(self._shared),
-            _light(self._shared),
+            np.array([self._constants["BARE"], *self._constants["PAINTS"]]),
+            _light(self._constants, self._camera),
         )
         origins, directions = self._rays
         shading.aim_pixels(camera, width, origins, directions)
@@ -151,22 +163,30 @@ class TracedRenderer:
         near: NDArray[np.float32],
     ) -> None:
         drawn = corners_of(primitive.program, _vertices(primitive), uniforms)
-        known = {**self._shared, **uniforms}
         test = not self._over
         canvas = raster.RasterTarget(
             colours, near, self._box, places, test, test and not primitive.blend
         )
         program = raster.FragmentProgram(
-            drawn.program, drawn.fixed, np.array(known["eye"]), _light(known)
+            drawn.program,
+            drawn.fixed,
+            np.array(uniforms["eye"]),
+            _light(self._constants, uniforms),
         )
         raster.draw_triangles(drawn.corners, primitive.cull, canvas, program)
 
     def _draw_label(self, primitive: Primitive, uniforms: Uniforms) -> None:
-        left, top = uniforms["box"][:2]
-        column = round((0.5 + 0.5 * left) * self._box[2])
-        row = round((0.5 + 0.5 * top) * self._box[3])
+        column, row = self._pixels(uniforms["box"])[:2]
         assert primitive.texture is not None
         raster.draw_panel(primitive.texture.picture, column, row, self._flat)
+
+    def _pixels(self, box: tuple[float, ...]) -> Box:
+        """Left, top, right and bottom [pixels] of a box in −1…1."""
+        width, height = self._box[2:]
+        left, top, right, bottom = (0.5 + 0.5 * at for at in box)
+        return (
+            round(left * width), round(top * height), round(right * width), round(bottom * height)
+        )  # fmt: skip
 
 
 def _vertices(primitive: Primitive) -> Float:
@@ -193,12 +213,7 @@ def _camera(uniforms: Uniforms, box: Box) -> Float:
     return np.concatenate([eye, corner, across, down])
 
 
-def _paints(uniforms: Uniforms) -> Float:
-    """The paints of the ground for :mod:`shading`."""
-    return np.array([uniforms.get("bare", 0.0), *uniforms.get("paints", (0.0,) * 4)])
-
-
-def _light(uniforms: Uniforms) -> Float:
+def _light(constants: Uniforms, camera: Uniforms) -> Float:
     """The light's row of :mod:`shading`."""
-    beyond = uniforms.get("beyond", _NO_LAND)
-    return np.concatenate([uniforms["sun"], uniforms["haze"], [uniforms["indoor"]], beyond])
+    air = [*constants["HAZE"], camera["thick"], constants["INDOOR"]]
+    return np.array([*SUN, *air, *constants["BEYOND"]])

@@ -1,0 +1,157 @@
+"""Programs: pairs of shaders, compiled with the constants of a film, and the camera that all share.
+
+Names of the files in ``shaders/`` and values enter; programs leave that draw with them.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry import Single
+from lrf3d.render.bindings import GL, rewrite
+from lrf3d.scene import facades, look
+
+_SHADERS = Path(__file__).parent / "shaders"
+
+_CONSTANTS: dict[str, Any] = {
+    "FAN_COLOUR": look.FAN_COLOUR,
+    "GLOW": look.GLOW,
+    "PAPER": look.PAPER,
+    "POINT_HALO": look.POINT_HALO,
+    "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
+    "RIM": look.SHADOW_RIM,
+    "SHADOW_COLOUR": look.SHADOW_COLOUR,
+    "SHARPNESS": look.GROUND_SHARPNESS,
+    "SIZE": (float(facades.BAYS * facades.TILE), float(facades.ROWS * facades.TILE)),
+    "SLANTS": facades.SLANTS,
+    "SUN": look.SUN,
+    "TILE": float(facades.TILE),
+    "TRAIL_COLOUR": look.TRAIL_COLOUR,
+    "TRAIL_OLD": look.TRAIL_OLD,
+    "WINDOWED": facades.WINDOWED,
+    "ZENITH": look.ZENITH,
+    "ZENITH_INDOOR": look.ZENITH_INDOOR,
+}
+"""Constants of the look that shaders know by these names."""
+
+Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
+
+
+class ShaderProgram:
+    """A linked pair of a vertex and a fragment shader.
+
+    Args:
+        name: The files ``name.vert`` and ``name.frag``; ``common.glsl`` goes before both.
+        constants: Values that shaders know by name, beside those of the look.
+    """
+
+    def __init__(self, name: str, constants: Mapping[str, Any]) -> None:
+        self.name = name
+        self._id = GL.glCreateProgram()
+        shaders = [
+            _compile(f"{name}.vert", GL.GL_VERTEX_SHADER, constants),
+            _compile(f"{name}.frag", GL.GL_FRAGMENT_SHADER, constants),
+        ]
+        for shader in shaders:
+            GL.glAttachShader(self._id, shader)
+        GL.glLinkProgram(self._id)
+        if not GL.glGetProgramiv(self._id, GL.GL_LINK_STATUS):
+            log = GL.glGetProgramInfoLog(self._id)
+            raise RuntimeError(f"shader {name} does not link: {log!r}")
+        for shader in shaders:
+            GL.glDeleteShader(shader)
+        self._places = _uniforms(self._id)
+        block = GL.glGetUniformBlockIndex(self._id, b"Camera")
+        if block != GL.GL_INVALID_INDEX:
+            GL.glUniformBlockBinding(self._id, block, CameraBlock.PLACE)
+        self._values: dict[str, Uniform] = {}
+
+    def use(self, uniforms: Mapping[str, Uniform]) -> None:
+        """Make this the program to draw with, and set those of its uniforms that have changed.
+
+        What the shader does not ask for is passed over.
+        """
+        GL.glUseProgram(self._id)
+        for name, place in self._places.items():
+            value, known = uniforms[name], self._values.get(name)
+            if value is known or (not isinstance(value, np.ndarray) and value == known):
+                continue
+            self._values[name] = value
+            _set(place, value)
+
+    def delete(self) -> None:
+        """Free what the driver holds of it."""
+        GL.glDeleteProgram(self._id)
+
+
+def _uniforms(program: int) -> dict[str, int]:
+    """The names of a program's own uniforms but its picture, and their places."""
+    count = GL.glGetProgramiv(program, GL.GL_ACTIVE_UNIFORMS)
+    names = [GL.glGetActiveUniform(program, number)[0] for number in range(count)]
+    places = {name.decode(): GL.glGetUniformLocation(program, name.decode()) for name in names}
+    places.pop("picture", None)
+    return {name: place for name, place in places.items() if place >= 0}
+
+
+def _set(place: int, value: Uniform) -> None:
+    if isinstance(value, int):
+        GL.glUniform1i(place, value)
+    elif isinstance(value, float):
+        GL.glUniform1f(place, value)
+    elif isinstance(value, np.ndarray) and value.ndim == 2:
+        GL.glUniformMatrix4fv(place, 1, GL.GL_TRUE, np.ascontiguousarray(value, np.float32))
+    elif len(value) == 2:
+        GL.glUniform2f(place, value[0], value[1])
+    elif len(value) == 3:
+        GL.glUniform3f(place, value[0], value[1], value[2])
+    else:
+        GL.glUniform4f(place, value[0], value[1], value[2], value[3])
+
+
+class CameraBlock:
+    """What all programs know of the camera, in one buffer: see ``common.glsl``."""
+
+    PLACE = 0
+
+    def __init__(self) -> None:
+        self._values: Single = np.zeros(24, np.float32)
+        self._buffer = GL.glGenBuffers(1)
+        GL.glBindBuffer(GL.GL_UNIFORM_BUFFER, self._buffer)
+        size = self._values.nbytes
+        GL.glBufferData(GL.GL_UNIFORM_BUFFER, size, self._values, GL.GL_DYNAMIC_DRAW)
+
+    def fill(self, camera: Mapping[str, Any]) -> None:
+        """Make it the camera of all that is drawn from now on."""
+        values = self._values
+        values[:16] = camera["view_projection"].T.ravel()
+        values[16:19], values[19] = camera["eye"], camera["thick"]
+        values[20:22], values[22] = camera["viewport"], camera["slack"]
+        GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, self.PLACE, self._buffer)
+        rewrite(GL.GL_UNIFORM_BUFFER, values)
+
+    def delete(self) -> None:
+        """Free it."""
+        GL.glDeleteBuffers(1, [self._buffer])
+
+
+def _constants(more: Mapping[str, Any]) -> str:
+    """The constants of the look and of a film, as lines of a shader."""
+    lines = []
+    for name, value in {**_CONSTANTS, **more}.items():
+        values = np.ravel(value).tolist()
+        kind = f"vec{len(values)}" if len(values) > 1 else type(values[0]).__name__
+        lines.append(f"const {kind} {name} = {kind}({', '.join(map(repr, values))});\n")
+    return "".join(lines)
+
+
+def _compile(file: str, kind: int, constants: Mapping[str, Any]) -> int:
+    common = _constants(constants) + (_SHADERS / "common.glsl").read_text()
+    source = (_SHADERS / file).read_text()
+    shader: int = GL.glCreateShader(kind)
+    GL.glShaderSource(shader, f"#version 330 core\n{common}\n#line 1\n{source}")
+    GL.glCompileShader(shader)
+    if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
+        raise RuntimeError(f"shader {file} does not compile: {GL.glGetShaderInfoLog(shader)!r}")
+    return shader
