@@ -3,7 +3,8 @@
 ``python -m benchmarks.glass WORLD --seeds 20``: a share of the walls of a world is made glass, and
 seen from random poses. Of the glass that returned light directly, the length between its outermost
 returns, the share that is found is measured, and which share of what is marked is glass. Images are
-map segments that lie by returns which came by way of a mirror or a pane, and by no wall.
+map segments that lie by returns which came by way of a mirror or a pane, and by no wall: a wall
+that is there is no image, however askew it is drawn.
 
 ``--cost`` measures how long casting takes among such walls instead, beside the same walls without
 materials: CPU time by turns, the least of several rounds.
@@ -45,8 +46,11 @@ def with_glass(world: World, share: float, rng: np.random.Generator) -> tuple[Wo
     return World(world.segments, range(len(size)), world.heights, materials=materials), glass
 
 
-def samples(segments: Float, others: Float) -> tuple[Float, Float]:
-    """The length of each of segments (m, 4) [m], and the share of it that lies by others (n, 4)."""
+def samples(segments: Float, others: Float, *, cosine: float = ASKEW) -> tuple[Float, Float]:
+    """The length of each of segments (m, 4) [m], and the share of it that lies by others (n, 4).
+
+    Others count that are no more askew than the cosine says.
+    """
     size, along = lengths(segments), directions(segments)
     shares = np.zeros(len(segments))
     if not len(others):
@@ -55,7 +59,7 @@ def samples(segments: Float, others: Float) -> tuple[Float, Float]:
     for row, (own, unit) in enumerate(zip(segments, along, strict=True)):
         count = max(int(size[row] / STEP), 1)
         points = own[:2] + ((np.arange(count) + 0.5) * size[row] / count)[:, None] * unit
-        parallel = np.abs(ways @ unit) > ASKEW
+        parallel = np.abs(ways @ unit) >= cosine
         offset = points[:, None] - others[None, parallel, :2]
         station = np.einsum("nmk,mk->nm", offset, ways[parallel]).clip(0.0, reach[parallel])
         rest = offset - station[..., None] * ways[parallel]
@@ -80,7 +84,7 @@ def image_points(run: Run) -> Float:
 
 def images(run: Run) -> int:
     """How many map segments are images."""
-    _, shares = samples(run.map.segments, run.world.segments)
+    _, shares = samples(run.map.segments, run.world.segments, cosine=0.0)
     points, count = image_points(run), 0
     for x1, y1, x2, y2 in run.map.segments[shares < 0.5]:
         share = np.linspace(0.0, 1.0, 21)[:, None]

@@ -19,7 +19,7 @@ from lrf3d.mapping.robust.walls import Rule
 
 MODES = ("paper", "robust")
 
-STATE_LAYOUT = 3
+STATE_LAYOUT = 4
 """Number of the layout of `LineMapper.state`, raised with each change of it."""
 
 

@@ -96,7 +96,7 @@ def report(echoes: Float, ways: Int, count: int, receiver: Receiver, i: int, lit
                 held = echoes[j, column]
                 echoes[j, column] = echoes[j - 1, column]
                 echoes[j - 1, column] = held
-            for column in range(MOST_WALLS):
+            for column in range(int(max(echoes[j, LENGTH], echoes[j - 1, LENGTH]))):
                 name = ways[j, column]
                 ways[j, column] = ways[j - 1, column]
                 ways[j - 1, column] = name
@@ -126,6 +126,8 @@ def report(echoes: Float, ways: Int, count: int, receiver: Receiver, i: int, lit
     if len(chains) > 0:
         for k in range(length):
             chains[i, k] = ways[chosen, k]
+    if slots == 0:
+        return
     slot = 0
     for k in range(first, count):
         stronger = 0

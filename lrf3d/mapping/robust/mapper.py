@@ -126,7 +126,7 @@ class RobustMapper:
         if self._map is None:
             self._map = self._refined.map
             if self._frame is not None:
-                self._map = self._optics.show(self._map, self._frame)
+                self._map = self._optics.show(self._map, self._frame, self._refined.ends)
         return self._map
 
     def state(self) -> dict[str, Any]:

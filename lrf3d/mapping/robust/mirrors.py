@@ -52,7 +52,7 @@ class Reflectance:
 
     def add(self, points: Float, values: Float) -> None:
         """Add reflectances (n,) at points (n, 2) [m]."""
-        cells, rows = np.unique(_cells_of(points), return_inverse=True)
+        cells, rows = np.unique(cells_of(points), return_inverse=True)
         fresh = np.setdiff1d(cells, self.cells, assume_unique=True)
         if len(fresh):
             places = np.searchsorted(self.cells, fresh)
@@ -66,7 +66,7 @@ class Reflectance:
         """The reflectance (n,) at points (n, 2) [m], NaN where it is not known."""
         if not len(self.cells):
             return np.full(len(points), np.nan)
-        cells = _cells_of(points)
+        cells = cells_of(points)
         places = np.minimum(np.searchsorted(self.cells, cells), len(self.cells) - 1)
         means = self.sums[places, 0] / self.sums[places, 1]
         return np.where(self.cells[places] == cells, means, np.nan)
@@ -80,7 +80,7 @@ class Reflectance:
         self.cells, self.sums = state["light_cells"].copy(), state["light_sums"].copy()
 
 
-def _cells_of(points: Float) -> Int:
+def cells_of(points: Float) -> Int:
     """The cells (n,) of points (n, 2) [m]."""
     columns, rows = np.floor(points / LIGHT_CELL).astype(np.int64).T
     cells: Int = (columns << 32) + rows

@@ -23,8 +23,10 @@ from lrf3d.mapping.robust.optics_constants import (
     ABSORBED,
     ABSORBED_DISTANCE,
     ABSORBED_SINE,
+    DIM_SHARE,
     PANE_JOINS,
 )
+from lrf3d.mapping.robust.pane_images import PaneImages
 from lrf3d.mapping.robust.panes import Panes, grazed
 
 
@@ -58,6 +60,7 @@ class Optics:
     def __init__(self, extract: LikelihoodExtractor) -> None:
         self._extract = extract
         self.panes, self.dim, self.mirrors = Panes(), DimReturns(), Mirrors()
+        self.bright = PaneImages()
         self.glass = np.empty((0, 4))
 
     def look(
@@ -112,6 +115,7 @@ class Optics:
         beams = beams._replace(
             ranges=np.where(turned, 0.0, beams.ranges), free=np.minimum(beams.free, seen.limits)
         )
+        self.bright.add(beams)
         flash, dim = beams.classes()
         glass = flash | dim
         if glass.any():
@@ -128,8 +132,14 @@ class Optics:
         if glass.any():
             self.dim.add(beams.returns(glass))
 
-    def show(self, line_map: LineMap, frame: Frame) -> LineMap:
-        """A map in the world with what is known to be glass or a mirror in it."""
+    def show(self, line_map: LineMap, frame: Frame, walls: Float) -> LineMap:
+        """A map in the world with what is known to be glass or a mirror in it.
+
+        Args:
+            line_map: The map as it was drawn.
+            frame: The map's own frame.
+            walls: (w, 4) the segments of the map in its own frame [m].
+        """
         if not len(self.mirrors.found) and not len(self.glass):
             return line_map
         segments, rows = line_map.segments, np.arange(len(line_map))
@@ -141,6 +151,13 @@ class Optics:
             shown = np.concatenate([segments, glass])
             segments, rows = without_images(segments, lines, shown)
             glass, _ = without_images(glass, lines, shown)
+        found = self.bright.images(self.panes, walls, self.mirrors.known)
+        if found.any():
+            places = frame.in_world(self.bright.returns[:, :4])[:, :2]
+            dim = DIM_SHARE * self.panes.usual()
+            segments, left = self.bright.without(segments, found, places, dim)
+            rows = rows[left]
+            glass, _ = self.bright.without(glass, found, places, 0.0)
         special = np.concatenate([glass, mirrors])
         special, kept = absorb(special, segments)
         segments, rows = segments[kept], rows[kept]
@@ -156,7 +173,7 @@ class Optics:
     def state(self) -> dict[str, Any]:
         """All that is known, as plain arrays by their names; `restore` takes them back."""
         known = {**self.panes.state(), **self.dim.state(), **self.mirrors.state()}
-        return {**known, "glass": self.glass.copy()}
+        return {**known, **self.bright.state(), "glass": self.glass.copy()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what was known."""
@@ -164,6 +181,7 @@ class Optics:
         self.dim.restore(state)
         self.glass = state["glass"].copy()
         self.mirrors.restore(state)
+        self.bright.restore(state)
 
 
 def absorb(stretches: Float, segments: Float) -> tuple[Float, Int]:

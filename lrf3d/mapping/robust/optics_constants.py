@@ -79,6 +79,13 @@ no farther off and no more askew."""
 PANE_JOINS = 0.4
 """[m] A pane is of the object of a wall whose end it reaches so nearly."""
 
+PANE_INDEX = 1.52
+"""Refractive index of panes: that of window glass. Others are between 1.5 and 1.6."""
+
+IMAGE_LIGHT = 3.0
+"""[factor] How much an image in a pane may differ in light from what Fresnel's equations say: panes
+on the way take up to a half, and of the reflectance of walls only the mean is known."""
+
 # --- Mirrors, in scans with intensities ---
 
 PARALLEL_SINE = 0.2

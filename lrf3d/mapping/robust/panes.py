@@ -74,6 +74,10 @@ class Panes:
         """The usual brightness of a return, which those of another scan (n,) add to."""
         steps = np.floor(STEPS_AN_OCTAVE * np.log2(bright)) + BRIGHTNESSES // 2
         np.add.at(self.brightness, steps.clip(0, BRIGHTNESSES - 1).astype(np.int64), 1)
+        return self.usual()
+
+    def usual(self) -> float:
+        """The usual brightness of a return so far."""
         below = np.cumsum(self.brightness)
         step = int(np.searchsorted(below, USUAL_SHARE * below[-1]))
         return float(2.0 ** ((step + 0.5 - BRIGHTNESSES // 2) / STEPS_AN_OCTAVE))
