@@ -74,6 +74,10 @@ _LIGHT_CELL, _LIGHT_CELL_INDOOR, _LIGHT_CELLS = 0.8, 0.25, 150
 _LIGHT_BLUR = 0.8
 """How far that light is smoothed [cells]: rays are few, and it changes slowly."""
 
+_KERBS_FINER = 4
+"""Pixels to a side that kerbs are painted with in place of one: they are seen from near, where
+those of other shapes would make them tremble."""
+
 _BED = 0.65
 """Radius of the bed of a tree in a pavement [m]."""
 
@@ -226,28 +230,28 @@ def _baked(light: Light, brush: Brush, *, indoor: bool) -> Single:
 
 def _paint_streets(structures: Structures, brush: Brush) -> Image.Image:
     """What covers the ground of a town: marks, asphalt, kerbs, pavements and lawns, 0…255."""
-    fine = brush.finer()
-    marks, streets, kerbs, paved = brush.blank(), fine.blank(), fine.blank(), fine.blank()
+    fine, kerb = brush.finer(), brush.finer(_KERBS_FINER)
+    marks, streets, kerbs, paved = brush.blank(), kerb.blank(), kerb.blank(), fine.blank()
     if brush.pixel <= _COARSE:
         plan = plan_town(structures)
         marks = brush.strips(dashes(centre_lines(structures, plan.streets)), 0.16)
-        fine.polygons(streets, plan.streets)
-        fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
+        kerb.polygons(streets, plan.streets)
+        kerb.polygons(kerbs, shapely.buffer(plan.streets, KERB))
         fine.polygons(paved, plan.paved)
         # Where the ground is paved, trees stand in beds of their own.
         trees = shapely.points(structures.trees[:, :2])
         trees = trees[shapely.dwithin(plan.paved, trees, _BED)]
-        for picture in (streets, kerbs, paved):
-            fine.polygons(picture, shapely.buffer(trees, _BED), fill=0)
+        for picture, by in ((streets, kerb), (kerbs, kerb), (paved, fine)):
+            by.polygons(picture, shapely.buffer(trees, _BED), fill=0)
     else:
         # From so far away, a street is what lies between houses.
-        for picture, reach in ((streets, STREET), (paved, STREET + PAVEMENT)):
-            fine.polygons(picture, shapely.buffer(structures.solids, reach, quad_segs=4))
-        own = fine.blank()
-        fine.polygons(own, shapely.buffer(structures.solids, PAVEMENT, quad_segs=4))
+        for picture, reach, by in ((streets, STREET, kerb), (paved, STREET + PAVEMENT, fine)):
+            by.polygons(picture, shapely.buffer(structures.solids, reach, quad_segs=4))
+        own = kerb.blank()
+        kerb.polygons(own, shapely.buffer(structures.solids, PAVEMENT, quad_segs=4))
         kerbs = streets = ImageChops.subtract(streets, own)
-    lawns = (ImageChops.invert(fine.reduced(each)) for each in (streets, kerbs, paved))
-    return _stacked(ImageChops.invert(marks), *lawns)
+    edges = kerb.reduced(streets), kerb.reduced(kerbs), fine.reduced(paved)
+    return _stacked(*(ImageChops.invert(each) for each in (marks, *edges)))
 
 
 def _stacked(*masks: Image.Image) -> Image.Image:

@@ -61,10 +61,22 @@ def test_in_a_tall_picture_the_overview_is_not_smaller_than_it_must_be():
     timeline = Timeline(city_run(), playback=1.0)
     camera = Overview(timeline, Structures.from_run(timeline.run))
     upright = camera.look(0.0, 9 / 16)
-    camera._wide = not camera._wide
-    turned = camera.look(0.0, 9 / 16)
-    away = [float(np.linalg.norm(look.eye - look.target)) for look in (upright, turned)]
-    assert away[0] <= away[1] * 1.02
+    others = []
+    for side in camera.SIDES:
+        camera._sides[9 / 16] = side, camera.STEEP
+        others.append(camera.look(0.0, 9 / 16))
+    away = [float(np.linalg.norm(look.eye - look.target)) for look in (upright, *others)]
+    assert away[0] <= min(away[1:]) * 1.02
+
+
+def test_the_overview_of_a_low_and_narrow_town_is_steeper_and_a_full_picture_is_not():
+    timeline = Timeline(city_run(), playback=1.0)
+    camera = Overview(timeline, Structures.from_run(timeline.run))
+    full, wide = camera._side(1.0)[1], camera._side(6.0)[1]
+    assert full == pytest.approx(camera.STEEP) and wide == pytest.approx(camera.STEEP)
+    camera.FULL = 1.1
+    camera._sides.clear()
+    assert camera._side(1.0)[1] == pytest.approx(camera.STEEPER)
 
 
 def test_a_story_begins_and_ends_with_the_whole_and_follows_the_robot_between():
