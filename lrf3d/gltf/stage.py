@@ -72,7 +72,8 @@ def _add_ground(document: Document, structures: Structures, light: Light) -> Non
     # In glTF the first row of a picture lies at v = 0, here at the smallest y.
     # Sides that are powers of two spare old graphics cards a copy.
     height, width = (2 ** round(np.log2(side)) for side in ground.picture.shape[:2])
-    picture = Image.fromarray(ground.coloured(marks=False)).resize(
+    blurred = not len(ground.strips.kerbs)
+    picture = Image.fromarray(ground.coloured(strips=blurred)).resize(
         (width, height), Image.Resampling.LANCZOS
     )
     land = Image.new(
@@ -125,7 +126,9 @@ def _strips(document: Document, ground: Ground) -> list[pygltflib.Primitive]:
     places = np.column_stack([corners, np.full(len(corners), _OVER_GROUND)]).astype(np.float32)
     attributes = {
         "POSITION": document.array(places, VERTICES, bounded=True),
-        "NORMAL": document.array(np.tile(np.float32([0, 0, 1]), (len(places), 1)), VERTICES),
+        "NORMAL": document.array(
+            np.tile(np.array([[0, 0, 1]], np.float32), (len(places), 1)), VERTICES
+        ),
         "COLOR_0": document.array(linear(colours), VERTICES),
     }
     material = document.material("strips", pbrMetallicRoughness=_DULL)

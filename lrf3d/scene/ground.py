@@ -140,11 +140,14 @@ class Ground:
             [np.interp(kind, np.arange(_STEPS + 1), band) for band in self.paints.T], axis=-1
         )
 
-    def coloured(self, *, marks: bool = True) -> NDArray[np.uint8]:
-        """The picture (h, w, 3) uint8 as it is seen from afar, with its marks or without."""
+    def coloured(self, *, strips: bool = True) -> NDArray[np.uint8]:
+        """The picture (h, w, 3) uint8 as it is seen from afar, with marks and kerbs or without."""
         seen = self.picture.astype(np.float32) / 255.0
-        kind = np.maximum(_STEPS * seen[..., 3], 0.0 if marks else 1.0)
-        paint = np.interp(kind, np.arange(_STEPS + 1), self.brightness)
+        paints = self.brightness
+        if not strips:
+            paints[MARK_PAINT] = paints[MARK_PAINT + 1]
+            paints[KERB_PAINT] = 0.5 * (paints[KERB_PAINT - 1] + paints[KERB_PAINT + 1])
+        paint = np.interp(_STEPS * seen[..., 3], np.arange(_STEPS + 1), paints)
         lit = np.clip(BRIGHTEST * seen[..., :3] * paint[..., None], 0.0, 1.0)
         return np.asarray(np.round(255.0 * lit), np.uint8)
 

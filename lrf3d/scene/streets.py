@@ -22,7 +22,7 @@ _SHORTEST = 8.0
 _MOST_SAMPLES = 60_000
 """Beyond this many samples the lines are left out: they would cost seconds."""
 
-_KERB_STEP, _KERB_LONGEST = 0.03, 4.0
+_KERB_STEP, _KERB_LONGEST = 0.04, 8.0
 """How far a kerb in pieces may be off its line, and the length of a piece at the most [m]."""
 
 _DASH, _GAP = 2.2, 3.8
