@@ -17,7 +17,7 @@ from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
 from lrf3d.scene.bodies import obstacle_bodies, robot_mesh
 from lrf3d.scene.camera import Look
 from lrf3d.scene.facades import BAYS, BLANK, ROWS, layers
-from lrf3d.scene.ground import paint_ground
+from lrf3d.scene.ground import KERB_PAINT, MARK_PAINT, Ground, paint_ground
 from lrf3d.scene.light import Light, open_light, screen
 from lrf3d.scene.look import PLASTER, SUN
 from lrf3d.scene.structures import Structures
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 _HORIZON = 800.0
 """How far the ground goes past its picture [m]."""
+
+_OVER_GROUND = 0.008
+"""Height of marks and kerbs over the ground [m]: under the trail."""
 
 _FADE = 0.08
 """Share of the ground's picture, at its edges, in which it goes over into the land around."""
@@ -69,7 +72,10 @@ def _add_ground(document: Document, structures: Structures, light: Light) -> Non
     # In glTF the first row of a picture lies at v = 0, here at the smallest y.
     # Sides that are powers of two spare old graphics cards a copy.
     height, width = (2 ** round(np.log2(side)) for side in ground.picture.shape[:2])
-    picture = Image.fromarray(ground.coloured()).resize((width, height), Image.Resampling.LANCZOS)
+    blurred = not len(ground.strips.kerbs)
+    picture = Image.fromarray(ground.coloured(strips=blurred)).resize(
+        (width, height), Image.Resampling.LANCZOS
+    )
     land = Image.new(
         "RGB", picture.size, tuple(np.round(255 * np.array(ground.beyond)).astype(int))
     )
@@ -104,7 +110,30 @@ def _add_ground(document: Document, structures: Structures, light: Light) -> Non
             attributes["TEXCOORD_0"] = document.array(uv, VERTICES)
         indices = document.array(quad_indices(len(quads) // 4), INDICES)
         parts.append(document.part(material, attributes, indices))
+    parts += _strips(document, ground)
     document.node("ground", document.root, mesh=document.mesh("ground", parts))
+
+
+def _strips(document: Document, ground: Ground) -> list[pygltflib.Primitive]:
+    """Marks and kerbs as shapes a little over the ground: a picture would blur them from near."""
+    corners = np.concatenate([*ground.strips]).reshape(-1, 2)
+    if not len(corners):
+        return []
+    marks = 4 * len(ground.strips.marks)
+    colours = np.concatenate(
+        [ground.lit(corners[:marks], MARK_PAINT), ground.lit(corners[marks:], KERB_PAINT)]
+    )
+    places = np.column_stack([corners, np.full(len(corners), _OVER_GROUND)]).astype(np.float32)
+    attributes = {
+        "POSITION": document.array(places, VERTICES, bounded=True),
+        "NORMAL": document.array(
+            np.tile(np.array([[0, 0, 1]], np.float32), (len(places), 1)), VERTICES
+        ),
+        "COLOR_0": document.array(linear(colours), VERTICES),
+    }
+    material = document.material("strips", pbrMetallicRoughness=_DULL)
+    indices = document.array(quad_indices(len(corners) // 4), INDICES)
+    return [document.part(material, attributes, indices)]
 
 
 def _fading(width: int, height: int) -> Image.Image:

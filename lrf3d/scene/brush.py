@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw, ImageFilter
 from lrf3d.geometry import Float, directions
 
 _FINER = 2
-"""Pixels to a side that marks and kerbs are painted with in place of one: their edges are seen from
-near, where steps would show."""
+"""Pixels to a side that shapes are painted with in place of one: steps in their edges would show.
+"""
 
 _RISE = 3.0
 """Width of the rise at the edge of a mark [pixels]."""
@@ -28,19 +28,23 @@ def as_mask(values: Any) -> NDArray[np.uint8]:
 class Brush:
     """Paints shapes, given in metres, into pictures of one size."""
 
-    def __init__(self, width: int, height: int, corner: Float, pixel: float) -> None:
+    def __init__(
+        self, width: int, height: int, corner: Float, pixel: float, *, finer: int = 1
+    ) -> None:
+        self._finer = finer
         self.size = (width, height)
         self.corner = corner
         self.pixel = pixel
 
-    def finer(self) -> "Brush":
-        """A brush for the same place with finer pixels."""
+    def finer(self, times: int = _FINER) -> "Brush":
+        """A brush for the same place with pixels so many times as fine."""
         width, height = self.size
-        return Brush(_FINER * width, _FINER * height, self.corner, self.pixel / _FINER)
+        pixel = self.pixel / times
+        return Brush(times * width, times * height, self.corner, pixel, finer=times)
 
     def reduced(self, picture: Image.Image, blur: float = 1.1) -> Image.Image:
         """A picture of this brush in the pixels of the coarser one, blurred by some of these."""
-        return picture.reduce(_FINER).filter(ImageFilter.BoxBlur(blur))
+        return picture.reduce(self._finer).filter(ImageFilter.BoxBlur(blur))
 
     def blank(self) -> Image.Image:
         """A picture of nothing."""

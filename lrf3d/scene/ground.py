@@ -18,7 +18,7 @@ from lrf3d.geometry import Float, Single
 from lrf3d.scene.brush import Brush, as_mask
 from lrf3d.scene.light import Light, open_light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
-from lrf3d.scene.streets import centre_lines, dashes
+from lrf3d.scene.streets import Strips, centre_lines, dashes, kerb_pieces, mark_pieces
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.town import KERB, PAVEMENT, STREET, plan_town
 
@@ -54,6 +54,7 @@ _STREET_PAINTS = np.array(
     [[0.86, 0.85, 0.81], [0.43, 0.43, 0.435], [0.70, 0.69, 0.66], [0.60, 0.585, 0.55],
      [0.43, 0.505, 0.335]]
 )  # fmt: skip
+MARK_PAINT, KERB_PAINT = 0, 2
 _FLOOR_PAINTS = np.array(
     [[0.74, 0.75, 0.755], [0.70, 0.69, 0.67], [0.64, 0.61, 0.56], [0.775, 0.74, 0.685],
      [0.775, 0.74, 0.685]]
@@ -73,6 +74,13 @@ _LIGHT_CELL, _LIGHT_CELL_INDOOR, _LIGHT_CELLS = 0.8, 0.25, 150
 
 _LIGHT_BLUR = 0.8
 """How far that light is smoothed [cells]: rays are few, and it changes slowly."""
+
+_MARK = 0.16
+"""Width of lane marks [m]."""
+
+_KERBS_FINER = 4
+"""Pixels to a side that kerbs are painted with in place of one: they are seen from near, where
+those of other shapes would make them tremble."""
 
 _BED = 0.65
 """Radius of the bed of a tree in a pavement [m]."""
@@ -104,6 +112,7 @@ class Ground:
         paints: (5, 3) colours of marks, asphalt, kerbs, pavements and lawns, 0…1.
         land: (3,) colour of the ground far past the picture, 0…1.
         light: (3,) light on open ground, as a factor of a screen's colours.
+        strips: Marks and kerbs, also as shapes; none on floors and on very large ground.
     """
 
     picture: NDArray[np.uint8]
@@ -112,6 +121,7 @@ class Ground:
     paints: Float
     land: Float
     light: Float
+    strips: Strips
 
     @property
     def brightness(self) -> Float:
@@ -130,12 +140,24 @@ class Ground:
             [np.interp(kind, np.arange(_STEPS + 1), band) for band in self.paints.T], axis=-1
         )
 
-    def coloured(self) -> NDArray[np.uint8]:
-        """The picture (h, w, 3) uint8 as it is seen from afar."""
+    def coloured(self, *, strips: bool = True) -> NDArray[np.uint8]:
+        """The picture (h, w, 3) uint8 as it is seen from afar, with marks and kerbs or without."""
         seen = self.picture.astype(np.float32) / 255.0
-        paint = np.interp(_STEPS * seen[..., 3], np.arange(_STEPS + 1), self.brightness)
+        paints = self.brightness
+        if not strips:
+            paints[MARK_PAINT] = paints[MARK_PAINT + 1]
+            paints[KERB_PAINT] = 0.5 * (paints[KERB_PAINT - 1] + paints[KERB_PAINT + 1])
+        paint = np.interp(_STEPS * seen[..., 3], np.arange(_STEPS + 1), paints)
         lit = np.clip(BRIGHTEST * seen[..., :3] * paint[..., None], 0.0, 1.0)
         return np.asarray(np.round(255.0 * lit), np.uint8)
+
+    def lit(self, places: Float, paint: int) -> Float:
+        """Colours (n, 3), 0…1, of a paint by its number, in the light at places (n, 2) [m]."""
+        height, width = self.picture.shape[:2]
+        cells = (places - self.corner) / self.size * [width, height]
+        column, row = np.clip(cells.astype(int), 0, [width - 1, height - 1]).T
+        seen = BRIGHTEST / 255.0 * self.picture[row, column, :3]
+        return np.asarray(np.clip(seen * self.brightness[paint], 0.0, 1.0))
 
 
 def paint_ground(structures: Structures, light: Light) -> Ground:
@@ -167,7 +189,7 @@ def paint_tile(structures: Structures, light: Light, corner: Float, side: float)
 def _paint(structures: Structures, light: Light, brush: Brush) -> Ground:
     indoor = structures.indoor
     paint = _paint_floor if indoor else _paint_streets
-    cover = paint(structures, brush)
+    cover, strips = paint(structures, brush)
     lit = _baked(light, brush, indoor=indoor)
     open_sky = open_light(indoor=indoor)
     if not indoor:
@@ -190,6 +212,7 @@ def _paint(structures: Structures, light: Light, brush: Brush) -> Ground:
         paints,
         paints[0] if indoor else paints[-1],
         screen(open_sky),
+        strips,
     )
 
 
@@ -224,30 +247,33 @@ def _baked(light: Light, brush: Brush, *, indoor: bool) -> Single:
     return np.stack([np.asarray(band.crop(area)) for band in bands], axis=-1)
 
 
-def _paint_streets(structures: Structures, brush: Brush) -> Image.Image:
+def _paint_streets(structures: Structures, brush: Brush) -> tuple[Image.Image, Strips]:
     """What covers the ground of a town: marks, asphalt, kerbs, pavements and lawns, 0…255."""
-    fine = brush.finer()
-    marks, streets, kerbs, paved = brush.blank(), fine.blank(), fine.blank(), fine.blank()
+    fine, kerb = brush.finer(), brush.finer(_KERBS_FINER)
+    strips = Strips.none()
+    marks, streets, kerbs, paved = brush.blank(), kerb.blank(), kerb.blank(), fine.blank()
     if brush.pixel <= _COARSE:
         plan = plan_town(structures)
-        marks = brush.strips(dashes(centre_lines(structures, plan.streets)), 0.16)
-        fine.polygons(streets, plan.streets)
-        fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
+        dashed = dashes(centre_lines(structures, plan.streets))
+        strips = Strips(mark_pieces(dashed, _MARK), kerb_pieces(plan.streets))
+        marks = brush.strips(dashed, _MARK)
+        kerb.polygons(streets, plan.streets)
+        kerb.polygons(kerbs, shapely.buffer(plan.streets, KERB))
         fine.polygons(paved, plan.paved)
         # Where the ground is paved, trees stand in beds of their own.
         trees = shapely.points(structures.trees[:, :2])
         trees = trees[shapely.dwithin(plan.paved, trees, _BED)]
-        for picture in (streets, kerbs, paved):
-            fine.polygons(picture, shapely.buffer(trees, _BED), fill=0)
+        for picture, by in ((streets, kerb), (kerbs, kerb), (paved, fine)):
+            by.polygons(picture, shapely.buffer(trees, _BED), fill=0)
     else:
         # From so far away, a street is what lies between houses.
-        for picture, reach in ((streets, STREET), (paved, STREET + PAVEMENT)):
-            fine.polygons(picture, shapely.buffer(structures.solids, reach, quad_segs=4))
-        own = fine.blank()
-        fine.polygons(own, shapely.buffer(structures.solids, PAVEMENT, quad_segs=4))
+        for picture, reach, by in ((streets, STREET, kerb), (paved, STREET + PAVEMENT, fine)):
+            by.polygons(picture, shapely.buffer(structures.solids, reach, quad_segs=4))
+        own = kerb.blank()
+        kerb.polygons(own, shapely.buffer(structures.solids, PAVEMENT, quad_segs=4))
         kerbs = streets = ImageChops.subtract(streets, own)
-    lawns = (ImageChops.invert(fine.reduced(each)) for each in (streets, kerbs, paved))
-    return _stacked(ImageChops.invert(marks), *lawns)
+    edges = kerb.reduced(streets), kerb.reduced(kerbs), fine.reduced(paved)
+    return _stacked(*(ImageChops.invert(each) for each in (marks, *edges))), strips
 
 
 def _stacked(*masks: Image.Image) -> Image.Image:
@@ -256,7 +282,7 @@ def _stacked(*masks: Image.Image) -> Image.Image:
     return Image.fromarray(as_mask(total / (_STEPS * 255.0)))
 
 
-def _paint_floor(structures: Structures, brush: Brush) -> Image.Image:
+def _paint_floor(structures: Structures, brush: Brush) -> tuple[Image.Image, Strips]:
     """What covers the ground of a house: 0 around it, then the floor's edge, joints and tiles."""
     fine = brush.finer()
     floor, inner, lines = fine.blank(), fine.blank(), brush.blank()
@@ -265,7 +291,8 @@ def _paint_floor(structures: Structures, brush: Brush) -> Image.Image:
     fine.polygons(inner, shapely.buffer(rooms, -0.06))
     brush.grid(lines, _TILES, _JOINT, _JOINT_STRENGTH)
     tiles = fine.reduced(inner)
-    return _stacked(fine.reduced(floor), tiles, ImageChops.subtract(tiles, lines))
+    cover = _stacked(fine.reduced(floor), tiles, ImageChops.subtract(tiles, lines))
+    return cover, Strips.none()
 
 
 def floor_of(structures: Structures) -> Any:

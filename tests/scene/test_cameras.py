@@ -7,7 +7,7 @@ import pytest
 from test_render import city_run, room_run
 
 from lrf3d.robot import Trajectory
-from lrf3d.scene.camera import Chase
+from lrf3d.scene.camera import Chase, Orbit
 from lrf3d.scene.cameras import Fixed, margins
 from lrf3d.scene.overview import CLOSING, OPENING, Overview, Story
 from lrf3d.scene.structures import Structures
@@ -61,10 +61,22 @@ def test_in_a_tall_picture_the_overview_is_not_smaller_than_it_must_be():
     timeline = Timeline(city_run(), playback=1.0)
     camera = Overview(timeline, Structures.from_run(timeline.run))
     upright = camera.look(0.0, 9 / 16)
-    camera._wide = not camera._wide
-    turned = camera.look(0.0, 9 / 16)
-    away = [float(np.linalg.norm(look.eye - look.target)) for look in (upright, turned)]
-    assert away[0] <= away[1] * 1.02
+    others = []
+    for side in camera.SIDES:
+        camera._sides[9 / 16] = side, camera.STEEP
+        others.append(camera.look(0.0, 9 / 16))
+    away = [float(np.linalg.norm(look.eye - look.target)) for look in (upright, *others)]
+    assert away[0] <= min(away[1:]) * 1.02
+
+
+def test_the_overview_of_a_low_and_narrow_town_is_steeper_and_a_full_picture_is_not():
+    timeline = Timeline(city_run(), playback=1.0)
+    camera = Overview(timeline, Structures.from_run(timeline.run))
+    full, wide = camera._side(1.0)[1], camera._side(6.0)[1]
+    assert full == pytest.approx(camera.STEEP) and wide == pytest.approx(camera.STEEP)
+    camera.FULL = 1.1
+    camera._sides.clear()
+    assert camera._side(1.0)[1] == pytest.approx(camera.STEEPER)
 
 
 def test_a_story_begins_and_ends_with_the_whole_and_follows_the_robot_between():
@@ -115,3 +127,15 @@ def test_a_camera_that_turns_has_the_robot_in_its_middle_and_looks_closer_from_a
         fields.append(look.field)
         assert still.look(time, 1.0) is still.look(0.0, 1.0)
     assert fields[0] < still.look(0.0, 1.0).field and fields == sorted(fields, reverse=True)
+
+
+@pytest.mark.parametrize("playback", [1.0, 8.0])
+def test_in_a_fast_film_the_robot_stays_as_near_to_the_middle(playback):
+    timeline = Timeline(city_run(), playback=playback)
+    structures = Structures.from_run(timeline.run)
+    camera = FixedCamera("gate", (-60.0, -3.0, 9.0), (0.0, 0.0, 0.0), track=True)
+    for look in (Fixed(camera, timeline).look, Orbit(timeline, structures).look):
+        for time in np.linspace(timeline.start, timeline.end, 9).tolist():
+            robot = timeline.poses(np.array([time]))[0, :2] - timeline.origin
+            place = seen(look(time, 1.0), np.array([[*robot, 0.4]]), 1.0)
+            assert np.abs(place).max() < 0.35

@@ -57,8 +57,12 @@ export class Stage {
     // The file has y up, as its format wants.
     root.rotation.x = Math.PI / 2;
     root.traverse((node) => {
-      const map = node.material?.map;
+      const { map, name } = node.material ?? {};
       if (map) map.anisotropy = this.renderer.capabilities.getMaxAnisotropy();
+      // Marks and kerbs lie on the ground: far away, depths know no such small height.
+      if (name === "strips") {
+        Object.assign(node.material, { polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -8 });
+      }
     });
     this.scene.add(root);
     this.root = root;
