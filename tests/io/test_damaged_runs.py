@@ -91,6 +91,28 @@ def test_a_large_array_that_claims_more_than_the_file_holds_is_refused(tmp_path,
         npz.read_arrays(path)
 
 
+def test_a_large_array_whose_entry_claims_more_than_the_file_holds_is_refused(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(npz, "MAPPED", 1)
+    path = tmp_path / "run.npz"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("x.npy", as_bytes(np.zeros(100_000), (1, 0))[:1000])
+    data = bytearray(path.read_bytes())
+    size = data.index(b"PK\x01\x02") + 24
+    data[size : size + 4] = (900_000).to_bytes(4, "little")
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match=r"x\.npy is incomplete"):
+        npz.read_arrays(path)
+
+
+def test_a_run_of_an_earlier_version_is_filmed_as_it_was_then(run_file):
+    with np.load(run_file) as file:
+        kept = {name: part for name, part in file.items() if not name.startswith("film_")}
+    np.savez(run_file, **kept)
+    assert lrf3d.load_run(run_file).film == FilmPlan("chase", 1.0)
+
+
 def test_columns_that_are_not_what_they_claim_leave_no_file(tmp_path):
     path = tmp_path / "run.npz"
     for block, message in ((np.zeros(3, np.int32), "int32"), (np.zeros(2), "2 rows of")):
