@@ -138,7 +138,9 @@ def test_inclined_beams_that_are_exactly_upright_in_plan_meet_what_lies_across()
         walls = np.vstack([beside, across, along])
         seen = PlanarCaster(World(walls[:-1])).cast(lrf, pose).ranges[0]
         for materials in (None, ["plaster"] * len(walls)):
-            world = World(walls, np.arange(len(walls)), np.full(len(walls), 99.0), materials=materials)
+            world = World(
+                walls, np.arange(len(walls)), np.full(len(walls), 99.0), materials=materials
+            )
             ranges, _ = EmbreeCaster(world).cast_layers(lrf, pose, [rise])
             assert ranges[0, 0] == pytest.approx(seen / math.cos(rise), rel=1e-12)
 
