@@ -76,7 +76,7 @@ def around(rng, count):
     """Points of some straight walls and lone ones, with unit normals."""
     angle = rng.choice(rng.uniform(-np.pi, np.pi, 3), count) + rng.normal(0.0, 0.2, count)
     normals = np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.column_stack([rng.uniform(-1.0, 1.0, (count, 2)), normals])
+    return np.column_stack([rng.uniform((2.0, -3.0), (4.0, -1.0), (count, 2)), normals])
 
 
 @settings(max_examples=25, deadline=None)
