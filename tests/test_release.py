@@ -110,6 +110,31 @@ def test_the_conda_recipe_needs_what_the_package_needs():
     assert recipe["requirements"]["run"][0] == f"python {PROJECT['requires-python']}"
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ("## [Unreleased]\n\n## [1.2.0] - 2026-11-22\n\n- A.\n", None),
+        ("## [1.2.0] - 2026-11-22\n\n- A.\n", None),
+        ("## [Unreleased]\n\n### Added\n\n- B.\n\n## [1.2.0] - 2026-11-22\n", "move what stands"),
+        ("## [Unreleased]\n\n## [1.1.0] - 2026-11-22\n", "has no section"),
+    ],
+)
+def test_a_tag_needs_a_dated_list_of_all_changes(changes, said, tmp_path, monkeypatch):
+    loader = SourceFileLoader("package_script", str(ROOT / "scripts" / "package"))
+    script = module_from_spec(spec_from_loader(loader.name, loader))
+    loader.exec_module(script)
+    monkeypatch.setattr(script, "ROOT", tmp_path)
+    (tmp_path / "pyproject.toml").write_text('[project]\nversion = "1.2.0"\n')
+    (tmp_path / "CHANGELOG.md").write_text(changes)
+    if said is None:
+        script.check_tag("v1.2.0")
+        with pytest.raises(SystemExit, match=r"the tag is v1\.3\.0, the version"):
+            script.check_tag("v1.3.0")
+    else:
+        with pytest.raises(SystemExit, match=said):
+            script.check_tag("v1.2.0")
+
+
 def test_each_python_that_is_named_is_tested():
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "test.yml").read_text())
     named = [word.split()[-1] for word in PROJECT["classifiers"] if " :: Python :: 3." in word]

@@ -113,7 +113,7 @@ class Planar(_Own):
 
     @property
     def index_bytes(self) -> int:
-        return self._tree.nbytes
+        return sum(part.nbytes for part in self._tree)
 
 
 class Embree(_Own):

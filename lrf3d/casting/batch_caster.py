@@ -198,6 +198,6 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="lrf3d")
 
 
-if hasattr(os, "register_at_fork"):
+if hasattr(os, "register_at_fork"):  # pragma: no branch - Windows has no fork
     # The threads of its parent do not exist in a forked process.
     os.register_at_fork(after_in_child=_pool.cache_clear)

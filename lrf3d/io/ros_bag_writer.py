@@ -96,8 +96,6 @@ def _bag_of(run: Run, path: Path) -> Iterator[Path]:
             _fill(run, folder)
             yield folder
     except OSError as error:
-        if isinstance(error, OutputError):
-            raise
         reason = error.strerror or str(error)
         raise OutputError(f"{path}: cannot be written: {reason}; choose another place") from error
 

@@ -118,6 +118,35 @@ def test_both_casters_give_what_rationals_give(case):
 
 
 @pytest.mark.parametrize("caster", [PlanarCaster, EmbreeCaster])
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_a_beam_that_is_exactly_upright_ends_at_the_nearest_point_of_upright_walls(caster, up):
+    # Turned from this heading by this angle, a beam has the direction (0, 1) to the last bit.
+    lrf, theta = LaserRangeFinder(up * 1.001, up * 1.001, 1), up * 0.5697963267948968
+    assert lrf.directions((0, 0, theta)).tolist() == [[0.0, up]]
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        ends = rng.uniform(-9.0, 9.0, (4, 2))
+        walls = np.column_stack([np.full(4, 0.3), ends[:, 0], np.full(4, 0.3), ends[:, 1]])
+        walls = np.vstack([walls[: rng.integers(1, 5)], rng.uniform(-5.0, 5.0, (2, 4))])
+        y = float(rng.uniform(-9.0, 9.0))
+        wall, t = cast_exact(walls, (0.3, y), (0.0, up))
+        scan = caster(World(walls)).cast(lrf, (0.3, y, theta))
+        assert scan.walls.tolist() == [wall]
+        assert scan.ranges.tolist() == [np.inf if t is None else float(t)]
+
+
+def test_walls_of_all_powers_of_two_make_no_tree_as_deep_as_they_are_many():
+    powers = 2.0 ** np.arange(-500, 500)
+    walls = np.column_stack([powers, -powers, powers, powers])
+    for caster in (PlanarCaster, EmbreeCaster):
+        cast = caster(World(walls))
+        for power in (-501, -300, 0, 200):
+            lrf = LaserRangeFinder(0.0, 0.0, 1, range_max=1e200)
+            x = 1.25 * 2.0**power
+            assert cast.cast(lrf, (x, 0.0, 0.0)).ranges.tolist() == [2.0 ** (power + 1) - x]
+
+
+@pytest.mark.parametrize("caster", [PlanarCaster, EmbreeCaster])
 def test_a_single_scan_is_as_exact_as_one_of_a_batch(caster):
     walls = np.random.default_rng(1).uniform(-10, 10, (40, 4))
     lrf = LaserRangeFinder(beams=31)

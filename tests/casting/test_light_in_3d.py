@@ -10,6 +10,7 @@ import lrf3d
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.errors import InputError
 from lrf3d.laser.light import shares
+from lrf3d.laser.range_finder import layer_directions
 from lrf3d.world import Material
 
 WHITE = Material("white", diffuse=1.0)
@@ -121,3 +122,35 @@ def test_layers_without_elevations_and_worlds_without_materials():
     lit = EmbreeCaster(replace(world, materials=["brick"]))
     assert lit.light_layers(AHEAD, (0, 0, 0), []).ranges.shape == (0, 1)
     assert lit.light_layers(AHEAD, (0, 0, 0), [0.0]).ranges.tolist() == [[2.0]]
+
+
+def test_inclined_beams_that_are_exactly_upright_in_plan_meet_what_lies_across():
+    # Turned from this heading by this angle, a beam goes along y to the last bit.
+    lrf = LaserRangeFinder(1.001, 1.001, 1, height=1.0, range_max=60.0)
+    pose, rise = (0.3, -1.0, 0.5697963267948968), 0.15
+    assert layer_directions(lrf, pose[2], [rise])[0, 0, 0] == 0.0
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        beside = rng.uniform(-9.0, 9.0, (30, 4))
+        across = [[-2.0, float(rng.uniform(0.0, 9.0)), 2.0, 9.0]]
+        # A wall along the beam has no distance in 3D: what stands across at its end is met.
+        along = [[0.3, 0.2, 0.3, 0.1]]
+        walls = np.vstack([beside, across, along])
+        seen = PlanarCaster(World(walls[:-1])).cast(lrf, pose).ranges[0]
+        for materials in (None, ["plaster"] * len(walls)):
+            world = World(
+                walls, np.arange(len(walls)), np.full(len(walls), 99.0), materials=materials
+            )
+            ranges, _ = EmbreeCaster(world).cast_layers(lrf, pose, [rise])
+            assert ranges[0, 0] == pytest.approx(seen / math.cos(rise), rel=1e-12)
+
+
+def test_the_cuts_of_more_heights_than_are_kept_are_made_again():
+    import trimesh
+
+    cone = trimesh.creation.cone(radius=3.0, height=6.0, sections=4)
+    caster = EmbreeCaster(cone)
+    pose = (-10.0, 0.0, 0.0)
+    for height in (*np.linspace(0.5, 5.0, 12), 0.5):
+        lrf = replace(AHEAD, height=float(height))
+        assert caster.cast(lrf, pose).ranges[0] == pytest.approx(7.0 + 0.5 * height, abs=1e-9)

@@ -14,6 +14,7 @@ import lrf3d
 from lrf3d import InputError, LaserRangeFinder, OutputError, World
 from lrf3d.io import npz, recording
 from lrf3d.io.npz import Column, write_npz
+from lrf3d.world.cameras import FilmPlan
 
 ROOM = World([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0]])
 LRF = LaserRangeFinder(beams=7, range_max=20.0)
@@ -90,6 +91,28 @@ def test_a_large_array_that_claims_more_than_the_file_holds_is_refused(tmp_path,
         npz.read_arrays(path)
 
 
+def test_a_large_array_whose_entry_claims_more_than_the_file_holds_is_refused(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(npz, "MAPPED", 1)
+    path = tmp_path / "run.npz"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("x.npy", as_bytes(np.zeros(100_000), (1, 0))[:1000])
+    data = bytearray(path.read_bytes())
+    size = data.index(b"PK\x01\x02") + 24
+    data[size : size + 4] = (900_000).to_bytes(4, "little")
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match=r"x\.npy is incomplete"):
+        npz.read_arrays(path)
+
+
+def test_a_run_of_an_earlier_version_is_filmed_as_it_was_then(run_file):
+    with np.load(run_file) as file:
+        kept = {name: part for name, part in file.items() if not name.startswith("film_")}
+    np.savez(run_file, **kept)
+    assert lrf3d.load_run(run_file).film == FilmPlan("chase", 1.0)
+
+
 def test_columns_that_are_not_what_they_claim_leave_no_file(tmp_path):
     path = tmp_path / "run.npz"
     for block, message in ((np.zeros(3, np.int32), "int32"), (np.zeros(2), "2 rows of")):
@@ -139,16 +162,20 @@ def test_a_finished_run_that_is_damaged_is_recorded_again(run_file):
     assert run_file.read_bytes() == whole
 
 
-def stopped(path, mapper, at):
-    """A recording of four scans, each a chunk of its own, that stops after some of them."""
-
+def stop_after(count):
     def progress(done, total):
-        if done == at:
+        if done == count:
             raise KeyboardInterrupt
+
+    return progress
+
+
+def stopped(path, mapper, at):
+    """A recording that stops after some of its scans; its journal."""
 
     made = lrf3d.Simulation(ROOM, POSES, LRF, mapper=mapper, rng=0)
     with pytest.raises(KeyboardInterrupt):
-        lrf3d.record(made, path, progress=progress)
+        lrf3d.record(made, path, progress=stop_after(at))
     return path.with_suffix(".journal")
 
 
@@ -186,6 +213,37 @@ def test_a_chunk_that_stands_twice_in_a_journal_counts_once(tmp_path, monkeypatc
     journal.write_bytes(data + data[first:])
     lrf3d.record(simulation(), run_file, resume=True)
     assert run_file.read_bytes() == whole
+
+
+@pytest.mark.parametrize("rest", [b"no journal", b"\xff" * 40])
+def test_what_is_no_journal_is_recorded_over(rest, tmp_path, monkeypatch, run_file):
+    whole = run_file.read_bytes()
+    run_file.unlink()
+    monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
+    journal = stopped(run_file, None, 2)
+    # A file of something else, or a record that claims to be longer than the file.
+    journal.write_bytes(rest if rest == b"no journal" else journal.read_bytes() + rest)
+    lrf3d.record(simulation(), run_file, resume=True)
+    assert run_file.read_bytes() == whole
+
+
+def farther(scan):
+    return lrf3d.LaserScan(scan.pose, scan.angles, scan.ranges + 0.5, range_max=scan.range_max)
+
+
+def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
+    path, film = tmp_path / "run.npz", FilmPlan("overview", 3.0)
+
+    def made():
+        return lrf3d.Simulation(ROOM, POSES, LRF, noise=farther, rng=0)
+
+    with pytest.raises(KeyboardInterrupt):
+        lrf3d.record(made(), path, film=film, progress=stop_after(2))
+    run = lrf3d.record(made(), path, film=film, resume=True)
+    assert run.film == film and len(run) == len(POSES)
+    with pytest.raises(InputError, match="no poses from odom in it; a run has only true poses"):
+        lrf3d.load_log(path, poses="odom")
 
 
 def test_an_estimate_of_another_number_of_scans_is_refused(tmp_path):

@@ -59,6 +59,21 @@ def test_a_scanner_that_turns_the_other_way_sees_the_same():
     assert (free_cells([scan]).cells == free_cells([turned]).cells).all()
 
 
+def test_beams_may_be_closer_together_on_one_side():
+    """What is free between two beams does not depend on where all the others are."""
+    wide = np.linspace(-1.5, 1.5, 31)
+    for more in (np.linspace(-1.5, -1.3, 40), np.linspace(1.3, 1.5, 40)):
+        angles = np.unique(np.concatenate([wide, more]))
+        even = lrf3d.LaserScan((5, 5, 0.3), wide, np.full(31, 4.0))
+        crowded = lrf3d.LaserScan((5, 5, 0.3), angles, np.full(len(angles), 4.0))
+        cells = free_cells([even]), free_cells([crowded])
+        places = np.column_stack([part.ravel() for part in np.mgrid[2:9:0.11, 2:9:0.11]])
+        bearing = np.abs(np.arctan2(places[:, 1] - 5, places[:, 0] - 5) - 0.3)
+        places = places[bearing < 1.1]
+        assert (cells[0].contain(places) == cells[1].contain(places)).all()
+        assert cells[0].contain(places).sum() > 300
+
+
 def test_no_scans_show_nothing_free():
     assert not free_cells([]).cells.any()
 

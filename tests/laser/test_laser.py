@@ -31,6 +31,7 @@ def test_directions_are_unit_vectors_that_turn_with_the_pose(theta):
         {"range_max": -1.0},
         {"range_min": 90.0},
         {"angle_min": 1.0, "angle_max": 0.0},
+        {"angle_max": 64.0},
     ],
 )
 def test_a_range_finder_that_makes_no_sense_is_refused(settings):
@@ -54,6 +55,8 @@ def test_points_follow_equation_8_and_leave_out_what_did_not_return():
 def test_a_scan_whose_parts_do_not_fit_is_refused():
     with pytest.raises(InputError, match="one of each"):
         LaserScan((0, 0, 0), np.zeros(3), np.zeros(2))
+    with pytest.raises(InputError, match=r"intensities \(2,\): expected a row for each of 3 beams"):
+        LaserScan((0, 0, 0), np.zeros(3), np.zeros(3), intensities=np.zeros(2))
 
 
 def test_no_noise_gives_the_scan_itself_and_draws_nothing():

@@ -35,8 +35,9 @@ def test_glass_mirrors_one_polarisation_alone_at_brewsters_angle(index):
     assert mirrored == pytest.approx(face / (1.0 + face), rel=1e-9)
 
 
-def test_glass_that_is_grazed_is_a_mirror():
-    assert shares(0.0, 0.0, 0.0, 0.0, 1.5) == pytest.approx((1.0, 0.0))
+@pytest.mark.parametrize("index", [1.0, 1.5])
+def test_glass_that_is_grazed_is_a_mirror(index):
+    assert shares(0.0, 0.0, 0.0, 0.0, index) == pytest.approx((1.0, 0.0))
 
 
 def test_without_an_index_the_shares_are_those_of_the_material():

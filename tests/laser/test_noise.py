@@ -16,7 +16,8 @@ from lrf3d.laser import (
     ProportionalNoise,
     Quantised,
 )
-from lrf3d.laser.imperfections import incidences
+from lrf3d.laser.imperfections import incidences, losses_by_light
+from lrf3d.laser.noise import as_noise, at_sigma
 
 LRF = LaserRangeFinder(-1.0, 1.0, 101, range_min=0.5, range_max=20.0)
 WALL = PlanarCaster(World([[4.0, -50, 4.0, 50]])).cast(LRF, (0, 0, 0))
@@ -247,3 +248,26 @@ def test_a_noise_of_intensities_is_that_of_a_simulation():
     run = lrf3d.simulate(world, [(0, 0, 0), (1, 0, 0)], noise=IntensityNoise(0.001), rng=0)
     hit = np.isfinite(run.truth)
     assert (run.ranges[hit] != run.truth[hit]).all()
+
+
+def test_what_takes_neither_a_scan_nor_a_scan_and_an_rng_is_no_noise():
+    for wrong in (3, "0.1", lambda: None, lambda a, b, c: None):
+        with pytest.raises(InputError, match="expected a function of a scan and an rng"):
+            as_noise(wrong)
+
+
+def test_another_sigma_goes_to_the_noise_that_grows_with_the_range():
+    chain = Chain([ConstantNoise(0.01), ProportionalNoise(0.1)])
+    assert repr(at_sigma(chain, 0.3)) == repr(Chain([ConstantNoise(0.01), ProportionalNoise(0.3)]))
+    assert repr(at_sigma(ProportionalNoise(0.1), 0.3)) == repr(ProportionalNoise(0.3))
+    for without in (ConstantNoise(0.1), Chain([ConstantNoise(0.1)])):
+        with pytest.raises(InputError, match="no ProportionalNoise to give it to"):
+            at_sigma(without, 0.3)
+
+
+def test_losses_at_grazing_incidence_are_warned_of_where_light_decides():
+    grazing, near = DropOuts(0.0, 0.0, 0.5), DropOuts(0.5)
+    for noise in (grazing, Chain([near, grazing])):
+        assert "noise.drop_outs_grazing has no effect" in losses_by_light(noise)
+    for noise in (near, Chain([near]), ProportionalNoise(0.1)):
+        assert losses_by_light(noise) is None

@@ -214,3 +214,26 @@ def test_poses_without_walls_stay_where_they_are(rng):
     poses = ring(4)
     driven = edges_of(poses, [(0, 1), (1, 2), (2, 3)], rng)
     assert adjusted(poses, driven, [np.empty((0, 4))] * 4) is poses
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_step_that_would_raise_the_cost_is_not_taken(seed):
+    rng = np.random.default_rng(seed)
+    true = ring(5)
+    driven = edges_of(true, [(k, k + 1) for k in range(4)], rng)
+    system = wall_system(pieces_of_keys(views(true, rng, 0.005)), true)
+    start = true + rng.normal(size=true.shape) * [2.0, 2.0, 1.5]
+    start[0] = true[0]
+    found = minimised(start, driven, system, 30)
+    farther = minimised(found, driven, system, 300)
+    costs = [driven.cost(poses) + system.cost(poses) for poses in (start, found, farther)]
+    assert costs[0] > costs[1] >= costs[2]
+    assert (farther[0] == true[0]).all()
+
+
+def test_walls_that_one_key_scan_alone_has_seen_adjust_nothing(rng):
+    pose = ring(1)
+    surfaces = views(pose, rng, 0.005)
+    assert wall_system(pieces_of_keys(surfaces), pose) is None
+    no_edges = edges_of(ring(2), [(0, 1)], rng).part(np.zeros(1, bool))
+    assert (adjusted(pose, no_edges, surfaces) == pose).all()

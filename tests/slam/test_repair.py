@@ -13,6 +13,7 @@ from lrf3d.slam.frames import between, compose
 from lrf3d.slam.lag import WheelPath, fitted_lag
 from lrf3d.slam.log import solve_recording
 from lrf3d.slam.repair import Repairs, repaired, without_jumps
+from lrf3d.slam.self_check import SelfCheck
 
 COUNT = 100
 
@@ -182,3 +183,19 @@ def test_without_stamps_nothing_is_taken_for_a_copy(recorded):
     still = np.zeros((COUNT, 3))
     put = repaired(log.scans, still, np.zeros(COUNT), np.arange(COUNT))
     assert len(put.wheels) == COUNT and put.repairs.doubled_lines == 0
+
+
+def test_the_worst_part_of_a_drive_is_named_where_the_whole_agrees():
+    assert SelfCheck(violation=0.01, worst_violation=0.1).passed
+    check = SelfCheck(violation=0.01, worst_violation=0.31, worst_scans=(120, 180), compared=50)
+    [said] = check.sentences()
+    assert said.startswith("beams of scans 120 to 180 pass through 31 % of what others saw")
+    assert not SelfCheck().sentences()
+
+
+def test_a_slam_says_how_far_it_is():
+    slam = lrf3d.Slam()
+    assert repr(slam) == "Slam(0 scans, 0 key scans, 0 closures)"
+    room = lrf3d.load_world("paper_room")
+    slam.update(lrf3d.PlanarCaster(room).cast(lrf3d.LaserRangeFinder(), (1, 1, 0)), np.zeros(3))
+    assert repr(slam) == "Slam(1 scans, 1 key scans, 0 closures)"

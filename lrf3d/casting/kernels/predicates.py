@@ -155,10 +155,7 @@ def compare_limit(limit: float, beam: Beam, wall: Wall) -> int:
 
 @inner
 def length(beam: Beam, wall: Wall) -> float:
-    """The t of a wall that the beam meets, at most 0.51 ulp off."""
-    t, low, good = plain_length(beam, wall)
-    if good:
-        return t
+    """The t of a wall that the beam meets, at most 0.51 ulp off; `plain_length` costs less."""
     above, below = np.empty(17), np.empty(9)
     a, b = _fraction(above, below, beam, wall)
     if a == 0:

@@ -49,11 +49,6 @@ class Tree(NamedTuple):
     walls: Float
     rows: NDArray[np.int32]
 
-    @property
-    def nbytes(self) -> int:
-        """Memory of the tree [bytes], walls included."""
-        return sum(array.nbytes for array in self)
-
 
 PlainTree = tuple[Float, NDArray[np.int32], Float, NDArray[np.int32]]
 """A tree as Python passes it to be cast at; see `lrf3d.casting.kernels.scans.PlainLaser`."""
