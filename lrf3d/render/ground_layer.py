@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float, Single
-from lrf3d.render.primitives import Draw, Mesh, Primitive, Texture
+from lrf3d.render.primitives import Draw, Mesh, Primitive, Span, Texture
 from lrf3d.scene.ground import BRIGHTEST, Ground, paint_tile
+from lrf3d.scene.look import GROUND_SHARPNESS
 from lrf3d.scene.stage import Stage
 
 _LAND_REACH = 3000.0
@@ -46,11 +47,33 @@ _BELOW = -0.02
 """Height [m] of what lies under the tiles."""
 
 
+class _Piece(Primitive):
+    """A rectangle of the ground: first its part near the eye, then what lies around that."""
+
+    def __init__(self, low: Float, high: Float) -> None:
+        inner = np.column_stack([_square(low, high), np.ones(6)])
+        around = _ring(low, high, low, high)
+        # Of each triangle of the ring, these corners are the inner ones.
+        inwards = np.tile([0, 0, 1, 0, 1, 1], 4)
+        self._low, self._high = low, high
+        super().__init__("ground", (3,), np.vstack([inner, np.column_stack([around, inwards])]))
+
+    def near(self, eye: Float, reach: float) -> tuple[float, ...]:
+        """Least and largest x and y of the part of it within so much [m] of an eye."""
+        ends = [np.clip(eye[:2] + to, self._low, self._high) for to in (-reach, reach)]
+        return tuple(np.concatenate(ends).tolist())
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """The near part, which needs no smaller copies of its picture, and the rest."""
+        return ("ground:NEAR", 0, 6), ("ground", 6, self.count - 6)
+
+
 @dataclass(frozen=True, slots=True)
 class _Tile:
     """A painted tile, ready to be drawn."""
 
-    primitive: Primitive
+    primitive: _Piece
     area: tuple[float, ...]
     texel: float
 
@@ -79,7 +102,7 @@ class GroundLayer:
         self._side = _TILE_INDOOR if indoor else _TILE
         self._large = float(whole.size.max()) > (_LARGE_INDOOR if indoor else _LARGE)
         self._tiles: dict[tuple[int, int], tuple[_Tile, Any]] = {}
-        self._whole = Primitive("ground", (2,), _square(self._low, self._high))
+        self._whole = _Piece(self._low, self._high)
         middle = 0.5 * (self._low + self._high)
         size = max(_LAND_REACH, float(whole.size.max()))
         land = _ring(middle - size, middle + size, self._low, self._high)
@@ -107,7 +130,10 @@ class GroundLayer:
         # On the ground a pixel is as long as the square of its distance, over this, says.
         long = focus * abs(float(eye[2]))
         edge = _RAMP * tile.texel * long
-        return {"area": tile.area, "below": below, "edge": edge}
+        # So far pixels are no longer than what the smaller copies of a picture are made for.
+        far = tile.texel * long * 2.0 ** (GROUND_SHARPNESS + 0.5) - float(eye[2]) ** 2
+        near = tile.primitive.near(eye, float(np.sqrt(0.5 * max(far, 0.0))))
+        return {"area": tile.area, "below": below, "edge": edge, "near": near}
 
     def _tiles_round(self, eye: Float, reach: float) -> list[_Tile]:
         """The tiles round an eye; none where they would show no more than the whole picture."""
@@ -132,7 +158,7 @@ class GroundLayer:
             return self._tiles[place][0]
         low = self._side * np.array([column, row], dtype=np.float64)
         ground = paint_tile(self._structures, self._light, low, self._side)
-        primitive = Primitive("ground", (2,), _square(low, low + self._side))
+        primitive = _Piece(low, low + self._side)
         primitive.texture = Texture(ground.picture, far=True)
         tile = _Tile(primitive, _area(ground), _texel(ground))
         self._tiles[place] = tile, self._scene.add(Mesh([primitive]))

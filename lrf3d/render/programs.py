@@ -44,15 +44,18 @@ class ShaderProgram:
 
     Args:
         name: The files ``name.vert`` and ``name.frag``; ``common.glsl`` goes before both.
+            What stands after a colon is defined in them.
         constants: Values that shaders know by name, beside those of the look.
     """
 
     def __init__(self, name: str, constants: Mapping[str, Any]) -> None:
         self.name = name
         self._id = GL.glCreateProgram()
+        file, _, defined = name.partition(":")
+        common = f"#define {defined}\n" * bool(defined) + _constants(constants)
         shaders = [
-            _compile(f"{name}.vert", GL.GL_VERTEX_SHADER, constants),
-            _compile(f"{name}.frag", GL.GL_FRAGMENT_SHADER, constants),
+            _compile(f"{file}.vert", GL.GL_VERTEX_SHADER, common),
+            _compile(f"{file}.frag", GL.GL_FRAGMENT_SHADER, common),
         ]
         for shader in shaders:
             GL.glAttachShader(self._id, shader)
@@ -146,8 +149,8 @@ def _constants(more: Mapping[str, Any]) -> str:
     return "".join(lines)
 
 
-def _compile(file: str, kind: int, constants: Mapping[str, Any]) -> int:
-    common = _constants(constants) + (_SHADERS / "common.glsl").read_text()
+def _compile(file: str, kind: int, common: str) -> int:
+    common += (_SHADERS / "common.glsl").read_text()
     source = (_SHADERS / file).read_text()
     shader: int = GL.glCreateShader(kind)
     GL.glShaderSource(shader, f"#version 330 core\n{common}\n#line 1\n{source}")

@@ -164,6 +164,38 @@ def test_a_fixed_camera_looks_from_where_it_stands_at_its_target():
 
 
 @needs_gl
+def test_ground_near_the_eye_looks_as_with_smaller_copies(large_run, monkeypatch):
+    from lrf3d.render import ground_layer
+    from lrf3d.render.film import Film
+
+    film = Film(large_run, size=SIZE, view="chase", samples=0, layers=())
+    near = film.draw(2.2).astype(int)
+    piece = ground_layer._Piece
+    at, none = piece.near, 0.0
+    monkeypatch.setattr(piece, "near", lambda self, eye, reach: at(self, eye, none))
+    film.forget()
+    # Where ground and walls meet, a pixel may belong to either.
+    differ = np.abs(film.draw(2.2) - near).max(axis=2) > 2
+    assert differ.mean() < 1e-3
+    film.close()
+
+
+@pytest.mark.parametrize("renderer", [pytest.param("gl", marks=needs_gl), "embree"])
+def test_nothing_shines_through_the_inset(renderer):
+    from lrf3d.render.film import Film
+
+    insets = []
+    for view in ("chase", "orbit"):
+        film = Film(
+            room_run(), size=SIZE, view=view, samples=0, layers=("inset",), renderer=renderer
+        )
+        left, top, side = film._inset._box[:3]
+        insets.append(film.draw(0.5)[top : top + side, left : left + side].copy())
+        film.close()
+    assert np.array_equal(*insets)
+
+
+@needs_gl
 def test_memory_stays_flat_over_many_frames():
     from lrf3d.render.film import Film
 

@@ -4,7 +4,12 @@ uniform sampler2D picture;
 uniform float edge;     // how much sharper than the picture edges are at 1 m
 out vec4 colour;
 void main() {
+#ifdef NEAR
+    // Nowhere is a smaller copy of the picture wanted, and to know that beforehand saves time.
+    vec4 seen = textureLod(picture, uv, 0.0);
+#else
     vec4 seen = texture(picture, uv, -SHARPNESS);
+#endif
     float away = dot(way, way);
     // Seen from near, edges between texels are as sharp as pixels.
     float sharp = clamp(edge / away, 1.0, 32.0);

@@ -145,7 +145,7 @@ class Grounds:
         levels: list[tuple[int, int, int]] = []
         rows, start = [], 0
         for (piece, uniforms), picture in zip(drawn, pictures, strict=True):
-            low, high = piece.vertices.min(axis=0), piece.vertices.max(axis=0)
+            low, high = piece.vertices[:, :2].min(axis=0), piece.vertices[:, :2].max(axis=0)
             first = len(levels)
             copies = kept.get(id(picture)) or (picture, _smaller_copies(picture))
             self._copies[id(picture)] = copies
