@@ -17,16 +17,23 @@ from lrf3d.laser.light import shares
 from lrf3d.mapping.robust.lit_beams import LitBeams
 from lrf3d.mapping.robust.mirrors import LEAST_LEFT, Reflectance, cells_of, nearest_segments
 from lrf3d.mapping.robust.optics_constants import (
+    FLASH_SHARE,
     IMAGE_DISTANCE,
     IMAGE_LIGHT,
     PANE_DEPTH,
     PANE_GAP,
     PANE_INDEX,
 )
-from lrf3d.mapping.robust.panes import Panes
+from lrf3d.mapping.robust.panes import Panes, spreads
 
 BESIDE = 2.0 * IMAGE_DISTANCE
 """[m] Farthest that a return lies off a segment which it is of, and off its ends."""
+
+MOST_BLUR = 0.5
+"""[m] Farthest that an image lies off because the line of its pane is not known better."""
+
+DARKEST = 0.05
+"""[share] Images of walls darker than this part of what is usual are not looked for."""
 
 SHORTEST_LEFT = 0.5
 """[m] What is left of a segment beside its images stays from this length on."""
@@ -74,8 +81,11 @@ class PaneImages:
         found = np.zeros(len(self.cells), np.bool_)
         if not len(panes) or not len(walls):
             return found
+        usual = panes.usual()
         places, lasers, bright = self.returns[:, :2], self.returns[:, 2:4], self.returns[:, 4]
         points, units = panes.lines()
+        weight, spread = panes.moments[:, 0], spreads(panes.moments, units)
+        brightest, darkest = IMAGE_LIGHT * FLASH_SHARE * usual, DARKEST * usual / IMAGE_LIGHT
         for row, (point, unit) in enumerate(zip(points, units, strict=True)):
             normal = np.array([-unit[1], unit[0]])
             before, behind = (lasers - point) @ normal, (places - point) @ normal
@@ -91,15 +101,22 @@ class PaneImages:
             rows, slope, behind = rows[near], slope[near], behind[near]
             way = way[near] / size[near, None]
             image = places[rows] - 2.0 * behind[:, None] * normal
-            # Most land where no wall was ever seen.
-            expected = np.interp(slope, COSINES, MIRRORED) ** 2 * known.at(image)
-            able = bright[rows] < IMAGE_LIGHT * expected
-            rows, image, expected = rows[able], image[able], expected[able]
+            mirrored = np.interp(slope, COSINES, MIRRORED) ** 2
+            # Where the pane is known from elsewhere on its line, the image is twice as far off.
+            along = stations[near] - (panes.moments[row, 1:3] - point) @ unit
+            blur = np.minimum(2.0 * np.sqrt(1.0 / weight[row] + along**2 / spread[row]), MOST_BLUR)
+            able = (bright[rows] < mirrored * brightest) & (bright[rows] > mirrored * darkest)
+            rows, image, mirrored, blur = rows[able], image[able], mirrored[able], blur[able]
             turned = way[able] - 2.0 * (way[able] @ normal)[:, None] * normal
-            apart, _, cosine = nearest_segments(image, turned, walls)
-            ratio = bright[rows] / (expected * cosine)
-            same = apart < IMAGE_DISTANCE + self.returns[rows, 5]
-            same &= (ratio < IMAGE_LIGHT) & (ratio > 1.0 / IMAGE_LIGHT)
+            apart, wall, cosine = nearest_segments(image, turned, walls)
+            same = apart < IMAGE_DISTANCE + self.returns[rows, 5] + blur
+            rows, image, wall = rows[same], image[same], walls[wall[same]]
+            foot = np.einsum("ij,ij->i", image - wall[:, :2], directions(wall))
+            foot = foot.clip(0.0, lengths(wall))[:, None] * directions(wall) + wall[:, :2]
+            light = known.at(foot)
+            expected = mirrored[same] * cosine[same] * np.where(np.isfinite(light), light, usual)
+            ratio = bright[rows] / expected
+            same = (ratio < IMAGE_LIGHT) & (ratio > 1.0 / IMAGE_LIGHT)
             found[rows[same]] = True
         return found
 

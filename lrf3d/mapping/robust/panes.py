@@ -110,7 +110,7 @@ class Panes:
             while True:
                 points, units = self.lines()
                 low, high = float(self.reach[row, :, 0].min()), float(self.reach[row, :, 1].max())
-                spread = float(_spread(self.moments[row : row + 1], units[row : row + 1])[0])
+                spread = float(spreads(self.moments[row : row + 1], units[row : row + 1])[0])
                 own, mean = self.moments[row], self.moments[row, 1:3]
                 line = Line(
                     points[row], units[row], mean, own[0], spread, min(low, 0.0), max(high, 0.0)
@@ -175,10 +175,10 @@ class Panes:
         if not len(self):
             return []
         points, units = self.lines()
-        means, spread = self.moments[:, 1:3], _spread(self.moments, units)
+        means, spread = self.moments[:, 1:3], spreads(self.moments, units)
         own = principal_direction(*moment[3:])
         turn = np.abs(units[:, 0] * own[1] - units[:, 1] * own[0])
-        own_spread = float(_spread(moment[None], own[None])[0])
+        own_spread = float(spreads(moment[None], own[None])[0])
         allowed = PANE_DEVIATIONS * np.sqrt(1.0 / spread + 1.0 / own_spread)
         fits = turn < np.minimum(allowed, 0.5)
         stations = np.empty((2, len(self)))
@@ -208,7 +208,7 @@ class Panes:
         flash, dim = beams.classes(slope)
         # What flashes askew is a retro-reflector.
         flash = flash & (slope > FLASH_COSINE)
-        sure = _spread(self.moments[near], units) > OPEN_DEVIATION**-2.0
+        sure = spreads(self.moments[near], units) > OPEN_DEVIATION**-2.0
         tolerance = PANE_DISTANCE + 3.0 * beams.deviations * slope
         away = (beams.free - crossing) * slope
         place = np.floor(stations / PANE_PIECE).astype(np.int64) + PANE_PIECES // 2
@@ -268,7 +268,7 @@ def grazed(beams: LitBeams, glass: Float) -> Float:
     return limits
 
 
-def _spread(moments: Float, units: Float) -> Float:
+def spreads(moments: Float, units: Float) -> Float:
     """Spread (m,) of the returns of moments (m, 6) along directions (m, 2)."""
     x, y = units[:, 0], units[:, 1]
     spread: Float = moments[:, 3] * x * x + 2.0 * moments[:, 4] * x * y + moments[:, 5] * y * y
