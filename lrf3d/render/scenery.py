@@ -18,7 +18,7 @@ from lrf3d.render.moving_bodies import MovingBodies
 from lrf3d.render.parts import build_walls
 from lrf3d.render.primitives import Draw, Mesh, Primitive
 from lrf3d.scene import look
-from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams
+from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams, beam_reach
 from lrf3d.scene.bodies import goal_disc, robot_arrow, robot_mesh, world_from_robot
 from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import DrawnEstimate
@@ -147,7 +147,7 @@ class Scenery:
         self._map_shown = self._bands_shown = -1
         self._growing = _GROWING * timeline.playback
         self._fade = look.TRAIL_FADE * timeline.playback
-        self._reach = min(run.lrf.range_max, look.BEAM_REACH)
+        self._reach = beam_reach(run.lrf.range_max, self.structures)
         for primitive in (
             self._robot, self.walls.faces, self._sky, self._blob, self._trail, self._fan,
             self._lines, self._trace, self._dots, self._map, self._bands, self._glow, self._marker,

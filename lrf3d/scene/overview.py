@@ -32,7 +32,7 @@ class Overview:
     """Share of the picture's height from which on it is full."""
     SIDES = (np.radians(-112.0), np.radians(-22.0), np.radians(-67.0))
     """Where it may stand [rad]: from each, two sides of houses are seen on which the sun shines."""
-    AS_LARGE = 1.02
+    AS_LARGE = 1.08
     """It stands at the first of them that is at most so many times as far off as the nearest."""
     AROUND, AROUND_INDOOR = 24.0, 1.5
     """What is shown around the path [m], where the world goes on."""
