@@ -43,7 +43,7 @@ _THINNEST_TRAIL, _THINNEST_UNDER = 0.9, 2.0
 """Half the width of the trail [pixels at 720 lines] that it has at the least, by itself and under
 that of an estimate."""
 
-_BEAM_WIDTH, _TRACE_WIDTH, _MAP_WIDTH = 0.9, 1.6, 4.0
+_BEAM_WIDTH, _TRACE_WIDTH, _MAP_WIDTH, _THROUGH_WIDTH = 0.9, 1.6, 4.0, 1.8
 """Widths of lines [pixels at 720 lines]."""
 
 _BEAM_NEARER, _WALL_NEARER = 0.02, 0.12
@@ -254,13 +254,14 @@ class Scenery:
         yield Draw(self._lines, {"width": _BEAM_WIDTH * frame.scale, "nearer": _BEAM_NEARER})
 
     def draw_map(self, frame: Frame) -> Iterator[Draw]:
-        """The map as lines, over all."""
+        """The map as lines, over all; thin ones where it only shines through houses."""
         stage = self.run.snapshot_after(frame.moment.scan)
         if stage != self._map_shown:
             self._map_shown = stage
             drawn = DrawnMap.from_snapshot(self.run, stage, self.origin)
             self._map.update(drawn.lines(self.run.lrf.height))
-        yield Draw(self._map, {"width": _MAP_WIDTH * frame.scale, "nearer": _ON_TOP})
+        width = _MAP_WIDTH if frame.look.shows_map else _THROUGH_WIDTH * frame.look.through
+        yield Draw(self._map, {"width": width * frame.scale, "nearer": _ON_TOP})
 
     def draw_bands(self, frame: Frame) -> Iterator[Draw]:
         """The map as bands on the walls; from straight above, lines show it better."""

@@ -137,7 +137,7 @@ MAP_BAND, MAP_WIDTH = (0.62, 0.74), 0.07
 """Heights between which the map is a band along the walls, above the beams, and its width [m]: it
 stands out of its line to both sides, so that no wall hides it."""
 
-BAND_PIXELS = 3.6
+BAND_PIXELS = 5.0
 """Least height of that band in a picture of 720 lines [pixels]: it shows from far away, too."""
 
 GLOW_REACH, GLOW_STRENGTH = 0.14, 0.40
