@@ -89,7 +89,7 @@ FAN_ENDS, FAN_END_SHARE = 0.25, 0.14
 """The share of the fan at both its ends that beams fade in, and what is left of their opacity at
 the very ends: a fan of half a turn would end in a hard line across the picture."""
 
-BEAM_REACH, BEAM_REACH_INDOOR, BEAM_SHARE_INDOOR = 42.0, 14.0, 0.75
+BEAM_REACH, BEAM_REACH_INDOOR, BEAM_SHARE_INDOOR = 42.0, 14.0, 0.9
 """Range [m] at which beams have faded to nothing: farther, they would only tint the street; in
 rooms, and there at most so much of what goes across the world: a small room would be red."""
 
