@@ -184,7 +184,8 @@ class Film:
         scenery = self.scenery
 
         def draw_map(frame: Frame) -> Iterable[Draw]:
-            return scenery.draw_map(frame) if frame.look.shows_map else ()
+            shown = frame.look.shows_map or frame.look.through
+            return scenery.draw_map(frame) if shown else ()
 
         solid: list[Layer] = [
             scenery.draw_robot,

@@ -18,7 +18,7 @@ from lrf3d.render.moving_bodies import MovingBodies
 from lrf3d.render.parts import build_walls
 from lrf3d.render.primitives import Draw, Mesh, Primitive
 from lrf3d.scene import look
-from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams
+from lrf3d.scene.beams import LINE_SIZES, POINT_SIZES, DrawnBeams, beam_reach
 from lrf3d.scene.bodies import goal_disc, robot_arrow, robot_mesh, world_from_robot
 from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import DrawnEstimate
@@ -43,7 +43,7 @@ _THINNEST_TRAIL, _THINNEST_UNDER = 0.9, 2.0
 """Half the width of the trail [pixels at 720 lines] that it has at the least, by itself and under
 that of an estimate."""
 
-_BEAM_WIDTH, _TRACE_WIDTH, _MAP_WIDTH = 0.9, 1.6, 4.0
+_BEAM_WIDTH, _TRACE_WIDTH, _MAP_WIDTH, _THROUGH_WIDTH = 0.9, 1.6, 4.0, 1.8
 """Widths of lines [pixels at 720 lines]."""
 
 _BEAM_NEARER, _WALL_NEARER = 0.02, 0.12
@@ -150,7 +150,7 @@ class Scenery:
         self._drawn_maps: dict[int, DrawnMap] = {}
         self._growing = _GROWING * timeline.playback
         self._fade = look.TRAIL_FADE * timeline.playback
-        self._reach = min(run.lrf.range_max, look.BEAM_REACH)
+        self._reach = beam_reach(run.lrf.range_max, self.structures)
         for primitive in (
             self._robot, self.walls.faces, self._sky, self._blob, self._trail, self._fan,
             self._lines, self._trace, self._dots, self._map, self._bands, self._glow, self._marker,
@@ -257,12 +257,13 @@ class Scenery:
         yield Draw(self._lines, {"width": _BEAM_WIDTH * frame.scale, "nearer": _BEAM_NEARER})
 
     def draw_map(self, frame: Frame) -> Iterator[Draw]:
-        """The map as lines, over all."""
+        """The map as lines, over all; thin ones where it only shines through houses."""
         stage = self.run.snapshot_after(frame.moment.scan)
         if stage != self._map_shown:
             self._map_shown = stage
             self._map.update(self._drawn_map(stage).lines(self.run.lrf.height))
-        yield Draw(self._map, {"width": _MAP_WIDTH * frame.scale, "nearer": _ON_TOP})
+        width = _MAP_WIDTH if frame.look.shows_map else _THROUGH_WIDTH * frame.look.through
+        yield Draw(self._map, {"width": width * frame.scale, "nearer": _ON_TOP})
 
     def draw_bands(self, frame: Frame) -> Iterator[Draw]:
         """The map as bands on the walls; from straight above, lines show it better."""

@@ -12,6 +12,9 @@ from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.scene.look import (
     BEAM_COLOUR,
+    BEAM_REACH,
+    BEAM_REACH_INDOOR,
+    BEAM_SHARE_INDOOR,
     BEAM_STRENGTH,
     BEAMS_DRAWN,
     FAN_END_SHARE,
@@ -23,6 +26,7 @@ from lrf3d.scene.look import (
     TRACE_STRENGTH,
     TURNED_SHARE,
 )
+from lrf3d.scene.structures import Structures
 from lrf3d.scene.turns import Turns, WallOptics
 
 _JOINED_GAP = 0.6
@@ -229,6 +233,14 @@ def fading_ends(count: int, beam_angle: float) -> Float:
     share = np.clip(np.minimum(place, 1.0 - place) / FAN_ENDS, 0.0, 1.0)
     smooth = share * share * (3.0 - 2.0 * share)
     return np.asarray(FAN_END_SHARE + (1.0 - FAN_END_SHARE) * smooth)
+
+
+def beam_reach(range_max: float, structures: Structures) -> float:
+    """Range [m] at which beams have faded to nothing."""
+    if not structures.indoor or not len(structures.places):
+        return min(range_max, BEAM_REACH)
+    across = float(np.hypot(*np.ptp(structures.places, axis=0)))
+    return min(range_max, BEAM_REACH_INDOOR, max(BEAM_SHARE_INDOOR * across, 1.0))
 
 
 def drawn_beams(count: int) -> Int:

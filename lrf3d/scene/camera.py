@@ -33,6 +33,7 @@ class Look:
         air: Distance [m] at which half of what is seen is haze, at the least.
         fan: How strong the fan of beams is drawn; less where it would cover the picture.
         shows_map: Whether the map is laid over the scene.
+        through: How strongly, 0…1, the map shines through what hides it.
     """
 
     eye: Float
@@ -44,6 +45,7 @@ class Look:
     air: float = 0.0
     fan: float = 1.0
     shows_map: bool = False
+    through: float = 0.0
 
     @property
     def key(self) -> tuple[bytes, bytes, float]:

@@ -89,8 +89,9 @@ FAN_ENDS, FAN_END_SHARE = 0.25, 0.14
 """The share of the fan at both its ends that beams fade in, and what is left of their opacity at
 the very ends: a fan of half a turn would end in a hard line across the picture."""
 
-BEAM_REACH = 42.0
-"""Range [m] at which beams have faded to nothing: farther, they would only tint the street."""
+BEAM_REACH, BEAM_REACH_INDOOR, BEAM_SHARE_INDOOR = 42.0, 14.0, 0.9
+"""Range [m] at which beams have faded to nothing: farther, they would only tint the street; in
+rooms, and there at most so much of what goes across the world: a small room would be red."""
 
 RANGE_COLOURS = np.array(
     [
@@ -136,7 +137,7 @@ MAP_BAND, MAP_WIDTH = (0.62, 0.74), 0.07
 """Heights between which the map is a band along the walls, above the beams, and its width [m]: it
 stands out of its line to both sides, so that no wall hides it."""
 
-BAND_PIXELS = 3.6
+BAND_PIXELS = 5.0
 """Least height of that band in a picture of 720 lines [pixels]: it shows from far away, too."""
 
 GLOW_REACH, GLOW_STRENGTH = 0.14, 0.40

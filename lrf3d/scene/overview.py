@@ -32,7 +32,7 @@ class Overview:
     """Share of the picture's height from which on it is full."""
     SIDES = (np.radians(-112.0), np.radians(-22.0), np.radians(-67.0))
     """Where it may stand [rad]: from each, two sides of houses are seen on which the sun shines."""
-    AS_LARGE = 1.02
+    AS_LARGE = 1.08
     """It stands at the first of them that is at most so many times as far off as the nearest."""
     AROUND, AROUND_INDOOR = 24.0, 1.5
     """What is shown around the path [m], where the world goes on."""
@@ -113,7 +113,8 @@ class Overview:
             target = target + shift[0] * right + shift[1] * up
         eye = target + away * back
         high = float(np.ptp(seen[:, 1])) / (2.0 * np.tan(0.5 * self.FIELD))
-        return Look(eye, target, self.FIELD, near=0.5, air=self.AIR * away), high
+        look = Look(eye, target, self.FIELD, near=0.5, air=self.AIR * away, through=1.0)
+        return look, high
 
 
 class Story:
@@ -152,7 +153,7 @@ def between(near: Look, far: Look, share: float) -> Look:
     eye = target + np.array(way)
     field = near.field + share * (far.field - near.field)
     air = near.air + share * (far.air - near.air)
-    return replace(near, eye=eye, target=target, field=field, air=air)
+    return replace(near, eye=eye, target=target, field=field, air=air, through=share * far.through)
 
 
 def _reach(look: Look) -> float:

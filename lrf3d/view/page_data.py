@@ -15,7 +15,7 @@ from lrf3d.gltf import still_glb
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.beams import darkness, fading_ends
+from lrf3d.scene.beams import beam_reach, darkness, fading_ends
 from lrf3d.scene.bodies import obstacle_colours
 from lrf3d.scene.estimate import BELIEVED, CORNERS, TRUTH, DrawnEstimate
 from lrf3d.scene.map_bands import WallTops
@@ -83,7 +83,7 @@ def make_scene(
             "angles": lrf.angles.tolist(),
             "rangeMax": lrf.range_max,
             "height": lrf.height,
-            "reach": min(lrf.range_max, look.BEAM_REACH),
+            "reach": beam_reach(lrf.range_max, structures),
         },
         "look": page_look(structures.indoor, fading_ends(lrf.beams, step)),
     }

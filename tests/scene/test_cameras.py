@@ -89,6 +89,8 @@ def test_a_story_begins_and_ends_with_the_whole_and_follows_the_robot_between():
         look, other = story.look(time, 1.5), camera.look(time, 1.5)
         assert look.eye == pytest.approx(other.eye, abs=1e-6) and look.field == other.field
         assert look.pose == pytest.approx(other.pose, abs=1e-6)
+        # The whole shows its map through houses, and so the film opens and ends with it.
+        assert look.through == other.through == float(camera is whole)
 
 
 def test_the_way_down_is_smooth_and_keeps_the_robot_in_the_picture():
