@@ -115,6 +115,8 @@ def started(folder: Path) -> Iterator[dict[str, Part]]:
     """The programs, each in a folder of its own; they are stopped as by Ctrl-C afterwards."""
     from lrf3d.view.server import free_port
 
+    # Where the soak itself runs in the background, Ctrl-C is ignored, and programs inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     port = free_port("127.0.0.1", None)
     lrf3d = [sys.executable, "-m", "lrf3d"]
     drive = ["run", "paper_room", "--scans", "10000000", "--no-video", "--out", folder / "run"]
