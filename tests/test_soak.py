@@ -26,6 +26,14 @@ def test_what_grows_beyond_noise_is_a_fault_and_what_was_loaded_first_is_not():
     assert len(growth({"c": part(threads=[7.0] * 10 + [9.0 + COUNT_NOISE] * 10)})[1]) == 1
 
 
+def test_files_of_work_under_way_are_no_leak_and_those_that_stay_are():
+    idle, busy = [3.0] * 4 + [9.0] * 1, [3.0] * 1 + [9.0] * 4
+    assert growth({"sweeps": part(temporary_files=2 * idle + 2 * busy)})[1] == []
+    left = [value + 3.0 for value in busy]
+    [fault] = growth({"sweeps": part(temporary_files=2 * idle + 2 * left)})[1]
+    assert fault == "sweeps: temporary files grew from 3 to 6"
+
+
 def test_a_program_that_ends_by_itself_is_a_fault():
     ended = part(threads=[1.0])
     ended.ended = "out of memory"
