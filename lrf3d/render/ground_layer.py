@@ -43,6 +43,9 @@ _RIM, _RIM_INDOOR = 1e-3, 12.0
 """Width of the change from a picture to the land around it [m]: a town ends in lawns, which
 go on there; a floor may be cut off."""
 
+_UNDER = 2.0
+"""How far the picture of the whole goes on under the tiles [m]."""
+
 _BELOW = -0.02
 """Height [m] of what lies under the tiles."""
 
@@ -55,18 +58,24 @@ class _Piece(Primitive):
         around = _ring(low, high, low, high)
         # Of each triangle of the ring, these corners are the inner ones.
         inwards = np.tile([0, 0, 1, 0, 1, 1], 4)
-        self._low, self._high = low, high
+        self.low, self.high = low, high
+        self.hollow = False
         super().__init__("ground", (3,), np.vstack([inner, np.column_stack([around, inwards])]))
 
     def near(self, eye: Float, reach: float) -> tuple[float, ...]:
         """Least and largest x and y of the part of it within so much [m] of an eye."""
-        ends = [np.clip(eye[:2] + to, self._low, self._high) for to in (-reach, reach)]
+        return self.within(eye[:2] - reach, eye[:2] + reach)
+
+    def within(self, low: Float, high: Float) -> tuple[float, ...]:
+        """Least and largest x and y of the part of it within a box [m]."""
+        ends = [np.clip(end, self.low, self.high) for end in (low, high)]
         return tuple(np.concatenate(ends).tolist())
 
     @property
     def spans(self) -> tuple[Span, ...]:
         """The near part, which needs no smaller copies of its picture, and the rest."""
-        return ("ground:NEAR", 0, 6), ("ground", 6, self.count - 6)
+        around = "ground", 6, self.count - 6
+        return (around,) if self.hollow else (("ground:NEAR", 0, 6), around)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +131,12 @@ class GroundLayer:
         for tile in tiles:
             yield Draw(tile.primitive, self._uniforms(tile, eye, focus, 0.0))
         whole = self._uniforms(self._all, eye, focus, _BELOW if tiles else 0.0)
+        # With several samples a pixel, what tiles hide would be painted before that is found out.
+        self._whole.hollow = bool(tiles)
+        if tiles:
+            low = np.min([tile.primitive.low for tile in tiles], axis=0)
+            high = np.max([tile.primitive.high for tile in tiles], axis=0)
+            whole["near"] = self._whole.within(low + _UNDER, high - _UNDER)
         yield Draw(self._whole, whole)
         yield Draw(self._land, whole)
 
