@@ -13,12 +13,12 @@ from lrf3d.render.moving_bodies import MovingBodies
 from lrf3d.robot import Trajectory
 from lrf3d.world.cameras import FilmPlan
 
-WALK = Trajectory([0.0, 4.0], [(-22.0, 1.0, 0.0), (-14.0, -1.0, 1.5)])
+WALK = Trajectory([0.0, 4.0], [(-26.0, 1.0, 0.0), (-20.0, -1.0, 1.5)])
 CART = np.array([[1.0, 0.5], [-1.0, 0.5], [-1.0, -0.5], [1.0, -0.5]])
 L_SHAPE = np.array([[0, 0], [2, 0], [2, 0.7], [0.7, 0.7], [0.7, 2], [0, 2]]) - 0.6
 OBSTACLES = (
     DynamicObstacle(round_outline(0.4), WALK, 1.8),
-    DynamicObstacle(CART, Trajectory([0.0], [(-20, 3, 1)]), 1.0),
+    DynamicObstacle(CART, Trajectory([0.0], [(-25, 3, 1)]), 1.0),
 )
 ALL = (*OBSTACLES, DynamicObstacle(L_SHAPE, Trajectory([0.0], [(-12, 0, 2.0)]), 0.8))
 
@@ -107,7 +107,7 @@ def test_bodies_are_drawn_where_they_are_and_nowhere_else(renderer):
         origin = np.array([*run.world.origin, 0.0])
         x, y, _ = WALK.at(np.array([time]))[0]
         # All that has changed lies round the walker or the cart, or in their shade.
-        spots = np.array([(x, y, 0.9), (-20.0, 3.0, 0.5)])
+        spots = np.array([(x, y, 0.9), (-25.0, 3.0, 0.5)])
         pixels = np.array([on_picture(look, spot - origin) for spot in spots])
         away = np.hypot(columns[:, None] - pixels[:, 0], rows[:, None] - pixels[:, 1])
         metre = 0.5 * SIZE[1] / np.tan(0.5 * look.field) / np.linalg.norm(look.eye - look.target)
