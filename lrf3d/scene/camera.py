@@ -88,7 +88,7 @@ class SmoothPath:
     """Time of the film [s] over which turns are smoothed: what looks calm does not hang on how
     fast the run is played."""
     FOLLOW = 0.15
-    """The same for places: of a fast film the robot would else leave the middle of the picture."""
+    """The same for places: otherwise the robot would leave the middle of fast films."""
 
     def __init__(self, timeline: Timeline) -> None:
         step = self.STEP * timeline.playback

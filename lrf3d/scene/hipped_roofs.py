@@ -12,6 +12,7 @@ import shapely
 
 from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.scene.facades import TILED
+from lrf3d.scene.look import spread
 from lrf3d.scene.outlines import triangles
 from lrf3d.scene.structures import Structures
 
@@ -79,7 +80,7 @@ def plan_hips(structures: Structures) -> HippedRoofs:
     rows = np.arange(count)
     half = 0.5 * np.column_stack([length[rows, long], length[rows, 1 - long]])
     along = sides[rows, long] / np.maximum(length[rows, long], 1e-9)[:, None]
-    draw = np.modf(structures.solid_objects * 0.7548776662 + 0.37)[0]
+    draw = spread(structures.solid_objects, 0.37)
     chosen = whole & (shapely.area(solids) > _RIGHT * shapely.area(boxes))
     chosen &= (2.0 * half[:, 1] >= _NARROWEST) & (2.0 * half[:, 1] <= _WIDEST)
     chosen &= (half[:, 0] <= _LONGEST * half[:, 1]) & (draw < _SHARE)

@@ -242,6 +242,14 @@ def object_tints(objects: Int) -> Float:
     return _oklch_to_rgb(lightness, np.full(len(number), _CHROMA), hue)
 
 
+def spread(numbers: Int, start: float) -> Float:
+    """A value in 0…1 for each of some numbers: those of neighbours are far apart.
+
+    They are multiples of the plastic number's inverse, from a start on: each use has its own.
+    """
+    return np.asarray(np.modf(numbers * 0.7548776662 + start)[0])
+
+
 def _oklch_to_rgb(lightness: Float, chroma: Float, hue: Float) -> Float:
     """Screen colours (n, 3) of Oklch (Ottosson, 2020), where all hues look equally bright."""
     lab = np.column_stack([lightness, chroma * np.cos(hue), chroma * np.sin(hue)])

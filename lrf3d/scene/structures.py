@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
-from lrf3d.scene.look import object_colours
+from lrf3d.scene.look import object_colours, spread
 from lrf3d.scene.trees import Crowns, find_trees, tree_rows
 from lrf3d.world import World
 
@@ -199,7 +199,7 @@ class Structures:
             objects=objects,
             heights=world.heights[built],
             colours=colours[objects].reshape(-1, 3),
-            seeds=np.modf(objects * 0.7548776662 + 0.11)[0],
+            seeds=spread(objects, 0.11),
             closed=closed[built],
             solids=areas[found],
             solid_objects=found,

@@ -13,7 +13,7 @@ import shapely
 
 from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.scene.facades import CAP, TILED
-from lrf3d.scene.look import BARK_COLOUR, LEAF_COLOURS, SUN
+from lrf3d.scene.look import BARK_COLOUR, LEAF_COLOURS, SUN, spread
 from lrf3d.world import World
 
 BARK = "bark"
@@ -94,7 +94,7 @@ class Crowns(NamedTuple):
     def of(cls, trees: Float, houses: Any) -> "Crowns":
         """The crowns of trees (t, 4); they stay off the polygons of houses where they can."""
         high = np.flatnonzero(trees[:, 3] >= _LOWEST)
-        rows, seeds = trees[high], _draw(high, 0.31)
+        rows, seeds = trees[high], spread(high, 0.31)
         low = np.maximum(_CLEAR, _FOOT * rows[:, 3])
         half = 0.5 * (_TOP * rows[:, 3] - low)
         radius = _WIDTH * (0.82 + 0.36 * seeds) * rows[:, 3]
@@ -107,7 +107,7 @@ class Crowns(NamedTuple):
         half = np.minimum(half, _TALLEST * radius)
         middles = np.column_stack([rows[:, :2], _TOP * rows[:, 3] - half])
         shapes, triangles = _shapes(1 if len(high) <= _FINE else 0)
-        turn = 2.0 * np.pi * _draw(high, 0.77)
+        turn = 2.0 * np.pi * spread(high, 0.77)
         body = shapes[(seeds * 997.0).astype(int) % _SHAPES]
         cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
         body = np.stack(
@@ -129,8 +129,8 @@ class Crowns(NamedTuple):
         rows[..., :3] = self.corners[:, self.triangles]
         rows[..., 3:6] = self.normals[:, self.triangles]
         rows[..., 8:10] = 1.0
-        leaf = LEAF_COLOURS[(_draw(self.trees, 0.05) * len(LEAF_COLOURS)).astype(int)]
-        patch = 1.0 + _PATCHES * (2.0 * _draw(np.arange(count * each), 0.5) - 1.0)
+        leaf = LEAF_COLOURS[(spread(self.trees, 0.05) * len(LEAF_COLOURS)).astype(int)]
+        patch = 1.0 + _PATCHES * (2.0 * spread(np.arange(count * each), 0.5) - 1.0)
         rows[..., 10:13] = (leaf[:, None] * patch.reshape(count, each, 1))[:, :, None]
         rows[..., 13] = TILED + 0.5
         return rows.reshape(-1, 3, 14)
@@ -175,11 +175,6 @@ def trunk_faces(trees: Float, crowns: Crowns) -> Single:
     faces[..., 10:13] = BARK_COLOUR
     faces[..., 13] = CAP + 0.5
     return faces.reshape(-1, 4, 14)
-
-
-def _draw(numbers: Int, start: float) -> Float:
-    """A number in 0…1 for each tree, spread evenly."""
-    return np.asarray(np.modf(numbers * 0.7548776662 + start)[0])
 
 
 def _shapes(level: int) -> tuple[Float, Int]:
