@@ -87,7 +87,7 @@ def follow(
         rays["place_error"] += 4 * UNIT * (abs(rays["place"]).sum(axis=1) + t[:, 0])
         rays["chain"][:, length] = wall
         along = ends[wall, 2:] - ends[wall, :2]
-        mirrored, passed = _shares(along, rays["turn"], clear[wall])
+        mirrored, passed = shares(along, rays["turn"], clear[wall])
         ending = clear[wall] | ~shiny[wall]
         found.append({name: values[ending] for name, values in rays.items()})
         back = rays["gain"] * mirrored**2
@@ -171,7 +171,7 @@ def _turned(along: Long, turn: Long) -> Long:
     return turned
 
 
-def _shares(along: Long, turn: Long, clear: Bool) -> tuple[Float, Float]:
+def shares(along: Long, turn: Long, clear: Bool) -> tuple[Float, Float]:
     """Shares of light that walls mirror and let pass: Fresnel's of a pane, or those of a mirror."""
     cos = abs(turn[:, 0] * along[:, 1] - turn[:, 1] * along[:, 0]).astype(np.float64)
     cos /= np.hypot(*along.T.astype(np.float64)) * np.hypot(*turn.T.astype(np.float64))

@@ -20,7 +20,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 from stress.cases import EXAMPLES, Case, Findings
 from stress.casting import CASTERS
-from stress.legs import TURNS, WALLS, Ways, follow
+from stress.legs import LEAST, TURNS, WALLS, Ways, follow, shares
 
 BEAMS = 1_000
 """Beams of a fan: enough that following them takes longer than building the scene."""
@@ -49,11 +49,11 @@ def ways(
     walls: list[list[Fraction]], kinds: list[str], origin: Pair, direction: Pair, limit: Fraction
 ) -> Iterator[tuple[tuple[int, ...], Fraction]]:
     """The walls and lengths of all ways up to a limit on which light may return to the laser."""
-    waiting: list[tuple[Pair, Pair, tuple[int, ...], Fraction, int]] = [
-        (origin, direction, (), Fraction(0), 0)
+    waiting: list[tuple[Pair, Pair, tuple[int, ...], Fraction, int, float]] = [
+        (origin, direction, (), Fraction(0), 0, 1.0)
     ]
     while waiting:
-        place, turn, chain, way, turns = waiting.pop()
+        place, turn, chain, way, turns, gain = waiting.pop()
         last = chain[-1] if chain else -1
         met = sorted(
             (t, wall)
@@ -69,10 +69,17 @@ def ways(
         chain, way = (*chain, wall), way + t
         if kinds[wall] != "mirror":
             yield chain, way
-        if kinds[wall] in ("mirror", "glass") and turns < TURNS:
-            waiting.append((place, _mirrored(walls[wall], turn), chain, way, turns + 1))
-        if kinds[wall] == "glass" and len(chain) < WALLS:
-            waiting.append((place, turn, chain, way, turns))
+        if kinds[wall] == "mirror" and turns < TURNS:
+            turned = _mirrored(walls[wall], turn)
+            waiting.append((place, turned, chain, way, turns + 1, gain))
+        if kinds[wall] == "glass":
+            # Ways on which light becomes too weak by far end: among panes there are thousands.
+            back, on = gain * _shares(walls[wall], turn) ** 2
+            if turns < TURNS and back > 0.5 * LEAST:
+                turned = _mirrored(walls[wall], turn)
+                waiting.append((place, turned, chain, way, turns + 1, back))
+            if len(chain) < WALLS and on > 0.5 * LEAST:
+                waiting.append((place, turn, chain, way, turns, on))
 
 
 def _meet(ends: list[Fraction], place: Pair, turn: Pair) -> Fraction | None:
@@ -90,6 +97,12 @@ def _meet(ends: list[Fraction], place: Pair, turn: Pair) -> Fraction | None:
     if t == 0:
         raise Touching
     return t
+
+
+def _shares(ends: list[Fraction], turn: Pair) -> Float:
+    """Shares (2,) of the light that a pane mirrors and lets pass."""
+    along = np.array([[ends[2] - ends[0], ends[3] - ends[1]]], np.longdouble)
+    return np.ravel(shares(along, np.array([turn], np.longdouble), np.array([True])))
 
 
 def _mirrored(ends: list[Fraction], turn: Pair) -> Pair:
