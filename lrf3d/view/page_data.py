@@ -21,7 +21,7 @@ from lrf3d.scene.estimate import BELIEVED, CORNERS, TRUTH, DrawnEstimate
 from lrf3d.scene.map_bands import WallTops
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, drive_keys, obstacle_keys, scan_times
-from lrf3d.scene.trail_and_map import DrawnMap
+from lrf3d.scene.trail_and_map import DrawnMap, smoothed
 from lrf3d.scene.turns import WallOptics
 from lrf3d.world import World
 
@@ -178,7 +178,7 @@ def pack_run(run: Run) -> tuple[bytes, dict[str, Any]]:
     """
     # A scene plays as fast as the robot drove.
     timeline = Timeline(run, playback=1.0)
-    keys = drive_keys(timeline)
+    keys = smoothed(drive_keys(timeline))
     begins, ends = scan_times(timeline)
     # The first of them is empty, so that there is one also where a run has no map.
     maps = [

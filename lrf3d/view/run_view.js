@@ -201,6 +201,7 @@ export default {
     frame(now) {
       const seconds = Math.min(LONGEST, (now - this.last) / 1000);
       this.last = now;
+      if (this.inset.fit()) this.shownTime = null;
       if (this.run) this.play(seconds);
       else this.follow(seconds);
       this.stage.place(this.pose);
@@ -327,11 +328,12 @@ export default {
       this.view = name;
       this.rig.choose(name, this.pose);
       this.beams.ahead = name === "first";
-      // Seen from straight above, the roofs would hide what was driven and mapped.
-      const width = name === "top" ? this.setup.size / 250 : undefined;
-      this.trail.lift(width);
-      this.estimate?.lift(width && 0.5 * width);
-      this.bands.lift(width && 1.4 * width);
+      // Where the whole is seen, marks would be too thin; from straight above, roofs would hide them.
+      const above = name === "top";
+      const width = above || name === "orbit" ? this.setup.size / 250 : 0;
+      this.trail.lift(width, above);
+      this.estimate?.lift(0.5 * width, above);
+      this.bands.lift(1.4 * width, above);
       this.shownTime = null;
     },
 

@@ -161,6 +161,20 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
         until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
 
 
+@needs_browser
+def test_the_inset_stays_sharp_in_a_larger_window(played, chromium):
+    pixels = (
+        "(({width, clientWidth}) => [width, clientWidth])(document.querySelector('.lrf3d-inset'))"
+    )
+    with opened(chromium, played) as page:
+        page.click("[aria-label=pause]")
+        assert len(set(page.evaluate(pixels))) == 1
+        page.set_viewport_size({"width": 1280, "height": 720})
+        drawn, shown = until(lambda: page.evaluate(f"(([a, b]) => a === b && [a, b])({pixels})"))
+        assert drawn == shown > 200
+        assert picture(page)[20:100, -100:-20].std() > 5.0
+
+
 @pytest.mark.slow
 @needs_browser
 def test_four_hundred_buildings_are_a_few_draw_calls(tmp_path, chromium):

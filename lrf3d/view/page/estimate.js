@@ -14,7 +14,7 @@ export class Estimate {
     this.trail.set(run.estimatePlaces);
     this.kept = this.mesh(scene, look.faded);
     this.now = this.mesh(scene, 1);
-    this.lift();
+    this.lift(0, false);
   }
 
   mesh(scene, opacity) {
@@ -30,12 +30,12 @@ export class Estimate {
     return mesh;
   }
 
-  // Lay it over everything, so wide [m]; or on the ground, with no width given.
-  lift(width) {
-    this.trail.lift(width);
-    this.width = Math.max(this.look.width, width ?? 0);
+  // Make it at least so wide [m], and lay it on the ground or over everything.
+  lift(width, over) {
+    this.trail.lift(width, over);
+    this.width = Math.max(this.look.width, width);
     for (const mesh of [this.kept, this.now]) {
-      raise(mesh, Boolean(width), 10);
+      raise(mesh, over, 10);
       mesh.material.transparent = true;
     }
     const { run } = this;

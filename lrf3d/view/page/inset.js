@@ -3,18 +3,17 @@
 import { css } from "./stage.js";
 
 const MARGIN = 1.08;
+const SIDE = 260; // Its side until the page has shown it [px].
 
 export class Inset {
   constructor(canvas, { low, high, houses, walls, look }) {
     this.look = look;
     this.canvas = canvas;
-    this.ratio = Math.min(window.devicePixelRatio, 2);
-    this.side = canvas.clientWidth || 260;
-    canvas.width = canvas.height = this.side * this.ratio;
     this.draw = canvas.getContext("2d");
     const largest = Math.max(high[0] - low[0], high[1] - low[1], 4) * MARGIN;
     this.whole = largest <= look.inset.whole;
-    this.scale = this.side / (this.whole ? largest : look.inset.followed);
+    this.extent = this.whole ? largest : look.inset.followed;
+    this.side = SIDE;
     this.middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
     this.houses = new Path2D();
     for (const house of houses) {
@@ -30,6 +29,18 @@ export class Inset {
       this.walls.lineTo(walls[i + 2], walls[i + 3]);
     }
     this.map = [];
+    this.fit();
+  }
+
+  // Take up the size that it has on the page; returns whether that has changed.
+  fit() {
+    const ratio = Math.min(window.devicePixelRatio, 2);
+    // Where it is not shown it has none.
+    const side = this.canvas.clientWidth || this.side;
+    if (this.canvas.width === Math.round(side * ratio)) return false;
+    Object.assign(this, { side, ratio, scale: side / this.extent });
+    this.canvas.width = this.canvas.height = Math.round(side * ratio);
+    return true;
   }
 
   setMap(segments, colours) {

@@ -4,6 +4,8 @@ import { THREE } from "nicegui-scene";
 
 import { paintOf } from "./stage.js";
 
+const THROUGH = 0.55; // How strongly the map shines through what hides it.
+
 // Draw a mark over all that stands, or among it again.
 export function raise(mesh, over, order) {
   mesh.material.depthTest = !over;
@@ -24,10 +26,10 @@ export class Trail {
     this.set([]);
   }
 
-  // Lay the trail over everything, so wide [m]; or on the ground, with no width given.
-  lift(width) {
-    raise(this.mesh, Boolean(width), 10);
-    this.width = Math.max(this.look.width, width ?? 0);
+  // Make the trail at least so wide [m], and lay it on the ground or over everything.
+  lift(width, over) {
+    raise(this.mesh, over, 10);
+    this.width = Math.max(this.look.width, width);
     this.fill(0);
     this.cut = 0;
   }
@@ -92,18 +94,23 @@ export class Trail {
 export class MapBands {
   constructor(scene, look) {
     this.look = look;
-    const paint = new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide });
-    this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), paint);
-    this.mesh.frustumCulled = false;
-    scene.add(this.mesh);
+    const paint = { vertexColors: true, side: THREE.DoubleSide };
+    this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), new THREE.MeshBasicMaterial(paint));
+    // What houses hide of it.
+    const faint = { transparent: true, opacity: THROUGH, depthFunc: THREE.GreaterDepth, depthWrite: false };
+    this.hidden = new THREE.Mesh(this.mesh.geometry, new THREE.MeshBasicMaterial({ ...paint, ...faint }));
+    this.mesh.frustumCulled = this.hidden.frustumCulled = false;
+    scene.add(this.mesh, this.hidden);
     this.proud = look.width / 2;
     this.shown = [[], [], []];
   }
 
-  // Lay the map over everything, so wide [m]; or along the walls, with no width given.
-  lift(width) {
-    raise(this.mesh, Boolean(width), 11);
-    this.proud = Math.max(this.look.width, width ?? 0) / 2;
+  // Make the map at least so wide [m], and lay it over everything; or along the walls, and if it
+  // has a width, it shines through what hides it.
+  lift(width, over) {
+    raise(this.mesh, over, 11);
+    this.hidden.visible = width > 0 && !over;
+    this.proud = Math.max(this.look.width, width) / 2;
     this.show(...this.shown);
   }
 
@@ -139,6 +146,6 @@ export class MapBands {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
     geometry.setAttribute("color", new THREE.BufferAttribute(paints, 3));
-    this.mesh.geometry = geometry;
+    this.mesh.geometry = this.hidden.geometry = geometry;
   }
 }
