@@ -74,7 +74,6 @@ def match_scan(
     gradient = np.zeros(3)
     explained = deviation = 0.0
     line = np.empty(4)
-    settled = 0
     for iteration in range(iterations):
         scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, 4) / 4.0)
         for a in range(3):
@@ -129,9 +128,7 @@ def match_scan(
         step = solve3(total, gradient)
         for a in range(3):
             pose[a] -= step[a]
-        small = abs(step[0]) < STEP and abs(step[1]) < STEP and abs(step[2]) < STEP
-        settled = settled + 1 if small else 0
-        if settled and iteration >= 4:
+        if iteration >= 4 and max(abs(step[0]), abs(step[1]), abs(step[2])) < STEP:
             break
     return Match(pose, scan_part, explained, deviation)
 
