@@ -126,9 +126,11 @@ def match_scan(
             for b in range(3):
                 gradient[a] += trust * prior[a, b] * (pose[b] - guess[b])
         step = solve3(total, gradient)
+        farthest = 0.0
         for a in range(3):
             pose[a] -= step[a]
-        if iteration >= 4 and max(abs(step[0]), abs(step[1]), abs(step[2])) < STEP:
+            farthest = max(farthest, abs(step[a]))
+        if iteration >= 4 and farthest < STEP:
             break
     return Match(pose, scan_part, explained, deviation)
 
