@@ -93,7 +93,10 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
     corner = walls[:, :2].min(axis=0), walls[:, :2].max(axis=0)
     beside = [(corner[x > 0][0] + x, corner[y > 0][1] + y) for x in (-9, 9) for y in (-0.01, 0.01)]
     outside = [[*place, size, 0.0] for place in beside for size in (0.1, 1.0)]
-    seen = np.vstack([seen, outside])
+    # Others see the outermost walls from a little beyond them.
+    ends = [*walls[:, :2].argmin(axis=0), *walls[:, :2].argmax(axis=0)]
+    beyond = walls[ends] + 0.05 * np.array([[-1, 0], [0, -1], [1, 0], [0, 1]]) @ np.eye(2, 4)
+    seen = np.vstack([seen, outside, beyond, beyond * [1.0, 1.0, 0.1, 0.1]])
     true = np.array([0.4, -0.3, 0.7])
     turned = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
     surface = np.column_stack([(seen[:, :2] - true[:2]) @ turned, seen[:, 2:] @ turned])
