@@ -21,9 +21,9 @@ class DistanceGraph:
         self._links = 0
         # The newest link of each key scan; for each link the one before it, its end and length.
         self._newest = np.full(LEAST_ROOM, -1, np.int64)
-        self._before = np.full(2 * LEAST_ROOM, -1, np.int64)
-        self._ends = np.zeros(2 * LEAST_ROOM, np.int64)
-        self._lengths = np.zeros(2 * LEAST_ROOM)
+        self._before = np.empty(2 * LEAST_ROOM, np.int64)
+        self._ends = np.empty(2 * LEAST_ROOM, np.int64)
+        self._lengths = np.empty(2 * LEAST_ROOM)
 
     def add(self) -> None:
         """Add a key scan."""
@@ -34,9 +34,9 @@ class DistanceGraph:
     def link(self, first: int, second: int, length: float) -> None:
         """Link two key scans by a way of some length [m]."""
         if self._links + 2 > len(self._ends):
-            room = np.zeros(len(self._ends), np.int64)
-            self._before, self._ends = np.append(self._before, room), np.append(self._ends, room)
-            self._lengths = np.append(self._lengths, np.zeros(len(room)))
+            self._before = np.append(self._before, np.empty_like(self._before))
+            self._ends = np.append(self._ends, np.empty_like(self._ends))
+            self._lengths = np.append(self._lengths, np.empty_like(self._lengths))
         for start, end in ((first, second), (second, first)):
             self._before[self._links] = self._newest[start]
             self._ends[self._links] = end

@@ -78,7 +78,7 @@ class Repairs:
         if doubled := " and ".join(counted(count, name) for count, name in copies if count):
             said.append(f"{doubled} in the log more than once: read once")
         if self.stamps_not_rising:
-            said.append(f"{counted(self.stamps_not_rising, 'stamp')} run backwards: order kept")
+            said.append(f"{counted(self.stamps_not_rising, 'stamp')} went backwards: order kept")
         if self.jumps:
             jumps = f"{counted(len(self.jumps), 'jump')} of the odometry at {_lines(self.jumps)}"
             said.append(f"{jumps}: left out; if the robot was moved there, the rest is misplaced")

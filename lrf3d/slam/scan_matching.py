@@ -74,7 +74,6 @@ def match_scan(
     gradient = np.zeros(3)
     explained = deviation = 0.0
     line = np.empty(4)
-    settled = 0
     for iteration in range(iterations):
         scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, 4) / 4.0)
         for a in range(3):
@@ -127,11 +126,11 @@ def match_scan(
             for b in range(3):
                 gradient[a] += trust * prior[a, b] * (pose[b] - guess[b])
         step = solve3(total, gradient)
+        farthest = 0.0
         for a in range(3):
             pose[a] -= step[a]
-        small = abs(step[0]) < STEP and abs(step[1]) < STEP and abs(step[2]) < STEP
-        settled = settled + 1 if small else 0
-        if settled and iteration >= 4:
+            farthest = max(farthest, abs(step[a]))
+        if iteration >= 4 and farthest < STEP:
             break
     return Match(pose, scan_part, explained, deviation)
 

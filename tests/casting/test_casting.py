@@ -8,6 +8,7 @@ from rational import cast_exact
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting import crosscheck
+from lrf3d.casting.kernels.tree import FREE_LEVELS, LEAF, build_tree
 from lrf3d.casting.mesh_scene import level_cut
 from lrf3d.laser import layer_directions
 
@@ -302,3 +303,14 @@ def test_a_plane_cuts_triangles_where_they_meet_it():
     assert cut((0, 0, 1), (4, 0, 1), (0, 4, 1)) == []
     assert cut((0, 0, 1), (4, 0, 2), (0, 4, 2)) == []
     assert cut((0, 0, 2), (4, 0, 3), (0, 4, 2)) == []
+
+
+def test_the_tree_of_walls_of_all_scales_is_no_deeper_than_casting_has_room_for():
+    x = 10.0 ** np.arange(-150, 150)
+    tree = build_tree(np.column_stack([x, -x, x, x]))
+    assert sorted(tree.rows.tolist()) == list(range(300))
+    depths = np.zeros(len(tree.links), np.int64)
+    for node, (first, count) in enumerate(tree.links.tolist()):
+        depths[first : first - count] = depths[node] + 1
+        assert count <= LEAF
+    assert FREE_LEVELS < depths.max() <= FREE_LEVELS + 31

@@ -232,7 +232,7 @@ def test_numbers_beyond_float64_products_are_lit_by_rationals(caster):
 NAMES = ["mirror", "glass", "plaster", "metal", "retro-reflector"]
 
 
-@pytest.mark.parametrize("kind", ["anywhere", "on a grid", "far away", "twice"])
+@pytest.mark.parametrize("kind", ["anywhere", "on a grid", "far away", "twice", "crowded"])
 def test_every_wall_of_each_way_is_as_the_rationals_decide(kind):
     rng = np.random.default_rng(len(kind))
     for _ in range(12):
@@ -241,6 +241,11 @@ def test_every_wall_of_each_way_is_as_the_rationals_decide(kind):
         if kind == "on a grid":
             walls = np.array([[-4, -4, 4, -4], *rng.integers(-4, 5, (count, 4))], dtype=float)
             walls = walls[(walls[:, :2] != walls[:, 2:]).any(axis=1)]
+        if kind == "crowded":
+            # More walls than one leaf of the tree holds, most of them behind others.
+            ahead = rng.uniform(-1.0, 1.0, (50, 2))
+            walls = np.hstack([2 * walls[rng.integers(0, count, 50), :2]] * 2)
+            walls += np.hstack([-ahead, ahead]) + rng.uniform(-1.0, 1.0, (50, 2))[:, [0, 1, 0, 1]]
         if kind == "twice":
             walls = np.vstack([walls, walls[:3][:, [2, 3, 0, 1]], walls[1:4]])
         materials = rng.choice(NAMES, len(walls), p=[0.45, 0.3, 0.15, 0.05, 0.05]).tolist()
@@ -271,6 +276,21 @@ def test_every_wall_of_each_way_is_as_the_rationals_decide(kind):
                     assert chain in [
                         echo.chain for echo in found if echo.intensity >= 0.999 * found[0].intensity
                     ]
+
+
+@both
+def test_where_walls_cross_the_first_is_met(caster):
+    one, other, behind = (3, -1, 5, 1), (3, 1, 5, -1), (9, -1, 9, 1)
+    for first, second in ((one, other), (other, one)):
+        for name in ("plaster", "glass"):
+            world = world_of((*first, name), (*second, name), (*behind, "plaster"))
+            exact = ExactLight(world.segments, list(world.materials))
+            found = exact.echoes((0.0, 0.0), (1.0, 0.0), range_max=80.0)
+            scan, chain = (
+                getattr(caster(world), one)(AHEAD, (0, 0, 0)) for one in ("cast", "chains")
+            )
+            assert scan.ranges[0] == float(found[0].way)
+            assert tuple(chain[0][chain[0] >= 0].tolist()) == found[0].chain
 
 
 @pytest.mark.parametrize("last", ["plaster", "glass"])

@@ -8,6 +8,7 @@ import pytest
 
 import lrf3d
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
+from lrf3d.casting.kernels.echoes import MOST_WALLS
 from lrf3d.errors import InputError
 from lrf3d.laser.light import shares
 from lrf3d.laser.range_finder import layer_directions
@@ -154,3 +155,15 @@ def test_the_cuts_of_more_heights_than_are_kept_are_made_again():
     for height in (*np.linspace(0.5, 5.0, 12), 0.5):
         lrf = replace(AHEAD, height=float(height))
         assert caster.cast(lrf, pose).ranges[0] == pytest.approx(7.0 + 0.5 * height, abs=1e-9)
+
+
+def test_an_inclined_beam_passes_sixteen_walls_as_a_level_one_does():
+    clear = Material("clear", diffuse=0.01, transmission=0.99)
+    lrf = replace(AHEAD, echo="last", threshold=1e-9)
+    for count in (MOST_WALLS - 1, MOST_WALLS, MOST_WALLS + 1):
+        panes = [(k, -9, k, 9, clear) for k in range(1, count)]
+        world = world_of(*panes, (count, -9, count, 9, WHITE), heights=[99.0] * count)
+        level = EmbreeCaster(world).chains(lrf, (0, 0, 0))[0]
+        found = EmbreeCaster(world).light_layers(lrf, (0, 0, 0), [0.1])
+        assert found.chains[0, 0].tolist()[: len(level)] == level.tolist()
+        assert (count - 1 in level) == (count <= MOST_WALLS)

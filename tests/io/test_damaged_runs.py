@@ -4,6 +4,7 @@ import io
 import os
 import shutil
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -270,3 +271,15 @@ def test_intensities_of_another_number_of_beams_are_refused(tmp_path):
 def test_a_name_with_a_nul_character_is_refused():
     with pytest.raises(InputError, match="NUL"):
         lrf3d.load_log("drive\0.log")
+
+
+def test_the_settings_of_the_film_are_kept(run_file):
+    bright = FilmPlan("top", 3.0, "intensity")
+    run = replace(lrf3d.load_run(run_file), film=bright)
+    lrf3d.save_run(run, run_file)
+    assert lrf3d.load_run(run_file).film == bright
+    # Files of earlier versions do not hold them.
+    with np.load(run_file) as file:
+        older = {name: file[name] for name in file.files if not name.startswith("film_")}
+    np.savez(run_file, **older)
+    assert lrf3d.load_run(run_file).film == FilmPlan("chase", 1.0)

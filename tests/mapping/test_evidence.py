@@ -246,3 +246,18 @@ def test_what_walls_of_one_update_take_from_each_other_changes_nothing_of_them()
     cells.apart[:, 0] += 0.01
     gather_evidence(middle, cells, 0.1, 0.0)
     assert fresh.tolist() == [0.0, counts[60:, 0].sum(), 0.0]
+
+
+def test_a_wall_without_length_has_no_evidence_and_takes_none():
+    cells = seen_from([[5, -3, 5, 3.0]], [(0, 0, 0)])
+    wall, point = [5, -3, 5, 3], [5, 1, 5, 1]
+    ends, first = np.array([point, wall], dtype=np.float64), np.array([0, 1, 61])
+    stamps, fresh = np.zeros(2, np.int32), np.zeros(2)
+    counts, sums = gather_evidence(
+        Round(0, np.arange(2), ends, first, stamps, fresh), cells, 0.1, 0
+    )
+    alone, _ = gather_evidence(
+        Round(0, np.array([1]), ends[1:], first[1:] - 1, stamps, fresh), cells, 0.1, 0
+    )
+    assert not counts[0].any() and not sums[0].any()
+    assert np.array_equal(counts[1:], alone) and alone[:, 0].sum() > 0.0

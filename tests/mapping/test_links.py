@@ -5,6 +5,7 @@ from map_objects import objects_of
 from lrf3d import LaserRangeFinder, PlanarCaster, World
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.beams import Beams
+from lrf3d.mapping.robust.constants import MOST_LINKS
 from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
 from lrf3d.mapping.robust.object_groups import ObjectGroups
 from lrf3d.mapping.robust.segment_pool import Change, NewSegments, SegmentPool
@@ -88,3 +89,19 @@ def test_objects_come_apart_when_beams_cross_the_link_that_held_them_together():
     # Nothing is new of the walls themselves.
     groups.update(pool, Change(none, none, none, none), grid.cells, NOISE)
     assert len(set(groups.labels[rows])) == 2
+
+
+def test_a_wall_among_many_is_linked_with_the_nearest_of_them():
+    # Short walls in a row aslant: so many that the farthest of them get no link with the last one.
+    place = 0.14 * np.arange(61.0)[:, None]
+    walls = np.hstack([place, place, place + 0.07, place + 0.07])[::-1]
+    pool, groups = SegmentPool(), ObjectGroups()
+    rows = pool.add(NewSegments(walls, np.ones((61, 6)), np.full(61, 9), np.arange(61)), 61)
+    none = rows[:0]
+    groups.update(pool, Change(none, rows[:60], none, none), EvidenceGrid().cells, NOISE)
+    links = groups._groups.links
+    before = int(links.used[0])
+    groups.update(pool, Change(none, rows[60:], none, none), EvidenceGrid().cells, NOISE)
+    links = groups._groups.links
+    linked = links.pairs[before : links.used[0]].min(axis=1)
+    assert sorted(linked.tolist()) == rows[60 - MOST_LINKS : 60].tolist()

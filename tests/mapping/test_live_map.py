@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d import LaserRangeFinder, LineMapper, PlanarCaster, ProportionalNoise, World
+from lrf3d import (
+    LaserRangeFinder,
+    LaserScan,
+    LineMapper,
+    PlanarCaster,
+    ProportionalNoise,
+    World,
+)
 from lrf3d.mapping.live_map import LEAST_ROWS, MOST_COPIES, MOST_WAITING, LiveMap, Placement
 from lrf3d.mapping.paper.growing import GrowingMap
 from lrf3d.mapping.paper.mapper import EndPointMerging
@@ -198,3 +205,28 @@ def test_a_map_of_the_paper_is_the_same_object_until_the_next_update():
     assert mapper.map is first
     mapper.update(drive[1])
     assert mapper.map is not first
+
+
+def test_the_state_after_an_interrupted_update_of_the_paper_shows_all_that_changed(monkeypatch):
+    caster = PlanarCaster(World([[-3, -2, 3, -2], [3, -2, 3, 2], [3, 2, -3, 2.0]]))
+    mapper = LineMapper("paper")
+    mapper.update(caster.cast(LaserRangeFinder(beams=91), (0, 0, 0)))
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as stopped:
+        stopped.setattr(GrowingMap, "_publish", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            mapper.update(caster.cast(LaserRangeFinder(beams=91), (0, 0, np.pi)))
+    other = LineMapper("paper")
+    other.restore(mapper.state())
+    assert np.array_equal(other.map.segments, mapper.map.segments)
+    assert len(other.map) == 3
+
+
+@pytest.mark.parametrize(("mode", "count"), [("paper", 1), ("robust", 0)])
+def test_two_beams_are_a_wall_of_the_paper_and_too_few_for_the_default(mode, count):
+    mapper = LineMapper(mode)
+    mapper.update(LaserScan((0, 0, 0), [0.0, 0.01], [3.0, 3.0]))
+    assert len(mapper.map) == count

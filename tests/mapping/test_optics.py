@@ -8,7 +8,16 @@ import pytest
 import lrf3d
 from lrf3d import LaserRangeFinder, LineMap, LineMapper, ProportionalNoise, World
 from lrf3d.errors import InputError
-from lrf3d.mapping.robust.mirrors import Reflectance, mirror_lines, mirrored, without_images
+from lrf3d.laser import RangeNoise
+from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+from lrf3d.mapping.robust.mirrors import (
+    Reflectance,
+    images,
+    mirror_lines,
+    mirrored,
+    without_images,
+)
+from lrf3d.mapping.robust.optics import Optics
 from lrf3d.mapping.robust.pane_stretches import frames, stretches
 from lrf3d.world import Material
 
@@ -219,6 +228,25 @@ def test_images_are_taken_off_walls_that_go_on_in_them():
     assert rows.tolist() == [0, 2, 3, 4]
     assert left[0] == pytest.approx([0, 0, 12, 0], abs=0.3)
     assert left[1] == pytest.approx([12, 8, 0, 8], abs=0.3)
+
+
+def test_what_a_mirror_leaves_of_an_image_is_kept_if_it_is_long_enough():
+    walls = np.array([[0, 0, 12, 0], [11.9, 0, 24, 0], [11, 0, 24, 0.0]])
+    _, rows = without_images(walls, np.array([[-1.0, 0.0, -12.0]]), walls[:1])
+    assert rows.tolist() == [0, 2]
+
+
+def test_images_are_recognised_by_walls_whose_brightness_is_known():
+    world, line = mirror_hall(), np.array([-1.0, 0.0, -12.0])
+    real = world.segments[[kind.name != "mirror" for kind in world.materials]]
+    noise, found = RangeNoise(0.02, 0.0), 0
+    for scan in lrf3d.simulate(world, round_trip(12), LRF, caster="planar", rng=0).scans:
+        optics = Optics(LikelihoodExtractor(2.5, 0.04, 0.01))
+        beams = optics.look(scan, tuple(scan.pose[:2]), scan.pose.theta, noise).beams
+        optics.mirrors.update(beams, np.empty((0, 4)), real)
+        found += images(beams, line, real, optics.mirrors.known) is not None
+        assert images(beams, line, real, Reflectance()) is None
+    assert found > 3
 
 
 def test_glass_ends_where_beams_end_on_something_opaque_or_would_have_flashed():

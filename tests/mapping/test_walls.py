@@ -4,6 +4,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from lrf3d.geometry import lengths
+from lrf3d.mapping.grid import Grid
 from lrf3d.mapping.robust.wall_store import WallStore
 from lrf3d.mapping.robust.walls import Rule, Walls, misfit, partner
 from lrf3d.mapping.segment_table import add_moments, fit_ends, measure_moments
@@ -76,13 +77,15 @@ def sorted_rows(ends, points):
     return ends[order], points[order]
 
 
-@given(st.integers(0, 10_000))
-@example(3432)  # Freed rows were used again in another order than the store's.
-@example(167)  # A wall that grew was found by the next only after its turn.
+@given(st.integers(0, 10_000), st.integers(0, 10))
+@example(3432, 10)  # Freed rows were used again in another order than the store's.
+@example(167, 10)  # A wall that grew was found by the next only after its turn.
 @settings(max_examples=25, deadline=None)
-def test_the_grid_finds_what_comparing_all_pairs_finds(seed):
+def test_the_grid_finds_what_comparing_all_pairs_finds(seed, size):
     rng = np.random.default_rng(seed)
     store, plain = WallStore(RULE, cell=float(rng.uniform(0.7, 6.0))), PairwiseStore()
+    # A small grid grows, also where a wall that is merged needs further cells.
+    store._grid = Grid.of_size(1 << size)
     for _ in range(5):
         ends, moments, points = local_walls(rng, int(rng.integers(1, 16)))
         store.add(ends, moments, points, (0.0, 0.0))

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from lrf3d.slam import line_adjustment
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.line_adjustment import WallSystem, adjusted, minimised, wall_system
 from lrf3d.slam.pose_graph import Edges, edge_equations, optimised, optimised_around
@@ -208,6 +209,27 @@ def test_walls_pull_drifted_poses_straight(rng):
     found = adjusted(true + drift, driven, surfaces)
     before, after = np.abs(drift[:, :2]).max(), np.abs(between(true, found)[:, :2]).max()
     assert after < 0.3 * before
+
+
+def test_rounds_and_steps_end_where_they_are_told_to(rng, monkeypatch):
+    true = ring(10)
+    surfaces = views(true, rng, 0.005)
+    drift = np.cumsum(0.01 * rng.normal(size=true.shape), axis=0)
+    drift[0] = 0.0
+    driven = edges_of(true + drift, [(k, k + 1) for k in range(9)], rng)
+    whole = adjusted(true + drift, driven, surfaces)
+    monkeypatch.setattr(line_adjustment, "ROUNDS", 1)
+    first = adjusted(true + drift, driven, surfaces)
+    system = wall_system(pieces_of_keys(surfaces), true + drift)
+    assert first.tolist() == minimised(true + drift, driven, system, line_adjustment.STEPS).tolist()
+    assert (first != whole).any()
+    # Steps that lower nothing are shortened only so far.
+    monkeypatch.setattr(line_adjustment, "MOST_DAMPING", 1e-6)
+    far = true + rng.normal(size=true.shape) * [2.0, 2.0, 1.5]
+    far[0] = true[0]
+    stopped = minimised(far, driven, system, 30)
+    costs = [driven.cost(poses) + system.cost(poses) for poses in (far, stopped)]
+    assert costs[1] <= costs[0]
 
 
 def test_poses_without_walls_stay_where_they_are(rng):

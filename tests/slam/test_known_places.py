@@ -1,3 +1,4 @@
+import copy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,6 +8,7 @@ import pytest
 import lrf3d
 from lrf3d.errors import Lrf3dWarning
 from lrf3d.slam.closures import LoopCloser
+from lrf3d.slam.known_places import CERTAIN_WAY, Anchor, in_known_place
 from lrf3d.slam.self_check import self_check
 from lrf3d.slam.violation import Key
 from tests.slam.test_slam import drive, errors
@@ -63,6 +65,41 @@ def test_the_front_end_drifts_between_key_scans_even_if_one_hangs_on_the_other()
         key = Key(number, np.zeros(3), surface, surface, np.zeros(3), np.zeros(3), np.zeros(2))
         closer.add_key(key, number - 1, 0.5, hung=hung)
     assert closer._stretches.tolist() == [0, 0, 1, 1]
+
+
+NOTHING = np.empty((0, 4))
+
+
+def without_walls(closer):
+    blind = copy.copy(closer)
+    blind.keys = [replace(key, walls=NOTHING) for key in closer.keys]
+    return blind
+
+
+def test_a_scan_hangs_on_a_known_place_only_if_it_shows_what_is_known_there(rounds):
+    slam = rounds[0]
+    closer, poses = slam._closer, slam._key_poses
+    hung = 0
+    for number, key in enumerate(closer.keys[:10]):
+        last = Anchor(key.scan, number, np.zeros(3), key.pose)
+        if in_known_place(closer, key, last, 0.0, poses) is None:
+            continue
+        hung += 1
+        # It has driven too far to be certain of the place.
+        assert in_known_place(closer, key, last, CERTAIN_WAY, poses) is None
+        assert in_known_place(without_walls(closer), key, last, 0.0, poses) is None
+        surface = key.surface.copy()
+        surface[:, :2] *= 0.8
+        assert in_known_place(closer, replace(key, surface=surface), last, 0.0, poses) is None
+    assert hung > 3
+
+
+def test_key_scans_without_walls_close_no_loop(rounds):
+    slam = rounds[0]
+    closer, poses = slam._closer, slam._key_poses
+    found = [k for k in range(len(closer.keys)) if closer._found(k, poses)]
+    assert found
+    assert not any(without_walls(closer)._found(k, poses) for k in found)
 
 
 def test_stretches_of_key_scans_end_where_scans_hang(rounds):

@@ -140,6 +140,7 @@ def test_stamps_that_fall_now_and_then_do_not_change_the_order(recorded):
     scans = [replace(s, time=float(t)) for s, t in zip(log.scans, times, strict=True)]
     solution = solve_recording(replace(log, scans=scans, wheels=replace(log.wheels, times=times)))
     assert solution.repairs == Repairs(stamps_not_rising=1)
+    assert solution.repairs.sentences() == ["1 stamp went backwards: order kept"]
     assert errors(solution, true).max() < 0.05
 
 

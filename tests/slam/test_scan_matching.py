@@ -41,6 +41,10 @@ def test_the_walls_of_a_map_have_points_at_even_distances():
     gaps = np.diff(spaced[:, 0])
     assert spaced[0, 0] == 0.0 and spaced[-1, 0] == 5.0
     assert gaps.min() >= 0.05 and np.sort(gaps)[-2] < 0.3 and gaps.max() == pytest.approx(3.94)
+    # Between the two faces of a thin wall there is nothing.
+    faces = surface[3:5].copy()
+    faces[1, 3] = -1.0
+    assert len(evenly_spaced(faces)) == 2 < len(evenly_spaced(surface[3:5]))
     # What is around a corner is no part of the wall between.
     surface[4, 2:] = 1.0, 0.0
     assert len(evenly_spaced(surface)) < len(spaced)

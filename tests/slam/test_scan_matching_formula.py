@@ -43,7 +43,7 @@ def lines_near(walls, point, normal, known):
 
 def expected(surface, walls, guess, prior, iterations):
     """The match after some steps of Gauss-Newton."""
-    pose, settled = guess.copy(), 0
+    pose = guess.copy()
     for iteration in range(iterations):
         scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, 4) / 4)
         turned = np.array([[np.cos(pose[2]), -np.sin(pose[2])], [np.sin(pose[2]), np.cos(pose[2])]])
@@ -66,8 +66,7 @@ def expected(surface, walls, guess, prior, iterations):
         trust = 1.0 / (1.0 + off @ prior @ off / PRIOR_SCALE**2)
         step = np.linalg.solve(information + trust * prior, gradient + trust * prior @ off)
         pose = pose - step
-        settled = settled + 1 if (np.abs(step) < STEP).all() else 0
-        if settled and iteration >= 4:
+        if iteration >= 4 and (np.abs(step) < STEP).all():
             break
     return pose, information, total / len(surface), deviation
 
@@ -80,7 +79,7 @@ def around(rng, count):
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 3, 5, 8, 12]), st.sampled_from([3, 12]))
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 3, 5, 8, 12]), st.sampled_from([2, 3, 12]))
 def test_a_match_is_that_of_the_formula(seed, iterations, count):
     assert REACH**2 + ALONG**2 < CELL**2
     rng = np.random.default_rng(seed)
@@ -89,8 +88,15 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
     # Points of the scan lie near those of the map, from a robot that stands elsewhere.
     seen = walls[rng.choice(150, count, replace=False)] + rng.normal(0.0, 0.03, (count, 4))
     seen[rng.random(count) < 0.3, 2:] *= 0.1
-    # One of them lies outside the map.
+    # One of them lies outside the map, and some beside its corners, with and without normals.
     seen[-1, :2] += rng.choice([[9.0, 0.0], [-9.0, 0.0], [0.0, 9.0], [0.0, -9.0]])
+    corner = walls[:, :2].min(axis=0), walls[:, :2].max(axis=0)
+    beside = [(corner[x > 0][0] + x, corner[y > 0][1] + y) for x in (-9, 9) for y in (-0.01, 0.01)]
+    outside = [[*place, size, 0.0] for place in beside for size in (0.1, 1.0)]
+    # Others see the outermost walls from a little beyond them.
+    ends = [*walls[:, :2].argmin(axis=0), *walls[:, :2].argmax(axis=0)]
+    beyond = walls[ends] + 0.05 * np.array([[-1, 0], [0, -1], [1, 0], [0, 1]]) @ np.eye(2, 4)
+    seen = np.vstack([seen, outside, beyond, beyond * [1.0, 1.0, 0.1, 0.1]])
     true = np.array([0.4, -0.3, 0.7])
     turned = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
     surface = np.column_stack([(seen[:, :2] - true[:2]) @ turned, seen[:, 2:] @ turned])
@@ -103,7 +109,7 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
     assert found.information == pytest.approx(information, rel=1e-6, abs=1e-6)
     assert found.explained == pytest.approx(explained)
     assert found.deviation == pytest.approx(deviation)
-    assert count == 3 or found.explained > 0.05
+    assert count < 12 or found.explained > 0.05
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -218,10 +218,27 @@ def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry():
 def test_a_scan_without_any_return_leaves_the_robot_to_the_odometry():
     slam = lrf3d.Slam()
     empty = lrf3d.LaserScan((0, 0, 0), SCANNER.angles, np.full(181, np.inf))
-    for _ in range(3):
+    for count in range(1, 4):
         slam.update(empty, (0.5, 0.0, 0.1))
+        before = slam.trajectory()
+        slam.finish()
+        assert slam.trajectory() == pytest.approx(before)
+        assert slam.refined([empty] * count) == pytest.approx(before)
     assert slam.pose.x > 0.9
     assert len(slam.map) == 0
+
+
+def test_poses_of_more_key_scans_than_there_is_room_for_at_first_are_kept():
+    scans, wheels, true = drive(rooms(1), [(1, 1), (4, 1)])
+    found = []
+    for room in (256, 1):
+        slam = lrf3d.Slam(start=true[0])
+        slam._room = slam._room[:room]
+        for scan, step in zip(scans[1:], lrf3d.odometry_increments(wheels), strict=True):
+            slam.update(scan, step)
+        found.append(slam.trajectory())
+    assert len(slam.key_scans) > 4
+    assert found[0].tolist() == found[1].tolist()
 
 
 def test_the_lag_of_the_laser_is_found():

@@ -245,9 +245,8 @@ def _contradict(
         cells.passes[plane, cell] += 1
     else:
         _forget(cells, column, row)
+    # Only cells with clusters are marked SOLID, and blocks once taken stay.
     solid = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
-    if solid < 0:
-        return
     moments, misses = cells.moments, cells.misses
     before, cluster = -1, cells.heads[solid, cell]
     while cluster >= 0:
@@ -297,37 +296,35 @@ def _give_back(cells: Cells, solid: int, cell: int, before: int, cluster: int) -
 
 @inner
 def _forget(cells: Cells, column: int, row: int) -> None:
-    """Halve the hits and the passes of a cell.
+    """Halve the hits and the passes of a cell that has clusters.
 
     Their proportion stays, and what comes counts twice as much as what was.
     """
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+    # The first hit in a cell takes an open block, too.
     block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
-    if block >= 0:
-        for way in range(PASS_DIRECTIONS):
-            plane = cells.planes[block, way]
-            passed = cells.passes[plane, cell]
-            cells.passes[plane, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
-            if passed & MOST_PASSES == 1:
-                cells.passed[block, cell] ^= np.uint16(1 << way)
-    block = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
-    if block >= 0:
-        cluster = cells.heads[block, cell]
-        while cluster >= 0:
-            for k in (0, 1, 4, 5, 6, 9, 10, 11):
-                cells.moments[cluster, k] *= 0.5
-            cluster = cells.following[cluster]
+    for way in range(PASS_DIRECTIONS):
+        plane = cells.planes[block, way]
+        passed = cells.passes[plane, cell]
+        cells.passes[plane, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
+        if passed & MOST_PASSES == 1:
+            cells.passed[block, cell] ^= np.uint16(1 << way)
+    solid = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
+    cluster = cells.heads[solid, cell]
+    while cluster >= 0:
+        for k in (0, 1, 4, 5, 6, 9, 10, 11):
+            cells.moments[cluster, k] *= 0.5
+        cluster = cells.following[cluster]
 
 
 @inner
 def _passes_of(cells: Cells, column: int, row: int) -> float:
-    """How many beams have gone through a cell, whichever way."""
+    """How many beams have gone through a cell of an open block, whichever way."""
     cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
     block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
     passed = 0.0
-    if block >= 0:
-        for way in range(PASS_DIRECTIONS):
-            passed += cells.passes[cells.planes[block, way], cell] & MOST_PASSES
+    for way in range(PASS_DIRECTIONS):
+        passed += cells.passes[cells.planes[block, way], cell] & MOST_PASSES
     return passed
 
 

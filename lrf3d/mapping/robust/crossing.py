@@ -68,7 +68,7 @@ class Walk(NamedTuple):
         uy: Its direction.
         begin: Where on it the first step is [m].
         stride: How far it is from step to step [m].
-        steps: How many there are; none where the line has no length.
+        steps: How many there are.
     """
 
     x: float
@@ -82,11 +82,9 @@ class Walk(NamedTuple):
 
 @inner
 def _along(line: Float) -> Walk:
-    """The walk along a line (4,) without its ends, near which walls are."""
+    """The walk along a line (4,) that has a length, without its ends, near which walls are."""
     x1, y1, x2, y2 = line
     length = np.hypot(x2 - x1, y2 - y1)
-    if length == 0.0:
-        return Walk(x1, y1, 0.0, 0.0, 0.0, 0.0, 0)
     end = min(LINK_END, 0.25 * length)
     middle = length - 2.0 * end
     steps = int(middle / CELL) + 1

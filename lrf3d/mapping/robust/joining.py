@@ -339,10 +339,9 @@ def _bridge(
     for one in range(count):
         if walls.points[one] == 0:
             continue
+        # Walls that have changed are the first ones, so that all of them are before the others.
         for place in range(one if changed[one] else size):
             other = place if changed[one] else fresh[place]
-            if other >= one:
-                break
             if walls.points[other] > 0 and _fits(walls, one, other, straight):
                 gaps[found] = _span(walls.ends[one], walls.ends[other], lines[found])
                 pairs[found, 0], pairs[found, 1] = one, other

@@ -69,9 +69,7 @@ class RobustMapper:
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._refine(fresh, noise)
-        if seen.beams is not None:
-            walls = ends + np.tile(place, 2)
-            self._optics.update(seen, heading, noise, walls, self._refined.ends)
+        self._optics.update(seen, heading, noise, ends, self._refined.ends)
         self._refined.publish(self._frame)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
@@ -114,11 +112,6 @@ class RobustMapper:
             store.drop(row)
             self._refined.stamps[row] += 1
             self._refit[row] = np.inf
-
-    @property
-    def noise(self) -> RangeNoise | None:
-        """The noise of the ranges as the scans have shown it; None before the first."""
-        return self._noise.known
 
     @property
     def map(self) -> LineMap:

@@ -216,8 +216,6 @@ def mirror_lines(place: Float, walls: Float, segments: Float) -> Float:
     They are seen from a place (2,) [m], before which the segments lie and behind which the walls
     do. Walls at a right angle to a mirror go on in their images, and say nothing.
     """
-    if not len(walls):
-        return np.empty((0, 3))
     images, reals = directions(walls), directions(segments)
     own, other = turned(images)[:, None], turned(reals)[None]
     normal = other - own

@@ -175,13 +175,12 @@ def scale_of(counts: Int) -> float:
     total = 0
     for k in range(len(counts)):
         total += counts[k]
-    reached, scale = 0, NOISE_UNIT
-    for k in range(len(counts)):
-        reached += counts[k]
-        if 2 * reached >= total:
-            # The median, to begin with.
-            scale = NOISE_UNIT * 10.0 ** ((k + 0.5) / PER_DECADE) / 0.6745
-            break
+    # The median, to begin with.
+    middle, reached = 0, counts[0]
+    while 2 * reached < total:
+        middle += 1
+        reached += counts[middle]
+    scale = NOISE_UNIT * 10.0 ** ((middle + 0.5) / PER_DECADE) / 0.6745
     for _ in range(50):
         mean = 0.0
         for k in range(len(counts)):

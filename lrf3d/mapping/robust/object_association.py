@@ -100,11 +100,11 @@ def associate_objects(
             across = places[links.pairs[link, 1 - side]]
             # A link of two loose walls is met twice.
             if across >= loose or 0 <= across < k:
-                # Short links that join walls do so in any order.
+                # Short links that join walls do so in any order. They make no ring: the link that
+                # would close it was not asked, because it led from an object to itself.
                 if links.kinds[link] == JOINS and links.lines[link, 4] <= SHORT_LINK:
-                    if _root(parents, k) != _root(parents, across):
-                        links.bearing[link] = True
-                        _unite(parents, sizes, k, across)
+                    links.bearing[link] = True
+                    _unite(parents, sizes, k, across)
                 elif links.kinds[link] != BEFORE:
                     chosen[number] = link
                     number += 1
@@ -287,12 +287,11 @@ def _root(parents: Int, wall: int) -> int:
 
 @inner
 def _unite(parents: Int, sizes: Int, one: int, other: int) -> tuple[int, int]:
-    """Make one of the objects of two walls; returns the root that is kept, and the other."""
+    """Make one of two objects, named by walls; returns the root that is kept, and the other."""
     one, other = _root(parents, one), _root(parents, other)
     kept, gone = min(one, other), max(one, other)
-    if kept != gone:
-        parents[gone] = kept
-        sizes[kept] += sizes[gone]
+    parents[gone] = kept
+    sizes[kept] += sizes[gone]
     return kept, gone
 
 

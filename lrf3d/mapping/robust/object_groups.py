@@ -198,10 +198,9 @@ def _members(groups: Groups, names: Int, fresh: Int, points: Int) -> Int:
     places = groups.places
     rows, count = np.empty(len(places), np.int64), 0
     for k in range(len(fresh)):
-        if places[fresh[k]] < 0:
-            rows[count] = fresh[k]
-            places[fresh[k]] = count
-            count += 1
+        rows[count] = fresh[k]
+        places[fresh[k]] = count
+        count += 1
     for k in range(len(names)):
         row = groups.heads[names[k]]
         while row >= 0:

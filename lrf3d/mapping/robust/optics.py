@@ -98,19 +98,19 @@ class Optics:
     def update(
         self, seen: Seen, heading: float, noise: RangeNoise, walls: Float, segments: Float
     ) -> None:
-        """Learn from a scan.
+        """Learn from a scan with intensities.
 
         Args:
             seen: The scan.
             heading: Its heading [rad].
             noise: The noise of the ranges.
-            walls: (w, 4) the walls that it shows [m].
+            walls: (w, 4) the walls that it shows, from the laser [m].
             segments: (m, 4) the segments of the map [m].
         """
         beams = seen.beams
         if beams is None or seen.limits is None:
             return
-        self.mirrors.update(beams, walls, segments)
+        self.mirrors.update(beams, walls + np.tile(beams.place, 2), segments)
         turned = np.isfinite(seen.limits)
         beams = beams._replace(
             ranges=np.where(turned, 0.0, beams.ranges), free=np.minimum(beams.free, seen.limits)

@@ -307,9 +307,8 @@ def refit_segments(
                     place = _end_of_hits(counts[low + i - 1], sums[low + i - 1], 1.0)
                     b = min(b + PIECE, place if seen else place + END_SPARE)
                 pieces_of, start = stop - start, stop
+                # A part without hits would have cost a wall more.
                 w = total[0]
-                if w <= 0.0:
-                    continue
                 s, d = total[1] / w, total[2] / w
                 ss = max(total[3] - w * s * s, 1e-12)
                 sd = total[4] - w * s * d
