@@ -5,8 +5,9 @@ import pytest
 
 import lrf3d
 from lrf3d import LaserRangeFinder, LineMapper, ProportionalNoise, World
+from lrf3d.geometry import directions, lengths
 from lrf3d.mapping.robust.lit_beams import LitBeams
-from lrf3d.mapping.robust.pane_images import PaneImages
+from lrf3d.mapping.robust.pane_images import BESIDE, PaneImages, beside
 
 LRF = LaserRangeFinder(-np.pi, np.pi, beams=721, range_max=40.0)
 PANE = [0.0, 0.0, 10.0, 0.0]
@@ -95,13 +96,38 @@ def test_the_brightest_return_of_a_cell_is_kept():
 def test_segments_end_where_only_images_go_on():
     images = PaneImages()
     places = np.column_stack([np.arange(0.05, 6.0, 0.5), np.zeros(12)])
-    images.returns = np.column_stack([places, np.zeros((12, 2)), np.ones(12), np.zeros(12)])
+    rays = np.hstack([places, places + np.array([1.0, 2.0])])
+    images.returns = np.column_stack([rays, np.ones(12), np.zeros(12)])
     segments = np.array([[0.0, 0.0, 5.6, 0.0], [0.0, 3.0, 5.6, 3.0]])
     found = places[:, 0] > 3.0
-    kept, rows = images.without(segments, found, places, 0.5)
+    kept, rows = images.without(segments, found, rays, 0.5)
     assert rows.tolist() == [0, 1]
     assert kept == pytest.approx(np.array([[0, 0, 2.8, 0], [0, 3, 5.6, 3]]))
     # Between two real parts a wall goes on.
     inner = (places[:, 0] > 2.0) & (places[:, 0] < 3.0)
-    assert images.without(segments, inner, places, 0.5)[0].tolist() == segments.tolist()
-    assert images.without(segments, ~np.zeros(12, bool), places, 0.5)[1].tolist() == [1]
+    assert images.without(segments, inner, rays, 0.5)[0].tolist() == segments.tolist()
+    assert images.without(segments, ~np.zeros(12, bool), rays, 0.5)[1].tolist() == [1]
+
+
+def test_beams_along_a_segment_say_nothing_of_it():
+    images = PaneImages()
+    places = np.column_stack([np.arange(0.05, 3.0, 0.5), np.zeros(6)])
+    rays = np.hstack([places, places + np.array([1.0, 2.0])])
+    rays[3, 2:] = [-9.0, 0.1]
+    images.returns = np.column_stack([rays, np.ones(6), np.zeros(6)])
+    segments = np.array([[0.0, 0.0, 2.6, 0.0]])
+    assert not len(images.without(segments, np.arange(6) != 3, rays, 0.5)[0])
+
+
+def test_points_lie_by_segments_as_distances_say():
+    rng = np.random.default_rng(0)
+    points, segments = rng.uniform(-3.0, 3.0, (300, 2)), rng.uniform(-3.0, 3.0, (20, 4))
+    unit = directions(segments)
+    offset = points[:, None] - segments[:, :2]
+    along = (offset * unit).sum(axis=2)
+    aside = np.abs(offset[..., 1] * unit[:, 0] - offset[..., 0] * unit[:, 1])
+    near = (aside < BESIDE) & (along > -BESIDE) & (along < lengths(segments) + BESIDE)
+    of, row = beside(points, segments)
+    assert (np.diff(row) >= 0).all()
+    assert sorted(zip(of, row, strict=True)) == sorted(zip(*np.nonzero(near), strict=True))
+    assert not len(beside(points, segments[:0])[0]) and not len(beside(points[:0], segments)[0])

@@ -17,6 +17,7 @@ from lrf3d.mapping.line_map import GLASS, MIRROR, WALL, LineMap
 from lrf3d.mapping.robust.beams import Beams, Frame
 from lrf3d.mapping.robust.dim_returns import DimReturns
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+from lrf3d.mapping.robust.hidden_panes import hidden_images
 from lrf3d.mapping.robust.lit_beams import LitBeams, flashes, pairs
 from lrf3d.mapping.robust.mirrors import Mirrors, without_images
 from lrf3d.mapping.robust.optics_constants import (
@@ -151,13 +152,15 @@ class Optics:
             shown = np.concatenate([segments, glass])
             segments, rows = without_images(segments, lines, shown)
             glass, _ = without_images(glass, lines, shown)
+        usual = self.panes.usual()
         found = self.bright.images(self.panes, walls, self.mirrors.known)
+        drawn = np.concatenate([walls, self.glass])
+        found = hidden_images(self.bright.returns, found, drawn, walls, usual)
         if found.any():
-            places = frame.in_world(self.bright.returns[:, :4])[:, :2]
-            dim = DIM_SHARE * self.panes.usual()
-            segments, left = self.bright.without(segments, found, places, dim)
+            rays = frame.in_world(self.bright.returns[:, :4])
+            segments, left = self.bright.without(segments, found, rays, DIM_SHARE * usual)
             rows = rows[left]
-            glass, _ = self.bright.without(glass, found, places, 0.0)
+            glass, _ = self.bright.without(glass, found, rays, 0.0)
         special = np.concatenate([glass, mirrors])
         special, kept = absorb(special, segments)
         segments, rows = segments[kept], rows[kept]

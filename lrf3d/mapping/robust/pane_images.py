@@ -20,6 +20,7 @@ from lrf3d.mapping.robust.optics_constants import (
     FLASH_SHARE,
     IMAGE_DISTANCE,
     IMAGE_LIGHT,
+    LEAST_COSINE,
     PANE_DEPTH,
     PANE_GAP,
     PANE_INDEX,
@@ -120,29 +121,30 @@ class PaneImages:
             found[rows[same]] = True
         return found
 
-    def without(
-        self, segments: Float, found: Bool, places: Float, least: float
-    ) -> tuple[Float, Int]:
+    def without(self, segments: Float, found: Bool, rays: Float, least: float) -> tuple[Float, Int]:
         """Segments (m, 4) [m] without ends at which all returns are images.
 
         Args:
-            segments: The segments, in the frame of the places.
+            segments: The segments, in the frame of the rays.
             found: (c,) which returns are images.
-            places: (c, 2) where the returns are [m].
+            rays: (c, 4) where the returns are and where the laser was [m].
             least: Other returns count from this brightness on.
 
         Returns:
             What (n, 4) is left, and of which segment each is.
         """
         sure = found | (self.returns[:, 4] > least)
-        places, found = places[sure], found[sure]
+        places, found, beams = rays[sure, :2], found[sure], directions(rays[sure])
         kept = segments.copy()
-        near = _beside(places[found], segments).any(axis=0)
+        of, by = beside(places, segments)
+        unit = directions(segments)
+        # What beams meet along a segment says nothing of it.
+        sure = np.abs(beams[of, 0] * unit[by, 1] - beams[of, 1] * unit[by, 0]) > LEAST_COSINE
+        of, by = of[sure], by[sure]
         left = np.ones(len(segments), np.bool_)
-        for row in np.flatnonzero(near):
-            own = segments[row]
-            of = _beside(places, own[None])[:, 0]
-            stations, image = (places[of] - own[:2]) @ directions(own[None])[0], found[of]
+        for row in np.unique(by[found[of]]).tolist():
+            own, mine = segments[row], of[by == row]
+            stations, image = (places[mine] - own[:2]) @ unit[row], found[mine]
             order = np.argsort(stations, kind="stable")
             stations, real = stations[order], np.flatnonzero(~image[order])
             size = float(lengths(own[None])[0])
@@ -168,11 +170,16 @@ class PaneImages:
         self.cells, self.returns = state["bright_cells"].copy(), state["bright_returns"].copy()
 
 
-def _beside(points: Float, segments: Float) -> Bool:
-    """Which points (n, 2) lie by which segments (m, 4) [m]: (n, m)."""
-    unit, size = directions(segments), lengths(segments)
-    x = points[:, None, 0] - segments[:, 0]
-    y = points[:, None, 1] - segments[:, 1]
-    along, aside = x * unit[:, 0] + y * unit[:, 1], y * unit[:, 0] - x * unit[:, 1]
-    beside: Bool = (np.abs(aside) < BESIDE) & (along > -BESIDE) & (along < size + BESIDE)
-    return beside
+def beside(points: Float, segments: Float) -> tuple[Int, Int]:
+    """Which points (n, 2) lie by which segments (m, 4) [m]: rows of points, by rising segment."""
+    order = np.argsort(points[:, 0], kind="stable")
+    x, reach = points[order, 0], 2.0 * BESIDE
+    first = np.searchsorted(x, segments[:, [0, 2]].min(axis=1) - reach)
+    count = np.searchsorted(x, segments[:, [0, 2]].max(axis=1) + reach) - first
+    row = np.repeat(np.arange(len(segments)), count)
+    of = order[np.arange(len(row)) + np.repeat(first - np.cumsum(count) + count, count)]
+    unit, offset = directions(segments)[row], points[of] - segments[row, :2]
+    along = np.einsum("ij,ij->i", offset, unit)
+    near = np.abs(offset[:, 1] * unit[:, 0] - offset[:, 0] * unit[:, 1]) < BESIDE
+    near &= (along > -BESIDE) & (along < lengths(segments)[row] + BESIDE)
+    return of[near], row[near]
