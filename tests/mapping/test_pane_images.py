@@ -100,23 +100,25 @@ def test_segments_end_where_only_images_go_on():
     images.returns = np.column_stack([rays, np.ones(12), np.zeros(12)])
     segments = np.array([[0.0, 0.0, 5.6, 0.0], [0.0, 3.0, 5.6, 3.0]])
     found = places[:, 0] > 3.0
-    kept, rows = images.without(segments, found, rays, 0.5)
+    kept, rows = images.without(segments, found, rays, 0.5, 5.0)
     assert rows.tolist() == [0, 1]
     assert kept == pytest.approx(np.array([[0, 0, 2.8, 0], [0, 3, 5.6, 3]]))
     # Between two real parts a wall goes on.
     inner = (places[:, 0] > 2.0) & (places[:, 0] < 3.0)
-    assert images.without(segments, inner, rays, 0.5)[0].tolist() == segments.tolist()
-    assert images.without(segments, ~np.zeros(12, bool), rays, 0.5)[1].tolist() == [1]
+    assert images.without(segments, inner, rays, 0.5, 5.0)[0].tolist() == segments.tolist()
+    assert images.without(segments, ~np.zeros(12, bool), rays, 0.5, 5.0)[1].tolist() == [1]
 
 
-def test_beams_along_a_segment_say_nothing_of_it():
+def test_returns_brighter_than_a_segment_at_their_incidence_are_not_of_it():
     images = PaneImages()
     places = np.column_stack([np.arange(0.05, 3.0, 0.5), np.zeros(6)])
     rays = np.hstack([places, places + np.array([1.0, 2.0])])
-    rays[3, 2:] = [-9.0, 0.1]
+    rays[2:4, 2:] = rays[2:4, :2] + [-9.0, 0.1]
     images.returns = np.column_stack([rays, np.ones(6), np.zeros(6)])
     segments = np.array([[0.0, 0.0, 2.6, 0.0]])
-    assert not len(images.without(segments, np.arange(6) != 3, rays, 0.5)[0])
+    found = ~np.isin(np.arange(6), [2, 3])
+    assert not len(images.without(segments, found, rays, 0.5, 5.0)[0])
+    assert len(images.without(segments, found, rays, 0.5, np.inf)[0])
 
 
 def test_points_lie_by_segments_as_distances_say():

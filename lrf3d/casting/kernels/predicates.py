@@ -27,7 +27,7 @@ from lrf3d.casting.kernels.floats import (
     sign_of_cross_products,
     two_sum,
 )
-from lrf3d.compiling import inner
+from lrf3d.compiling import borrower, inner
 from lrf3d.geometry import Float
 
 FILTER = 5.0 * 2.0**-53
@@ -165,9 +165,11 @@ def length(beam: Beam, wall: Wall) -> float:
     return quotient(high, low, slope, slope_low)[0]
 
 
-@inner
-def lengths(ox: float, oy: float, dx: Float, dy: Float, wall: Wall, count: int, out: Float) -> None:
-    """The t of a wall that `count` beams meet, NaN where this falls short.
+@borrower
+def lengths(
+    ox: float, oy: float, dx: Float, dy: Float, wall: Wall, start: int, stop: int, out: Float
+) -> None:
+    """The t of a wall that the beams from start to stop meet, NaN where this falls short.
 
     Whole vectors are computed: up to LANES − 1 more numbers are read and overwritten.
     """
@@ -175,7 +177,7 @@ def lengths(ox: float, oy: float, dx: Float, dy: Float, wall: Wall, count: int, 
     ex, ex_low = two_sum(wall.qx, -wall.px)
     ey, ey_low = two_sum(wall.qy, -wall.py)
     least = SAFE_CANCELLATION if good else np.inf
-    for i in range((count + LANES - 1) // LANES * LANES):
+    for i in range(start, start + (stop - start + LANES - 1) // LANES * LANES):
         slope, slope_low, size = cross(dx[i], 0.0, ey, ey_low, dy[i], 0.0, ex, ex_low)
         t = quotient(area, area_low, slope, slope_low)[0]
         out[i] = t if abs(slope) > least * size else np.nan

@@ -69,14 +69,16 @@ class Room(NamedTuple):
 def room_for(beams: int) -> Room:
     """Work space for a scan of a number of beams."""
     wide = beams + BEHIND
+    # Few arrays: making one takes as long as some beams.
+    directions, rows = np.zeros((4, wide)), np.empty((2, beams), np.int64)
     return Room(
-        np.zeros(wide),
-        np.zeros(wide),
-        np.zeros(wide),
-        np.zeros(wide),
+        directions[0],
+        directions[1],
+        directions[2],
+        directions[3],
         np.empty(wide, np.int32),
-        np.empty(beams, np.int64),
-        np.empty(beams, np.int64),
+        rows[0],
+        rows[1],
     )
 
 

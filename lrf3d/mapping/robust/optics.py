@@ -25,6 +25,7 @@ from lrf3d.mapping.robust.optics_constants import (
     ABSORBED_DISTANCE,
     ABSORBED_SINE,
     DIM_SHARE,
+    FLASH_SHARE,
     PANE_JOINS,
 )
 from lrf3d.mapping.robust.pane_images import PaneImages
@@ -158,9 +159,11 @@ class Optics:
         found = hidden_images(self.bright.returns, found, drawn, walls, usual)
         if found.any():
             rays = frame.in_world(self.bright.returns[:, :4])
-            segments, left = self.bright.without(segments, found, rays, DIM_SHARE * usual)
+            segments, left = self.bright.without(
+                segments, found, rays, DIM_SHARE * usual, FLASH_SHARE * usual
+            )
             rows = rows[left]
-            glass, _ = self.bright.without(glass, found, rays, 0.0)
+            glass, _ = self.bright.without(glass, found, rays, 0.0, np.inf)
         special = np.concatenate([glass, mirrors])
         special, kept = absorb(special, segments)
         segments, rows = segments[kept], rows[kept]

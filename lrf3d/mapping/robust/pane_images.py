@@ -20,7 +20,6 @@ from lrf3d.mapping.robust.optics_constants import (
     FLASH_SHARE,
     IMAGE_DISTANCE,
     IMAGE_LIGHT,
-    LEAST_COSINE,
     PANE_DEPTH,
     PANE_GAP,
     PANE_INDEX,
@@ -121,33 +120,38 @@ class PaneImages:
             found[rows[same]] = True
         return found
 
-    def without(self, segments: Float, found: Bool, rays: Float, least: float) -> tuple[Float, Int]:
+    def without(
+        self, segments: Float, found: Bool, rays: Float, least: float, most: float
+    ) -> tuple[Float, Int]:
         """Segments (m, 4) [m] without ends at which all returns are images.
 
         Args:
             segments: The segments, in the frame of the rays.
             found: (c,) which returns are images.
             rays: (c, 4) where the returns are and where the laser was [m].
-            least: Other returns count from this brightness on.
+            least: Other returns count from this brightness on …
+            most: … up to this one, times the cosine of the incidence: brighter ones are of
+                something else, as where beams meet a wall across along the segment.
 
         Returns:
             What (n, 4) is left, and of which segment each is.
         """
         sure = found | (self.returns[:, 4] > least)
-        places, found, beams = rays[sure, :2], found[sure], directions(rays[sure])
+        places, beams = rays[sure, :2], directions(rays[sure])
+        found, bright = found[sure], self.returns[sure, 4]
         kept = segments.copy()
         of, by = beside(places, segments)
         unit = directions(segments)
-        # What beams meet along a segment says nothing of it.
-        sure = np.abs(beams[of, 0] * unit[by, 1] - beams[of, 1] * unit[by, 0]) > LEAST_COSINE
-        of, by = of[sure], by[sure]
+        cosine = np.abs(beams[of, 0] * unit[by, 1] - beams[of, 1] * unit[by, 0])
+        own = found[of] | (cosine > bright[of] / most)
+        of, by = of[own], by[own]
         left = np.ones(len(segments), np.bool_)
         for row in np.unique(by[found[of]]).tolist():
-            own, mine = segments[row], of[by == row]
-            stations, image = (places[mine] - own[:2]) @ unit[row], found[mine]
+            segment, mine = segments[row], of[by == row]
+            stations, image = (places[mine] - segment[:2]) @ unit[row], found[mine]
             order = np.argsort(stations, kind="stable")
             stations, real = stations[order], np.flatnonzero(~image[order])
-            size = float(lengths(own[None])[0])
+            size = float(lengths(segment[None])[0])
             low, high = 0.0, 0.0
             if len(real):
                 first, last = real[0], real[-1]
@@ -157,8 +161,10 @@ class PaneImages:
                 high = 0.5 * float(stations[last] + stations[last + 1]) if after else size
                 low, high = max(low, 0.0), min(high, size)
             left[row] = high - low >= min(LEAST_LEFT * size, SHORTEST_LEFT)
-            way = own[2:] - own[:2]
-            kept[row] = np.concatenate([own[:2] + low / size * way, own[:2] + high / size * way])
+            way = segment[2:] - segment[:2]
+            kept[row] = np.concatenate(
+                [segment[:2] + low / size * way, segment[:2] + high / size * way]
+            )
         return kept[left], np.flatnonzero(left)
 
     def state(self) -> dict[str, Any]:
