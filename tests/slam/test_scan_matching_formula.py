@@ -116,6 +116,15 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
     assert count < 12 or found.explained > 0.05
 
 
+def test_one_point_is_all_that_it_explains_and_a_match_of_none_has_no_deviation():
+    grid = grid_of(np.array([[1.0, 0.0, -1.0, 0.0]]), ALONG)
+    for y, explained, deviation in ((0.0, 1.0, 0.0), (5.0, 0.0, np.inf)):
+        point = np.array([[1.0, y, -1.0, 0.0]])
+        found = match_scan(point, grid, np.zeros(3), np.eye(3), 5, REACH, SIGMA)
+        assert (found.explained, found.deviation) == pytest.approx((explained, deviation))
+        assert found.pose == pytest.approx(np.zeros(3))
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_a_symmetric_system_is_solved(seed):
     rng = np.random.default_rng(seed)
