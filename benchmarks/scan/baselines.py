@@ -162,7 +162,7 @@ class Location(Baseline):
 
     def __init__(self, world: World, lrf: LaserRangeFinder) -> None:
         self._caster, self._centre = RawEmbreeCaster(world), world.origin
-        self._caster.scan_batch(lrf, np.zeros((1, 3)))
+        self._caster.cast(lrf, (0.0, 0.0, 0.0))
 
     def scans(self, lrf: LaserRangeFinder, poses: Float) -> Call:
         origins, directions = rays(lrf, poses, self._centre)

@@ -4,12 +4,14 @@ Ranges and walls are those of ``mesh.ray.intersects_location``: the triangle is 
 the distance is that of its plane in float64. It serves only for comparison.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lrf3d.casting.batch_caster import limited
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.pose import as_poses
+from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.pose import as_pose, as_poses
 from lrf3d.world import World
 from lrf3d.world.extrude import extrude
 
@@ -23,6 +25,11 @@ class RawEmbreeCaster:
     def __init__(self, world: World) -> None:
         self.world = world
         self.mesh = extrude(world)
+
+    def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
+        """The scan of trimesh from a pose."""
+        ranges, walls = self.scan_batch(lrf, as_poses([pose]))
+        return LaserScan.unchecked(lrf, as_pose(pose), ranges[0], walls[0])
 
     def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
         """Ranges and walls (k, beams) from poses (k, 3)."""

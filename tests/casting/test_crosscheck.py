@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from lrf3d import EmbreeCaster, LaserRangeFinder, World
 from lrf3d.casting import crosscheck
 from lrf3d.casting.causes import Answers, Cause, explain
+from lrf3d.casting.raw_embree import RawEmbreeCaster
 from lrf3d.cli.app import app
 from lrf3d.render.crosscheck_figure import MOST_CLOSE, draw_crosscheck, most_telling
 from lrf3d.world.generators import city_crossings, generate_city
@@ -160,3 +161,11 @@ def test_the_command_draws_and_explains(tmp_path):
     # A beam along a wall, which bare Embree passes by: in the paper's own room.
     assert json.loads(done.stdout)["causes"] == {"grazing": 1}
     assert picture.exists()
+
+
+def test_a_raw_scan_has_the_walls_and_nearly_the_ranges_of_the_exact_one():
+    lrf, pose = LaserRangeFinder(beams=91, range_max=7.0), (4.0, 3.0, 0.3)
+    raw, exact = (caster(ROOM).cast(lrf, pose) for caster in (RawEmbreeCaster, EmbreeCaster))
+    assert np.array_equal(raw.walls, exact.walls) and raw.pose == exact.pose
+    assert raw.ranges == pytest.approx(exact.ranges, rel=1e-6)
+    assert 0 < raw.hits.sum() < 91

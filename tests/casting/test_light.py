@@ -280,10 +280,11 @@ def test_every_wall_of_each_way_is_as_the_rationals_decide(kind):
 
 @both
 def test_where_walls_cross_the_first_is_met(caster):
-    one, other, behind = (3, -1, 5, 1), (3, 1, 5, -1), (9, -1, 9, 1)
+    pane, one, other, behind = (1, -1, 1, 1), (3, -1, 5, 1), (3, 1, 5, -1), (9, -1, 9, 1)
     for first, second in ((one, other), (other, one)):
         for name in ("plaster", "glass"):
-            world = world_of((*first, name), (*second, name), (*behind, "plaster"))
+            walls = (*first, name), (*second, name), (*behind, "plaster"), (*pane, "glass")
+            world = world_of(*walls)
             exact = ExactLight(world.segments, list(world.materials))
             found = exact.echoes((0.0, 0.0), (1.0, 0.0), range_max=80.0)
             scan, chain = (

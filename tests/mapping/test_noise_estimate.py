@@ -76,7 +76,7 @@ def test_scans_that_show_nothing_leave_what_was_assumed():
 def test_beams_in_one_direction_say_nothing_of_each_other():
     angles = np.repeat(np.linspace(-1.0, 1.0, 9), 6)
     ranges = np.full(54, 3.0)
-    ranges[2::6] = 3.1
+    ranges[2::6] = 3.001
     estimate = NoiseEstimate(0.001)
     estimate.update(lrf3d.LaserScan((0, 0, 0), angles, ranges), ASSUMED)
     assert estimate.known == NoiseEstimate(0.001).update(

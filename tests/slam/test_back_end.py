@@ -223,13 +223,16 @@ def test_rounds_and_steps_end_where_they_are_told_to(rng, monkeypatch):
     system = wall_system(pieces_of_keys(surfaces), true + drift)
     assert first.tolist() == minimised(true + drift, driven, system, line_adjustment.STEPS).tolist()
     assert (first != whole).any()
-    # Steps that lower nothing are shortened only so far.
-    monkeypatch.setattr(line_adjustment, "MOST_DAMPING", 1e-6)
-    far = true + rng.normal(size=true.shape) * [2.0, 2.0, 1.5]
-    far[0] = true[0]
-    stopped = minimised(far, driven, system, 30)
-    costs = [driven.cost(poses) + system.cost(poses) for poses in (far, stopped)]
-    assert costs[1] <= costs[0]
+    # At the minimum a step may raise the cost by rounding: it is shortened only so far.
+    stopped = 0
+    for _ in range(8):
+        found = minimised(true + 0.1 * rng.normal(size=true.shape), driven, system, 60)
+        with monkeypatch.context() as patched:
+            patched.setattr(line_adjustment, "MOST_DAMPING", 1e-6)
+            again = minimised(found, driven, system, 60)
+        assert again == pytest.approx(found, abs=1e-6)
+        stopped += again is found
+    assert stopped
 
 
 def test_poses_without_walls_stay_where_they_are(rng):

@@ -75,7 +75,7 @@ def around(rng, count):
     """Points of some straight walls and lone ones, with unit normals."""
     angle = rng.choice(rng.uniform(-np.pi, np.pi, 3), count) + rng.normal(0.0, 0.2, count)
     normals = np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.column_stack([rng.uniform((2.0, -3.0), (4.0, -1.0), (count, 2)), normals])
+    return np.column_stack([rng.uniform((2.0, -3.0), (4.4, -1.0), (count, 2)), normals])
 
 
 @settings(max_examples=25, deadline=None)
@@ -91,7 +91,11 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
     # One of them lies outside the map, and some beside its corners, with and without normals.
     seen[-1, :2] += rng.choice([[9.0, 0.0], [-9.0, 0.0], [0.0, 9.0], [0.0, -9.0]])
     corner = walls[:, :2].min(axis=0), walls[:, :2].max(axis=0)
-    beside = [(corner[x > 0][0] + x, corner[y > 0][1] + y) for x in (-9, 9) for y in (-0.01, 0.01)]
+    beside = [
+        (corner[x > 0][0] + x, corner[y > 0][1] + y)
+        for x in (-9, -0.05, 0.05, 9)
+        for y in (-0.05, 0.05)
+    ]
     outside = [[*place, size, 0.0] for place in beside for size in (0.1, 1.0)]
     # Others see the outermost walls from a little beyond them.
     ends = [*walls[:, :2].argmin(axis=0), *walls[:, :2].argmax(axis=0)]
@@ -110,6 +114,15 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
     assert found.explained == pytest.approx(explained)
     assert found.deviation == pytest.approx(deviation)
     assert count < 12 or found.explained > 0.05
+
+
+def test_one_point_is_all_that_it_explains_and_a_match_of_none_has_no_deviation():
+    grid = grid_of(np.array([[1.0, 0.0, -1.0, 0.0]]), ALONG)
+    for y, explained, deviation in ((0.0, 1.0, 0.0), (5.0, 0.0, np.inf)):
+        point = np.array([[1.0, y, -1.0, 0.0]])
+        found = match_scan(point, grid, np.zeros(3), np.eye(3), 5, REACH, SIGMA)
+        assert (found.explained, found.deviation) == pytest.approx((explained, deviation))
+        assert found.pose == pytest.approx(np.zeros(3))
 
 
 @given(st.integers(0, 2**32 - 1))

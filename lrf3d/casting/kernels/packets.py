@@ -53,7 +53,7 @@ ALL = -1
 """All bits: of Embree's features, of the mask of a ray; and as an index, none."""
 
 
-def _call_address(
+def _call_address(  # pragma: no cover - Compiling runs it, and kernels are cached.
     typing_context: Any, address: Any, valid: Any, scene: Any, rays: Any, arguments: Any
 ) -> Any:
     """Call the function at an address as ``void f(void *, void *, void *, void *)``."""

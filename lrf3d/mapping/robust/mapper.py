@@ -60,16 +60,18 @@ class RobustMapper:
         place, heading = self._frame.pose_of(scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
         seen = self._optics.look(scan, place, heading, noise)
-        scan = seen.scan
+        if seen is not None:
+            scan = seen.scan
         beams = Beams.of(scan, heading, noise)
-        if seen.limits is not None:
+        if seen is not None:
             beams = beams.limited(seen.limits)
         fresh = self._add_beams(beams, place)
         ends, moments, labels = self._extract.walls(scan, heading, noise)
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._refine(fresh, noise)
-        self._optics.update(seen, heading, noise, ends, self._refined.ends)
+        if seen is not None:
+            self._optics.update(seen, heading, noise, ends, self._refined.ends)
         self._refined.publish(self._frame)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number

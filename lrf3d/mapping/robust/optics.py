@@ -33,17 +33,17 @@ from lrf3d.mapping.robust.panes import Panes, grazed
 
 
 class Seen(NamedTuple):
-    """A scan as the mapper takes it.
+    """A scan with intensities, as the mapper takes it.
 
     Args:
         scan: The scan by rising angle, without the returns of beams that a mirror turned.
         limits: (n,) how far [m] each of its beams went before it was turned, or infinity.
-        beams: All of its beams with their light, None without intensities.
+        beams: All of its beams with their light.
     """
 
     scan: LaserScan
-    limits: Float | None
-    beams: LitBeams | None
+    limits: Float
+    beams: LitBeams
 
 
 class Optics:
@@ -67,10 +67,13 @@ class Optics:
 
     def look(
         self, scan: LaserScan, place: tuple[float, float], heading: float, noise: RangeNoise
-    ) -> Seen:
-        """What a scan from a place [m] with a heading [rad] in the map's frame shows directly."""
+    ) -> Seen | None:
+        """What a scan from a place [m] with a heading [rad] in the map's frame shows directly.
+
+        None for a scan without intensities.
+        """
         if scan.intensities is None:
-            return Seen(scan, None, None)
+            return None
         order = np.argsort(scan.angles, kind="stable")
         units, free, _ = Beams.of(scan, heading, noise)
         ranges = free.clip(0.0)
@@ -100,7 +103,7 @@ class Optics:
     def update(
         self, seen: Seen, heading: float, noise: RangeNoise, walls: Float, segments: Float
     ) -> None:
-        """Learn from a scan with intensities.
+        """Learn from a scan.
 
         Args:
             seen: The scan.
@@ -110,8 +113,6 @@ class Optics:
             segments: (m, 4) the segments of the map [m].
         """
         beams = seen.beams
-        if beams is None or seen.limits is None:
-            return
         self.mirrors.update(beams, walls + np.tile(beams.place, 2), segments)
         turned = np.isfinite(seen.limits)
         beams = beams._replace(

@@ -116,10 +116,6 @@ class SegmentPool:
             self._regrid()
         return rows
 
-    def drop(self, walls: Int) -> None:
-        """Drop all segments of some walls."""
-        drop_rows(self.pool, self.grid, walls)
-
     def exchange(self, walls: Int, new: NewSegments, most: int) -> Change:
         """Put segments in the place of those of some walls.
 
