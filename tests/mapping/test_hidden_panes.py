@@ -95,3 +95,14 @@ def test_what_is_known_stays_known():
     assert found(returns, segment, [WALL, *FRAME], known) == known.tolist()
     assert found(returns[:2], segment, [WALL, *FRAME]) == [False] * 2
     assert not len(hidden_images(np.empty((0, 6)), np.empty(0, bool), FRAME, FRAME, USUAL))
+
+
+@pytest.mark.parametrize("bend, image_of_a_wall", [(0.0, True), (0.25, False)])
+def test_every_return_lies_behind_the_pane_as_the_wall_lies_before_it(bend, image_of_a_wall):
+    returns, segment = image()
+    way = segment[2:] - segment[:2]
+    aside = np.array([-way[1], way[0]]) / np.hypot(*way)
+    returns[:, :2] += 0.2 * aside
+    segment += np.tile(0.2 * aside, 2)
+    returns[1:5, :2] += bend * aside
+    assert found(returns, segment, [WALL, *FRAME]) == [image_of_a_wall] * 6
