@@ -151,6 +151,11 @@ def directions(segments: Float) -> Float:
     return delta / np.hypot(delta[:, 0], delta[:, 1])[:, None]
 
 
+def cross(first: Float, second: Float) -> Float:
+    """Cross products (...) of vectors (..., 2): positive where the second is left of the first."""
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+
+
 def normal_lines(segments: Float) -> Float:
     """Lines (n, 2) that carry the segments (n, 4): alpha [rad] in (−π, π] and p ≥ 0 [m] (Eq. 3).
 

@@ -11,7 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Bool, Float, Int, cross
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 
@@ -128,7 +128,7 @@ class _Sight:
         span = ends[:, 1] - ends[:, 0]
         length = np.hypot(span[:, 0], span[:, 1])
         with np.errstate(invalid="ignore"):
-            self.sine = np.abs(_cross(beams, span)) / length
+            self.sine = np.abs(cross(beams, span)) / length
             self.end = np.fmin(self._aside(ends[:, 0]), self._aside(ends[:, 1]))
             share = np.clip(-np.einsum("ij,ij->i", ends[:, 0], span) / length**2, 0.0, 1.0)
             nearest = ends[:, 0] + share[:, None] * span
@@ -141,7 +141,7 @@ class _Sight:
 
     def _aside(self, points: Float) -> Float:
         """Distance (n,) from the line of each beam to a point (n, 2) seen from its origin [m]."""
-        return np.abs(_cross(self._beams, points))
+        return np.abs(cross(self._beams, points))
 
 
 def _at_limit(a: Float, b: Float, lrf: LaserRangeFinder) -> Bool:
@@ -151,8 +151,3 @@ def _at_limit(a: Float, b: Float, lrf: LaserRangeFinder) -> Bool:
         near |= np.isposinf(one) & (np.abs(other - lrf.range_max) <= AGREEMENT)
         near |= np.isneginf(one) & (np.abs(other - lrf.range_min) <= AGREEMENT)
     return near
-
-
-def _cross(a: Float, b: Float) -> Float:
-    product: Float = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return product

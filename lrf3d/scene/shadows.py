@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Float, Int, Single
+from lrf3d.geometry import Float, Int, Single, cross
 from lrf3d.scene.look import SUN
 from lrf3d.scene.structures import Structures
 
@@ -105,9 +105,9 @@ def height_of_shadows(structures: Structures, places: Float) -> Float:
     tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
     place, wall = tree.query(ways, predicate="intersects")
     start, end = walls[wall, :2], walls[wall, 2:]
-    turn = _cross(end - start, np.broadcast_to(_TOWARD, start.shape))
+    turn = cross(end - start, np.broadcast_to(_TOWARD, start.shape))
     with np.errstate(divide="ignore", invalid="ignore"):
-        away = -_cross(end - start, places[place] - start) / turn
+        away = -cross(end - start, places[place] - start) / turn
     high = structures.heights[wall] - _SLOPE * np.nan_to_num(np.abs(away), nan=0.0, posinf=0.0)
     np.maximum.at(heights, place, high)
     return heights
@@ -177,12 +177,12 @@ def _cast(structures: Structures, quads: Single) -> Cast:
     first, second = base[face, 0], base[face, 1]
     length = np.hypot(*(second - first).T)
     along = (second - first) / np.maximum(length, 1e-9)[:, None]
-    turn = _cross(along, np.broadcast_to(_TOWARD, along.shape))
+    turn = cross(along, np.broadcast_to(_TOWARD, along.shape))
     place, away = np.empty((2, len(face))), np.empty((2, len(face)))
     for end in range(2):
         way = walls[wall, 2 * end : 2 * end + 2] - first
-        place[end] = _cross(way, np.broadcast_to(_TOWARD, way.shape)) / turn
-        away[end] = _cross(along, way) / turn
+        place[end] = cross(way, np.broadcast_to(_TOWARD, way.shape)) / turn
+        away[end] = cross(along, way) / turn
     # Only what lies toward the sun, and the part of it before the face, hides anything.
     share = np.zeros((2, len(face)))
     share[1] = 1.0
@@ -264,7 +264,3 @@ def _envelopes(
         for place in (begin, finish)
     ]
     return Cast(faces[row], begin, finish, *edges)
-
-
-def _cross(first: Float, second: Float) -> Float:
-    return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])

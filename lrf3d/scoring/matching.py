@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, directions, lengths
+from lrf3d.geometry import Float, Int, cross, directions, lengths
 
 LEAST_OVERLAP = 0.5
 """Intersection over union along the true line that a match must exceed."""
@@ -144,7 +144,7 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
     nearest = np.full(counts.sum(), np.inf)
     offsets = nearest.copy()
     own, other = close_pairs(segments, walls, reach)
-    across = _cross(directions(segments[own]), directions(walls[other]))
+    across = cross(directions(segments[own]), directions(walls[other]))
     alike = np.abs(across) <= np.sin(angle)
     own, other = own[alike], other[alike]
     for pair in _blocks(own, counts[own]):
@@ -181,11 +181,6 @@ def _distances(segments: Float, share: Float, walls: Float) -> tuple[Float, Floa
     point = segments[:, :2] + share[:, None] * (segments[:, 2:] - segments[:, :2])
     gap, along = point - walls[:, :2], directions(walls)
     forward = np.einsum("ij,ij->i", gap, along)
-    sideways = np.abs(_cross(along, gap))
+    sideways = np.abs(cross(along, gap))
     beyond = forward - np.clip(forward, 0.0, lengths(walls))
     return np.hypot(beyond, sideways), sideways
-
-
-def _cross(first: Float, second: Float) -> Float:
-    product: Float = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    return product

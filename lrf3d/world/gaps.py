@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, lengths
+from lrf3d.geometry import Bool, Float, Int, cross, lengths
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.touching import connected
@@ -128,16 +128,16 @@ def _corners(ends: Float, outward: Float) -> list[_Closing]:
     pairs = pairs[pairs[:, 0] // 2 != pairs[:, 1] // 2]
     one, other = pairs.T
     between = ends[other] - ends[one]
-    sine = _cross(outward[one], outward[other])
+    sine = cross(outward[one], outward[other])
     found = []
     distance = np.linalg.norm(between, axis=1)
-    aside = np.abs(_cross(outward[one], between))
+    aside = np.abs(cross(outward[one], between))
     ahead = np.einsum("ij,ij->i", outward[one], between)
     facing = np.einsum("ij,ij->i", outward[one], outward[other]) < 0.0
     bends = np.abs(sine) > np.sin(LEAST_ANGLE)
     with np.errstate(divide="ignore", invalid="ignore"):
-        first = _cross(between, outward[other]) / sine
-        second = _cross(between, outward[one]) / sine
+        first = cross(between, outward[other]) / sine
+        second = cross(between, outward[one]) / sine
     meets = bends & _may_grow(first) & _may_grow(second)
     straight = ~bends & facing & (ahead > 0.0) & (distance <= WIDEST) & (aside <= ASIDE)
     for k in np.flatnonzero(meets):
@@ -161,10 +161,10 @@ def _joints(ends: Float, outward: Float) -> list[_Closing]:
     end, wall = end[apart], wall[apart]
     along = outward[2 * wall + 1]
     from_start = ends[2 * wall] - ends[end]
-    sine = _cross(outward[end], along)
+    sine = cross(outward[end], along)
     with np.errstate(divide="ignore", invalid="ignore"):
-        growth = _cross(from_start, along) / sine
-        station = _cross(from_start, outward[end]) / sine
+        growth = cross(from_start, along) / sine
+        station = cross(from_start, outward[end]) / sine
     length = np.linalg.norm(ends[2 * wall + 1] - ends[2 * wall], axis=1)
     fits = (np.abs(sine) > np.sin(LEAST_ANGLE)) & _may_grow(growth)
     fits &= (station > 0.0) & (station < length)
@@ -177,10 +177,6 @@ def _joints(ends: Float, outward: Float) -> list[_Closing]:
 def _may_grow(growth: Float) -> Bool:
     """Whether walls may grow by these lengths [m], or, where negative, be cut back."""
     return (growth >= -OVERSHOOT) & (growth <= WIDEST)
-
-
-def _cross(first: Float, second: Float) -> Float:
-    return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
 
 
 def _is_free(free: FreeCells, pieces: list[tuple[Float, Float]], origin: Float) -> bool:

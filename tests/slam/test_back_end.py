@@ -200,28 +200,30 @@ def test_the_minimum_is_that_of_a_solver_that_knows_every_point(rng):
     assert cost == pytest.approx(2.0 * best.cost, rel=1e-9)
 
 
-def test_walls_pull_drifted_poses_straight(rng):
+def drifted(rng):
+    """Poses of a ring, the same after the wheels, what was seen from them, and the edges."""
     true = ring(10)
     surfaces = views(true, rng, 0.005)
     drift = np.cumsum(0.01 * rng.normal(size=true.shape), axis=0)
     drift[0] = 0.0
-    driven = edges_of(true + drift, [(k, k + 1) for k in range(9)], rng)
-    found = adjusted(true + drift, driven, surfaces)
-    before, after = np.abs(drift[:, :2]).max(), np.abs(between(true, found)[:, :2]).max()
+    poses = true + drift
+    return true, poses, surfaces, edges_of(poses, [(k, k + 1) for k in range(9)], rng)
+
+
+def test_walls_pull_drifted_poses_straight(rng):
+    true, poses, surfaces, driven = drifted(rng)
+    found = adjusted(poses, driven, surfaces)
+    before, after = np.abs((poses - true)[:, :2]).max(), np.abs(between(true, found)[:, :2]).max()
     assert after < 0.3 * before
 
 
 def test_rounds_and_steps_end_where_they_are_told_to(rng, monkeypatch):
-    true = ring(10)
-    surfaces = views(true, rng, 0.005)
-    drift = np.cumsum(0.01 * rng.normal(size=true.shape), axis=0)
-    drift[0] = 0.0
-    driven = edges_of(true + drift, [(k, k + 1) for k in range(9)], rng)
-    whole = adjusted(true + drift, driven, surfaces)
+    true, poses, surfaces, driven = drifted(rng)
+    whole = adjusted(poses, driven, surfaces)
     monkeypatch.setattr(line_adjustment, "ROUNDS", 1)
-    first = adjusted(true + drift, driven, surfaces)
-    system = wall_system(pieces_of_keys(surfaces), true + drift)
-    assert first.tolist() == minimised(true + drift, driven, system, line_adjustment.STEPS).tolist()
+    first = adjusted(poses, driven, surfaces)
+    system = wall_system(pieces_of_keys(surfaces), poses)
+    assert first.tolist() == minimised(poses, driven, system, line_adjustment.STEPS).tolist()
     assert (first != whole).any()
     # At the minimum a step may raise the cost by rounding: it is shortened only so far.
     stopped = 0

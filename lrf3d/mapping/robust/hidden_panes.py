@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, directions, lengths
+from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.mapping.robust.optics_constants import (
     FLASH_SHARE,
     FRAME_DISTANCE,
@@ -86,7 +86,7 @@ def hidden_images(returns: Float, known: Bool, segments: Float, walls: Float, us
         places, lasers, bright = returns[rows, :2], returns[rows, 2:4], returns[rows, 4] / usual
         rays = np.hstack([lasers, places])
         units = directions(rays)
-        change = float(np.ptp(np.log(bright / np.abs(_cross(units, unit)))))
+        change = float(np.ptp(np.log(bright / np.abs(cross(units, unit)))))
         if change > LIGHT_CHANGE and not found[rows].all():
             view = View(places, lasers, units, lengths(rays), bright, returns[rows, 5], change)
             corners = np.concatenate([segments.reshape(-1, 2), ends])
@@ -105,19 +105,19 @@ def _dark_runs(returns: Float, segments: Float, usual: float) -> Iterator[tuple[
     units, bright = directions(returns[:, [2, 3, 0, 1]]), returns[:, 4] / usual
     dim = np.flatnonzero(bright < DARK_SHARE)
     of, row = beside(places[dim], segments)
-    dark = bright[dim[of]] < DARK_SHARE * np.abs(_cross(units[dim[of]], along[row]))
+    dark = bright[dim[of]] < DARK_SHARE * np.abs(cross(units[dim[of]], along[row]))
     tried = np.flatnonzero(np.bincount(row[dark], minlength=len(segments)) >= LEAST_DARK)
     of, row = beside(places, segments[tried])
     for place, k in enumerate(tried.tolist()):
         rows = of[row == place]
         # What beams meet along the segment is something else, beside it or across.
-        rows = rows[np.abs(_cross(units[rows], along[k])) > LEAST_COSINE]
+        rows = rows[np.abs(cross(units[rows], along[k])) > LEAST_COSINE]
         if (bright[rows] > FLASH_SHARE).any():
             continue
         stations = (places[rows] - segments[k, :2]) @ along[k]
         order = np.argsort(stations, kind="stable")
         rows, stations = rows[order], stations[order]
-        lit = bright[rows] >= DARK_SHARE * np.abs(_cross(units[rows], along[k]))
+        lit = bright[rows] >= DARK_SHARE * np.abs(cross(units[rows], along[k]))
         edges = np.flatnonzero(np.diff(lit))
         runs = np.split(np.arange(len(rows)), edges + 1)
         outer = edges[[0, -1]] if len(edges) else edges
@@ -155,7 +155,7 @@ def _mirrored(view: View, corners: Float, walls: Float) -> bool:
         if not _by(images[gap, None], allowed[gap, None], own).all():
             continue
         turned = view.units - 2.0 * (view.units @ normal)[:, None] * normal
-        expected = mirrored[gap] * np.abs(_cross(turned, directions(own)))
+        expected = mirrored[gap] * np.abs(cross(turned, directions(own)))
         light = np.log(view.bright / expected)
         if LIGHT_GAIN * np.ptp(light) < view.change and abs(light.mean()) < np.log(LIGHT_FACTOR):
             size = float(np.hypot(*(last[gap] - first[gap])))
@@ -172,7 +172,7 @@ def _gaps(view: View, corners: Float) -> tuple[Float, Float]:
         The corner (g, 2) to the left of the beams, and that to their right (g, 2) [m].
     """
     offset = corners[:, None] - view.lasers
-    aside = _cross(view.units, offset)
+    aside = cross(view.units, offset)
     way = np.einsum("eki,ki->ek", offset, view.units)
     near = ((way > -PANE_GAP) & (way < view.sizes + PANE_GAP)).all(axis=1)
     left = corners[near & ((aside > -END_ERROR) & (aside < PANE_GAP)).all(axis=1)]
@@ -189,9 +189,3 @@ def _by(points: Float, allowed: Float, walls: Float) -> Bool:
     stations = x * along[:, 0] + y * along[:, 1]
     by: Bool = np.abs(y * along[:, 0] - x * along[:, 1]) < allowed[..., None]
     return by & (stations > -EXTENSION) & (stations < lengths(walls) + EXTENSION)
-
-
-def _cross(one: Float, others: Float) -> Float:
-    """Cross products (...) of vectors (..., 2) with others."""
-    cross: Float = one[..., 0] * others[..., 1] - one[..., 1] * others[..., 0]
-    return cross

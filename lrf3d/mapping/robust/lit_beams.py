@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float
+from lrf3d.geometry import Bool, Float, cross
 from lrf3d.mapping.robust.optics_constants import (
     DIM_SHARE,
     FLASH_DEVIATION,
@@ -89,7 +89,7 @@ def pairs(beams: LitBeams, dim: Bool) -> tuple[Float, Float]:
     ends = beams.place + beams.ranges[:, None] * beams.units
     one, other = ends[first], ends[first + 1]
     apart = other - one
-    across = beams.ranges[first] * np.abs(_cross(beams.units[first], beams.units[first + 1]))
+    across = beams.ranges[first] * np.abs(cross(beams.units[first], beams.units[first + 1]))
     size = np.hypot(apart[:, 0], apart[:, 1])
     sure = (size > 0.0) & (across > PANE_GRAZING_COSINE * size)
     one, apart = one[sure], apart[sure]
@@ -105,12 +105,6 @@ def pairs(beams: LitBeams, dim: Bool) -> tuple[Float, Float]:
         ]
     )
     return np.hstack([one, one + apart]), moments
-
-
-def _cross(one: Float, other: Float) -> Float:
-    """Cross products (m,) of vectors (m, 2)."""
-    cross: Float = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    return cross
 
 
 def crossings(

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, directions, lengths
+from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.laser.light import shares
 from lrf3d.mapping.robust.lit_beams import LitBeams
 from lrf3d.mapping.robust.mirrors import LEAST_LEFT, Reflectance, cells_of, nearest_segments
@@ -142,7 +142,7 @@ class PaneImages:
         kept = segments.copy()
         of, by = beside(places, segments)
         unit = directions(segments)
-        cosine = np.abs(beams[of, 0] * unit[by, 1] - beams[of, 1] * unit[by, 0])
+        cosine = np.abs(cross(beams[of], unit[by]))
         own = found[of] | (cosine > bright[of] / most)
         of, by = of[own], by[own]
         left = np.ones(len(segments), np.bool_)
@@ -186,6 +186,6 @@ def beside(points: Float, segments: Float) -> tuple[Int, Int]:
     of = order[np.arange(len(row)) + np.repeat(first - np.cumsum(count) + count, count)]
     unit, offset = directions(segments)[row], points[of] - segments[row, :2]
     along = np.einsum("ij,ij->i", offset, unit)
-    near = np.abs(offset[:, 1] * unit[:, 0] - offset[:, 0] * unit[:, 1]) < BESIDE
+    near = np.abs(cross(unit, offset)) < BESIDE
     near &= (along > -BESIDE) & (along < lengths(segments)[row] + BESIDE)
     return of[near], row[near]
