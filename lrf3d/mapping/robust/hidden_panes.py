@@ -1,10 +1,9 @@
 """Hidden panes: panes that returned no light themselves, known by what they mirror.
 
-A pane stands between the ends of two walls. What is darker behind such a gap than walls are is an
-image in a pane there if each of its returns lies behind the gap as one wall of the map lies before
-it, and if its light changes from view to view as Fresnel's equations say for that pane, while that
-of a diffuse wall would not. Returns, segments and walls enter; what leaves is which returns are
-such images.
+A pane stands between the ends of two walls. Dark returns behind such a gap are images in a pane if
+they all lie as far behind it as one wall of the map lies before it, and if their light changes from
+view to view as Fresnel's equations say for that pane, which the light of a diffuse wall would not.
+Returns, segments and walls go in; which returns are such images comes out.
 """
 
 from collections.abc import Iterator
@@ -29,24 +28,23 @@ DARK_SHARE = 0.5
 """[share] Returns darker than this part of what is usual, at their incidence, may be images."""
 
 LEAST_DARK = 3
-"""[returns] So many in a line can show that their light is not that of a diffuse wall."""
+"""[returns] Fewer in a line cannot show how their light changes."""
 
 END_ERROR = 0.1
-"""[m] How far off the end of a wall, and with it that of a pane, is in the map."""
+"""[m] Error of the end of a wall in the map, and so of the end of a pane."""
 
 EXTENSION = 1.0
 """[m] How far a wall may go on beyond what the map shows of it."""
 
 LIGHT_FACTOR = 2.0
-"""[factor] How much brighter or darker than Fresnel's equations say all of an image may be: the
-direction of a short pane is known to some degrees only."""
+"""[factor] How much brighter or darker an image may be than Fresnel's equations say: the direction
+of a short pane is known to a few degrees only."""
 
 LIGHT_CHANGE = np.log(1.25)
 """[logarithm] Light that changes less than this from view to view may be that of a diffuse wall."""
 
 LIGHT_GAIN = 3.0
-"""[factor] So many times less must the light change beside that of the image than beside that of a
-diffuse wall."""
+"""[factor] How many times more the light must vary for a diffuse wall than for the image."""
 
 
 class View(NamedTuple):
