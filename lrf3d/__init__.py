@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     )
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
     from lrf3d.pose import Pose
+    from lrf3d.recorded import map_log, slam_log
     from lrf3d.render.video import render_video
     from lrf3d.robot import (
         EstimatedTrajectory,
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
     from lrf3d.scenario_file import load_scenario
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Simulation, Step, simulate
-    from lrf3d.slam import Slam, slam
+    from lrf3d.slam import Slam
     from lrf3d.version import __version__ as __version__
     from lrf3d.world import World, load_world, save_world, world_names
 else:
@@ -96,6 +97,7 @@ else:
             "load_scenario": "scenario_file",
             "load_world": "world",
             "localise": "localization",
+            "map_log": "recorded",
             "odometry_increments": "localization",
             "plan_route": "robot.planner",
             "plot": "",
@@ -108,7 +110,7 @@ else:
             "score_run": "scoring",
             "simulate": "simulation",
             "simulate_fleet": "fleet",
-            "slam": "slam",
+            "slam_log": "recorded",
             "world_names": "world",
         },
     )
@@ -153,6 +155,7 @@ __all__ = [
     "load_scenario",
     "load_world",
     "localise",
+    "map_log",
     "odometry_increments",
     "plan_route",
     "plot",
@@ -165,6 +168,6 @@ __all__ = [
     "score_run",
     "simulate",
     "simulate_fleet",
-    "slam",
+    "slam_log",
     "world_names",
 ]

@@ -60,6 +60,12 @@ class LaserOffset(NamedTuple):
     metres: float
 
 
+class NotNumbers(NamedTuple):
+    """Readings of the next scan that are no numbers, such as NaN, which mean no return."""
+
+    readings: int
+
+
 class LoggedPose(NamedTuple):
     """A pose of the robot from an ODOM or a TRUEPOS message.
 
@@ -100,7 +106,7 @@ def load_carmen(
     wheels: list[LoggedPose] = []
     places: list[int] = []
     offset = 0.0
-    bad = readings = 0
+    bad = readings = not_numbers = 0
     for item in read_carmen(lines_of(path), largest_range=largest_range, source=str(path)):
         if isinstance(item, BadLine):
             bad += 1
@@ -113,6 +119,9 @@ def load_carmen(
             continue
         if isinstance(item, LaserOffset):
             offset = item.metres
+            continue
+        if isinstance(item, NotNumbers):
+            not_numbers += item.readings
             continue
         readings += len(item.ranges)
         if readings > MOST_READINGS:
@@ -148,6 +157,7 @@ def load_carmen(
         tracks=known,
         wheels=wheels_or_none,
         mount=mount,
+        not_numbers=not_numbers,
     )
     return log if poses == "auto" else _placed_by(log, poses, path)
 
@@ -180,7 +190,7 @@ def _placed_by(log: LaserLog, name: str, path: Path) -> LaserLog:
 
 def read_carmen(
     lines: Iterable[LogLine], *, largest_range: float | None = None, source: str = "log"
-) -> Iterator[LaserScan | LoggedPose | LaserOffset | BadLine]:
+) -> Iterator[LaserScan | LoggedPose | LaserOffset | NotNumbers | BadLine]:
     """Read scans and poses line by line, in constant memory.
 
     If a log holds each scan twice, as an old and as a new message, only the kind that comes first
@@ -222,6 +232,8 @@ def read_carmen(
             elif chosen in (b"", name):
                 scan = _READERS[name](words, largest_range, fans)
                 chosen, idle = name, 0
+                if count := sum(word.lower().lstrip(b"+-") == b"nan" for word in words):
+                    yield NotNumbers(count)
                 yield scan
         except _BadMessage as error:
             yield BadLine(number, str(error))
@@ -322,16 +334,15 @@ def _scan(
     try:
         ranges = np.array([float(word) for word in readings])
     except ValueError:
-        ranges = np.array([nan])
-    if np.isnan(ranges).any() or (ranges < 0.0).any():
         # Only here each reading is looked at alone, to name the one that is wrong.
-        place, word = next(
-            (place, word)
-            for place, word in enumerate(readings, 1)
-            if not _number(word, f"reading {place}", finite=False) >= 0.0
+        ranges = np.array(
+            [_number(word, f"reading {place}", finite=False) for place, word in enumerate(readings)]
         )
-        raise _BadMessage(f"reading {place} is {_shown(word)}, expected metres")
-    ranges[ranges >= farthest] = inf
+    if (ranges < 0.0).any():
+        place = int(np.flatnonzero(ranges < 0.0)[0])
+        raise _BadMessage(f"reading {place + 1} is {_shown(readings[place])}, expected metres")
+    # Some drivers write NaN for a beam without a return.
+    ranges[~(ranges < farthest)] = inf
     # Some drivers write a reading of 0 for a beam without a valid range.
     ranges[ranges == 0.0] = -inf
     return LaserScan(

@@ -43,7 +43,7 @@ class BadLine:
         return f"{self.kind} {self.number}: {self.reason}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class WheelRecord(Value):
     """The raw odometry of a log, line by line, and where the scans stand between the lines.
 
@@ -66,8 +66,11 @@ class WheelRecord(Value):
     def __len__(self) -> int:
         return len(self.times)
 
+    def __repr__(self) -> str:
+        return f"WheelRecord({len(self)} lines, {len(self.places)} scans)"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class LaserLog(Value):
     """Scans with their logged poses, and the lines that could not be read.
 
@@ -80,6 +83,7 @@ class LaserLog(Value):
         tracks: Other trajectories in the log: ``odom`` from wheels, ``truth``.
         wheels: The raw odometry; None where the log has none.
         mount: Pose of the laser on the robot's base, where the poses of the scans are the laser's.
+        not_numbers: Number of readings that are no number, such as NaN: taken for no return.
     """
 
     name: str
@@ -90,9 +94,17 @@ class LaserLog(Value):
     tracks: Mapping[str, Trajectory] = field(default_factory=dict)
     wheels: WheelRecord | None = None
     mount: Pose = Pose(0.0, 0.0, 0.0)  # noqa: RUF009  It is a value that nothing changes.
+    not_numbers: int = 0
 
     def __len__(self) -> int:
         return len(self.scans)
+
+    def __repr__(self) -> str:
+        lines = 0 if self.wheels is None else len(self.wheels)
+        return (
+            f"LaserLog({self.name!r}, {len(self)} scans, {lines} odometry lines,"
+            f" {self.bad_count} bad lines)"
+        )
 
     @cached_property
     def times(self) -> Float:

@@ -17,7 +17,7 @@ CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
 NO_PAIRS, NO_POSES = sealed(np.empty((0, 2), np.int64)), sealed(np.empty((0, 3)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EstimatedTrajectory(Value):
     """The estimated pose of a robot at each scan of a run, with covariances and loop closures.
 
@@ -94,6 +94,12 @@ class EstimatedTrajectory(Value):
 
     def __len__(self) -> int:
         return len(self.poses)
+
+    def __repr__(self) -> str:
+        return (
+            f"EstimatedTrajectory({len(self)} scans, {len(self.known_scans)} covariances,"
+            f" {len(self.closures)} closures, {len(self.dropped_closures)} dropped)"
+        )
 
     @property
     def ellipses(self) -> Float:

@@ -1,8 +1,8 @@
 """Loop closures: key scans that show the same place as much older ones.
 
 Key scans and their estimated poses enter; relative poses between key scans leave. Each was checked:
-the scans overlap, no beam of the one passes through what the other saw, no other place in the
-window fits as well, and enough closures of the same stretch agree with each other.
+the scans overlap, no beam of the one passes through what the other saw, no other place fits as well
+within all that the drive may have drifted, and enough closures of the same stretch agree.
 """
 
 from dataclasses import dataclass
@@ -10,55 +10,64 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
-from lrf3d.slam.correlation import AMBIGUOUS, correlate
+from lrf3d.slam.correlation import DEVIATIONS as WINDOW_DEVIATIONS
+from lrf3d.slam.correlation import same_place, search
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.graph_distance import DistanceGraph
+from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.pose_graph import Edges
-from lrf3d.slam.resolution import DENSE, Resolution
+from lrf3d.slam.scan_matching import Match
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.violation import Key, contradicted
+from lrf3d.slam.ways import Ways, along_axes_of
 
-LEAST_WAY = 6.0
+LEAST_DISTANCE = 6.0
 """Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
 
+LEAST_SHARE = 0.6
+"""Share of a scan that has to lie on the map of a place."""
+
+AMBIGUOUS = 0.92
+"""No place is accepted if another one explains this share of what it does."""
+
 NEAR = 4.0
-"""Key scans up to this far apart [m], and their uncertainty more, may show the same walls."""
+"""Key scans up to this far apart [m] may show the same walls."""
 
 DRIFT, DRIFT_TURN = 0.01, 0.0015
 """How much farther [m], [rad] a robot may be off after each metre: twice what is usual."""
 
-LEAST_WINDOW, MOST_WINDOW = 0.3, 4.0
-"""Bounds of half the side of the window [m] that is searched."""
+LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([5.0, 5.0, 0.15])
+"""Bounds of the standard deviations [m], [rad] of the window that is searched."""
 
-LOST_WAY = 10.0
-"""Way [m] over which a robot drifts as far as in one scan that matches nothing: 0.1 m."""
+FARTHEST = 2000.0
+"""Ways over the graph are found up to this length [m]."""
 
-FARTHEST_WAY = 0.5 * MOST_WINDOW / DRIFT
-"""Ways over the graph are found up to this length [m]; beyond it the window is the largest."""
+LOST = 10.0
+"""Distance [m] over which a robot drifts as far as in one scan that matches nothing: 0.1 m."""
 
-LEAST_WINDOW_TURN, MOST_WINDOW_TURN = 0.06, 0.45
-"""Bounds of half its angle [rad]."""
+LOST_SPREAD = np.diag([0.1**2, 0.1**2, 0.02**2])
+"""How far off [m], [rad] such a scan may be."""
 
-MOST_TRIES = 2
-"""Old key scans that are tried for each new one."""
+MOST_TRIES = 6
+"""Old places that are tried for each new key scan, the more the wider the window is."""
 
 OTHER_PLACE = 3.0
-"""The next one that is tried lies farther from the last than this along the way [m]."""
+"""The next one that is tried lies farther from the last than this along the path [m]."""
+
+SUBMAP = 5
+"""Key scans before and after an old one that make the map a loop is closed with."""
 
 LEAST_POINTS = 10
 """Points that a surface must have."""
 
-CLOSURE_WAY = 0.5
+CLOSURE_LENGTH = 0.5
 """What a closure counts as in the way over the graph [m]: the drift that it leaves."""
 
-REACH = 0.3
-"""How far off walls are looked for [m] when a closure is matched."""
-
-AGREEING = 3
-"""Closures that have to agree with each other before any of them is accepted."""
+AGREEING, AGREEING_IN_THE_END = 3, 2
+"""Closures that have to agree with each other before any of them is accepted, while the robot
+drives and, if no other speaks against them, when the drive is over and no more will come."""
 
 STRETCH = 12.0
-"""Closures within this way [m] of each other, at both ends, are compared."""
+"""Closures within this distance [m] of each other, at both ends, are compared."""
 
 DEVIATIONS = 3.5
 """Two closures agree if the loop that they form closes within this many deviations."""
@@ -67,8 +76,8 @@ CLOSURE_SHARE = 0.3
 """Share of the matching's information that a closure's edge counts with: old and new map were drawn
 by the same drifting front end, and both are bent a little."""
 
-FLOOR = np.diag([1.0, 1.0, 10.0])
-"""Information that a closure has in any direction: 1 m and 0.3 rad, for it lay in the window."""
+FLOOR = np.diag([0.01, 0.01, 1.0])
+"""Information that a closure has in any direction: 10 m and 1 rad, for it lay in the window."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,20 +100,17 @@ class Closure:
 class LoopCloser:
     """Finds closures for new key scans, and keeps them until enough agree."""
 
-    def __init__(self, resolution: Resolution = DENSE) -> None:
+    def __init__(self) -> None:
         self.keys: list[Key] = []
-        self.resolution = resolution
-        self._drift = DRIFT * resolution.drift
-        self._drift_turn = DRIFT_TURN * resolution.drift
         self.accepted: list[Closure] = []
         self._rejected: list[Closure] = []
         # Those of the last stretch: not accepted yet, and accepted.
         self._pending: list[Closure] = []
         self._recent: list[Closure] = []
-        self.graph = DistanceGraph()
+        self.ways = Ways()
         # How far the robot had driven at each key scan [m], and by now.
-        self.ways = np.empty(0)
-        self.way = 0.0
+        self.driven = np.empty(0)
+        self.distance = 0.0
         # Key scans that follow each other without a known place between them are of one stretch.
         self._stretches = np.empty(0, np.int64)
 
@@ -114,134 +120,147 @@ class LoopCloser:
         return self._rejected + self._pending
 
     def drive(self, step: Float, lost: int) -> float:
-        """Note how the robot has moved; returns the way [m] over which it drifts as far.
+        """Note how the robot has moved; returns the distance [m] over which it drifts as far.
 
         Args:
             step: (3,) pose now as seen from where it was.
             lost: How many scans on the way matched nothing.
         """
         # A turn in place lets the robot drift like a way of the length of its lever.
-        way = float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST_WAY * lost
-        self.way += way
-        return way
+        length = float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST * lost
+        self.distance += length
+        return length
 
-    def add_key(
-        self, key: Key, reference: int = -1, way: float = 0.0, *, hung: bool = False
-    ) -> None:
-        """Take in the next key scan.
-
-        Args:
-            key: The key scan.
-            reference: Number of the key scan that its pose is known from; -1 for the first.
-            way: How far the robot has driven from it [m].
-            hung: Whether a scan in a known place stands between the two.
-        """
-        new, stretch = len(self.keys), 0
-        self.graph.add()
-        if new:
-            self.graph.link(reference, new, way)
-            stretch = int(self._stretches[-1]) + hung
-        self.ways = np.append(self.ways, self.way)
+    def add_key(self, key: Key, *, hung: bool = False) -> None:
+        """Take in the next key scan; say whether a scan in a known place stands before it."""
+        stretch = int(self._stretches[-1]) + hung if self.keys else 0
+        self.driven = np.append(self.driven, self.distance)
         self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)
 
-    def ways_from_newest(self, limit: float) -> Float:
-        """The ways (k,) [m] over the graph from the newest key scan, +inf beyond a limit [m]."""
-        every = np.ones(len(self.keys), np.bool_)
-        return self.graph.distances(len(self.keys) - 1, limit, every)
+    def link(self, edge: Edges, length: float, lost: int) -> None:
+        """Note the way that leads to the next key scan.
 
-    def search(self, poses: Float) -> list[Closure]:
+        Args:
+            edge: The edge of the pose graph to it.
+            length: How far the robot has driven [m].
+            lost: How many scans on the way matched nothing.
+        """
+        covariance = np.linalg.inv(edge.information[0])
+        # What the walls leave to the wheels, these measure with one scale all the way.
+        scale = covariance @ edge.prior[0] @ (edge.measured[0] * [1.0, 1.0, 0.0])
+        covariance = covariance + lost * LOST_SPREAD
+        first, second = int(edge.first[0]), int(edge.second[0])
+        self.ways.link(first, second, length, covariance, scale)
+
+    def search(self, poses: Float, scale: float) -> list[Closure]:
         """Closures of the newest key scan that are accepted now, and older ones that it confirms.
 
         Args:
             poses: (k, 3) estimated poses of all key scans.
+            scale: Standard deviation of the scale of the wheels.
         """
         new = len(self.keys) - 1
-        found = self._found(new, poses)
-        # What lies farther back is beside no closure to come.
-        oldest = self.ways[new] - STRETCH
-        self._rejected += [c for c in self._pending if self.ways[c.new] <= oldest]
-        self._pending = [c for c in self._pending if self.ways[c.new] > oldest]
-        self._recent = [c for c in self._recent if self.ways[c.new] > oldest]
+        closure = self._found(new, poses, scale)
+        # What lies farther back is next to no closure to come.
+        oldest = self.driven[new] - STRETCH
+        self._rejected += [c for c in self._pending if self.driven[c.new] <= oldest]
+        self._pending = [c for c in self._pending if self.driven[c.new] > oldest]
+        self._recent = [c for c in self._recent if self.driven[c.new] > oldest]
+        if closure is None:
+            return []
+        self._pending.append(closure)
+        return self._accept(self._confirmed(closure, AGREEING))
+
+    def settle(self) -> list[Closure]:
+        """Closures that are accepted when the drive is over: fewer have to agree."""
+        waiting, self._rejected, self._pending = self.unconfirmed, [], []
+        self._recent = list(self.accepted)
         accepted: list[Closure] = []
-        for closure in found:
-            self._pending.append(closure)
-            accepted += self._confirmed(closure)
-        for closure in accepted:
-            self.graph.link(closure.old, closure.new, CLOSURE_WAY)
-        self.accepted += accepted
-        self._recent += accepted
+        self._pending = waiting
+        for closure in waiting:
+            if any(closure is other for other in self._pending):
+                accepted += self._accept(self._confirmed(closure, AGREEING_IN_THE_END, strict=True))
         return accepted
 
-    def _found(self, new: int, poses: Float) -> list[Closure]:
-        """Closures of a key scan with old ones near it."""
-        key = self.keys[new]
-        if len(key.surface) < LEAST_POINTS:
-            return []
-        apart = np.hypot(poses[:, 0] - poses[new, 0], poses[:, 1] - poses[new, 1])
-        fits = (self.ways < self.ways[new] - LEAST_WAY) & (apart < NEAR + 0.5 * MOST_WINDOW)
+    def _accept(self, closures: list[Closure]) -> list[Closure]:
+        """Accept closures, which are ways over the graph from now on."""
+        for closure in closures:
+            covariance = np.asarray(np.linalg.inv(closure.information), dtype=np.float64)
+            self.ways.link(closure.old, closure.new, CLOSURE_LENGTH, covariance, np.zeros(3))
+        self.accepted += closures
+        self._recent += closures
+        return closures
+
+    def _found(self, new: int, poses: Float, scale: float) -> Closure | None:
+        """The closure of a key scan with an old one, at the place that fits best of all."""
+        if len(self.keys[new].surface) < LEAST_POINTS:
+            return None
+        fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if not fits.any():
-            return []
-        ways = self.graph.distances(new, FARTHEST_WAY, fits)
-        window = np.clip(2.0 * self._drift * ways + 0.1, LEAST_WINDOW, MOST_WINDOW)
-        fits &= (ways > LEAST_WAY) & (apart < NEAR + 0.5 * window)
-        closures: list[Closure] = []
+            return None
+        lengths, spreads = self.ways.spreads(new, poses, FARTHEST, scale)
+        fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
+        away = poses[:, :2] - poses[new, :2]
+        apart = np.hypot(away[:, 0], away[:, 1])
+        along = away / np.maximum(apart, 1e-9)[:, None]
+        sideways = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
+        deviation = np.clip(sideways, LEAST_SPREAD[0], MOST_SPREAD[0])
+        fits &= apart < NEAR + WINDOW_DEVIATIONS * deviation
+        places: list[tuple[Match, int, Float]] = []
         for _ in range(MOST_TRIES):
             candidates = np.flatnonzero(fits)
             if not len(candidates):
                 break
             old = int(candidates[apart[candidates].argmin()])
-            turn = float(
-                np.clip(2.0 * self._drift_turn * ways[old], LEAST_WINDOW_TURN, MOST_WINDOW_TURN)
-            )
-            closure = self._matched(old, new, poses, float(window[old]), turn)
-            if closure is not None:
-                closures.append(closure)
+            spread = _bounded(spreads[old])
+            for match in self._matches(old, new, poses, spread):
+                places.append((match, old, compose(poses[old], match.pose)))
+            # The next try is at another place than this one; where the window is small, one that
+            # shows the place is enough.
+            fits &= np.abs(self.driven - self.driven[old]) > OTHER_PLACE
+            small = WINDOW_DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < OTHER_PLACE
+            if small and any(match.explained > LEAST_SHARE for match, _, _ in places):
                 break
-            # The next try is at another place than this one.
-            fits &= np.abs(self.ways - self.ways[old]) > OTHER_PLACE
-        return closures
+        if not places:
+            return None
+        match, old, there = max(places, key=lambda place: place[0].explained)
+        others = [
+            other.explained for other, _, at in places if not same_place(there, at, tolerance=2.0)
+        ]
+        if match.explained < LEAST_SHARE or max(others, default=0.0) > AMBIGUOUS * match.explained:
+            return None
+        near = self._around(old, new)
+        locals_ = between(self.keys[old].pose, np.array([self.keys[k].pose for k in near]))
+        if contradicted([self.keys[k] for k in near], self.keys[new], between(locals_, match.pose)):
+            return None
+        relative = np.array([*match.pose[:2], wrap_angle(match.pose[2])])
+        return Closure(old, new, relative, CLOSURE_SHARE * _fixed(match.information) + FLOOR)
 
-    def _matched(
-        self, old: int, new: int, poses: Float, window: float, turn: float
-    ) -> Closure | None:
-        """The closure between two key scans, if they show the same place."""
-        key = self.keys[new]
-        around = self.resolution.submap_of(old, new)
-        near = [k for k in around if self._stretches[k] == self._stretches[old]]
-        origin = self.keys[old].pose
+    def _around(self, old: int, new: int) -> list[int]:
+        """The key scans of the map that a new one is matched with where it meets an old one."""
+        around = range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
+        return [k for k in around if self._stretches[k] == self._stretches[old]]
+
+    def _matches(self, old: int, new: int, poses: Float, spread: Float) -> list[Match]:
+        """The places in a window, best first, as seen from an old key scan."""
+        near, origin = self._around(old, new), self.keys[old].pose
         # Over a stretch so short the front end's poses are better than those of the graph.
         locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
-        grid = wall_map(
-            ((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True)),
-            self.resolution.along,
-        )
+        grid = wall_map((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True))
         if grid is None or len(grid.surface) < LEAST_POINTS:
-            return None
-        guess = between(poses[old], poses[new])
-        matches = correlate(
-            key.surface,
-            grid,
-            guess,
-            window=window,
-            turn=turn,
-            reach=REACH,
-            sigma=self.resolution.sigma,
-        )
-        if not matches or matches[0].explained < self.resolution.overlap:
-            return None
-        best = matches[0]
-        if any(match.explained > AMBIGUOUS * best.explained for match in matches[1:]):
-            return None
-        relatives = between(locals_, best.pose)
-        if contradicted([self.keys[k] for k in near], key, relatives):
-            return None
-        information = CLOSURE_SHARE * best.information
-        relative = np.array([*best.pose[:2], wrap_angle(best.pose[2])])
-        return Closure(old, new, relative, information + FLOOR)
+            return []
+        guess, window = between(poses[old], poses[new]), along_axes_of(poses[old], spread)
+        return search(self.keys[new].surface, grid, guess, window, NEAR)
 
-    def _confirmed(self, newest: Closure) -> list[Closure]:
-        """The pending closures that are accepted, now that another one has come."""
+    def _confirmed(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:
+        """The pending closures that are accepted, now that another one has come.
+
+        Args:
+            newest: The other one.
+            enough: How many have to agree.
+            strict: Whether none may be against them.
+        """
         around = [other for other in self._pending if self._beside(other, newest)]
         agreeing = [other for other in around if self._agree(other, newest)]
         known = [other for other in self._recent if self._beside(other, newest)]
@@ -249,18 +268,18 @@ class LoopCloser:
         together = len(agreeing) + backed
         # Of sets that contradict each other the larger one is accepted.
         against = len(around) - len(agreeing) + len(known) - backed
-        if together < AGREEING or together <= against:
+        if together < enough or together <= against or (strict and against):
             return []
         kept = {id(closure) for closure in agreeing}
         self._pending = [other for other in self._pending if id(other) not in kept]
         return agreeing
 
     def _beside(self, first: Closure, second: Closure) -> bool:
-        """Whether two closures join the same two stretches of the way."""
-        ways = self.ways
+        """Whether two closures join the same two stretches of the path."""
+        driven = self.driven
         return bool(
-            abs(ways[first.new] - ways[second.new]) < STRETCH
-            and abs(ways[first.old] - ways[second.old]) < STRETCH
+            abs(driven[first.new] - driven[second.new]) < STRETCH
+            and abs(driven[first.old] - driven[second.old]) < STRETCH
         )
 
     def _agree(self, first: Closure, second: Closure) -> bool:
@@ -270,11 +289,9 @@ class LoopCloser:
         old = between(self.keys[first.old].pose, self.keys[second.old].pose)
         new = between(self.keys[first.new].pose, self.keys[second.new].pose)
         error = between(compose(first.relative, new), compose(old, second.relative))
-        way = abs(self.ways[first.old] - self.ways[second.old])
-        way += abs(self.ways[first.new] - self.ways[second.new])
-        spread = np.array(
-            [0.05 + self._drift * way, 0.05 + self._drift * way, 0.015 + self._drift_turn * way]
-        )
+        way = abs(self.driven[first.old] - self.driven[second.old])
+        way += abs(self.driven[first.new] - self.driven[second.new])
+        spread = np.array([0.05 + DRIFT * way, 0.05 + DRIFT * way, 0.015 + DRIFT_TURN * way])
         lever = np.hypot(old[0], old[1]) * 0.015
         covariance = np.diag(spread**2 + np.array([lever, lever, 0.0]) ** 2)
         for closure in (first, second):
@@ -294,3 +311,26 @@ def closure_edges(closures: list[Closure]) -> Edges:
         np.ones(len(closures), np.bool_),
         np.repeat(FLOOR[None], len(closures), axis=0),
     )
+
+
+def _bounded(spread: Float) -> Float:
+    """A covariance (3, 3) of a window, neither so small nor so large as to be of no use."""
+    values, axes = np.linalg.eigh(spread[:2, :2])
+    place = np.clip(values, LEAST_SPREAD[0] ** 2, MOST_SPREAD[0] ** 2)
+    bounded = np.zeros((3, 3))
+    bounded[:2, :2] = axes @ np.diag(place) @ axes.T
+    bounded[2, 2] = np.clip(spread[2, 2], LEAST_SPREAD[2] ** 2, MOST_SPREAD[2] ** 2)
+    return bounded
+
+
+def _fixed(information: Float) -> Float:
+    """Information (3, 3) of a match without that on a direction which its walls do not fix.
+
+    What it says of the way along a corridor comes from the noise of normals.
+    """
+    direction, weakest = weakest_direction(information)
+    if weakest >= WEAK:
+        return information
+    across = np.eye(3)
+    across[:2, :2] -= np.outer(direction, direction)
+    return np.asarray(across @ information @ across)

@@ -12,15 +12,14 @@ import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.closures import (
-    CLOSURE_WAY,
+    CLOSURE_LENGTH,
+    LEAST_DISTANCE,
     LEAST_POINTS,
-    LEAST_WAY,
-    LEAST_WINDOW,
-    LEAST_WINDOW_TURN,
+    LEAST_SHARE,
     LoopCloser,
 )
 from lrf3d.slam.frames import between, compose
-from lrf3d.slam.front_end import ITERATIONS, REACH, WEAK, weakest_direction
+from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.violation import Key, contradicted
@@ -38,12 +37,15 @@ MOST_WITH = 8
 AROUND = 2.0
 """How far from the scan these key scans stand [m], at most."""
 
-CERTAIN_WAY = 10.0
+CERTAIN = 10.0
 """A robot is certain of its pose relative to key scans that are at most this way [m] over the graph
-from its last anchor: it drifts less than the least window in which closures are looked for."""
+from its last anchor: it drifts less than it may be off."""
 
-PLACE_COVARIANCE = np.diag(np.array([LEAST_WINDOW, LEAST_WINDOW, LEAST_WINDOW_TURN]) ** 2.0)
-"""Covariance of the pose of a scan there before it is matched: the least window of closures."""
+OFF, OFF_TURN = 0.3, 0.06
+"""How far [m], [rad] a scan there may be from where it is expected."""
+
+PLACE_COVARIANCE = np.diag([OFF**2, OFF**2, OFF_TURN**2])
+"""Covariance of the pose of a scan there before it is matched."""
 
 PLACE_INFORMATION = np.diag(1.0 / PLACE_COVARIANCE.diagonal())
 """The inverse of that covariance."""
@@ -80,40 +82,35 @@ def in_known_place(
         way: How far the robot has driven since [m].
         poses: (k, 3) estimated poses of the key scans.
     """
-    resolution, keys = closer.resolution, closer.keys
+    keys = closer.keys
     guess = compose(compose(poses[last.key], last.relative), between(last.front, scan.pose))
     apart = np.hypot(poses[:, 0] - guess[0], poses[:, 1] - guess[1])
-    old = closer.ways < closer.way - LEAST_WAY
+    old = closer.driven < closer.distance - LEAST_DISTANCE
     here = old & (apart < PLACE) & (np.abs(wrap_angle(poses[:, 2] - guess[2])) < PLACE_TURN)
     if here.sum() < ENOUGH or len(scan.surface) < LEAST_POINTS:
         return None
     uncertain = last.way + way
-    ways = closer.graph.distances(last.key, CERTAIN_WAY, here) + uncertain
-    here &= ways < CERTAIN_WAY
+    ways = closer.ways.lengths(last.key, CERTAIN) + uncertain
+    here &= ways < CERTAIN
     if here.sum() < ENOUGH:
         return None
-    near = np.flatnonzero(old & (apart < AROUND) & (ways < CERTAIN_WAY))
+    near = np.flatnonzero(old & (apart < AROUND) & (ways < CERTAIN))
     near = near[np.argsort(apart[near], kind="stable")][:MOST_WITH]
     around = [keys[k] for k in near.tolist()]
-    grid = wall_map(
-        ((key.walls, pose) for key, pose in zip(around, poses[near], strict=True)),
-        resolution.along,
-    )
+    grid = wall_map((key.walls, pose) for key, pose in zip(around, poses[near], strict=True))
     if grid is None:
         return None
-    match = match_scan(
-        scan.surface, grid, guess, PLACE_INFORMATION, ITERATIONS, REACH, resolution.sigma
-    )
+    match = match_scan(scan.surface, grid, guess, PLACE_INFORMATION)
     off = np.abs(between(guess, match.pose))
     if (
-        match.explained < resolution.overlap
-        or not max(off[0], off[1]) < LEAST_WINDOW
-        or not off[2] < LEAST_WINDOW_TURN
+        match.explained < LEAST_SHARE
+        or not max(off[0], off[1]) < OFF
+        or not off[2] < OFF_TURN
         or contradicted(around, scan, between(poses[near], match.pose))
     ):
         return None
     # Along a corridor the walls do not fix how far the robot has come: there it goes on drifting.
     weakest = weakest_direction(match.information)[1]
-    drift = CLOSURE_WAY if weakest >= WEAK else uncertain
+    drift = CLOSURE_LENGTH if weakest >= WEAK else uncertain
     nearest = int(np.where(here, apart, np.inf).argmin())
     return Anchor(scan.scan, nearest, between(poses[nearest], match.pose), scan.pose, drift)

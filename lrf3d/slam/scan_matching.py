@@ -16,7 +16,7 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
-from lrf3d.slam.surface import SurfaceGrid, unknown
+from lrf3d.slam.surface import ALONG, SurfaceGrid
 
 ALIGNED = 0.85
 """Least cosine between the normals of a point and of what it is matched to."""
@@ -27,6 +27,16 @@ in the end what lies farther off has moved or is not in the map."""
 
 PRIOR_SCALE = 4.0
 """How many deviations the guess may be off before its weight has halved."""
+
+REACH = 0.3
+"""How far off walls are looked for [m]; at most a cell of the grid."""
+
+SIGMA = 0.06
+"""Standard deviation [m] that a point's distance to its line counts with. The noise of a range is
+about 0.01 m, but points of one wall share the errors of its normal and of the map."""
+
+ITERATIONS = 12
+"""Most Gauss-Newton steps of a match; six are usual."""
 
 STEP = 1e-4
 """An iteration that moves the pose by less [m, rad] is the last."""
@@ -48,8 +58,27 @@ class Match(NamedTuple):
     deviation: float
 
 
-@compiled
 def match_scan(
+    surface: Float,
+    grid: SurfaceGrid,
+    guess: Float,
+    prior: Float,
+    iterations: int = ITERATIONS,
+) -> Match:
+    """Match a surface (m, 4), in the frame of the robot, with a map.
+
+    Args:
+        surface: What the scan saw.
+        grid: The map's surface.
+        guess: (3,) the expected pose.
+        prior: (3, 3) its information matrix.
+        iterations: How many Gauss-Newton steps to take at most.
+    """
+    return Match(*_matched(surface, grid, guess, prior, iterations, REACH, SIGMA))
+
+
+@compiled
+def _matched(
     surface: Float,
     grid: SurfaceGrid,
     guess: Float,
@@ -57,18 +86,8 @@ def match_scan(
     iterations: int,
     reach: float,
     sigma: float,
-) -> Match:
-    """Match a surface (m, 4) with a map.
-
-    Args:
-        surface: What the scan saw, in the frame of the robot.
-        grid: The map's surface.
-        guess: (3,) the expected pose.
-        prior: (3, 3) its information matrix.
-        iterations: How many Gauss-Newton steps to take at most.
-        reach: How far off [m] matches are looked for; at most a cell of the grid.
-        sigma: Standard deviation [m] that a point's distance to its line counts with.
-    """
+) -> tuple[Float, Float, float, float]:
+    """The fields of a match. A plain tuple: numba makes a NamedTuple by calling Python code."""
     pose = guess.copy()
     scan_part = np.zeros((3, 3))
     gradient = np.zeros(3)
@@ -88,10 +107,6 @@ def match_scan(
             v = sin * surface[i, 0] + cos * surface[i, 1]
             nx = cos * surface[i, 2] - sin * surface[i, 3]
             ny = sin * surface[i, 2] + cos * surface[i, 3]
-            if unknown(nx, ny):
-                if not _normal_near(grid, pose[0] + u, pose[1] + v, nx, ny, reach, line):
-                    continue
-                nx, ny = line[0], line[1]
             if not _line_near(grid, pose[0] + u, pose[1] + v, nx, ny, reach, line):
                 continue
             distance = line[2]
@@ -132,33 +147,7 @@ def match_scan(
             farthest = max(farthest, abs(step[a]))
         if iteration >= 4 and farthest < STEP:
             break
-    return Match(pose, scan_part, explained, deviation)
-
-
-@inner
-def _normal_near(
-    grid: SurfaceGrid, x: float, y: float, vx: float, vy: float, reach: float, line: Float
-) -> bool:
-    """Whether a wall near a point faces a direction, and the normal of the nearest into a line."""
-    columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
-    column = int(np.floor((x - grid.corner[0]) / cell))
-    row = int(np.floor((y - grid.corner[1]) / cell))
-    if column < 0 or row < 0 or column >= columns or row >= rows:
-        return False
-    nearest = reach * reach + grid.size[3] * grid.size[3]
-    found = False
-    for other_row in range(max(row - 1, 0), min(row + 2, rows)):
-        begin = grid.first[other_row * columns + max(column - 1, 0)]
-        end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
-        for k in range(begin, end):
-            dx, dy = x - grid.surface[k, 0], y - grid.surface[k, 1]
-            square = dx * dx + dy * dy
-            mx, my = grid.surface[k, 2], grid.surface[k, 3]
-            if square < nearest and not unknown(mx, my) and mx * vx + my * vy > 0.0:
-                nearest = square
-                line[0], line[1] = mx, my
-                found = True
-    return found
+    return pose, scan_part, explained, deviation
 
 
 @inner
@@ -175,7 +164,7 @@ def _line_near(
     row = int(np.floor((y - grid.corner[1]) / cell))
     if column < 0 or row < 0 or column >= columns or row >= rows:
         return False
-    farthest = grid.size[3] * grid.size[3]
+    farthest = ALONG * ALONG
     total = sum_x = sum_y = sum_off = 0.0
     for other_row in range(max(row - 1, 0), min(row + 2, rows)):
         begin = grid.first[other_row * columns + max(column - 1, 0)]

@@ -8,6 +8,7 @@ width put rooms onto each other, and beams through walls.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,16 @@ class SelfCheck:
     def passed(self) -> bool:
         """Whether nothing contradicts the poses."""
         return self.violation <= MOST_THROUGH and self.worst_violation <= MOST_THROUGH_PART
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        return {
+            "passed": self.passed,
+            "violation": self.violation,
+            "worst_violation": self.worst_violation,
+            "worst_scans": list(self.worst_scans),
+            "key_scans_compared": self.compared,
+        }
 
     def sentences(self) -> list[str]:
         """What is wrong, a sentence each; an empty list where nothing is."""

@@ -2,7 +2,7 @@
 
 A scan and the odometry increment since the last one enter. The front end places the scan. Each key
 scan is searched for loop closures; where a loop closes, the pose graph is optimised, the poses move
-and the map is drawn anew.
+and the map is drawn again.
 """
 
 from collections.abc import Sequence
@@ -10,29 +10,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, sealed, whole_number
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, Int, is_finite, sealed, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose
-from lrf3d.slam.closures import LEAST_WAY, Closure, LoopCloser, closure_edges
-from lrf3d.slam.edge_errors import ErrorModel, deviation_of
+from lrf3d.slam.closures import LEAST_DISTANCE, Closure, LoopCloser, closure_edges
+from lrf3d.slam.covariance import pose_covariances, relative_covariance, scaled, variance_factor
 from lrf3d.slam.frames import bent, between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import PLACE_COVARIANCE, Anchor, in_known_place
-from lrf3d.slam.line_adjustment import adjusted
 from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
 from lrf3d.slam.refinement import refined
-from lrf3d.slam.resolution import DENSE, Resolution
+from lrf3d.slam.scan_matching import SIGMA
 from lrf3d.slam.self_check import SelfCheck, self_check
-from lrf3d.slam.surface import surface_of_scan
-from lrf3d.slam.uncertainty import (
-    EdgeErrors,
-    pose_covariances,
-    relative_covariance,
-    variance_factor,
-)
+from lrf3d.slam.surface import LEAST_NOISE, evenly_spaced, range_noise, surface_of_scan
 from lrf3d.slam.violation import Key
 from lrf3d.slam.wheels import Wheels
 
@@ -51,6 +44,12 @@ FINAL_ITERATIONS = 20
 LEAST_ROOM = 256
 """Key scans that there is room for at first."""
 
+FARTHEST_STEP = 1000.0
+"""Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""
+
+LEARNED_NOISE = 0.95
+"""Weight of the scans before in the mean noise of the ranges, at each scan."""
+
 
 class Slam:
     """Follows a robot and maps its world, from scans and odometry increments alone.
@@ -59,7 +58,7 @@ class Slam:
         lrf: The laser range finder; if given, a scan with another number of beams is refused.
         start: Pose of the robot at its first scan.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
-        key_distance: Way from one key scan to the next [m].
+        key_distance: Distance from one key scan to the next [m].
         key_turn: Turn from one key scan to the next [rad].
         wheels: The wheels' errors as found in an earlier drive, of which a copy is kept.
 
@@ -89,32 +88,32 @@ class Slam:
         wheels: Wheels | None = None,
     ) -> None:
         values = (laser_offset, key_distance, key_turn)
-        if not (np.isfinite(values).all() and key_distance > 0.0 and key_turn > 0.0):
+        if not (is_finite(*values) and key_distance > 0.0 and key_turn > 0.0):
             raise InputError(
-                f"slam: laser_offset, key_distance and key_turn are {values}; expected finite"
-                " numbers, the last two positive"
+                f"slam: laser_offset, key_distance and key_turn are {shown(values)}; expected"
+                " finite numbers, the last two positive"
             )
         self._lrf = lrf
         self._start = np.array(as_pose(start))
         self._laser = sealed(np.array([laser_offset, 0.0]))
         self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn, wheels=wheels)
-        self._resolution = DENSE
         self._closer = LoopCloser()
-        self._error_model = ErrorModel()
         self._tracked: list[Tracked] = []
+        self._noise = 0.0
         self._room = np.empty((LEAST_ROOM, 3))
-        self._key_count = 0
         self._edges = Edges.none()
         # Edges that came since the last optimisation: joining them each time would cost the more
         # the longer the drive is.
         self._new_edges: list[Edges] = []
+        # What wheels say of the way since the last anchor: its covariance, and how its end moves
+        # with their scale where only they measure it.
         self._wheel_covariance = np.zeros((3, 3))
         # The variance factor at the last optimisation, and how many closures there were then.
         self._variance, self._closures_used = 0.0, 0
         self._anchors: list[Anchor] = []
         self._scans: list[LaserScan] = []
         # A bound method, unlike a function made here, follows copies of this object.
-        self._map = KeyMap(self._placed, self._start)
+        self._map = KeyMap(self._placed)
 
     def __repr__(self) -> str:
         return (
@@ -131,9 +130,22 @@ class Slam:
                 [m], turn [rad].
 
         Raises:
-            InputError: The scan has no beams or another number than the laser range finder, or the
-                odometry is not three finite numbers.
+            InputError: It is no scan, has no beams or another number than the laser range finder,
+                or the odometry is not three finite numbers that a robot can have moved by.
         """
+        increment = self._checked(scan, odometry)
+        self._tracked.append(self._front.track(self.surface_of(scan), increment))
+        self._wheel_covariance += self._tracked[-1].covariance
+        if self._front.key_due():
+            key = self._key_of(scan)
+            self._front.add_key(key)
+            self._anchor(key, scan)
+        self._map.update(self._key_poses)
+
+    def _checked(self, scan: LaserScan, odometry: Sequence[float] | Float) -> Float:
+        """The odometry increment (3,), once it and the scan are what they should be."""
+        if not isinstance(scan, LaserScan):
+            raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
         if not len(scan.ranges):
             raise InputError("slam: scan of 0 beams; expected at least one")
         if self._lrf is not None and len(scan.ranges) != self._lrf.beams:
@@ -142,18 +154,28 @@ class Slam:
                 f" {self._lrf.beams}"
             )
         increment = np.array(as_pose(odometry))
-        if not self._tracked:
-            self._resolution = Resolution.of(scan.angles)
-            self._front.resolution = self._resolution
-            self._closer = LoopCloser(self._resolution)
-            self._error_model = ErrorModel(self._resolution)
-        surface = surface_of_scan(scan, self._laser, sparse=self._resolution.sparse)
-        self._tracked.append(self._front.track(surface, increment))
-        self._wheel_covariance += self._tracked[-1].covariance
-        if self._front.key_due():
-            self._anchor(scan, *self._front.add_key(surface))
-            self._map.update(self._key_poses, self._robot)
-        self._map.go_on()
+        if np.abs(increment).max() > FARTHEST_STEP:
+            raise InputError(
+                f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
+                f" most {FARTHEST_STEP:g} m and rad"
+            )
+        return increment
+
+    def surface_of(self, scan: LaserScan) -> Float:
+        """What a scan saw (m, 4), in the frame of the robot, by the noise that is known by now."""
+        seen = range_noise(scan)
+        kept = LEARNED_NOISE if self._noise else 0.0
+        self._noise = kept * self._noise + (1.0 - kept) * seen
+        return surface_of_scan(scan, self._laser, max(self._noise, LEAST_NOISE))
+
+    def _key_of(self, scan: LaserScan) -> Key:
+        """The newest scan as a key scan."""
+        # A laser that hangs upside down turns clockwise.
+        order = -1 if scan.angles[0] > scan.angles[-1] else 1
+        beams, surface = (scan.angles[::order], scan.ranges[::order]), self._front.surface
+        number, pose = len(self._tracked) - 1, self._tracked[-1].pose
+        walls = evenly_spaced(surface)
+        return Key(number, pose, surface, walls, *beams, self._laser, self._noise)
 
     @property
     def pose(self) -> Pose:
@@ -180,11 +202,9 @@ class Slam:
         poses, edges = self._key_poses, self._used_edges()
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
             poses = np.vstack([poses, self._robot])
-            edges = Edges.joined([edges, self._edge_to_last()])
-        if len(poses) < 2:
-            return np.zeros((3, 3))
-        errors, newest = self._edge_errors(len(self._tracked)), np.array([len(poses) - 1])
-        return turned(pose_covariances(poses, edges, errors, newest)[0], float(self._start[2]))
+            edges = Edges.joined([edges, scaled(self._edge_to_last(), self._variance_now())])
+        newest = np.array([max(len(poses) - 1, 0)])
+        return turned(pose_covariances(poses, edges, newest)[0], float(self._start[2]))
 
     def covariances(self, numbers: Sequence[int] | Int) -> Float:
         """Covariances (m, 3, 3) of the poses of some key scans, x, y [m], theta [rad].
@@ -197,7 +217,7 @@ class Slam:
         """
         if not len(chosen := self._key_numbers(numbers)):
             return np.zeros((0, 3, 3))
-        found = pose_covariances(self._key_poses, self._used_edges(), self._edge_errors(), chosen)
+        found = pose_covariances(self._key_poses, self._used_edges(), chosen)
         return turned(found, float(self._start[2]))
 
     def relative_covariance(self, first: int, second: int) -> Float:
@@ -213,35 +233,38 @@ class Slam:
         seen_from, seen = self._key_numbers((first, second)).tolist()
         if seen_from == seen:
             return np.zeros((3, 3))
-        edges, errors = self._used_edges(), self._edge_errors()
-        return relative_covariance(self._key_poses, edges, errors, seen_from, seen)
+        return relative_covariance(self._key_poses, self._used_edges(), seen_from, seen)
 
     def _key_numbers(self, numbers: Sequence[int] | Int) -> Int:
         """Numbers (m,) of key scans from outside, checked."""
-        if len(numbers) and not self._key_count:
+        count = len(self._closer.keys)
+        if len(numbers) and not count:
             raise InputError(f"slam: key scan {numbers[0]}: there is none before the first scan")
-        most = self._key_count - 1
+        most = count - 1
         checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
         return np.array(checked, dtype=np.int64)
 
     def _used_edges(self) -> Edges:
-        """The edges that the poses fit: all but the closures since the last optimisation."""
+        """The edges that the poses fit, all but the closures since then, as exact as they are."""
         edges = self._gathered_edges()
-        return edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
+        used = edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
+        return scaled(used, self._variance_now())
 
-    def _edge_errors(self, scans: int | None = None) -> EdgeErrors:
-        """What these edges' errors are made of, up to the last key scan or a number of scans."""
-        keys, used = self._closer.keys, self._closer.accepted[: self._closures_used]
-        tracked = self._tracked[: keys[-1].scan + 1 if scans is None else scans]
-        anchored = self._anchored[: np.searchsorted(self._anchored, len(tracked))]
-        return self._error_model.edge_errors(tracked, anchored, keys, used)
+    def _variance_now(self) -> float:
+        """The variance factor: before there was any optimisation, that of the matched points."""
+        return self._variance or variance_factor(self._key_poses, Edges.none(), self._deviation())
+
+    def _deviation(self) -> float:
+        """RMS distance of matched points to their walls, over what one counts with."""
+        deviations = [scan.deviation for scan in self._tracked if scan.matched]
+        return float(np.median(deviations)) / SIGMA if deviations else 1.0
 
     @property
     def map(self) -> LineMap:
         """The map of the key scans, computed when it is read.
 
-        Where a closed loop has moved key scans, it is right around the robot at once, and drawn
-        anew elsewhere within the next scans: see `lrf3d.slam.key_map`.
+        Where a closed loop has moved key scans, it is drawn again within the next scans: see
+        `lrf3d.slam.key_map`.
         """
         return self._map.map()
 
@@ -293,41 +316,43 @@ class Slam:
         return self._front.wheels
 
     @property
-    def tracked(self) -> list[Tracked]:
+    def tracked(self) -> tuple[Tracked, ...]:
         """How the front end placed each scan, in its own drifting frame."""
-        return self._tracked
+        return tuple(self._tracked)
 
     def finish(self) -> None:
-        """Adjust all poses, once the last scan is in: by the pose graph, then by the walls.
-
-        The walls replace the closures: they fix poses better than the relative poses of two scans
-        do, and a closure that was wrong leaves no trace.
-        """
-        edges = self._gathered_edges()
-        if len(edges):
-            poses = optimised(self._key_poses, edges, FINAL_ITERATIONS)
-            surfaces = [key.surface for key in self._closer.keys]
-            self._room[: len(poses)] = adjusted(poses, edges.part(~edges.robust), surfaces)
-            self._closures_used = len(self._closer.accepted)
+        """Adjust all poses, once the last scan is in and no more closures can come."""
+        self._add_closures(self._closer.settle())
+        if len(edges := self._gathered_edges()):
+            self._move_keys(optimised(self._key_poses, edges, FINAL_ITERATIONS), edges)
             self._map.redraw(self._key_poses)
 
     def refined(self, scans: Sequence[LaserScan]) -> Float:
-        """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them."""
-        keys, key_poses = self._closer.keys, self._key_poses
-        poses, motions = self.scan_poses(key_poses), np.array([t.motion for t in self._tracked])
-        found = refined(scans, poses, motions, keys, key_poses, self._anchored)
+        """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them.
+
+        Raises:
+            InputError: These are not as many scans as were taken in.
+        """
+        if len(scans) != len(self._tracked):
+            raise InputError(
+                f"slam: {len(scans)} scans to refine; expected all {len(self._tracked)}"
+            )
+        surfaces = [self.surface_of(scan) for scan in scans]
+        motions = np.array([scan.motion for scan in self._tracked]).reshape(-1, 3)
+        poses, keys = self.scan_poses(self._key_poses), self._closer.keys
+        found = refined(surfaces, poses, motions, keys, self._key_poses, self._anchored)
         poses = compose(self._start, found)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
 
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
-        return self_check(self._closer.keys, self._key_poses, self._closer.ways)
+        return self_check(self._closer.keys, self._key_poses, self._closer.driven)
 
     @property
     def _key_poses(self) -> Float:
         """Poses (k, 3) of the key scans since the start, as they are estimated now."""
-        return self._room[: self._key_count]
+        return self._room[: len(self._closer.keys)]
 
     def _gathered_edges(self) -> Edges:
         """All edges of the pose graph."""
@@ -338,7 +363,7 @@ class Slam:
     def _edge_to_last(self) -> Edges:
         """The edge from the last key scan to the last scan."""
         tracked, relative = self._tracked[-1], self._since_key()
-        first, second = np.array([self._anchors[-1].key]), np.array([self._key_count])
+        first, second = np.array([self._anchors[-1].key]), np.array([len(self._closer.keys)])
         # The information is along the axes of the new pose; the edge's is along the old one's.
         turn = float(relative[2])
         wheels = turned(np.diag(1.0 / self._wheel_covariance.diagonal()), turn)
@@ -346,55 +371,59 @@ class Slam:
         never = np.array([False])
         return Edges(first, second, relative[None], information[None], never, wheels[None])
 
-    def _anchor(self, scan: LaserScan, surface: Float, walls: Float) -> None:
+    def _anchor(self, key: Key, scan: LaserScan) -> None:
         """Hang the newest scan on a key scan if it stands in a known place, or make it one."""
-        tracked, number = self._tracked[-1], len(self._tracked) - 1
-        # A laser that hangs upside down turns clockwise.
-        order = -1 if scan.angles[0] > scan.angles[-1] else 1
-        beams = scan.angles[::order], scan.ranges[::order]
-        key = Key(number, tracked.pose, surface, walls, *beams, self._laser)
         if not self._anchors:
             self._add_key(key, scan, np.zeros(3))
             return
-        last = self._anchors[-1]
+        last, closer = self._anchors[-1], self._closer
         lost = sum(not scan.matched for scan in self._tracked[last.scan + 1 :])
-        way = self._closer.drive(between(last.front, tracked.pose), lost)
-        if self._closer.ways[-1] > LEAST_WAY:
-            place = in_known_place(self._closer, key, last, way, self._key_poses)
+        length = closer.drive(between(last.front, key.pose), lost)
+        if closer.driven[-1] > LEAST_DISTANCE:
+            place = in_known_place(closer, key, last, length, self._key_poses)
             if place is not None:
                 self._anchors.append(place)
                 self._wheel_covariance = PLACE_COVARIANCE.copy()
                 return
-        self._new_edges.append(self._edge_to_last())
-        self._add_key(key, scan, self._robot, last, last.way + way)
+        edge = self._edge_to_last()
+        self._new_edges.append(edge)
+        closer.link(edge, last.way + length, lost)
+        self._add_key(key, scan, self._robot, hung=last.scan != closer.keys[last.key].scan)
         self._close_loops()
 
-    def _add_key(
-        self, key: Key, scan: LaserScan, pose: Float, last: Anchor | None = None, way: float = 0.0
-    ) -> None:
+    def _add_key(self, key: Key, scan: LaserScan, pose: Float, *, hung: bool = False) -> None:
         """Add a vertex to the pose graph."""
-        reference = -1 if last is None else last.key
-        hung = last is not None and last.scan != self._closer.keys[last.key].scan
-        if self._key_count == len(self._room):
+        number = len(self._closer.keys)
+        if number == len(self._room):
             self._room = np.concatenate([self._room, np.empty_like(self._room)])
-        self._room[self._key_count] = pose
-        self._anchors.append(Anchor(key.scan, self._key_count, np.zeros(3), key.pose))
-        self._key_count += 1
+        self._room[number] = pose
+        self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose))
         self._scans.append(scan)
         self._wheel_covariance = np.zeros((3, 3))
-        self._closer.add_key(key, reference, way, hung=hung)
+        self._closer.add_key(key, hung=hung)
 
     def _close_loops(self) -> None:
         """Find the loops that the newest key scan closes, and optimise what they change."""
-        closures = self._closer.search(self._key_poses)
+        closures = self._closer.search(self._key_poses, self.wheels.scale_deviation)
         if not closures:
             return
-        more = closure_edges(closures)
-        self._new_edges.append(more)
+        more = self._add_closures(closures)
         if (more.squares(self._key_poses) > NEWS**2 * self._variance).any():
             edges = self._gathered_edges()
-            poses = optimised_around(self._key_poses, edges, self._closer.ways_from_newest)
-            self._room[: len(poses)] = poses
-            deviation = deviation_of(self._tracked, self._resolution.sigma)
-            self._variance = min(variance_factor(poses, edges, deviation), 1.0)
-            self._closures_used = len(self._closer.accepted)
+            newest = len(self._closer.keys) - 1
+            poses = optimised_around(
+                self._key_poses, edges, lambda limit: self._closer.ways.lengths(newest, limit)
+            )
+            self._move_keys(poses, edges)
+
+    def _add_closures(self, closures: list[Closure]) -> Edges:
+        """Add closures to the pose graph; returns their edges."""
+        more = closure_edges(closures) if closures else Edges.none()
+        self._new_edges.append(more)
+        return more
+
+    def _move_keys(self, poses: Float, edges: Edges) -> None:
+        """Take over the poses (k, 3) that fit edges, and how well they do."""
+        self._room[: len(poses)] = poses
+        self._variance = min(variance_factor(poses, edges, self._deviation()), 1.0)
+        self._closures_used = len(self._closer.accepted)

@@ -1,11 +1,9 @@
 """Surfaces: what a scan saw, as points with normals, and a grid that finds those near a place.
 
 The points of a scan enter, in the order in which the beams turn; a surface leaves, rows x, y [m] of
-a point on a straight piece of wall and the unit normal of that wall, which faces the laser. Points
-with no straight neighbourhood are left out, for no line can be matched to them.
-
-The beams of a sparse laser meet a wall too far apart for that. Its points have unknown normals, for
-which a tenth of the direction to the laser stands; a map of many scans finds them.
+a point and a unit normal there. On a straight piece of wall the normal is that of the wall, and
+faces the laser. A trunk or a corner has no normal: it counts as two small walls, along and across
+its beam, so that one way of matching serves walls and trees.
 """
 
 from collections.abc import Iterable
@@ -18,19 +16,23 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 
-BASELINE = 0.15
+BASELINE, BASELINE_GROWTH, BASELINE_NOISE = 0.15, 0.03, 5.0
 """How far a normal reaches to both sides [m]: at 1 m range beams stand 2 cm apart, and the noise of
-a centimetre would turn the normal of adjacent points at will."""
+a centimetre would turn the normal of adjacent points at will. Far off it reaches this share of the
+range, where beams stand farther apart, and this many deviations of a noisy laser."""
 
-MOST_NEIGHBOURS = 8
-"""Points that a normal takes in to each side at most, which bounds its cost near a wall."""
+LEAST_TO_SIDE, MOST_TO_SIDE = 2, 8
+"""Points that a normal takes in to each side: at least, which is what lasers of few beams show of a
+wall, and at most, which bounds its cost near a wall; of noisy ones more."""
 
-CONNECTED, CONNECTED_GROWTH = 0.2, 0.1
+CONNECTED, CONNECTED_GROWTH, CONNECTED_SPACING = 0.2, 0.1, 3.0
 """Following points are of one surface if at most this far apart [m], and this share of the range
-more: beams fan out, and meet walls under flat angles."""
+more: beams fan out, and meet walls under flat angles. Lasers of few beams need the third, spacings
+of their beams."""
 
-STRAIGHT = 0.03
-"""Largest RMS distance [m] of points to their line: three times a usual range noise."""
+STRAIGHT, STRAIGHT_GROWTH, STRAIGHT_NOISE = 0.03, 0.006, 1.5
+"""Largest RMS distance [m] of points to their line: three times a usual range noise; as a share of
+the range, for hedges far off are as good as walls; and in deviations of a noisy laser."""
 
 FLATTEST = 0.1
 """Least cosine between beam and normal: a line that the beam runs along joins two surfaces."""
@@ -41,18 +43,8 @@ FILLED, FILLED_WITHIN = 0.15, 2.0
 THINNED = 0.05
 """And they lie at least this far apart [m]: 0.03 takes a tenth more time for the same errors."""
 
-UNKNOWN = 0.1
-"""Length of the direction to the laser that stands for a normal which is not known."""
-
-LEAST_APART = 0.1
-"""Points that give a line lie at least this far apart [m]: a laser meets a wall ahead at one place
-again and again."""
-
-LEAST_ON_LINE = 4
-"""Points that a line of the map of a sparse laser has at least."""
-
-MOST_AROUND, MOST_LINES = 40, 12
-"""Points around one that its normal is found from, and lines to them that are tried, at most."""
+ALONG = 0.25
+"""How far along a wall a point of it speaks for the wall [m]."""
 
 CELL = 0.3
 """Side of a cell of the grid [m]; lookups see a cell and those around it."""
@@ -60,19 +52,59 @@ CELL = 0.3
 MOST_CELLS = 4_000_000
 """Cells that a grid has at most; if there were more, they are made larger."""
 
+CLUTTER = 0
+
+LEAST_NOISE = 0.01
+"""Noise of a usual range [m]; that of a scan is never taken for less."""
+
+
+def range_noise(scan: LaserScan) -> float:
+    """The standard deviation [m] of a scan's ranges, from how rough they are from beam to beam.
+
+    The second differences of a smooth wall's ranges are those of the noise alone, and the median
+    ignores the edges. It is 0 for a scan of too few hits.
+    """
+    ranges = np.where(scan.hits, scan.ranges, np.nan)
+    rough = np.abs(ranges[2:] - 2.0 * ranges[1:-1] + ranges[:-2])
+    known = rough[np.isfinite(rough)]
+    return float(1.4826 * np.median(known) / np.sqrt(6.0)) if len(known) else 0.0
+
+
+def surface_of_scan(scan: LaserScan, laser: Float, noise: float = LEAST_NOISE) -> Float:
+    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m].
+
+    Args:
+        scan: The scan.
+        laser: The place of the laser.
+        noise: Standard deviation of the ranges [m].
+    """
+    hits = scan.hits
+    points = scan.ranges[hits, None] * beam_directions(0.0, scan.angles[hits]) + laser
+    step = abs(float(scan.angles[-1] - scan.angles[0])) / max(len(scan.angles) - 1, 1)
+    return surface_of(points, laser, step, noise)
+
 
 @compiled
-def surface_of(points: Float, laser: Float) -> Float:
-    """Surface (m, 4) of points (n, 2) [m] seen in this order from the laser at (2,) [m]."""
+def surface_of(points: Float, laser: Float, step: float, noise: float) -> Float:
+    """Surface (m, 4) of points (n, 2) [m] seen in this order from the laser at (2,) [m].
+
+    Args:
+        points: The points.
+        laser: The place of the laser.
+        step: The angle between adjacent beams [rad].
+        noise: Standard deviation of the ranges [m].
+    """
     count = len(points)
-    found = np.empty((count, 4))
+    found = np.empty((2 * count, 4))
     kept = 0
     for i in range(count):
-        first = _reach(points, laser, i, -1)
-        last = _reach(points, laser, i, 1)
-        number = last - first + 1
-        if number < 3:
+        beam_x, beam_y = points[i, 0] - laser[0], points[i, 1] - laser[1]
+        away = np.sqrt(beam_x * beam_x + beam_y * beam_y)
+        if away == 0.0:
             continue
+        first = _reach(points, i, -1, away, step, noise)
+        last = _reach(points, i, 1, away, step, noise)
+        number = last - first + 1
         mean_x = mean_y = 0.0
         for k in range(first, last + 1):
             mean_x += points[k, 0] / number
@@ -87,14 +119,22 @@ def surface_of(points: Float, laser: Float) -> Float:
         root = np.sqrt(half * half + xy * xy)
         across = max(0.5 * (xx + yy) - root, 0.0)
         along = 0.5 * (xx + yy) + root
-        if across > number * STRAIGHT * STRAIGHT or across > 0.1 * along:
-            continue
+        straight = max(STRAIGHT, max(STRAIGHT_GROWTH * away, STRAIGHT_NOISE * noise))
         angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
         nx, ny = -np.sin(angle), np.cos(angle)
-        beam_x, beam_y = points[i, 0] - laser[0], points[i, 1] - laser[1]
-        reach = np.sqrt(beam_x * beam_x + beam_y * beam_y)
         facing = -(nx * beam_x + ny * beam_y)
-        if abs(facing) < FLATTEST * reach:
+        if (
+            number < 3
+            or across > number * straight * straight
+            or across > 0.1 * along
+            or abs(facing) < FLATTEST * away
+        ):
+            # No wall: once against the beam, and once to its left.
+            for turn in range(CLUTTER):
+                found[kept, 0], found[kept, 1] = points[i, 0], points[i, 1]
+                found[kept, 2] = -beam_x / away if turn == 0 else -beam_y / away
+                found[kept, 3] = -beam_y / away if turn == 0 else beam_x / away
+                kept += 1
             continue
         if facing < 0.0:
             nx, ny = -nx, -ny
@@ -109,21 +149,23 @@ def surface_of(points: Float, laser: Float) -> Float:
 
 
 @inner
-def _reach(points: Float, laser: Float, i: int, way: int) -> int:
+def _reach(points: Float, i: int, way: int, away: float, step: float, noise: float) -> int:
     """The last point on one side of a point that its normal takes in."""
+    baseline = max(BASELINE, max(BASELINE_GROWTH * away, BASELINE_NOISE * noise))
+    gap = CONNECTED + away * max(CONNECTED_GROWTH, CONNECTED_SPACING * step)
+    gap = max(gap, BASELINE_NOISE * noise)
+    most = int(MOST_TO_SIDE * max(1.0, BASELINE_NOISE * noise / BASELINE))
     end = i
-    for _ in range(MOST_NEIGHBOURS):
+    for number in range(most):
         k = end + way
         if k < 0 or k >= len(points):
             break
         dx, dy = points[k, 0] - points[end, 0], points[k, 1] - points[end, 1]
-        bx, by = points[end, 0] - laser[0], points[end, 1] - laser[1]
-        gap = CONNECTED + CONNECTED_GROWTH * np.sqrt(bx * bx + by * by)
         if dx * dx + dy * dy > gap * gap:
             break
         end = k
         dx, dy = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1]
-        if dx * dx + dy * dy > BASELINE * BASELINE:
+        if number + 1 >= LEAST_TO_SIDE and dx * dx + dy * dy > baseline * baseline:
             break
     return end
 
@@ -190,27 +232,6 @@ def _between(surface: Float, i: int) -> int:
     return int(apart / FILLED)
 
 
-def surface_of_scan(scan: LaserScan, laser: Float, *, sparse: bool) -> Float:
-    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m].
-
-    Args:
-        scan: The scan.
-        laser: The place of the laser.
-        sparse: Whether its beams are too far apart for normals, which stay unknown then.
-    """
-    hits = scan.hits
-    directions = beam_directions(0.0, scan.angles[hits])
-    points = scan.ranges[hits, None] * directions + laser
-    if sparse:
-        return np.column_stack([points, -UNKNOWN * directions])
-    return surface_of(points, laser)
-
-
-def is_unknown(surface: Float) -> Bool:
-    """Whether the normal of each point (m,) of a surface (m, 4) is unknown."""
-    return np.asarray(np.hypot(surface[:, 2], surface[:, 3]) < 0.5)
-
-
 class SurfaceGrid(NamedTuple):
     """A surface whose points are sorted into square cells.
 
@@ -218,8 +239,7 @@ class SurfaceGrid(NamedTuple):
         surface: (m, 4) the points and normals, cell by cell.
         first: (rows · columns + 1,) the first point of each cell.
         corner: (2,) the lower left corner of the grid [m].
-        size: (4,) columns, rows, the side of a cell [m], and how far along a wall a point of it
-            speaks for the wall [m].
+        size: (3,) columns, rows, and the side of a cell [m].
     """
 
     surface: Float
@@ -228,25 +248,32 @@ class SurfaceGrid(NamedTuple):
     size: Float
 
 
-@compiled
-def grid_of(surface: Float, along: float) -> SurfaceGrid:
-    """Sort a surface (m, 4), which may not be empty, into cells.
+def grid_of(surface: Float) -> SurfaceGrid:
+    """Sort a surface (m, 4), which may not be empty, into cells."""
+    return SurfaceGrid(*_sorted(surface))
 
-    Args:
-        surface: The points and normals.
-        along: How far along a wall a point of it speaks for the wall [m].
-    """
+
+def wall_map(parts: Iterable[tuple[Float, Float]]) -> SurfaceGrid | None:
+    """The map of surfaces (m, 4) at poses (3,); None if there is no point in it."""
+    clouds = [moved(surface, pose) for surface, pose in parts]
+    cloud = np.concatenate(clouds) if clouds else np.empty((0, 4))
+    return grid_of(cloud) if len(cloud) else None
+
+
+@compiled
+def _sorted(surface: Float) -> tuple[Float, Int, Float, Float]:
+    """The fields of the grid of a surface (m, 4)."""
     left = right = surface[0, 0]
     low = high = surface[0, 1]
     for i in range(len(surface)):
         left, right = min(left, surface[i, 0]), max(right, surface[i, 0])
         low, high = min(low, surface[i, 1]), max(high, surface[i, 1])
-    cell = max(max(CELL, along), np.sqrt((right - left) * (high - low) / MOST_CELLS))
+    cell = max(CELL, np.sqrt((right - left) * (high - low) / MOST_CELLS))
     # One empty cell all around spares lookups from asking whether a neighbour exists.
     columns = int((right - left) / cell) + 3
     rows = int((high - low) / cell) + 3
     corner = np.array([left - cell, low - cell])
-    size = np.array([float(columns), float(rows), cell, along])
+    size = np.array([float(columns), float(rows), cell])
     first = np.zeros(columns * rows + 1, np.int64)
     places = np.empty(len(surface), np.int64)
     for i in range(len(surface)):
@@ -263,97 +290,4 @@ def grid_of(surface: Float, along: float) -> SurfaceGrid:
         filled[places[i]] += 1
         for k in range(4):
             ordered[target, k] = surface[i, k]
-    return SurfaceGrid(ordered, first, corner, size)
-
-
-def wall_map(parts: Iterable[tuple[Float, Float]], along: float) -> SurfaceGrid | None:
-    """The map of surfaces (m, 4) at poses (3,); None if there is no point in it.
-
-    Args:
-        parts: The surfaces and their poses.
-        along: How far along a wall a point of it speaks for the wall [m]: see `Resolution`.
-    """
-    clouds = [moved(surface, pose) for surface, pose in parts]
-    cloud = np.concatenate(clouds) if clouds else np.empty((0, 4))
-    if not len(cloud):
-        return None
-    grid = grid_of(cloud, along)
-    find_normals(grid)
-    return grid
-
-
-@compiled
-def find_normals(grid: SurfaceGrid) -> None:
-    """Find the unknown normals of a map's points, from the points around them.
-
-    The wall through a point is the line to one of its neighbours that most of the others lie on. A
-    point without such a line keeps its unknown normal: nothing is matched to it.
-    """
-    columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
-    baseline = grid.size[3]
-    cloud = grid.surface.copy()
-    near = np.empty((MOST_AROUND, 2))
-    for i in range(len(cloud)):
-        if not unknown(cloud[i, 2], cloud[i, 3]):
-            continue
-        x, y, vx, vy = cloud[i, 0], cloud[i, 1], cloud[i, 2], cloud[i, 3]
-        column = int((x - grid.corner[0]) / cell)
-        row = int((y - grid.corner[1]) / cell)
-        count = 0
-        for other_row in range(max(row - 1, 0), min(row + 2, rows)):
-            begin = grid.first[other_row * columns + max(column - 1, 0)]
-            end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
-            for k in range(begin, end):
-                dx, dy = cloud[k, 0] - x, cloud[k, 1] - y
-                # What was seen from the other side is the back of a wall.
-                if (
-                    count < MOST_AROUND
-                    and dx * dx + dy * dy < baseline * baseline
-                    and vx * cloud[k, 2] + vy * cloud[k, 3] > 0.0
-                ):
-                    near[count, 0], near[count, 1] = dx, dy
-                    count += 1
-        most = 0
-        best_x = best_y = 0.0
-        for k in range(0, count, 1 + count // MOST_LINES):
-            away = np.sqrt(near[k, 0] ** 2 + near[k, 1] ** 2)
-            if away < LEAST_APART:
-                continue
-            nx, ny = -near[k, 1] / away, near[k, 0] / away
-            on = 0
-            for m in range(count):
-                if abs(nx * near[m, 0] + ny * near[m, 1]) < STRAIGHT:
-                    on += 1
-            if on > most:
-                most, best_x, best_y = on, nx, ny
-        if most < LEAST_ON_LINE:
-            continue
-        sx = sy = xx = xy = yy = 0.0
-        for m in range(count):
-            dx, dy = near[m, 0], near[m, 1]
-            if abs(best_x * dx + best_y * dy) < STRAIGHT:
-                sx += dx
-                sy += dy
-                xx += dx * dx
-                xy += dx * dy
-                yy += dy * dy
-        number = float(most)
-        xx, xy, yy = xx - sx * sx / number, xy - sx * sy / number, yy - sy * sy / number
-        angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-        nx, ny = -np.sin(angle), np.cos(angle)
-        facing = (nx * vx + ny * vy) / UNKNOWN
-        if abs(facing) < FLATTEST:
-            continue
-        if facing < 0.0:
-            nx, ny = -nx, -ny
-        off = (nx * sx + ny * sy) / number
-        grid.surface[i, 0] = x + off * nx
-        grid.surface[i, 1] = y + off * ny
-        grid.surface[i, 2] = nx
-        grid.surface[i, 3] = ny
-
-
-@inner
-def unknown(nx: float, ny: float) -> bool:
-    """Whether a normal is not known."""
-    return nx * nx + ny * ny < 0.25
+    return ordered, first, corner, size

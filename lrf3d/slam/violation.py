@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float
@@ -16,7 +17,7 @@ from lrf3d.slam.frames import between
 from lrf3d.slam.surface import moved
 
 BEHIND = 0.3
-"""A beam that passes this far behind what the other scan saw [m] contradicts a closure."""
+"""A beam that passes this far behind what the other scan saw [m] contradicts it."""
 
 MOST_THROUGH = 0.04
 """Share of points that beams may pass through: doors open and people walk."""
@@ -31,10 +32,11 @@ class Key:
         pose: (3,) its pose x, y [m], theta [rad] in the drifting frame of the front end.
         surface: (m, 4) points x, y [m] and unit normals that it is recognised by, in the frame of
             the robot.
-        walls: (w, 4) those that it adds to a map, in the same frame.
+        walls: (w, 4) those that it adds to a map, at even distances, in the same frame.
         angles: (beams,) directions of its beams [rad], rising.
         ranges: (beams,) their ranges [m].
         laser: (2,) where the laser stands on the robot [m].
+        noise: Standard deviation of the ranges [m].
     """
 
     scan: int
@@ -44,22 +46,25 @@ class Key:
     angles: Float
     ranges: Float
     laser: Float
+    noise: float
+
+
+def views_of(points: Float, key: Key) -> NDArray[np.uint8]:
+    """How a key scan saw points (m, …) in its frame: 0 not, 1 in view, 2 beams pass through."""
+    behind = BEHIND + 3.0 * key.noise
+    return _views(points, key.laser, key.angles, key.ranges, behind)
 
 
 @compiled
-def seen_through(points: Float, laser: Float, angles: Float, ranges: Float) -> tuple[int, int]:
-    """How many points of a surface the beams of a scan pass through, and how many are in view.
+def _views(
+    points: Float, laser: Float, angles: Float, ranges: Float, behind: float
+) -> NDArray[np.uint8]:
+    """How a scan saw points.
 
     A beam counts with the least of its own and its neighbours' ranges, so that one that slips past
     an edge contradicts nothing.
-
-    Args:
-        points: (m, 4) the points x, y [m] and their normals, in the frame of the robot.
-        laser: (2,) place of the laser on the robot [m].
-        angles: (beams,) directions of the beams [rad], rising.
-        ranges: (beams,) their ranges [m].
     """
-    through = seen = 0
+    views = np.zeros(len(points), np.uint8)
     step = (angles[-1] - angles[0]) / (len(angles) - 1)
     for i in range(len(points)):
         dx, dy = points[i, 0] - laser[0], points[i, 1] - laser[1]
@@ -69,12 +74,9 @@ def seen_through(points: Float, laser: Float, angles: Float, ranges: Float) -> t
         if beam < 1 or beam > len(angles) - 2:
             continue
         least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])
-        if not (least > 0.0 and np.isfinite(least)):
-            continue
-        seen += 1
-        if least > np.sqrt(dx * dx + dy * dy) + BEHIND:
-            through += 1
-    return through, seen
+        if least > 0.0 and np.isfinite(least):
+            views[i] = 2 if least > np.sqrt(dx * dx + dy * dy) + behind else 1
+    return views
 
 
 def seen_through_both(olds: Iterable[Key], new: Key, poses: Float) -> tuple[int, int]:
@@ -85,15 +87,13 @@ def seen_through_both(olds: Iterable[Key], new: Key, poses: Float) -> tuple[int,
         new: The key scan.
         poses: (k, 3) pose x, y [m], theta [rad] of the key scan as seen from each of them.
     """
-    through = seen = 0
+    counts = np.zeros(3, np.int64)
     backs = between(poses, np.zeros(3))
     for old, relative, back in zip(olds, poses, backs, strict=True):
         there, here = moved(new.surface, relative), moved(old.surface, back)
         for points, key in ((there, old), (here, new)):
-            count = seen_through(points, key.laser, key.angles, key.ranges)
-            through += count[0]
-            seen += count[1]
-    return through, seen
+            counts += np.bincount(views_of(points, key), minlength=3)
+    return int(counts[2]), int(counts[1] + counts[2])
 
 
 def contradicted(olds: Iterable[Key], new: Key, poses: Float) -> bool:

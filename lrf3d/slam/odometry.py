@@ -1,0 +1,316 @@
+"""Odometry of a recording: put in order, without jumps, and by the laser's clock.
+
+Scans and odometry lines as they were logged enter; both leave in the order in which they were
+taken, each once. Then the turns between following scans, as scans show them, say how far the
+laser's clock is behind, and whether the laser and the odometry count turns alike.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Bool, Float, Int, wrap_angle
+from lrf3d.laser import LaserScan
+from lrf3d.slam.correlation import search
+from lrf3d.slam.frames import between, compose
+from lrf3d.slam.surface import evenly_spaced, grid_of
+from lrf3d.text import counted
+
+FASTEST, FASTEST_TURN = 3.0, 3.0
+"""A robot that moves farther [m] or turns more [rad] between two lines of a log has jumped, or in a
+second [m/s], [rad/s] where there is more time between them."""
+
+FASTER, VEHICLE = 3.0, 15.0
+"""Yet as many times the usual speed are no jump, up to that of a vehicle [m/s]."""
+
+SHORTER = 0.5
+"""The order of the stamps is taken where the path is shorter in it by this [m]."""
+
+MOST_JUMPS = 0.1
+"""Share of lines that may jump: in other units than metres and radians they do so everywhere."""
+
+STAMPED = 0.25
+"""Share of lines that must have a stamp of their own, for stamps to be of any use."""
+
+PAIRS, LEAST_PAIRS = 200, 20
+"""Pairs of scans whose turns are found, those that turn most; with fewer than the second, what they
+would show is not known."""
+
+LEAST_TURN, MOST_DISTANCE = 0.01, 0.5
+"""A pair counts where odometry turns by more than the first [rad] and moves by less than the second
+[m], so that much of one scan shows in the other."""
+
+PAIR = np.diag([0.1**2, 0.1**2, 0.2**2])
+"""Covariance of the window that is searched for the turn of a pair."""
+
+LEAST_EXPLAINED = 0.5
+"""Share of a scan that the other one of its pair must explain."""
+
+LAGS = np.arange(-50, 101) / 50.0
+"""Lags that are compared, in lines."""
+
+SURE = 1.3
+"""A lag is believed if without it the cost is higher by this factor. In logs it is by 1.7 and more;
+between two lines the noise of both cancels in part, which looks like a lag of 1.1."""
+
+CLEARLY = 3.0
+"""Factor by which turns must fit better in another sense or unit, for the odometry to be in it."""
+
+HUBER = 0.01
+"""Residuals beyond this [rad] count linearly."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repairs:
+    """What was wrong with a recording.
+
+    Args:
+        put_in_order: Whether the lines were out of order, and were sorted by their stamps.
+        doubled_scans: How many scans stand in the log more than once, and were read once.
+        doubled_odometry_lines: The same of odometry lines.
+        odometry_jumps: How many jumps of the odometry were left out.
+        mirrored: Whether the laser turns clockwise without saying so.
+    """
+
+    put_in_order: bool = False
+    doubled_scans: int = 0
+    doubled_odometry_lines: int = 0
+    odometry_jumps: int = 0
+    mirrored: bool = False
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        return asdict(self)
+
+    def sentences(self) -> list[str]:
+        """What was wrong and what was done, a sentence each; none where all was well."""
+        said = []
+        if self.mirrored:
+            said.append("the laser turns clockwise, unlike the odometry: its beams were reversed")
+        if self.put_in_order:
+            said.append("the log is out of order: sorted by its stamps")
+        copies = (self.doubled_scans, "scan"), (self.doubled_odometry_lines, "odometry line")
+        if doubled := " and ".join(counted(count, name) for count, name in copies if count):
+            said.append(f"{doubled} in the log more than once: read once")
+        if self.odometry_jumps:
+            jumps = counted(self.odometry_jumps, "jump")
+            said.append(f"{jumps} of the odometry left out: the rest may be misplaced")
+        return said
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Recording:
+    """A recording in order.
+
+    Args:
+        scans: The scans (k,), each once.
+        wheels: (n, 3) poses by odometry, without jumps.
+        places: (k,) for each scan the index of the last of these poses before it.
+        rows: (lines,) for each line of the log its row of the poses.
+        repairs: What was wrong.
+    """
+
+    scans: list[LaserScan]
+    wheels: Float
+    places: Int
+    rows: Int
+    repairs: Repairs
+
+
+def in_order(scans: Sequence[LaserScan], wheels: Float, times: Float, places: Int) -> Recording:
+    """Put a recording in order; its arguments are those of `solve_log`.
+
+    Raises:
+        InputError: The odometry jumps so often that it is invalid.
+    """
+    lines, rows = _each_once(wheels, times)
+    by_stamp = lines[np.argsort(times[lines], kind="stable")]
+    backwards = np.diff(times[lines]) < 0.0
+    shorter = _length(wheels[by_stamp]) < _length(wheels[lines]) - SHORTER
+    sort = bool(shorter or 2 * backwards.sum() > max(len(backwards), 1))
+    if sort:
+        rank = np.empty(len(wheels), np.int64)
+        rank[by_stamp] = np.arange(len(lines))
+        rows, lines = rank[lines[rows]], by_stamp
+    chosen, stamps = _scans_once(scans), np.array([scan.time for scan in scans])
+    found = rows[places[chosen]]
+    if sort:
+        order = np.lexsort([stamps[chosen], found])
+        chosen, found = chosen[order], found[order]
+    straightened, jumps = without_jumps(wheels[lines], times[lines])
+    if len(jumps) > max(MOST_JUMPS * len(lines), 2):
+        raise InputError(
+            f"the odometry jumps at {len(jumps)} of {len(lines)} lines, first at line"
+            f" {lines[jumps[0]]}; expected poses in metres and radians, line by line"
+        )
+    copies = len(scans) - len(chosen), len(wheels) - len(lines)
+    repairs = Repairs(sort, *copies, len(jumps))
+    return Recording([scans[k] for k in chosen.tolist()], straightened, found, rows, repairs)
+
+
+def _each_once(wheels: Float, times: Float) -> tuple[Int, Int]:
+    """The lines (n,) that are not copies of earlier ones, and for each line its row of them."""
+    every = np.arange(len(wheels))
+    if len(np.unique(times)) < STAMPED * len(times):
+        return every, every
+    table = np.column_stack([times, wheels])
+    _, first, group = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    lines = np.sort(first)
+    return lines, np.asarray(np.searchsorted(lines, first[group.reshape(-1)]))
+
+
+def _scans_once(scans: Sequence[LaserScan]) -> Int:
+    """The numbers of the scans that are not copies of earlier ones: same stamp, same ranges."""
+    first: dict[tuple[float, bytes], int] = {}
+    for number, scan in enumerate(scans):
+        first.setdefault((scan.time, scan.ranges.tobytes()), number)
+    return np.array(list(first.values()), dtype=np.int64)
+
+
+def _length(wheels: Float) -> float:
+    """Length of the path through poses (n, 3) [m]."""
+    return float(np.hypot(*np.diff(wheels[:, :2], axis=0).T).sum())
+
+
+def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
+    """Odometry poses (n, 3) without jumps, and the numbers of the lines where they were.
+
+    Where it jumped, the robot is taken to move as it did around that line.
+    """
+    steps = between(wheels[:-1], wheels[1:])
+    time = np.maximum(np.diff(times), 1.0)
+    speeds = np.hypot(steps[:, 0], steps[:, 1]) / time
+    usual = float(np.quantile(speeds, 0.8)) if len(speeds) else 0.0
+    jumped: Bool = speeds > min(max(FASTEST, FASTER * usual), VEHICLE)
+    jumped |= np.abs(steps[:, 2]) > FASTEST_TURN * time
+    if not jumped.any():
+        return wheels, np.empty(0, np.int64)
+    good, number = np.flatnonzero(~jumped), np.arange(len(steps), dtype=np.float64)
+    for axis in range(3):
+        around = np.interp(number, good, steps[good, axis]) if len(good) else np.zeros(len(steps))
+        steps[jumped, axis] = around[jumped]
+    smooth = wheels.copy()
+    for line in np.flatnonzero(jumped):
+        after = compose(smooth[line], steps[line])
+        smooth[line + 1 :] = compose(after, between(wheels[line + 1], wheels[line + 1 :]))
+    smooth[:, 2] = wrap_angle(smooth[:, 2])
+    return smooth, np.flatnonzero(jumped) + 1
+
+
+class WheelPath:
+    """The path of the wheels through poses (n, 3), straight between the lines of the log."""
+
+    def __init__(self, poses: Float) -> None:
+        self._whole = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+
+    def __len__(self) -> int:
+        return len(self._whole)
+
+    def at(self, places: NDArray[np.floating[Any]]) -> Float:
+        """Poses (k, 3) at fractional places (k,) between the lines; headings go on over π."""
+        number = np.arange(len(self._whole), dtype=np.float64)
+        return np.column_stack([np.interp(places, number, values) for values in self._whole.T])
+
+    def increments(self, places: NDArray[np.floating[Any]]) -> Float:
+        """How the robot moved (k, 3) to each of the places (k,) from the one before."""
+        poses = self.at(places)
+        return np.vstack([np.zeros(3), between(poses[:-1], poses[1:])])
+
+
+def turns_between(surface: Callable[[int], Float], path: WheelPath, places: Int) -> Float:
+    """Turn (k − 1,) from each scan to the next [rad] as the scans show it; NaN where unknown.
+
+    All headings around are searched, not those near the odometry, which may count them the other
+    way or in degrees.
+
+    Args:
+        surface: What a scan saw (m, 4), by its number.
+        path: The path of the wheels.
+        places: (k,) for each scan the index of the last odometry line before it.
+    """
+    turns = np.full(max(len(places) - 1, 0), np.nan)
+    steps = path.increments(places.astype(np.float64))[1:]
+    distances, sizes = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    chosen = np.flatnonzero((sizes > LEAST_TURN) & (distances < MOST_DISTANCE))
+    for number in chosen[np.argsort(-sizes[chosen], kind="stable")][:PAIRS].tolist():
+        before = surface(number)
+        if not len(before):
+            continue
+        guess = np.array([*steps[number, :2], 0.0])
+        places_found = search(surface(number + 1), grid_of(evenly_spaced(before)), guess, PAIR)
+        if places_found and places_found[0].explained > LEAST_EXPLAINED:
+            turns[number] = places_found[0].pose[2]
+    return turns
+
+
+def is_mirrored(turns: Float, path: WheelPath, places: Int) -> bool:
+    """Whether the laser turns clockwise, by the turns (k − 1,) [rad] between scans.
+
+    Raises:
+        InputError: The odometry turns in degrees.
+    """
+    wheels = np.diff(path.at(places.astype(np.float64))[:, 2])
+    known = np.isfinite(turns) & (np.abs(wheels) > LEAST_TURN)
+    if known.sum() < LEAST_PAIRS:
+        return False
+    ahead, mirrored, degrees = (
+        float(np.median(np.abs(turns[known] - share * wheels[known])))
+        for share in (1.0, -1.0, np.pi / 180.0)
+    )
+    if CLEARLY * degrees < ahead:
+        raise InputError("the odometry turns in degrees, by its scans; expected radians")
+    return CLEARLY * mirrored < ahead
+
+
+def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
+    """The lag at which the odometry's turns fit those that scans show best; 0 if it is not known.
+
+    Args:
+        turns: (k − 1,) turn from each scan to the next [rad]; NaN where it is not known.
+        path: The path of the wheels.
+        places: (k,) for each scan the index of the last odometry line before it.
+    """
+    # Of scans without a line between them odometry says nothing, whatever the lag is.
+    known = np.isfinite(turns) & (np.diff(places) > 0)
+    at = path.at(places.astype(np.float64))
+    distances = np.hypot(*np.diff(at[:, :2], axis=0).T)[known]
+    first, last = (np.diff(path.at(places - lag)[:, 2])[known] for lag in (LAGS[0], LAGS[-1]))
+    if (np.abs(last - first) > LEAST_TURN * (LAGS[-1] - LAGS[0])).sum() < LEAST_PAIRS:
+        return 0.0
+    costs = [
+        _cost(turns[known], np.diff(path.at(places - lag)[:, 2])[known], distances) for lag in LAGS
+    ]
+    without = costs[int(np.abs(LAGS).argmin())]
+    return float(LAGS[int(np.argmin(costs))]) if without > SURE * min(costs) else 0.0
+
+
+def _cost(matched: Float, turned: Float, distances: Float) -> float:
+    """The robust sum of squares that is left of the turns once their systematic errors are out."""
+    columns = np.column_stack([turned, distances])
+    weights = np.ones(len(matched))
+    left = matched - turned
+    for _ in range(5):
+        root = np.sqrt(weights)
+        bias = np.linalg.lstsq(columns * root[:, None], (matched - turned) * root, rcond=None)[0]
+        left = np.abs(matched - turned - columns @ bias)
+        weights = 1.0 / np.maximum(left / HUBER, 1.0)
+    return float(np.where(left < HUBER, 0.5 * left**2, HUBER * (left - 0.5 * HUBER)).sum())
+
+
+def rising(stamps: Float) -> Float:
+    """Stamps (k,) [s] as times that rise.
+
+    A stamp that is no later than one before it is taken to lie evenly between those around it.
+    """
+    latest = np.maximum.accumulate(stamps)
+    knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
+    steps = np.diff(stamps)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    number = np.arange(len(stamps), dtype=np.float64)
+    times = np.interp(number, knots, latest[knots])
+    times[knots[-1] :] = latest[knots[-1]] + usual * (number[knots[-1] :] - knots[-1])
+    return np.asarray(times)
