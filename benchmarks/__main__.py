@@ -233,7 +233,7 @@ def slam(
     figure: Figure = None,
     json: options.Json = False,
 ) -> None:
-    """Solve a drive by SLAM step by step: how far off it is after each, and how long it takes."""
+    """Solve a drive by SLAM at several key spacings: how far off it is, and how long it takes."""
     from benchmarks.slam import Drive, bench_slam
     from lrf3d.errors import InputError
     from lrf3d.io import load_log

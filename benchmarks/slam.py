@@ -1,12 +1,11 @@
-"""``scripts/bench slam``: how far off is the trajectory after each step of SLAM, and at what cost?
+"""``scripts/bench slam``: how far off is the trajectory of SLAM, and at what cost?
 
-One recorded drive is solved at several distances between key scans: by the front end alone, with
-loops closed, with the walls adjusted, and with every scan matched once more. Each step adds its
-time to that of the steps before it. A simulated drive has its truth; a log needs relations.
+One recorded drive is solved at several distances between key scans. A simulated drive has its
+truth; a log needs relations.
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,18 +16,15 @@ from benchmarks.chart import RING, draw, trade_offs
 from benchmarks.result import Result, Table
 from benchmarks.timing import Timing
 from lrf3d.geometry import Float, Int
+from lrf3d.io import LaserLog
 from lrf3d.laser import LaserScan
 from lrf3d.progress import Progress, silent
 from lrf3d.scenario_file import load_scenario
 from lrf3d.scoring.trajectory_score import Relations, score_trajectory
-from lrf3d.slam import Slam, WheelErrors
+from lrf3d.slam import LogSolution, WheelErrors
 from lrf3d.slam.frames import between, compose
-from lrf3d.slam.front_end import KEY_DISTANCE, FrontEnd
-from lrf3d.slam.lag import WheelPath, matched_lag
-from lrf3d.slam.log import Recording, line_poses
-from lrf3d.slam.repair import repaired
-from lrf3d.slam.resolution import Resolution
-from lrf3d.slam.surface import surface_of_scan
+from lrf3d.slam.front_end import KEY_DISTANCE
+from lrf3d.slam.log import solve_log
 
 SPACINGS = (0.25, 0.35, 0.5, 0.7, 1.0)
 """Distances between key scans [m]."""
@@ -40,14 +36,10 @@ APART = (1, 10, 100)
 """How many scans the ends of the relations of a simulated drive lie apart, as in those of Kümmerle
 et al.: some from one scan to the next, some to where the robot comes by again."""
 
-STEPS = ("front end alone", "loops closed", "walls adjusted", "scans matched again")
-"""The steps, each of which goes on from the one before it."""
-
 ENTRIES = Table(
     "entries",
     {
         "log": "log",
-        "step": "step",
         "spacing": "key spacing",
         "solve": "time",
         "error_m": ("error", "{:.4f} m".format),
@@ -57,13 +49,13 @@ ENTRIES = Table(
         "default": "",
     },
     "time: of one core, from the first scan on, reading left out; error: of the translation over\n"
-    "all relations; default: what lrf3d slam does by default",
-    names=("log", "step", "spacing"),
+    "all relations; default: that of lrf3d slam",
+    names=("log", "spacing"),
     time="solve",
     error="error_m",
-    left=3,
+    left=2,
 )
-"""Each step at each key spacing."""
+"""Each key spacing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,15 +102,25 @@ class Drive:
         return cls(WORLD, list(run.scans), np.array(wheels), times, places, 0.0, relations)
 
     @classmethod
-    def recorded(cls, log: Recording, relations: Relations) -> "Drive":
+    def recorded(cls, log: LaserLog, relations: Relations) -> "Drive":
         """A log with known relations between its odometry lines."""
         lines = log.wheels
         if lines is None:
-            times, places = np.array([s.time for s in log.scans]), np.arange(len(log.scans))
-            return cls(log.name, log.scans, log.poses, times, places, 0.0, relations)
-        places = np.maximum(lines.places, 0)
-        offset = lines.laser_offset
+            places = np.arange(len(log))
+            return cls(log.name, log.scans, log.poses, log.times, places, 0.0, relations)
+        places, offset = np.maximum(lines.places, 0), lines.laser_offset
         return cls(log.name, log.scans, lines.poses, lines.times, places, offset, relations)
+
+    def solved(self, spacing: float, scans: int | None = None) -> LogSolution:
+        """The drive, or its first scans, solved at a distance between key scans [m]."""
+        return solve_log(
+            self.scans[:scans],
+            self.wheels,
+            self.places[:scans],
+            times=self.times,
+            laser_offset=self.laser_offset,
+            key_distance=spacing,
+        )
 
 
 def bench_slam(
@@ -134,93 +136,39 @@ def bench_slam(
     begin = time.monotonic()
     result = Result(
         "slam",
-        "How far is the trajectory off after each step of SLAM, and how long does it take?",
+        "How far is the trajectory of SLAM off, and how long does it take?",
         {"scans": len(drive.scans), "relations": len(drive.relations)},
         chart,
     )
     # Kernels are compiled or read from disk before anything is timed.
-    list(_steps(drive, 2.0, scans=40))
+    drive.solved(2.0, scans=40)
     for number, spacing in enumerate(spacings, 1):
-        for step, seconds, lines, closures in _steps(drive, spacing):
-            score = score_trajectory(lines, drive.relations)
-            result.add(
-                ENTRIES,
-                log=drive.name,
-                step=step,
-                spacing=f"{spacing:g} m",
-                default=step == STEPS[-1] and spacing == KEY_DISTANCE,
-                solve=Timing.of([seconds]),
-                error_m=score.translation_mean,
-                std_m=score.translation_std,
-                rotation_deg=score.rotation_mean,
-                closures=closures,
-            )
+        start = time.process_time()
+        solution = drive.solved(spacing)
+        seconds = time.process_time() - start
+        score = score_trajectory(solution.line_poses, drive.relations)
+        result.add(
+            ENTRIES,
+            log=drive.name,
+            spacing=f"{spacing:g} m",
+            default=spacing == KEY_DISTANCE,
+            solve=Timing.of([seconds]),
+            error_m=score.translation_mean,
+            std_m=score.translation_std,
+            rotation_deg=score.rotation_mean,
+            closures=len(solution.slam.closures),
+        )
         progress(number, len(spacings))
     result.took_s = time.monotonic() - begin
     return result
 
 
-Step = tuple[str, float, Float, int]
-"""Its name, the time up to its end [s], the poses (n, 3) of all lines, and the closures."""
-
-
-def _steps(drive: Drive, spacing: float, *, scans: int | None = None) -> Iterator[Step]:
-    """Solve a drive, or its first scans, step by step."""
-    log = repaired(drive.scans[:scans], drive.wheels, drive.times, drive.places[:scans])
-    laser = np.array([drive.laser_offset, 0.0])
-    begin = time.process_time()
-    path, resolution = WheelPath(log.wheels), Resolution.of(log.scans[0].angles)
-
-    def surface(number: int) -> Float:
-        return surface_of_scan(log.scans[number], laser, sparse=resolution.sparse)
-
-    lag = matched_lag(surface, path, log.places, resolution)
-    lagged = time.process_time() - begin
-    increments = path.increments(log.places - lag)
-
-    def lines(poses: Float) -> Float:
-        return line_poses(path, log.places, lag, poses)[log.rows]
-
-    begin = time.process_time()
-    front, found = FrontEnd(key_distance=spacing), []
-    for number, increment in enumerate(increments):
-        seen = surface(number)
-        found.append(front.track(seen, increment).pose)
-        if front.key_due():
-            front.add_key(seen)
-    spent = lagged + time.process_time() - begin
-    yield STEPS[0], spent, lines(np.array(found)), 0
-
-    begin = time.process_time()
-    start = path.at(log.places[:1] - lag)[0]
-    slam = Slam(start=start, laser_offset=drive.laser_offset, key_distance=spacing)
-    for scan, increment in zip(log.scans, increments, strict=True):
-        slam.update(scan, increment)
-    spent = lagged + time.process_time() - begin
-    yield STEPS[1], spent, lines(slam.trajectory()), len(slam.closures)
-
-    for name, act in ((STEPS[2], _adjusted), (STEPS[3], _refined)):
-        begin = time.process_time()
-        poses = act(slam, log.scans)
-        spent += time.process_time() - begin
-        yield name, spent, lines(poses), len(slam.closures)
-
-
-def _adjusted(slam: Slam, scans: Sequence[LaserScan]) -> Float:
-    slam.finish()
-    return slam.trajectory()
-
-
-def _refined(slam: Slam, scans: Sequence[LaserScan]) -> Float:
-    return slam.refined(scans)
-
-
 def chart(result: Result) -> Figure:
-    """Time and error of each step, at all key spacings."""
+    """Time and error at all key spacings."""
     how: dict[str, Any] = {
         "x": "solve",
         "y": "error_m",
-        "by": "step",
+        "by": "log",
         "labels": ("time of one core", "mean error of the translation [m]"),
         "note": "spacing",
     }

@@ -14,8 +14,8 @@ from benchmarks.result import Result, Row, Table, duration
 from benchmarks.score.vertices import load_scan_sets, score_vertices
 from benchmarks.score.world import score_world
 from lrf3d.io import load_log
-from lrf3d.log_mapping import map_log
 from lrf3d.progress import Progress, silent
+from lrf3d.recorded import map_log
 from lrf3d.world.files import find_world, load_world
 from lrf3d.world.geojson import read_geojson
 

@@ -336,7 +336,10 @@ def _scan(
     except ValueError:
         # Only here each reading is looked at alone, to name the one that is wrong.
         ranges = np.array(
-            [_number(word, f"reading {place}", finite=False) for place, word in enumerate(readings)]
+            [
+                _number(word, f"reading {place}", finite=False)
+                for place, word in enumerate(readings, 1)
+            ]
         )
     if (ranges < 0.0).any():
         place = int(np.flatnonzero(ranges < 0.0)[0])
@@ -352,6 +355,11 @@ def _scan(
         range_max=farthest,
         time=_number(time, "time"),
     )
+
+
+def _reading(word: bytes, place: int) -> float:
+    """A reading, which may be NaN; the message of one that is no number says which it is."""
+    return nan if word.lower() == b"nan" else _number(word, f"reading {place}", finite=False)
 
 
 def _pose(words: list[bytes]) -> Pose:

@@ -187,7 +187,10 @@ class LoopCloser:
         """Accept closures, which are ways over the graph from now on."""
         for closure in closures:
             covariance = np.asarray(np.linalg.inv(closure.information), dtype=np.float64)
-            self.ways.link(closure.old, closure.new, CLOSURE_LENGTH, covariance, np.zeros(3))
+            # Along a corridor it leaves the robot as uncertain as a long drive does.
+            off = np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[1]) / DRIFT
+            length = max(CLOSURE_LENGTH, float(off))
+            self.ways.link(closure.old, closure.new, length, covariance, np.zeros(3))
         self.accepted += closures
         self._recent += closures
         return closures

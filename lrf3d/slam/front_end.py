@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, wrap_angle
-from lrf3d.slam.correlation import same_place, search
+from lrf3d.slam.correlation import search
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.scan_matching import Match, match_scan
 from lrf3d.slam.surface import SurfaceGrid, moved, wall_map
@@ -49,6 +49,12 @@ has come since: it is a person, and no place to hold on to."""
 FOLLOWED = 0.3
 """What is this near [m] to where persons were last, and not on a wall, belongs to them: nobody has
 seen what is behind a person that walks ahead of the robot."""
+
+MOVED = 0.03
+"""A robot that is found farther on than this [m], [rad] has moved, whatever its encoders say."""
+
+UNGUIDED = np.diag([0.1**2, 0.1**2, 0.05**2])
+"""Covariance of the motion of a robot whose encoders are dead."""
 
 WEAK = 2500.0
 """A direction is left to the odometry where scans fix it with less information than this [1/m²]: no
@@ -129,6 +135,8 @@ class FrontEnd:
         # The way since the last key scan by the wheels and by scans, and what scans fixed of it.
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
+        # How the robot moved to the last scan, and whether its encoders are dead.
+        self._last, self._dead = np.zeros(3), False
 
     def track(self, surface: Float, increment: Float) -> Tracked:
         """Place the next scan.
@@ -137,10 +145,14 @@ class FrontEnd:
             surface: (m, 4) what it saw, in the frame of the robot's base.
             increment: (3,) how the robot moved since the last scan by its wheels.
         """
-        expected = self.wheels.corrected(increment)
-        covariance = self.wheels.covariance(increment)
+        # Encoders that have stood still while scans showed motion are dead until they count again:
+        # the robot goes on as it did.
+        self._dead &= not increment.any()
+        expected = self._last if self._dead else self.wheels.corrected(increment)
+        covariance = UNGUIDED if self._dead else self.wheels.covariance(increment)
         guess = compose(self.pose, expected)
-        variances = covariance.diagonal() + [0.0, 0.0, self.wheels.unlearned(increment)]
+        variances = covariance.diagonal().copy()
+        variances[2] += self.wheels.unlearned(increment)
         surface = surface[~self._moving(surface, guess, np.sqrt(variances))]
         match = Match(guess, np.zeros((3, 3)), 0.0, np.inf)
         if self._grid is not None and len(surface):
@@ -153,9 +165,11 @@ class FrontEnd:
         pose[2] = wrap_angle(pose[2])
         information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
         found = between(self.pose, pose)
-        if accepted:
+        if accepted and not self._dead:
             self.wheels.compare(expected, found, covariance)
-        self._turn_known &= accepted
+        self._dead |= bool(accepted and not increment.any() and np.abs(found).max() > MOVED)
+        self._last = found
+        self._turn_known &= accepted and not self._dead
         self._ahead_known &= accepted and information[0, 0] > WEAK
         self._raw += increment
         self._found += found
@@ -174,7 +188,7 @@ class FrontEnd:
         place = (SLIP + SLIP_SHARE * float(np.hypot(expected[0], expected[1]))) / 3.0
         turn = (SLIP_TURN + SLIP_TURN_SHARE * abs(float(expected[2]))) / 3.0
         places = search(surface, grid, guess, np.diag([place**2, place**2, turn**2]))
-        if not places or same_place(places[0].pose, match.pose):
+        if not places:
             return match
         best = places[0].explained
         next_best = max([match.explained, *(other.explained for other in places[1:])])

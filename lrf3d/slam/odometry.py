@@ -60,6 +60,9 @@ between two lines the noise of both cancels in part, which looks like a lag of 1
 CLEARLY = 3.0
 """Factor by which turns must fit better in another sense or unit, for the odometry to be in it."""
 
+HUGE = 0.5
+"""Turn between two scans [rad] that is rarely seen, but where odometry is in degrees."""
+
 HUBER = 0.01
 """Residuals beyond this [rad] count linearly."""
 
@@ -257,13 +260,14 @@ def is_mirrored(turns: Float, path: WheelPath, places: Int) -> bool:
     known = np.isfinite(turns) & (np.abs(wheels) > LEAST_TURN)
     if known.sum() < LEAST_PAIRS:
         return False
-    ahead, mirrored, degrees = (
+    alike, mirrored, degrees = (
         float(np.median(np.abs(turns[known] - share * wheels[known])))
         for share in (1.0, -1.0, np.pi / 180.0)
     )
-    if CLEARLY * degrees < ahead:
+    # Scans that seem to stand still may show a bare corridor: in degrees most turns are huge.
+    if CLEARLY * degrees < alike and np.quantile(np.abs(wheels), 0.9) > HUGE:
         raise InputError("the odometry turns in degrees, by its scans; expected radians")
-    return CLEARLY * mirrored < ahead
+    return CLEARLY * mirrored < alike
 
 
 def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:

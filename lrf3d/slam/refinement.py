@@ -52,6 +52,8 @@ def refined(
             scan is matched with what lies around the last of them.
     """
     refined_poses = poses.copy()
+    if not len(surfaces):
+        return refined_poses
     ends = np.append(anchored[1:], len(surfaces))
     for first, end in zip(anchored.tolist(), ends.tolist(), strict=True):
         apart = np.hypot(*(key_poses[:, :2] - poses[first, :2]).T)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 

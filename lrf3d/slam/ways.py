@@ -55,9 +55,9 @@ class Ways:
         lengths = np.maximum(self._lengths[: self._links], 1e-9)
         graph = csr_array((lengths, (ends[:, 0], ends[:, 1])), shape=(count, count))
         found, before = dijkstra(
-            graph, directed=False, indices=source, limit=limit, return_predecessors=True
+            graph, directed=False, indices=[source], limit=limit, return_predecessors=True
         )
-        return np.asarray(found), np.asarray(before, dtype=np.int64)
+        return np.asarray(found[0]), np.asarray(before[0], dtype=np.int64)
 
     def lengths(self, source: int, limit: float) -> Float:
         """Lengths (k,) [m] of the ways from a key scan to all, +inf beyond a limit [m]."""

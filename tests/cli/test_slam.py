@@ -10,6 +10,7 @@ from program import lrf3d as program
 import lrf3d
 from lrf3d.io import load_run
 from lrf3d.mapping import load_map
+from lrf3d.recorded import solved_log
 from lrf3d.slam.frames import compose
 
 
@@ -169,15 +170,55 @@ def test_known_errors_are_one_line(log, tmp_path):
         assert done.stderr.count("\n") == 1 and done.stderr.startswith("lrf3d: ")
 
 
-@pytest.mark.parametrize("before", ["", "import lrf3d.slam.lag; "])
-def test_slam_is_a_function_and_a_package_whatever_is_imported_before(before):
-    code = f"{before}import lrf3d; print(callable(lrf3d.slam), lrf3d.slam.Slam is lrf3d.Slam)"
+@pytest.mark.parametrize("before", ["", "import lrf3d.slam.odometry; "])
+def test_slam_is_a_package_and_nothing_else(before):
+    code = f"{before}import lrf3d.slam.slam as s; print(callable(lrf3d.slam), s.Slam is lrf3d.Slam)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "True True\n"
+    assert done.stdout == "False True\n"
+
+
+def test_reprs_fit_a_line(log):
+    run, drive = lrf3d.slam_log(log), lrf3d.load_log(log)
+    mapped, solved = lrf3d.map_log(log), solved_log(log)
+    for value in (run, run.estimate, drive, drive.wheels, mapped, solved, solved.solution):
+        assert len(repr(value)) < 120 and "\n" not in repr(value)
+
+
+def test_readings_that_are_no_numbers_are_no_return_and_counted(log, tmp_path):
+    rng, lines = np.random.default_rng(0), log.read_text().splitlines()
+    lost = 0
+    for number, line in enumerate(lines):
+        words = line.split()
+        if words[0] == "FLASER":
+            for place in np.flatnonzero(rng.random(180) < 0.05):
+                words[2 + place], lost = "nan", lost + 1
+        lines[number] = " ".join(words)
+    log.write_text("\n".join(lines) + "\n")
+    done = program("slam", log, "--out", tmp_path / "out")
+    assert done.returncode == 0 and f"{lost} readings NaN" in done.stdout
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["log"]["readings_not_numbers"] == lost and summary["log"]["bad_lines"] == 0
+    assert f"{lost} readings NaN" in program("map", log, "--out", tmp_path / "map").stdout
+
+
+@pytest.mark.parametrize("factor", [0.0, 100.0, 1000.0, np.nan])
+def test_a_map_of_nothing_is_a_failure(log, tmp_path, factor):
+    lines = log.read_text().splitlines()
+    for number, line in enumerate(lines):
+        words = line.split()
+        if words[0] == "FLASER":
+            words[2:182] = [str(factor * float(word)) for word in words[2:182]]
+        lines[number] = " ".join(words)
+    log.write_text("\n".join(lines) + "\n")
+    for command in ("slam", "map"):
+        done = program(command, log, "--out", tmp_path / "out")
+        assert (done.returncode, done.stdout) == (1, "")
+        assert done.stderr.count("\n") == 1 and "room: " in done.stderr
+        assert not (tmp_path / "out").exists()
 
 
 def test_a_log_becomes_a_run(log):
-    run = lrf3d.slam(lrf3d.load_log(log))
+    run = lrf3d.slam_log(lrf3d.load_log(log))
     assert isinstance(run, lrf3d.Run) and run.trajectory.length > 10.0
     # The map grows in it, up to the last scan.
     sizes = [len(line_map) for line_map in run.maps]

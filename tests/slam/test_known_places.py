@@ -1,6 +1,5 @@
 import copy
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,10 +7,10 @@ import pytest
 import lrf3d
 from lrf3d.errors import Lrf3dWarning
 from lrf3d.slam.closures import LoopCloser
-from lrf3d.slam.known_places import CERTAIN_WAY, Anchor, in_known_place
+from lrf3d.slam.known_places import CERTAIN, Anchor, in_known_place
 from lrf3d.slam.self_check import self_check
 from lrf3d.slam.violation import Key
-from tests.slam.test_slam import drive, errors
+from tests.slam.test_slam import drive, errors, recorded
 
 WORLD = lrf3d.World(
     [[0, 0, 10, 0], [10, 0, 10, 6], [10, 6, 4, 6], [4, 6, 0, 5.5], [0, 5.5, 0, 0],
@@ -62,8 +61,8 @@ def test_the_front_end_drifts_between_key_scans_even_if_one_hangs_on_the_other()
     """A robot that leaves where it made its last key scan has driven rounds since then."""
     surface, closer = np.zeros((0, 4)), LoopCloser()
     for number, hung in enumerate([False, False, True, False]):
-        key = Key(number, np.zeros(3), surface, surface, np.zeros(3), np.zeros(3), np.zeros(2))
-        closer.add_key(key, number - 1, 0.5, hung=hung)
+        beams = np.zeros(3), np.zeros(3), np.zeros(2)
+        closer.add_key(Key(number, np.zeros(3), surface, surface, *beams, 0.01), hung=hung)
     assert closer._stretches.tolist() == [0, 0, 1, 1]
 
 
@@ -86,7 +85,7 @@ def test_a_scan_hangs_on_a_known_place_only_if_it_shows_what_is_known_there(roun
             continue
         hung += 1
         # It has driven too far to be certain of the place.
-        assert in_known_place(closer, key, last, CERTAIN_WAY, poses) is None
+        assert in_known_place(closer, key, last, CERTAIN, poses) is None
         assert in_known_place(without_walls(closer), key, last, 0.0, poses) is None
         surface = key.surface.copy()
         surface[:, :2] *= 0.8
@@ -97,9 +96,9 @@ def test_a_scan_hangs_on_a_known_place_only_if_it_shows_what_is_known_there(roun
 def test_key_scans_without_walls_close_no_loop(rounds):
     slam = rounds[0]
     closer, poses = slam._closer, slam._key_poses
-    found = [k for k in range(len(closer.keys)) if closer._found(k, poses)]
+    found = [k for k in range(len(closer.keys)) if closer._found(k, poses, 0.01)]
     assert found
-    assert not any(without_walls(closer)._found(k, poses) for k in found)
+    assert not any(without_walls(closer)._found(k, poses, 0.01) for k in found)
 
 
 def test_stretches_of_key_scans_end_where_scans_hang(rounds):
@@ -123,7 +122,7 @@ def test_a_drive_that_agrees_with_itself_passes_its_check(rounds):
 
 def test_a_map_that_contradicts_itself_is_reported(rounds):
     slam = rounds[0]
-    keys, poses, ways = slam._closer.keys, slam._key_poses.copy(), slam._closer.ways
+    keys, poses, ways = slam._closer.keys, slam._key_poses.copy(), slam._closer.driven
     poses[len(poses) // 2 :, 1] += 1.5
     check = self_check(keys, poses, ways)
     assert not check.passed
@@ -136,8 +135,5 @@ def test_a_log_whose_map_contradicts_itself_warns():
     half = len(scans) // 2
     for number in range(half, len(scans)):
         scans[number] = replace(scans[number], ranges=scans[number].ranges[::-1])
-    log = SimpleNamespace(
-        name="flipped", scans=scans, poses=wheels, wheels=None, mount=lrf3d.Pose(0.0, 0.0, 0.0)
-    )
     with pytest.warns(Lrf3dWarning, match="flipped: "):
-        lrf3d.slam(log)
+        lrf3d.slam_log(recorded(scans, wheels, "flipped"))

@@ -8,7 +8,6 @@ import pytest
 import lrf3d
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.log import solve_log
-from lrf3d.slam.repair import without_jumps
 from tests.slam.test_slam import drive, errors, rooms, through
 
 
@@ -61,18 +60,3 @@ def test_around_a_block_of_corridors_the_wheels_are_learned_on_the_way(monkeypat
     solution = solve_log(scans, way_of(wheels[0], steps), np.arange(len(scans)))
     assert solution.passes == 2
     assert errors(true, solution.scan_poses).max() < 0.5
-
-
-def test_lines_far_apart_are_no_jumps_but_what_is_far_beyond_them_is():
-    lines = np.column_stack([4.0 * np.arange(30), np.zeros(30), np.zeros(30)])
-    times = 2.0 * np.arange(30)
-    assert without_jumps(lines, times)[1] == ()
-    lines[12:, 1] += 20.0
-    assert without_jumps(lines, times)[1] == (12,)
-
-
-def test_a_vehicle_that_drives_fast_does_not_jump():
-    lines = np.column_stack([4.0 * np.arange(30), np.zeros(30), np.zeros(30)])
-    assert without_jumps(lines, np.arange(30.0))[1] == ()
-    lines[12:, 1] += 20.0
-    assert without_jumps(lines, np.arange(30.0))[1] == (12,)

@@ -4,11 +4,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.slam.frames import between, compose
-from lrf3d.slam.resolution import DENSE, Resolution
 from lrf3d.slam.scan_matching import match_scan
-from lrf3d.slam.surface import evenly_spaced, grid_of, is_unknown, moved, surface_of_scan, wall_map
+from lrf3d.slam.surface import (
+    evenly_spaced,
+    grid_of,
+    moved,
+    range_noise,
+    surface_of,
+    surface_of_scan,
+)
 from lrf3d.world import World
 
 ROOM = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
@@ -19,7 +25,7 @@ WEAK = np.diag([1.0, 1.0, 1.0])
 
 def surface_at(world, pose, **lrf):
     scan = PlanarCaster(world).cast(LaserRangeFinder(beams=181, **lrf), pose)
-    return surface_of_scan(scan, LASER, sparse=False)
+    return surface_of_scan(scan, LASER)
 
 
 def test_normals_face_the_laser_and_points_lie_on_walls():
@@ -52,33 +58,31 @@ def test_the_walls_of_a_map_have_points_at_even_distances():
 
 def test_a_point_without_a_straight_neighbourhood_is_left_out():
     points = np.array([[5.0, 0.0], [1.0, 0.4], [5.0, 0.8], [1.0, 1.2], [5.0, 1.6]])
-    from lrf3d.slam.surface import surface_of
-
-    assert len(surface_of(points, LASER)) == 0
+    assert len(surface_of(points, LASER, 0.02, 0.01)) == 0
 
 
-def test_many_scans_of_a_sparse_laser_show_the_walls():
-    lrf = LaserRangeFinder(beams=11)
-    resolution = Resolution.of(lrf.angles)
-    parts = []
-    for x in np.arange(1.5, 3.5, 0.25):
-        pose = np.array([x, 1.5, 0.1 * x])
-        scan = PlanarCaster(ROOM).cast(lrf, pose)
-        parts.append((surface_of_scan(scan, LASER, sparse=True), pose))
-    assert is_unknown(parts[0][0]).all()
-    surface = wall_map(parts, resolution.along).surface
-    known = surface[~is_unknown(surface)]
-    assert len(known) > 0.7 * len(surface)
-    below = np.abs(known[:, 1]) < 1e-6
-    assert below.sum() > 10
-    assert known[below, 3] == pytest.approx(1.0, abs=1e-6)
+@pytest.mark.parametrize("beams", [30, 60, 181])
+def test_lasers_of_few_beams_see_walls_too(beams):
+    pose = np.array([3.0, 1.5, 0.4])
+    scan = PlanarCaster(ROOM).cast(LaserRangeFinder(beams=beams), pose)
+    surface = surface_of_scan(scan, LASER)
+    assert len(surface) > 0.7 * beams
+    there = moved(surface, pose)
+    below = np.abs(there[:, 1]) < 1e-6
+    assert below.sum() > 0.1 * beams and there[below, 3] == pytest.approx(1.0)
 
 
-def test_a_laser_is_sparse_by_the_angle_between_its_beams():
-    for beams in (90, 180, 361):
-        assert Resolution.of(np.linspace(-1.57, 1.57, beams)) == DENSE
-    for beams in (11, 30):
-        assert Resolution.of(np.linspace(-1.57, 1.57, beams)).sparse
+@pytest.mark.parametrize("sigma", [0.0, 0.05, 0.3])
+def test_the_noise_of_a_laser_is_seen_in_a_scan_and_walls_in_spite_of_it(sigma):
+    rng = np.random.default_rng(0)
+    scan = PlanarCaster(ROOM).cast(LaserRangeFinder(beams=361), (3.0, 1.5, 0.0))
+    noisy = LaserScan(scan.pose, scan.angles, scan.ranges + sigma * rng.normal(size=361))
+    assert range_noise(noisy) == pytest.approx(sigma, rel=0.2, abs=0.01)
+    surface = surface_of_scan(noisy, LASER, max(range_noise(noisy), 0.01))
+    assert len(surface) > 250
+    # A point lies on the line through its neighbours, nearer to the wall than it was measured.
+    off = np.abs(moved(surface, np.array([3.0, 1.5, 0.0]))[surface[:, 3] > 0.98, 1])
+    assert np.median(off) < max(0.4 * sigma, 1e-3)
 
 
 @settings(max_examples=20, deadline=None)
@@ -94,12 +98,10 @@ def test_a_scan_finds_back_to_where_it_was_taken(x, y, turn, heading):
     new = surface_at(ROOM, compose(np.array([3.0, 1.5, heading]), true))
     match = match_scan(
         new,
-        grid_of(old, DENSE.along),
+        grid_of(old),
         true + np.array([x, y, turn]),
         1e-3 * WEAK,
         25,
-        0.3,
-        DENSE.sigma,
     )
     error = between(true, match.pose)
     assert np.hypot(error[0], error[1]) < 0.01 and abs(error[2]) < 0.005
@@ -109,9 +111,7 @@ def test_a_scan_finds_back_to_where_it_was_taken(x, y, turn, heading):
 def test_along_a_corridor_the_guess_stands():
     old = surface_at(CORRIDOR, (0, 1, 0), range_max=10.0)
     guess = np.array([0.3, 0.05, 0.01])
-    match = match_scan(
-        old, grid_of(old, DENSE.along), guess, np.diag([100.0, 100.0, 400.0]), 15, 0.3, DENSE.sigma
-    )
+    match = match_scan(old, grid_of(old), guess, np.diag([100.0, 100.0, 400.0]), 15)
     assert match.pose[0] == pytest.approx(0.3, abs=1e-3)
     assert match.pose[1] == pytest.approx(0.0, abs=3e-3)
     assert match.information[0, 0] < 1e-3 * match.information[1, 1]
@@ -120,16 +120,12 @@ def test_along_a_corridor_the_guess_stands():
 def test_a_guess_that_scans_contradict_loses_its_say():
     old = surface_at(ROOM, (3.0, 1.5, 0.0))
     sure = np.diag([1e4, 1e4, 1e4])
-    match = match_scan(
-        old, grid_of(old, DENSE.along), np.array([0.0, 0.1, 0.0]), sure, 20, 0.3, DENSE.sigma
-    )
+    match = match_scan(old, grid_of(old), np.array([0.0, 0.1, 0.0]), sure, 20)
     assert np.abs(match.pose).max() < 0.01
 
 
 def test_a_surface_far_from_any_wall_stays_where_it_was_guessed():
     old = surface_at(ROOM, (3.0, 1.5, 0.0))
-    match = match_scan(
-        old, grid_of(old, DENSE.along), np.array([50.0, 0.0, 0.0]), WEAK, 5, 0.3, DENSE.sigma
-    )
+    match = match_scan(old, grid_of(old), np.array([50.0, 0.0, 0.0]), WEAK, 5)
     assert match.pose.tolist() == [50.0, 0.0, 0.0]
     assert match.explained == 0.0

@@ -45,7 +45,7 @@ def test_a_simulated_recording_is_solved_from_what_its_wheels_measured(corridor,
     log = lrf3d.load_log(path, poses="odom" if kind == "mcap" else "auto")
     wheels = log.poses if log.wheels is None else log.wheels.poses
     assert wheels == pytest.approx(run.estimate.odometry, abs=1e-6)
-    solved = lrf3d.slam(log)
+    solved = lrf3d.slam_log(log)
     assert np.hypot(*(solved.trajectory.poses - run.trajectory.poses)[:, :2].T).max() < 0.15
     assert not solved.knows_truth and len(solved.estimate.closures) > 0
     sizes = np.linalg.norm(solved.estimate.ellipses, axis=(1, 2))

@@ -3,8 +3,8 @@ import pytest
 
 import lrf3d
 from lrf3d.slam.frames import between
-from lrf3d.slam.lag import WheelPath, fitted_lag
 from lrf3d.slam.log import solve_log
+from lrf3d.slam.odometry import WheelPath, fitted_lag
 from lrf3d.slam.wheels import Wheels
 from tests.slam.test_recovery import way_of
 from tests.slam.test_slam import drive, errors, rooms

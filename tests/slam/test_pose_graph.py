@@ -1,0 +1,113 @@
+import numpy as np
+import pytest
+
+from lrf3d.slam.covariance import joint_covariance, relative_covariance, scaled
+from lrf3d.slam.frames import between
+from lrf3d.slam.pose_graph import Edges, edge_equations, optimised, optimised_around
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+def ring(count):
+    """Poses around a circle of 5 m."""
+    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    return np.column_stack([5 * np.cos(angle), 5 * np.sin(angle), angle + 0.5 * np.pi])
+
+
+def edges_of(poses, pairs, rng, noise=0.0, robust=False):
+    first, second = np.array(pairs).T
+    measured = between(poses[first], poses[second])
+    measured = measured + noise * rng.normal(size=measured.shape)
+    information = np.repeat(np.diag([400.0, 300.0, 900.0])[None], len(first), axis=0)
+    return Edges(
+        first, second, measured, information, np.full(len(first), robust), 0.0 * information
+    )
+
+
+def test_exact_edges_bring_poses_back(rng):
+    true = ring(30)
+    pairs = [(k, k + 1) for k in range(29)] + [(29, 0)]
+    drifted = true + 0.1 * rng.normal(size=true.shape)
+    drifted[0] = true[0]
+    found = optimised(drifted, edges_of(true, pairs, rng), 30)
+    assert np.abs(between(true, found)).max() < 1e-6
+
+
+def test_the_gradient_of_edges_is_that_of_their_cost(rng):
+    true = ring(6)
+    edges = edges_of(true, [(0, 1), (1, 2), (2, 5), (3, 4)], rng, noise=0.1)
+    poses = true + 0.1 * rng.normal(size=true.shape)
+    gradient = edge_equations(poses, edges).gradient
+    for k in range(18):
+        step = np.zeros(18)
+        step[k] = 1e-6
+        there, back = poses + step.reshape(-1, 3), poses - step.reshape(-1, 3)
+        slope = (edges.cost(there) - edges.cost(back)) / 2e-6
+        assert 2.0 * gradient[k] == pytest.approx(slope, rel=1e-5, abs=1e-4)
+
+
+def test_the_covariance_of_a_chain_is_that_of_its_steps(rng):
+    """Each step is independent: variances of headings add, and places grow by their levers."""
+    true = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
+    edges = edges_of(true, [(0, 1), (1, 2), (2, 3)], rng)
+    covariance = joint_covariance(true, edges, np.array([3]))
+    assert covariance[0, 0] == pytest.approx(3 / 400)
+    assert covariance[2, 2] == pytest.approx(3 / 900)
+    assert covariance[1, 1] == pytest.approx(3 / 300 + (2**2 + 1**2) / 900)
+    seen = relative_covariance(true, edges, 1, 3)
+    assert seen[2, 2] == pytest.approx(2 / 900)
+    assert seen[1, 1] == pytest.approx(2 / 300 + 1 / 900)
+
+
+def test_a_variance_factor_leaves_alone_what_wheels_say(rng):
+    edges = edges_of(ring(3), [(0, 1), (1, 2)], rng)
+    half = Edges(edges.first, edges.second, edges.measured, edges.information, edges.robust,
+                 0.5 * edges.information)  # fmt: skip
+    assert scaled(half, 0.25).information == pytest.approx(2.5 * edges.information)
+
+
+def test_one_false_closure_among_true_ones_is_outvoted(rng):
+    true = ring(40)
+    driven = edges_of(true, [(k, k + 1) for k in range(39)], rng, noise=0.003)
+    closed = edges_of(true, [(39, 0), (38, 1), (37, 0)], rng, robust=True)
+    false = Edges(np.array([5]), np.array([20]), np.zeros((1, 3)), closed.information[:1],
+                  np.array([True]), closed.prior[:1])  # fmt: skip
+    found = optimised(true, Edges.joined([driven, closed, false]), 30)
+    # It is off by 10 m; half of its say would move the poses by metres.
+    assert np.abs(between(true, found)[:, :2]).max() < 0.1
+
+
+def ways_on_a_line(count, start, step=0.5):
+    """Ways over the graph of poses in a row [m], as `optimised_around` asks for them."""
+
+    def ways(limit):
+        way = step * np.abs(np.arange(count) - start)
+        return np.where(way <= limit, way, np.inf)
+
+    return ways
+
+
+def test_a_change_that_dies_out_is_optimised_where_it_is(rng):
+    true = np.column_stack([0.5 * np.arange(400.0), np.zeros(400), np.zeros(400)])
+    driven = edges_of(true, [(k, k + 1) for k in range(399)], rng)
+    closed = edges_of(true, [(k, k + 4) for k in range(0, 395, 2)], rng, robust=True)
+    new = edges_of(true, [(380, 390)], rng, robust=True)
+    new.measured[0, 1] += 0.02
+    edges = Edges.joined([driven, closed, new])
+    found = optimised_around(true, edges, ways_on_a_line(400, 390))
+    everything = optimised(true, edges, 1)
+    assert np.abs(everything - true).max() > 2e-3
+    assert found[:300].tolist() == true[:300].tolist()
+    assert np.abs(found - everything).max() < 1e-3
+
+
+def test_a_change_of_everything_is_optimised_as_a_whole(rng):
+    true = ring(120)
+    drifted = true + np.column_stack([np.zeros((120, 2)), 1e-3 * np.arange(120)])
+    edges = edges_of(true, [*((k, k + 1) for k in range(119)), (119, 0)], rng)
+    found = optimised_around(drifted, edges, ways_on_a_line(120, 119))
+    assert found == pytest.approx(optimised(drifted, edges, 1), abs=1e-9)
+    assert found[0].tolist() == drifted[0].tolist()
