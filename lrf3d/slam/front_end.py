@@ -35,9 +35,10 @@ SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.4, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
 that is searched. In a wider one other places look alike."""
 
-LEAST_FOUND, CLEARLY = 0.3, 0.2
-"""A place that was searched is accepted if it explains the first share of the points, and the
-second more than any other place, and than where odometry leads."""
+LEAST_FOUND, CLEARLY = 0.3, 0.8
+"""A place that was searched is accepted if it explains the first share of the points, and if the log
+odds of a point to be explained are larger by the second than at any other place, and than where
+odometry leads: around one half that is a fifth of the points."""
 
 LEAST_POINTS = 20
 """With fewer points than this nothing is searched: a few points fit in many places."""
@@ -190,9 +191,10 @@ class FrontEnd:
         places = search(surface, grid, guess, np.diag([place**2, place**2, turn**2]))
         if not places:
             return match
-        best = places[0].explained
         next_best = max([match.explained, *(other.explained for other in places[1:])])
-        return places[0] if best > LEAST_FOUND and best > next_best + CLEARLY else match
+        best, other = (np.clip(share, 0.01, 0.99) for share in (places[0].explained, next_best))
+        clearer = np.log(best / (1.0 - best)) - np.log(other / (1.0 - other))
+        return places[0] if best > LEAST_FOUND and clearer > CLEARLY else match
 
     def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
         """Which points (m,) of a surface were not there when the robot came by, or follow it."""

@@ -16,7 +16,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 
-BASELINE, BASELINE_GROWTH, BASELINE_NOISE = 0.15, 0.03, 5.0
+BASELINE, BASELINE_GROWTH, BASELINE_NOISE = 0.15, 0.03, 8.0
 """How far a normal reaches to both sides [m]: at 1 m range beams stand 2 cm apart, and the noise of
 a centimetre would turn the normal of adjacent points at will. Far off it reaches this share of the
 range, where beams stand farther apart, and this many deviations of a noisy laser."""
@@ -25,10 +25,10 @@ LEAST_TO_SIDE, MOST_TO_SIDE = 2, 8
 """Points that a normal takes in to each side: at least, which is what lasers of few beams show of a
 wall, and at most, which bounds its cost near a wall; of noisy ones more."""
 
-CONNECTED, CONNECTED_GROWTH, CONNECTED_SPACING = 0.2, 0.1, 3.0
+CONNECTED, CONNECTED_GROWTH, CONNECTED_SPACING, CONNECTED_NOISE = 0.2, 0.1, 3.0, 5.0
 """Following points are of one surface if at most this far apart [m], and this share of the range
 more: beams fan out, and meet walls under flat angles. Lasers of few beams need the third, spacings
-of their beams."""
+of their beams, and noisy ones the last, deviations."""
 
 STRAIGHT, STRAIGHT_GROWTH, STRAIGHT_NOISE = 0.03, 0.006, 1.5
 """Largest RMS distance [m] of points to their line: three times a usual range noise; as a share of
@@ -153,7 +153,7 @@ def _reach(points: Float, i: int, way: int, away: float, step: float, noise: flo
     """The last point on one side of a point that its normal takes in."""
     baseline = max(BASELINE, max(BASELINE_GROWTH * away, BASELINE_NOISE * noise))
     gap = CONNECTED + away * max(CONNECTED_GROWTH, CONNECTED_SPACING * step)
-    gap = max(gap, BASELINE_NOISE * noise)
+    gap = max(gap, CONNECTED_NOISE * noise)
     most = int(MOST_TO_SIDE * max(1.0, BASELINE_NOISE * noise / BASELINE))
     end = i
     for number in range(most):
