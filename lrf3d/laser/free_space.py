@@ -67,7 +67,7 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     off = np.abs(places - np.median(places, axis=0)).max(axis=1)
     if off.max() > reach:
         near = np.abs(places - places[np.argmin(off)]).max(axis=1) <= reach
-        places, scans = places[near], [scans[k] for k in np.flatnonzero(near)]
+        places, scans = places[near], [scans[k] for k in np.flatnonzero(near).tolist()]
     low, high = places.min(axis=0) - SIGHT - CELL, places.max(axis=0) + SIGHT + CELL
     size = max(CELL, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
     # The corner of the first cell is a whole number of cells from the origin.
