@@ -16,7 +16,7 @@ from pyarrow import parquet
 from typer.testing import CliRunner
 
 from lrf3d.cli.app import app
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, install_command
 from lrf3d.output import draw_all
 from lrf3d.scenario_file import load_scenario
 from lrf3d.sweep import sweeping
@@ -380,7 +380,7 @@ def test_without_the_extra_one_line_says_what_to_install_and_the_paper_needs_non
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 1 and done.stdout == ""
-    what = "sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'"
+    what = f"sweeps need Dask and Parquet; install it: {install_command('sweep')}"
     assert done.stderr == f"lrf3d: {what}\n"
 
 

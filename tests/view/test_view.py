@@ -394,13 +394,21 @@ def test_what_moves_is_seen_by_the_laser_and_told_to_the_page(tmp_path):
     drive = hand(YARD + OBSTACLE, tmp_path)
     without = hand(YARD, tmp_path)
     origin = load_scenario(tmp_path / "world.toml").world.origin
-    nearer = 0
+    nearer, plain = 0, None
     for _ in range(60):
-        news, plain = drive.step(0.1), without.step(0.1)
+        news, plain = drive.step(0.1), without.step(0.1) or plain
         x, y = np.array(news["obstacles"][:2]) + origin
         assert x == pytest.approx(9.0) and 2.0 <= y <= 7.0
         nearer += sum(a < b - 1.0 for a, b in zip(news["ranges"], plain["ranges"], strict=True))
     assert plain["obstacles"] == [] and nearer > 60
+
+
+def test_while_nothing_changes_nothing_is_told(tmp_path):
+    drive = hand(YARD, tmp_path)
+    assert drive.step(0.05)["fresh"]
+    assert [drive.step(0.05) for _ in range(3)] == [None] * 3
+    drive.wish = Wish(turn=1.0)
+    assert drive.step(0.05)["pose"]["turning"] > 0.0
 
 
 def test_the_noise_of_the_scenario_is_that_of_the_drive(tmp_path):
@@ -459,7 +467,7 @@ def test_what_is_wrong_is_named(yard):
 
 def test_without_nicegui_the_extra_is_named(yard, monkeypatch):
     monkeypatch.setitem(sys.modules, "nicegui", None)
-    with pytest.raises(MissingLibraryError, match=r"lrf3d\[view\]"):
+    with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[view\]"):
         shown(yard)
 
 
