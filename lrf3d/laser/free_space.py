@@ -71,6 +71,9 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
         way = 1 if scan.angles[-1] >= scan.angles[0] else -1
         angles, ranges = scan.angles[::way].copy(), scan.ranges[::way].copy()
         _mark(cells, np.array([x - low[0], y - low[1], theta]), angles, ranges, size)
+    if not cells.any():
+        # Poses so far apart that a cell is wider than what a scan shows.
+        return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
     held_rows, held_columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
     first_row, first_column = held_rows[0], held_columns[0]
     origin = low + size * np.array([first_column, first_row])
