@@ -13,7 +13,7 @@ from typing import Any
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool
-from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
+from lrf3d.errors import InputError, Lrf3dError, missing_extra
 from lrf3d.interrupts import noting
 from lrf3d.output import lock_of, locked, make_folder, scratch_folder
 from lrf3d.progress import Progress, silent
@@ -182,7 +182,7 @@ def executor_of(
         try:
             from distributed import Client
         except ImportError as error:
-            raise MissingLibraryError("--scheduler needs Dask; pip install distributed") from error
+            raise missing_extra("--scheduler needs Dask", "sweep") from error
         try:
             client = Client(scheduler, timeout=30)
         except (OSError, ValueError) as error:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.errors import MissingLibraryError
+from lrf3d.errors import MissingLibraryError, missing_extra
 from lrf3d.output import replacing, write_text
 from lrf3d.sweeping.plan import Plan
 from lrf3d.sweeping.rows import Row
@@ -228,7 +228,7 @@ class SweepTable:
 
 def missing_parquet() -> MissingLibraryError:
     """The error that explains how to install PyArrow."""
-    return MissingLibraryError("sweeps need PyArrow; pip install 'lrf3d[sweep]'")
+    return missing_extra("sweeps need PyArrow", "sweep")
 
 
 def _typed(rows: Sequence[Row]) -> list[Row]:
