@@ -15,6 +15,7 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, numbers, sealed, whole_number
+from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
 from lrf3d.mapping import LineMap, LineMapper
@@ -333,6 +334,7 @@ def simulate(
     return collect(Simulation(world, drive, **given), progress, snapshots=snapshots)
 
 
+@stoppable()
 def collect(
     simulation: Simulation,
     progress: Progress = silent,
@@ -361,6 +363,7 @@ def collect(
             kept[step.index] = step.map
         done = step.index + 1
         progress(done, total)
+        check()
     if done - 1 not in kept:
         kept[done - 1] = simulation.map
     maps = {scan: line_map for scan, line_map in kept.items() if isinstance(line_map, LineMap)}

@@ -5,13 +5,13 @@ Runs are sent in batches, so that sending them takes a small share of the time.
 
 import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, Lrf3dError
-from lrf3d.interrupts import noting
+from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.progress import Progress, silent
 from lrf3d.sweep.cluster import connected, hold
 from lrf3d.sweep.plan import Cell, Plan, PlannedRun, digest
@@ -21,6 +21,9 @@ from lrf3d.sweep.task import Row, carry_out, unpack
 
 AHEAD = 3
 """Batches sent for each worker: one in progress and some queued, so that no worker waits."""
+
+POLL_SECONDS = 0.02
+"""Interval of looking for results [s]: far shorter than a batch."""
 
 FLUSH_SECONDS = 2.0
 """Interval between writing rows [s]: the most that a killed sweep loses."""
@@ -113,6 +116,7 @@ class Sweep:
     took: float
 
 
+@stoppable()
 def sweep(
     plan: Plan,
     folder: Path,
@@ -173,7 +177,7 @@ def _work(client: Any, plan: Plan, runs: list[Any], store: Store, progress: Prog
     first = [send(batch) for batch in iter(lambda: _next(batches, under_way, AHEAD * count), None)]
     futures, flushed = as_completed(first), time.monotonic()
     try:
-        for future in futures:
+        for future in _finished(futures):
             batch = under_way.pop(future.key)
             report = future.result()
             batches.learn(batch, report.seconds)
@@ -195,6 +199,14 @@ def _work(client: Any, plan: Plan, runs: list[Any], store: Store, progress: Prog
         raise Lrf3dError(
             "the connection to the scheduler is lost; go on with --resume when it is back"
         ) from error
+
+
+def _finished(futures: Any) -> Iterator[Any]:
+    """The futures as they finish; a signal does not end the wait of distributed itself."""
+    while not futures.is_empty():
+        yield from futures.next_batch(block=False)
+        check()
+        time.sleep(POLL_SECONDS)
 
 
 def _next(batches: Batches, under_way: dict[str, Batch], most: int) -> Batch | None:

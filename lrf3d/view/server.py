@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
+from lrf3d.interrupts import asked, check
 from lrf3d.view.hand_drive import HandDrive, Wish
 from lrf3d.view.page_data import PageScene
 
@@ -113,8 +114,14 @@ def serve(
             await asyncio.sleep(_SOON)
         started(guard.page_address(host, port))
 
+    async def _stop() -> None:
+        while not asked():
+            await asyncio.sleep(_STEP)
+        app.shutdown()
+
     app.on_startup(_start)
     app.on_startup(_announce)
+    app.on_startup(_stop)
     guard.quiet()
     guard.refuse_attachments()
     try:
@@ -134,9 +141,11 @@ def serve(
             proxy_headers=False,
         )
     except SystemExit:
-        # The address was taken meanwhile; or else the program was stopped as the server started.
+        # The program was stopped as the server started, or the address was taken meanwhile.
+        check()
         free_port(host, port)
         raise
+    check()
 
 
 def _attach(drive: HandDrive, setup: dict[str, Any]) -> None:
