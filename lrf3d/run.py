@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Float, Int, Value
+from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapped_files import some_rows
 from lrf3d.mapping import LineMap
@@ -152,7 +152,7 @@ class Run(Value, Pictured):
         lasting = np.array([known.get(n, -1) for n in range(tracker.count)], np.int64)
         unknown = np.flatnonzero(lasting < 0)
         lasting[unknown] = world.object_count + np.arange(len(unknown))
-        return tuple(lasting[numbers] for numbers in tracked)
+        return tuple(sealed(lasting[numbers]) for numbers in tracked)
 
     def part(self, scans: Int) -> "Run":
         """The run of some of its scans, in ascending order, with the last of its maps."""

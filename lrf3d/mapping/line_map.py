@@ -66,7 +66,7 @@ class LineMap(Value, Pictured):
                 f"map of segments {segments.shape}, objects {objects.shape} and points"
                 f" {points.shape}: expected shapes (m, 4), (m,) and (m,)"
             )
-        kinds = np.asarray(self.kinds, dtype=KIND)
+        kinds = np.array(self.kinds, dtype=KIND)
         if not kinds.ndim:
             kinds = np.full(len(segments), kinds)
         if kinds.shape != objects.shape or not np.isin(kinds, KINDS).all():

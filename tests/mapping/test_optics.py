@@ -282,21 +282,6 @@ def test_walls_meet_a_line_where_they_end_on_it_or_cross_it():
     assert found.tolist() == pytest.approx([1.0, 4.0])
 
 
-def test_what_glass_returned_counts_before_and_after_the_flash_that_shows_its_line():
-    # With nothing behind it the front returns a beam or two in each scan.
-    front = World(
-        [[0, 20, 20, 20], [-60, -9, 80, -9]], materials=["glass", "brick"], objects=[0, 1]
-    )
-    far = np.column_stack([np.linspace(-14, 8, 40), np.full(40, 12.0), np.linspace(0, 0.6, 40)])
-    near = np.array([[10.0, 14.0, 0.0]])
-    lrf = LaserRangeFinder(-np.pi, np.pi, beams=13, range_max=40.0)
-    for poses in (np.vstack([far, near]), np.vstack([near, far])):
-        run, _ = mapped(front, poses, lrf)
-        glass = run.map.segments[run.map.kinds == "glass"]
-        assert len(glass) == 1 and np.ptp(glass[0, [0, 2]]) > 19.0
-        assert glass[0, [1, 3]] == pytest.approx([20.0, 20.0], abs=0.1)
-
-
 def test_reflectance_is_the_mean_in_a_cell():
     known = Reflectance()
     assert np.isnan(known.at(np.zeros((1, 2)))).all()

@@ -19,6 +19,12 @@ SHIFT = (0.37 * CELL, 0.41 * CELL)
 """[m] Where the first scan was taken in the map's frame: off the edges of the cells, on which
 rounding would decide."""
 
+MOST_FREE = 1_000.0
+"""[m] How far a beam without return is taken to be free at most, however far its laser reaches."""
+
+MOST_RANGE = 10_000.0
+"""[m] No laser of a robot measures farther than this: such a range is not known."""
+
 
 @inner
 def range_deviation(noise: RangeNoise, reach: float) -> float:
@@ -168,11 +174,11 @@ def measure_beams(
             # At the rim of the field of view there is no neighbour to lose it from.
             alone = missed <= lost and missed < beam < count
             for other in range(beam - missed, beam):
-                ranges[other] = 0.0 if alone else -range_max
+                ranges[other] = 0.0 if alone else -min(range_max, MOST_FREE)
             missed = 0
         if beam < count:
             # Nothing is known before what is too near, nor where any range may be measured.
-            known = 0.0 < measured[beam] < np.inf
+            known = 0.0 < measured[beam] < MOST_RANGE
             ranges[beam] = measured[beam] if known else 0.0
     for beam in range(count):
         reach = ranges[beam]
