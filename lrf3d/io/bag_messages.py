@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
+from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError, missing_extra
 from lrf3d.input import check_ordinary
 from lrf3d.io.laser_log import BadLine
 from lrf3d.io.packed import BLOCK_BYTES, LARGEST_RATIO, SMALL_LOG
@@ -128,7 +128,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
 
 def missing_rosbags(path: Path) -> MissingLibraryError:
     """The error that explains how to install rosbags."""
-    return MissingLibraryError(f"{path}: ROS bags need rosbags; pip install 'lrf3d[ros]'")
+    return missing_extra(f"{path}: ROS bags need rosbags", "ros")
 
 
 def _damaged(path: Path, error: Exception) -> InputError:

@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.cores import core_count
-from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError
+from lrf3d.errors import InputError, Lrf3dError, MissingLibraryError, missing_extra
 from lrf3d.interrupts import uninterrupted
 from lrf3d.output import scratch_folder
 
 
 def missing_sweep() -> MissingLibraryError:
     """The error that explains how to install Dask and Parquet."""
-    return MissingLibraryError("sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'")
+    return missing_extra("sweeps need Dask and Parquet", "sweep")
 
 
 try:

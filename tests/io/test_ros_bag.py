@@ -1,6 +1,5 @@
 import json
 import math
-import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,8 +12,7 @@ from bags import STORE, mounted, odometry, pose, rosbag2, scan, transform, write
 from estimates import estimated
 from synthetic_run import around, box, make_run, make_world
 
-import lrf3d
-from lrf3d.errors import InputError, MissingLibraryError, OutputError
+from lrf3d.errors import InputError, OutputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
 from lrf3d.io import load_log
@@ -325,15 +323,6 @@ def test_frames_that_hang_in_a_circle_do_not_hang_the_reader(tmp_path):
         load_log(write(tmp_path / "bag", *circle, *scans(0.5)))
 
 
-def test_without_rosbags_the_mend_is_told(run, mcap, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    with pytest.raises(MissingLibraryError, match=r"pip install 'lrf3d\[ros\]'"):
-        load_log(mcap)
-    with pytest.raises(MissingLibraryError, match=r"pip install 'lrf3d\[ros\]'"):
-        export_run(run, "mcap", tmp_path / "run.mcap")
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize("kind", ["zstd", "lz4"])
 def test_a_chunk_is_unpacked_to_the_size_that_it_claims_and_no_farther(kind):
     from lz4.frame import compress
@@ -402,34 +391,3 @@ def test_without_a_topic_of_odometry_it_is_the_transforms_up_to_its_frame(tmp_pa
     log = load_log(bag, poses="odom")
     assert log.source == "/tf, laser in odom" and log.mount == pytest.approx((0.2, 0, 0))
     assert log.scans[0].pose == pytest.approx((0.7, 0, 0))
-
-
-def lit_run(echoes):
-    walls = [[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0], [5, 0.5, 5, 5.5]]
-    materials = ["plaster", "mirror", "brick", "plaster", "glass"]
-    world = lrf3d.World(walls, objects=range(5), materials=materials)
-    lrf = LaserRangeFinder(-2.0, 2.0, 81, range_max=20.0, echoes=echoes)
-    poses = [(1.0, 2.0, 0.1), (2.0, 2.5, 0.2), (3.0, 3.0, 0.4)]
-    return lrf3d.simulate(world, poses, lrf, rng=0)
-
-
-def test_intensities_come_back_equal(tmp_path):
-    run = lit_run(echoes=1)
-    export_run(run, "mcap", tmp_path / "run.mcap")
-    scans = load_log(tmp_path / "run.mcap").scans
-    assert len(scans) == len(run)
-    for before, after in zip(run.scans, scans, strict=True):
-        assert np.array_equal(after.intensities, before.intensities.astype(np.float32))
-        assert after.echoes is None
-
-
-@pytest.mark.parametrize("topic", ["/scan", "/echoes"])
-def test_echoes_come_back_equal(topic, tmp_path):
-    run = lit_run(echoes=3)
-    export_run(run, "mcap", tmp_path / "run.mcap")
-    scans = load_log(tmp_path / "run.mcap", scan_topic=topic).scans
-    assert len(scans) == len(run)
-    for before, after in zip(run.scans, scans, strict=True):
-        for name in ("ranges", "intensities", "echoes", "echo_intensities"):
-            assert np.array_equal(getattr(after, name), getattr(before, name).astype(np.float32))
-    assert (np.isfinite(run.echoes).sum(axis=2) == 3).any()

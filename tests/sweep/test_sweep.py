@@ -1,6 +1,5 @@
 """A sweep gives each run once, and the same, wherever, whenever and in whatever order."""
 
-import gc
 import json
 import os
 import re
@@ -11,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from distributed import Scheduler
 from pyarrow import parquet
 from typer.testing import CliRunner
 
@@ -20,7 +18,6 @@ from lrf3d.errors import InputError
 from lrf3d.output import draw_all
 from lrf3d.scenario_file import load_scenario
 from lrf3d.sweep import sweeping
-from lrf3d.sweep.cluster import connected
 from lrf3d.sweep.drawing import curves_of, figures_of, table_text
 from lrf3d.sweep.grid import SweepGrid, parse_axis, parse_values, read_grid
 from lrf3d.sweep.plan import digest, make_plan, seed_of
@@ -369,21 +366,6 @@ def test_the_command_writes_its_files_and_prints_one_object(room, tmp_path):
         CliRunner().invoke(app, ["sweep"], catch_exceptions=False)
 
 
-def test_without_the_extra_one_line_says_what_to_install_and_the_paper_needs_none(room):
-    code = (
-        "import sys\n"
-        "for name in ('dask', 'distributed', 'pyarrow'): sys.modules[name] = None\n"
-        "import benchmarks.paper.report\n"
-        f"sys.argv = ['lrf3d', 'sweep', {room!r}]\n"
-        "from lrf3d.cli import main\n"
-        "main()\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1 and done.stdout == ""
-    what = "sweeps need Dask and Parquet; pip install 'lrf3d[sweep]'"
-    assert done.stderr == f"lrf3d: {what}\n"
-
-
 def test_a_killed_process_that_takes_long_to_go_is_no_error(room, tmp_path, monkeypatch):
     from distributed.process import AsyncProcess
 
@@ -400,14 +382,6 @@ def test_a_killed_process_that_takes_long_to_go_is_no_error(room, tmp_path, monk
     result = sweep(tiny(room), tmp_path / "out", workers=1)
     assert len(result.rows) > 0
     assert len(waits) == 3 and waits[2] > 5.0
-
-
-def test_a_cluster_that_has_ended_keeps_no_memory():
-    for _ in range(2):
-        with connected(None, workers=1):
-            pass
-    gc.collect()
-    assert not any(isinstance(each, Scheduler) for each in gc.get_objects())
 
 
 def test_processes_that_cannot_be_started_are_one_clear_error(room, tmp_path, monkeypatch):
