@@ -194,11 +194,7 @@ class Simulation:
         return estimate if isinstance(estimate, EstimatedTrajectory) else None
 
     def __iter__(self) -> Iterator[Step]:
-        """The remaining steps.
-
-        Raises:
-            CollisionError: A controller drives a robot with a radius into a wall.
-        """
+        """The remaining steps."""
         while (self.scans is None or self.done < self.scans) and self.drive.goes_on:
             index, (time, pose) = self.done, self.drive.scan_pose(self.done)
             true_scan, scan = self.sensor.measure(pose, time, self.rng)
@@ -345,7 +341,6 @@ def collect(
 
     Raises:
         InputError: The number of scans is unknown; give ``scans``.
-        CollisionError: A controller drives a robot with a radius into a wall.
     """
     total = simulation.total
     schedule, shape = SnapshotSchedule(total, snapshots), (total, simulation.lrf.beams)
