@@ -17,7 +17,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, OutputError
 from lrf3d.input import check_ordinary
-from lrf3d.interrupts import noting
+from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.io.journal import Array, Journal, columns_of, fingerprint_of, read_fingerprint
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.io.run_file import (
@@ -45,6 +45,7 @@ JOURNAL = ".journal"
 """Ending of the auxiliary file that stands beside a run until it is complete."""
 
 
+@stoppable()
 def record(
     simulation: "Simulation",
     path: str | Path,
@@ -205,6 +206,7 @@ class _Recorder:
             for step in self.simulation:
                 self._add(step)
                 progress(step.index + 1)
+                check()
         except (Exception, KeyboardInterrupt):
             # After a collision or an error of the user's code the scans before it are kept.
             self._flush()

@@ -14,7 +14,7 @@ from typing import Any
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool
 from lrf3d.errors import InputError, Lrf3dError, missing_extra
-from lrf3d.interrupts import noting
+from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.output import lock_of, locked, make_folder, scratch_folder
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
@@ -36,6 +36,7 @@ PLACES_KEPT = 4
 """Places whose casters a worker keeps."""
 
 
+@stoppable()
 def sweep(
     worlds: str | Sequence[str],
     *,
@@ -216,6 +217,7 @@ def _made(
 
     if executor is None:
         for run in runs:
+            check()
             yield rows_of([run], carry_out(orders_of([run])))
         return
     most = AHEAD * (getattr(executor, "_max_workers", None) or core_count())
@@ -225,7 +227,9 @@ def _made(
             while batches and len(running) < most:
                 batch = batches.popleft()
                 running[executor.submit(carry_out, orders_of(batch))] = batch
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            check()
+            # A signal does not end this wait, so it ends now and then by itself.
+            for future in wait(running, 0.1, FIRST_COMPLETED).done:
                 batch = running.pop(future)
                 yield rows_of(batch, future.result())
     except BrokenProcessPool as error:
