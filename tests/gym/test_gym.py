@@ -220,14 +220,6 @@ def test_each_step_is_shown_in_a_window(monkeypatch):
     assert shown == ["lrf3d", *[((90, 160, 3), env.task.dt)] * 2, "closed"]
 
 
-def test_the_benchmark_of_robots_tells_its_rate():
-    from benchmarks.robots import bench_robots
-
-    result = bench_robots("corridor", robots=16, seconds=0.2).as_dict()
-    assert result["steps"] > 0 and result["beams"] == 361
-    assert result["beams_a_second"] == pytest.approx(361 * result["robot_steps_a_second"])
-
-
 def test_without_gymnasium_the_line_to_run_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     monkeypatch.delitem(sys.modules, "lrf3d.gym")

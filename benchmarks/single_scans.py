@@ -17,14 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.result import Row
-from benchmarks.score.vertex_fit import fit_vertices
+from benchmarks.report import Row
+from benchmarks.vertex_fit import fit_vertices
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import as_pose
-from lrf3d.progress import Progress, silent
 from lrf3d.world import World
 
 GAP = 1.0
@@ -91,8 +90,6 @@ def _scan_set(kind: str, columns: dict[str, Any]) -> ScanSet:
 def score_vertices(
     sets: Sequence[ScanSet],
     vertices: Sequence[int],
-    *,
-    progress: Progress = silent,
 ) -> list[Row]:
     """Score the lines of single scans of each kind, at each number of vertices; means over scans.
 
@@ -102,18 +99,14 @@ def score_vertices(
     Args:
         sets: The scans.
         vertices: Numbers of vertices a scan.
-        progress: Called with the scans done, and of how many.
     """
     rows: list[Row] = []
-    done, total = 0, len(vertices) * sum(len(each.scans) for each in sets)
     for each in sets:
         for most in vertices:
             scores = []
             for index, scan in enumerate(each.scans):
                 polygon = each.polygons[index] if each.polygons else None
                 scores.append(_score_scan(scan, most, polygon))
-                done += 1
-                progress(done, total)
             used, errors, shares, areas = zip(*scores, strict=True)
             rows.append(
                 {
