@@ -102,7 +102,7 @@ def _curve(
     x = np.array(curve.x)
     mean = factor * np.array(curve.means[measure])
     half = factor * np.nan_to_num(np.array(curve.halves[measure]))
-    label = f"{curve.mode} mode" + (f", {curve.choice}" if curve.choice else "")
+    label = curve.mode + (f", {curve.choice}" if curve.choice else "")
     axes.fill_between(x, mean - half, mean + half, color=colour, alpha=0.16, lw=0, zorder=3)
     axes.errorbar(x, mean, half, color=colour, lw=0, elinewidth=1.0, capsize=2.0, zorder=4)
     axes.plot(
@@ -148,6 +148,8 @@ def _colours(curves: Sequence[Curve]) -> list[str]:
     for number, curve in enumerate(curves):
         same = [k for k, other in enumerate(curves) if other.mode == curve.mode]
         share = PALEST * same.index(number) / max(1, len(same) - 1)
-        base = np.array(to_rgb(MODE_COLOURS[curve.mode]))
+        labels = list(dict.fromkeys(each.mode for each in curves))
+        usual = f"C{labels.index(curve.mode)}"
+        base = np.array(to_rgb(MODE_COLOURS.get(curve.mode, usual)))
         colours.append(to_hex(tuple((base + share * (1.0 - base)).tolist())))
     return colours

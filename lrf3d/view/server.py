@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, OutputError, missing_extra
+from lrf3d.interrupts import asked, check
 from lrf3d.view.hand_drive import HandDrive, Wish
 from lrf3d.view.page_data import PageScene
 
@@ -101,7 +102,13 @@ def serve(
             await asyncio.sleep(_SOON)
         started(page_address(host, port))
 
+    async def _stop() -> None:
+        while not asked():
+            await asyncio.sleep(_STEP)
+        app.shutdown()
+
     app.on_startup(_announce)
+    app.on_startup(_stop)
     _answer_own_pages_only(host)
     try:
         ui.run(
@@ -120,9 +127,11 @@ def serve(
             proxy_headers=False,
         )
     except SystemExit:
-        # The address was taken meanwhile; or else the program was stopped as the server started.
+        # The program was stopped as the server started, or the address was taken meanwhile.
+        check()
         free_port(host, port)
         raise
+    check()
 
 
 def _answer_own_pages_only(host: str) -> None:

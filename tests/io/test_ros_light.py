@@ -1,4 +1,4 @@
-"""Intensities and echoes in ROS bags, and bags without the library that reads them."""
+"""Intensities in ROS bags, and bags without the library that reads them."""
 
 import sys
 
@@ -15,17 +15,17 @@ from lrf3d.laser import LaserRangeFinder
 assert bags.rosbag2
 
 
-def lit_run(echoes):
+def lit_run():
     walls = [[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0], [5, 0.5, 5, 5.5]]
     materials = ["plaster", "mirror", "brick", "plaster", "glass"]
     world = lrf3d.World(walls, objects=range(5), materials=materials)
-    lrf = LaserRangeFinder(-2.0, 2.0, 81, range_max=20.0, echoes=echoes)
+    lrf = LaserRangeFinder(-2.0, 2.0, 81, range_max=20.0)
     poses = [(1.0, 2.0, 0.1), (2.0, 2.5, 0.2), (3.0, 3.0, 0.4)]
     return lrf3d.simulate(world, poses, lrf, rng=0)
 
 
 def test_intensities_come_back_equal(tmp_path):
-    run = lit_run(echoes=1)
+    run = lit_run()
     export_run(run, "mcap", tmp_path / "run.mcap")
     scans = load_log(tmp_path / "run.mcap").scans
     assert len(scans) == len(run)
@@ -34,24 +34,12 @@ def test_intensities_come_back_equal(tmp_path):
         assert after.echoes is None
 
 
-@pytest.mark.parametrize("topic", ["/scan", "/echoes"])
-def test_echoes_come_back_equal(topic, tmp_path):
-    run = lit_run(echoes=3)
-    export_run(run, "mcap", tmp_path / "run.mcap")
-    scans = load_log(tmp_path / "run.mcap", scan_topic=topic).scans
-    assert len(scans) == len(run)
-    for before, after in zip(run.scans, scans, strict=True):
-        for name in ("ranges", "intensities", "echoes", "echo_intensities"):
-            assert np.array_equal(getattr(after, name), getattr(before, name).astype(np.float32))
-    assert (np.isfinite(run.echoes).sum(axis=2) == 3).any()
-
-
-def test_without_rosbags_the_mend_is_told(tmp_path, monkeypatch):
+def test_without_rosbags_the_error_says_what_to_install(tmp_path, monkeypatch):
     bag = tmp_path / "run.mcap"
-    export_run(lit_run(echoes=1), "mcap", bag)
+    export_run(lit_run(), "mcap", bag)
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[ros\]"):
         load_log(bag)
     with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[ros\]"):
-        export_run(lit_run(echoes=1), "mcap", tmp_path / "again.mcap")
+        export_run(lit_run(), "mcap", tmp_path / "again.mcap")
     assert list(tmp_path.iterdir()) == [bag]
