@@ -124,8 +124,16 @@ def print_json(value: Any) -> None:
 
 
 def json_text(value: Any) -> str:
-    """A value as standard JSON, without NaN and infinity."""
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+    """A value as standard JSON, without NaN and infinity, its numbers to nine digits."""
+    return json.dumps(_rounded(value), indent=2, allow_nan=False) + "\n"
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.9g}")
+    if isinstance(value, dict):
+        return {name: _rounded(each) for name, each in value.items()}
+    return [_rounded(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def print_table(rows: list[tuple[str, str]], width: int = 0) -> None:

@@ -48,12 +48,26 @@ def as_bytes(array, version):
 
 
 @pytest.mark.parametrize(
-    ("name", "shape"), [("poses", (2, 3)), ("ranges", (3, 6)), ("truth", (2, 7)), ("walls", (3, 8))]
+    ("name", "array", "words"),
+    [
+        ("poses", np.zeros((2, 3)), "poses"),
+        ("ranges", np.zeros((3, 6)), r"ranges \(3, 6\); expected \(3, 7\)"),
+        ("truth", np.zeros((2, 7)), r"truth \(2, 7\)"),
+        ("walls", np.zeros((3, 8), np.int64), r"walls \(3, 8\)"),
+        ("walls", np.full((3, 7), 4), "walls from 4 to 4, which the world has not"),
+        ("walls", np.full((3, 7), -2), "walls from -2 to -2"),
+        ("snapshot_scans", np.array([[0, 1, 2]]), "snapshot_scans"),
+        ("snapshot_scans", np.array([0, 1, 3]), "expected an ascending scan from 0 to 2"),
+        ("snapshot_scans", np.array([2, 1, 0]), "expected an ascending scan"),
+        ("snapshot_scans", np.array([2]), "of 3 maps"),
+        ("map_sizes", np.array([10**9, -(10**9), 0]), "map_sizes"),
+        ("map_sizes", np.array([0, 0, 10**9]), "map_sizes do not sum"),
+        ("intensities", np.zeros((3, 6)), r"intensities \(3, 6\)"),
+    ],
 )
-def test_arrays_that_do_not_fit_each_other_are_named(run_file, name, shape):
-    kind = np.int64 if name == "walls" else np.float64
-    changed(run_file, **{name: np.zeros(shape, kind)})
-    with pytest.raises(InputError, match=rf"run\.npz: .*{name} of shape \({shape[0]}, {shape[1]}"):
+def test_arrays_that_do_not_fit_each_other_are_named(run_file, name, array, words):
+    changed(run_file, **{name: array})
+    with pytest.raises(InputError, match=rf"run\.npz: .*{words}"):
         lrf3d.load_run(run_file)
 
 
