@@ -18,8 +18,7 @@ from matplotlib.transforms import Bbox
 
 from benchmarks.result import Row, duration, figure_of
 from benchmarks.timing import Timing
-from lrf3d.render.chart import HEAD, Sheet
-from lrf3d.render.page import FAINT, INK, SPINE, plain
+from lrf3d.sheet import FAINT, INK, SPINE, plain, quiet, sheet
 
 OWN = "#d6361f"
 """Colour of what lrf3d does by default."""
@@ -30,11 +29,8 @@ COLOURS = ("#2f6fb3", "#2a9187", "#7a3fb0", "#e8890c", "#b25fa8", "#68727f", "#8
 DASHES = (0, (4, 2))
 """Dashes of what stands beside the main line."""
 
-PANEL, TALL, SHORT = 4.6, 3.5, 2.5
+PANEL, TALL, SHORT = 5.5, 4.8, 3.8
 """Width of a panel, and heights of panels in rows of up to three and of more [inches]."""
-
-GAP, FOOT, TITLES = 0.9, 0.95, 0.35
-"""Room left of a panel, below a row and above it [inches]."""
 
 MOST_WIDE = 3
 """Panels that a picture is wide at most; more in a row are narrower."""
@@ -83,20 +79,24 @@ def draw(rows: Sequence[Sequence[Panel]], titles: tuple[str, str] = ("", "")) ->
     """Draw rows of panels under a headline and the smaller line below it."""
     # A lone panel is as wide as two, or a page would blow it up.
     columns = min(MOST_WIDE, max(2, *map(len, rows)))
-    wide = columns * (GAP + PANEL) + 0.3
     tall = [TALL if len(row) <= MOST_WIDE else SHORT for row in rows]
-    head = HEAD if any(titles) else 0.0
-    sheet = Sheet(wide, head + sum(tall) + (FOOT + TITLES) * len(rows) - 0.25, titles)
-    top = sheet.size[1] - head
-    for row, height in zip(rows, tall, strict=True):
-        each = (wide - 0.3) / len(row)
-        for column, panel in enumerate(row):
-            bottom = top - TITLES - height
-            axes = sheet.panel(GAP + column * each, bottom, each - GAP, height)
-            panel(axes)
-            say_where_empty(axes)
-        top -= TITLES + height + FOOT
-    return sheet.figure
+    figure = sheet(columns * PANEL, sum(tall) + (0.7 if any(titles) else 0.0), *titles)
+    parts = figure.subfigures(len(rows), 1, height_ratios=tall, squeeze=False)[:, 0]
+    panels = [
+        (panel, axes)
+        for row, part in zip(rows, parts, strict=True)
+        for panel, axes in zip(row, part.subplots(1, len(row), squeeze=False)[0], strict=True)
+    ]
+    for panel, axes in panels:
+        panel(quiet(axes))
+    # Names find free places on axes that stay where they are: the layout comes before them.
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for panel, axes in panels:
+        axes.clear()
+        panel(quiet(axes))
+        say_where_empty(axes)
+    return figure
 
 
 def scatter(

@@ -14,7 +14,7 @@ from benchmarks.chart import COLOURS
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.render.chart import Sheet
+from lrf3d.sheet import quiet, save_figure, sheet
 from lrf3d.world import Material, World
 
 SHEETS = {
@@ -61,8 +61,8 @@ def calibrated(sheet: dict[float, float]) -> LaserRangeFinder:
 
 def draw(path: str) -> None:
     """Draw the ranges of the sheets over those that are simulated."""
-    sheet = Sheet(7.2, 4.6, ("Range by reflectance", "points: data sheets; lines: laser equation"))
-    panel = sheet.panel(0.8, 0.65, 6.1, 3.05)
+    figure = sheet(7.2, 4.6, "Range by reflectance", "points: data sheets; lines: laser equation")
+    panel = quiet(figure.add_subplot())
     shares: Float = np.geomspace(0.05, 1.0, 25)
     for colour, (name, points) in zip(COLOURS, SHEETS.items(), strict=False):
         lrf = calibrated(points)
@@ -73,7 +73,7 @@ def draw(path: str) -> None:
     panel.set_yticks([20, 50, 100, 200, 500], ["20", "50", "100", "200", "500"])
     panel.minorticks_off()
     panel.legend(fontsize=8.5, frameon=False, loc="upper left")
-    sheet.save(path)
+    save_figure(figure, path)
 
 
 def main() -> None:

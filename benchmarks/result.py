@@ -175,7 +175,7 @@ class Result:
         Raises:
             OutputError: It cannot be written.
         """
-        from lrf3d.render.page import save_figure
+        from lrf3d.sheet import save_figure
 
         assert self.chart is not None
         save_figure(self.chart(self), path)

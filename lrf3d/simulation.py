@@ -201,30 +201,19 @@ class Simulation:
             self.take(scan)
             yield Step(index, time, true_scan.pose, scan, true_scan, self, self._returned)
 
-    def take(self, scan: LaserScan, *, mapped: bool = False) -> None:
+    def take(self, scan: LaserScan) -> None:
         """Take the next measured scan: map it and drive on.
 
-        Args:
-            scan: The scan; replaying recorded scans brings a new simulation to the state of an
-                interrupted one.
-            mapped: Whether the mapper has the scan already.
+        Taking recorded scans brings a new simulation to the state of an interrupted one.
         """
-        if not mapped:
-            begin = perf_counter()
-            self._returned = self.mapper.update(scan)
-            # The first update is not counted: it may compile or load the mapper.
-            if self.updates:
-                self._seconds += perf_counter() - begin
-            self.updates += 1
+        begin = perf_counter()
+        self._returned = self.mapper.update(scan)
+        # The first update is not counted: it may compile or load the mapper.
+        if self.updates:
+            self._seconds += perf_counter() - begin
+        self.updates += 1
         self.drive.after(scan)
         self.done += 1
-
-    def skip(self, scans: int) -> None:
-        """Continue after a number of scans without taking them.
-
-        Only a drive along a trajectory can skip scans: a controller needs each of them.
-        """
-        self.done = scans
 
     @property
     def total(self) -> int:

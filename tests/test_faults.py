@@ -248,9 +248,8 @@ def simulation():
 
 def record_with_faults(fault, folder, most, monkeypatch):
     """Record a run with a fault at each call, and go on with it; returns the number of faults."""
-    # Each scan is a chunk, and each second one has a checkpoint.
+    # Each scan is a chunk.
     monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
-    monkeypatch.setattr(recording, "CHECKPOINT_SCANS", 2)
     counts, made, expected = FAULTS[fault]
     if counts is any_call:
         counts = calls_within(*RECORDING)
@@ -281,7 +280,7 @@ def record_with_faults(fault, folder, most, monkeypatch):
         assert error == expected or (error is None and left == whole), (calls.place, error)
         # A lock file that was not held yet is removed by the next holder.
         left.pop(".run.npz.lock", None)
-        assert set(left) <= {"run.npz", "run.journal", "run.checkpoint"}, calls.place
+        assert set(left) <= {"run.npz", "run.journal"}, calls.place
         assert left.get("run.npz") in (None, whole["run.npz"]), calls.place
         if expected is lrf3d.OutputError and error:
             assert "\n" not in text and str(path.with_suffix("")) in text

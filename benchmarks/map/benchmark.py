@@ -29,9 +29,9 @@ from benchmarks.map.sizes import SIZES, UPDATES_BY_SIZE, measure_sizes
 from benchmarks.result import Result, Row, Table
 from lrf3d.laser.noise import SIGMA
 from lrf3d.progress import Progress, silent
-from lrf3d.render.chart import MODE_COLOURS
 from lrf3d.scoring import storage
 from lrf3d.scoring.summary import local_polylines
+from lrf3d.sheet import MODE_COLOURS
 
 SECONDS = 125.0
 """Time for all [s], if none is given."""

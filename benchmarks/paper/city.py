@@ -16,14 +16,13 @@ from benchmarks.result import Table, duration, percent
 from benchmarks.timing import time_updates
 from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import Float
-from lrf3d.render.chart import HEAD, MODE_COLOURS, Sheet
 from lrf3d.render.figures import draw_map
-from lrf3d.render.page import FAINT, INK
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scenario_file import load_scenario
 from lrf3d.scoring import BuildingCount, MapScore, StorageCount, buildings_seen, score_run, storage
 from lrf3d.scoring.summary import local_polylines
+from lrf3d.sheet import FAINT, INK, MODE_COLOURS, quiet, sheet
 from lrf3d.simulation import collect
 
 FRAME_AT = 0.38
@@ -212,8 +211,8 @@ def _draw_updates(updates: Mapping[str, Float], interval: float) -> Figure:
         "Updates along the drive through the city",
         "a dot an update, the line a running median",
     )
-    sheet = Sheet(10.4, 3.9 + HEAD, titles)
-    axes = sheet.panel(0.85, 0.75, 9.2, 3.1)
+    figure = sheet(10.4, 4.7, *titles)
+    axes = quiet(figure.add_subplot())
     axes.set_yscale("log")
     for mode, colour in MODE_COLOURS.items():
         times = updates[mode]
@@ -231,4 +230,4 @@ def _draw_updates(updates: Mapping[str, Float], interval: float) -> Figure:
     axes.set_ylabel("time of an update", color=FAINT, fontsize=9)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=9,
                 labelcolor=INK, borderaxespad=0.2)  # fmt: skip
-    return sheet.figure
+    return figure
