@@ -51,5 +51,5 @@ def test_a_long_estimate_is_shown_in_one_short_line():
 
 
 def test_a_seed_is_called_rng_in_python():
-    with pytest.raises(lrf3d.InputError, match="there is no seed; did you mean rng?"):
+    with pytest.raises(lrf3d.InputError, match="there is no seed; did you mean rng"):
         lrf3d.load_scenario("paper_room").run(seed=1)

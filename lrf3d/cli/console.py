@@ -66,15 +66,19 @@ def progress_lines(title: str, clock: Callable[[], float] = monotonic) -> Progre
         clock: Gives the time [s].
     """
     began = last = clock()
+    # The first step may compile for half a minute, so it is not one to go by.
+    first = 0
 
     def report(done: int, total: int) -> None:
-        nonlocal last
+        nonlocal began, first, last
         check()
         now = clock()
-        if now - last < BETWEEN_LINES or not 0 < done < total:
+        if not first:
+            began, first, last = now, done, now
+        if now - last < BETWEEN_LINES or not first < done < total:
             return
         last = now
-        left = (now - began) * (total - done) / done / 60.0
+        left = (now - began) * (total - done) / (done - first) / 60.0
         say(f"{title}: {done:,} of {total:,}, about {max(left, 1.0):.0f} min left")
 
     return report

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from estimates import estimated
 from numpy.lib import format as npy
 
 import lrf3d
@@ -250,27 +249,6 @@ def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path, monk
     assert run.film == film and len(run) == len(POSES)
     with pytest.raises(InputError, match="no poses from odom in it; a run has only true poses"):
         lrf3d.load_log(path, poses="odom")
-
-
-def test_an_estimate_of_another_number_of_scans_is_refused(tmp_path):
-    run = estimated(lrf3d.simulate(ROOM, POSES, LRF, rng=0), shift=(0.1, 0.0, 0.0))
-    lrf3d.save_run(run, tmp_path / "run.npz")
-    with np.load(tmp_path / "run.npz") as file:
-        poses = file["estimate_poses"]
-    changed(
-        tmp_path / "run.npz",
-        estimate_poses=np.vstack([poses, poses[-1:]]),
-    )
-    with pytest.raises(InputError, match=r"run\.npz: .*estimate_poses"):
-        lrf3d.load_run(tmp_path / "run.npz")
-
-
-def test_intensities_of_another_number_of_beams_are_refused(tmp_path):
-    lit = World(ROOM.segments, objects=range(4), materials=["mirror", "glass", "brick", "plaster"])
-    lrf3d.save_run(lrf3d.simulate(lit, POSES, LRF, rng=0), tmp_path / "run.npz")
-    changed(tmp_path / "run.npz", intensities=np.zeros((3, 5)))
-    with pytest.raises(InputError, match=r"intensities of shape \(3, 5\), expected \(3, 7\)"):
-        lrf3d.load_run(tmp_path / "run.npz")
 
 
 def test_a_name_with_a_nul_character_is_refused():
