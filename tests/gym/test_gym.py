@@ -117,6 +117,20 @@ def test_a_robot_that_runs_into_a_wall_stands_before_it():
     assert 0.25 < info["pose"][1] < 0.55
 
 
+def test_an_action_that_is_no_number_is_refused_and_the_next_ones_drive_on():
+    envs = DriveVectorEnv(3, CORRIDOR)
+    envs.reset(seed=0)
+    with pytest.raises(lrf3d.InputError, match=r"action of robot 1: \[nan, 0\.0\]"):
+        envs.step(np.array([[0.5, 0.0], [np.nan, 0.0], [0.5, 0.0]]))
+    for _ in range(3):
+        _, rewards, *_ = envs.step(np.full((3, 2), 0.2))
+        assert np.isfinite(rewards).all() and np.isfinite(envs.task.poses).all()
+    env = DriveEnv(CORRIDOR)
+    for name, value in (("goal", (np.nan, 1.0)), ("goal", (1.0,)), ("pose", (0.0, np.inf, 0.0))):
+        with pytest.raises(lrf3d.InputError, match=name):
+            env.reset(seed=0, options={name: value})
+
+
 def test_episodes_are_cut_off_and_robots_set_down_anew_in_the_next_step():
     envs = DriveVectorEnv(4, CORRIDOR, max_steps=3)
     envs.reset(seed=1)
