@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from lrf3d.casting.embree_library import embreex_installed
+from lrf3d.casting.triangle_rays import embreex_installed
 from lrf3d.errors import OutputError
 from lrf3d.output import make_folder, replacing
 from lrf3d.progress import Progress, silent
