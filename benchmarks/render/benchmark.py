@@ -1,19 +1,18 @@
 """``scripts/bench render``: what does a picture cost, beside stock pyrender, and how clean is it?
 
-The city is drawn at both kinds of smoothing, layer by layer, with its floor and with stock
-pyrender beside it; generated cities show how the time grows with the buildings. The error of a
-picture is its distance from the same picture drawn at 16 times the pixels and averaged.
+The city is drawn at both kinds of smoothing, layer by layer, with stock pyrender beside it;
+generated cities show how the time grows with the buildings. The error of a picture is its distance
+from the same picture drawn at 16 times the pixels and averaged.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.chart import bars, draw, scatter
-from benchmarks.render.savings import ablate_render
 from benchmarks.render.scenes import (
     PLAYBACK,
     city_run,
@@ -27,8 +26,9 @@ from benchmarks.result import Result, Row, Table
 from benchmarks.timing import take_turns
 from lrf3d.geometry import Float
 from lrf3d.progress import Progress, silent
-from lrf3d.render.film import LAYERS, Film
+from lrf3d.render.film import Film
 from lrf3d.run import Run
+from lrf3d.scene.moments import LAYERS
 
 PICTURE = (1280, 720)
 """Width and height of the pictures [pixels]."""
@@ -76,7 +76,6 @@ def bench_render(
     seconds: float = SECONDS,
     size: tuple[int, int] = PICTURE,
     scans: int = 60,
-    with_ablation: bool = False,
     progress: Progress = silent,
 ) -> Result:
     """Draw the city and generated cities by all methods, and time them in turn.
@@ -86,7 +85,6 @@ def bench_render(
         seconds: Time for all [s]; what has begun is finished.
         size: Width and height of the pictures [pixels].
         scans: Scans of each run.
-        with_ablation: Also time each piece of skipped work on and off.
         progress: Called with the steps done, and of how many.
 
     Raises:
@@ -100,9 +98,9 @@ def bench_render(
         {"size": size},
         chart,
     )
-    total = 4 if with_ablation else 3
-    # Two parts for the city, and one for the layers, for each size and for the ablation.
-    share = seconds / (3 + len(sizes) + with_ablation)
+    total = 3
+    # Two parts for the city, and one for the layers and for each size.
+    share = seconds / (3 + len(sizes))
     city = city_run(scans)
     _city(result, city, 2.0 * share)
     progress(1, total)
@@ -110,9 +108,6 @@ def bench_render(
     progress(2, total)
     _growth(result, sizes, scans, share * len(sizes))
     progress(3, total)
-    if with_ablation:
-        ablate_render(result, city, moments(city), size=size, seconds=share)
-        progress(4, total)
     promise(result)
     result.took_s = time.monotonic() - begin
     return result
@@ -148,16 +143,11 @@ def _grown(result: Result) -> list[Row]:
 
 def chart(result: Result) -> Figure:
     """Time and error of the city, time by buildings, and what each layer costs."""
-    floors = {
-        f"floor, {row['samples']} samples" if row["samples"] else "floor": row["frame"].median
-        for row in result[ENTRIES]
-        if row["title"].startswith("floor")
-    }
     judged = [row for row in result[ENTRIES] if row.get("error_rms") is not None]
     width, height = result.facts["size"]
     return draw([[
         partial(
-            scatter, rows=judged, x="frame", y="error_rms", by="family", floors=floors,
+            scatter, rows=judged, x="frame", y="error_rms", by="family",
             title="time and error, city",
             labels=("time of a frame", "root mean square error [of 255]"),
             note=lambda row: row["title"].partition(", ")[2] or f"samples: {row['samples'] or 1}",
@@ -188,15 +178,11 @@ def _city(result: Result, run: Run, seconds: float) -> None:
         ("stock, merged meshes", 4): StockFilm(run, size=size, playback=PLAYBACK, merged=True),
         ("stock, no shadows", 4): StockFilm(run, size=size, playback=PLAYBACK, shadows=False),
     }
-    floors = {
-        ("floor: clear and read", samples): make_film(run, size, samples) for samples in (0, 4)
-    }
     calls = {str(key): frames(film, times) for key, film in films.items()}
-    calls |= {str(key): _floor(film) for key, film in floors.items()}
     timings = take_turns(calls, seconds=seconds)
     errors = _errors(run, size, float(times[len(times) // 2]))
     buildings = run.world.object_count
-    for title, samples in (*films, *floors):
+    for title, samples in films:
         key = title, samples
         result.add(
             ENTRIES,
@@ -209,7 +195,7 @@ def _city(result: Result, run: Run, seconds: float) -> None:
             frame=timings[str(key)],
             error_rms=errors.get(key),
         )
-    for film in (*films.values(), *floors.values()):
+    for film in films.values():
         film.close()
 
 
@@ -287,14 +273,3 @@ def _averaged(film: Film | StockFilm, size: tuple[int, int], time: float, factor
 def _rms(picture: Float, reference: Float) -> float:
     """Root mean square difference of two pictures, of 255."""
     return float(np.sqrt(np.mean((picture - reference) ** 2)))
-
-
-def _floor(film: Film) -> Callable[[int], object]:
-    """What clears and reads a picture, and draws nothing."""
-
-    def draw(number: int) -> object:
-        film.renderer.begin(film.scenery.scene)
-        film.renderer.flatten()
-        return film.renderer.finish()
-
-    return draw

@@ -163,7 +163,7 @@ class Cut(NamedTuple):
     """Walls between the eye and the robot are cut off where they would hide it."""
 
     robot: Float
-    """(2,) where the robot is."""
+    """(2,) where the robot ends towards the eye."""
     toward: Float
     """(2,) level direction from it to the eye, of unit length."""
     slope: float

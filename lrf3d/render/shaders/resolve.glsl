@@ -1,3 +1,10 @@
+// The mean of the samples of each pixel, and the depth of one.
+#ifdef VERTEX
+layout(location = 0) in vec2 corner;
+void main() {
+    gl_Position = vec4(corner, 0.0, 1.0);
+}
+#else
 uniform sampler2DMS colours;
 uniform sampler2DMS depths;
 out vec4 colour;
@@ -7,3 +14,4 @@ void main() {
         + texelFetch(colours, at, 2) + texelFetch(colours, at, 3));
     gl_FragDepth = texelFetch(depths, at, 0).r;
 }
+#endif
