@@ -18,7 +18,7 @@ from lrf3d.casting.exact import RationalCaster
 from lrf3d.casting.kernels.scans import BEYOND_WALLS
 from lrf3d.casting.mesh_scene import MeshScene, level_cut
 from lrf3d.casting.wall_scene import WallScene, build_wall_scene
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
 from lrf3d.pose import as_pose
@@ -69,6 +69,8 @@ class EmbreeCaster(BatchCaster):
     """
 
     def __init__(self, world: Any) -> None:
+        if not (isinstance(world, World) or hasattr(world, "triangles")):
+            raise InputError(f"caster for {shown(world)}: expected a World or a trimesh.Trimesh")
         self.world = world
         self._walls = world if isinstance(world, World) else None
         self._rationals = RationalCaster(World(np.empty((0, 4))) if self._walls is None else world)

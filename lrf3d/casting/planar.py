@@ -8,6 +8,7 @@ from lrf3d.casting.batch_caster import BatchCaster, Kernels
 from lrf3d.casting.exact import RationalCaster
 from lrf3d.casting.kernels.scans import cast_scan, cast_scans, laser_of
 from lrf3d.casting.kernels.tree import Tree, build_tree
+from lrf3d.errors import InputError, shown
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 
@@ -28,6 +29,8 @@ class PlanarCaster(BatchCaster):
     """
 
     def __init__(self, world: World) -> None:
+        if not isinstance(world, World):
+            raise InputError(f"caster for {shown(world)}: expected a World")
         self.world = world
         self._levels = np.unique(world.heights)
         self._trees: dict[int, Tree] = {}

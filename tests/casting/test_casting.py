@@ -83,52 +83,6 @@ def test_a_batch_gives_the_ranges_of_the_single_scans(caster):
     assert np.array_equal(batch, [one.cast(lrf, pose).ranges for pose in poses])
 
 
-@pytest.mark.parametrize("caster", CASTERS)
-@pytest.mark.parametrize(
-    ("segments", "pose"),
-    [
-        ([[0, -6, 0, -3.0]], (1e-323, -3.0, 2.944)),
-        ([[1e-320, -1, 1e-320, 1.0]], (0.0, 0.0, 0.0)),
-        ([[1e200, -1e200, 1e200, 1e200]], (0.0, 0.0, 0.1)),
-        ([[1.0, 0.0, 2.0, 0.0]], (0.0, 0.0, 1e-320)),
-    ],
-)
-def test_numbers_beyond_all_bounds_have_their_exact_range_too(caster, segments, pose):
-    world = World(np.array(segments))
-    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=1e300)
-    exact = exact_range(pose[:2], lrf.directions(pose)[0], world.segments)
-    expected = np.inf if exact is None else float(exact)
-    scan = caster(world).cast(lrf, pose)
-    assert scan.ranges[0] == expected
-    ranges, walls = caster(world).scan_batch(lrf, np.array([pose, pose]))
-    assert (ranges == expected).all() and (walls == scan.walls).all()
-
-
-@pytest.mark.parametrize("caster", CASTERS)
-@pytest.mark.parametrize(
-    ("lrf", "ranges"),
-    [
-        (LaserRangeFinder(-0.5, 0.5, 3, 0.0, 1e308), [2 / np.cos(0.5), 2.0, 2 / np.cos(0.5)]),
-        (LaserRangeFinder(-0.5, 0.5, 3, 0.0, 1e-310), [np.inf] * 3),
-        (LaserRangeFinder(-0.5, 0.5, 3, 1e-320, 1e100), [2 / np.cos(0.5), 2.0, 2 / np.cos(0.5)]),
-        (LaserRangeFinder(-0.5, 0.5, 3, 1e300, 1e308), [-np.inf] * 3),
-        (LaserRangeFinder(-1e-200, 1e-200, 3, 0.0, 80.0), [2.0] * 3),
-    ],
-)
-def test_range_finders_with_numbers_beyond_all_bounds_are_cast_exactly(caster, lrf, ranges):
-    one = caster(World([[2, -9, 2, 9]]))
-    scan = one.cast(lrf, (0, 0, 0))
-    assert scan.ranges == pytest.approx(ranges, rel=1e-15)
-    assert np.array_equal(one.cast_batch(lrf, [(0, 0, 0)])[0], scan.ranges)
-
-
-@pytest.mark.parametrize("caster", CASTERS)
-def test_walls_longer_than_the_largest_number_are_cast_exactly(caster):
-    world = World([[-1.7e308, 3, 1.7e308, 3]])
-    scan = caster(world).cast(LaserRangeFinder(np.pi / 2, np.pi / 2, 1), (0, 0, 0))
-    assert scan.ranges == [3.0]
-
-
 def test_a_beam_along_a_wall_ends_at_its_nearest_point():
     lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1)
     cast = PlanarCaster(World(np.array([[7, 0, 3, 0.0]]))).cast

@@ -11,7 +11,7 @@ from lrf3d.casting import crosscheck
 from lrf3d.casting.causes import Answers, Cause, explain
 from lrf3d.casting.raw_embree import RawEmbreeCaster
 from lrf3d.cli.app import app
-from lrf3d.render.crosscheck_figure import MOST_CLOSE, draw_crosscheck, most_telling
+from lrf3d.render.crosscheck_figure import draw_crosscheck
 from lrf3d.world.generators import city_crossings, generate_city
 
 ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
@@ -146,8 +146,6 @@ def test_the_figure_shows_a_few_of_each_cause(tmp_path):
     world = generate_city(100)
     poses = aimed_at_corners(world)
     result = crosscheck(world, ONE_BEAM, poses, raw=True)
-    shown = most_telling(result.differences)
-    assert len(shown) == MOST_CLOSE and {one.cause for one in shown} == set(result.causes)
     for name, found in (("raw", result), ("same", crosscheck(world, ONE_BEAM, poses))):
         draw_crosscheck(world, ONE_BEAM, poses, found, tmp_path / f"{name}.png")
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")

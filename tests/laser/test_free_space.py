@@ -96,3 +96,8 @@ def test_single_beams_show_only_where_the_robot_stood(angles):
         free.contain(np.array([[0.05, 0.05]])).all()
         and not free.contain(np.array([[2.0, 0.0]])).any()
     )
+
+
+def test_poses_too_far_apart_for_one_grid_show_nothing():
+    far = [lrf3d.LaserScan((at, at, 0), [0.0, 0.1], [4.0, 4.0]) for at in (0.0, 5e6)]
+    assert not free_cells(far).contain(np.array([[2.0, 0.0]])).any()

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.result import Row, Table
 from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import Float
+from stress.result import Row, Table
 
 EXAMPLES = 3
 """Failures that are kept whole, to be repeated by hand."""

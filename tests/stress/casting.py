@@ -129,7 +129,6 @@ _KINDS: dict[str, Maker] = {
     "along walls": beams.along_walls,
     "slivers of 1e-9 m": beams.at_slivers,
     "walls of one ulp and more": beams.at_short_walls,
-    "walls of 5e-324 to 1e7 m": beams.of_all_sizes,
     "crossing walls": beams.at_crossings,
     "doubled walls, alike": partial(beams.at_doubles, make=worlds.alike),
     "doubled walls, turned round": partial(beams.at_doubles, make=worlds.turned_round),
