@@ -1,6 +1,6 @@
 """How near is a film's picture to a path-traced one of the same scene?
 
-``python -m benchmarks.render.reference`` draws moments of runs as films do, without beams and
+``python -m benchmarks.path_traced`` draws moments of runs as films do, without beams and
 panels, path-traces the same walls, ground, sun and sky with Mitsuba, and prints the mean FLIP
 (Andersson et al., 2020) of both. It needs ``pip install mitsuba flip-evaluator``.
 """
@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from lrf3d.geometry import Float, quad_indices
+from lrf3d.geometry import Float
 from lrf3d.io import load_run
 from lrf3d.render.film import Film
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look
 from lrf3d.scene.facades import BAYS, ROWS, layers
-from lrf3d.scene.ground import paint_ground
+from lrf3d.scene.ground import bare_ground
 from lrf3d.scene.light import sky_light
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.walls import paint_walls
@@ -34,13 +34,14 @@ _LAND = 2000.0
 def drawn(run: Run, view: str, time: float) -> tuple[Float, Look, tuple[float, ...]]:
     """A picture (h, w, 3) 0…1 of a run's world alone, the look at it, and the air's haze."""
     film = Film(run, size=PICTURE, view=view, samples=4, layers=())
-    film._solid = [layer for layer in film._solid if layer != film.scenery.draw_robot]
-    picture = film.draw(time)[:, :, :3] / 255.0
-    seen = film.camera.look(time, PICTURE[0] / PICTURE[1])
-    thick = film._frame(film.timeline.moment(time), seen).camera["thick"]
-    haze = (*film.scenery.constants["HAZE"], thick)
+    look_at = film.camera.look(time, PICTURE[0] / PICTURE[1])
+    seen = film.scene.seen(film.timeline.moment(time), look_at, PICTURE, ())
+    seen = seen._replace(bodies=(), marks=(), cut=None)
+    picture = film.renderer.draw(seen)[:, :, :3] / 255.0
+    indoor = film.scene.structures.indoor
+    haze = (*(look.HAZE_INDOOR if indoor else look.HAZE), seen.lens.thick)
     film.close()
-    return picture, seen, haze
+    return picture, look_at, haze
 
 
 def traced(run: Run, seen: Look, haze: tuple[float, ...], sky: Float, samples: int) -> Float:
@@ -119,13 +120,17 @@ def _bitmap(mi: Any, picture: Float, kind: str = "nearest") -> dict[str, Any]:
 
 def _walls(mi: Any, structures: Structures) -> dict[str, Any]:
     """Walls and roofs: what is painted over them, mixed with their own colour by its opacity."""
-    faces, _ = paint_walls(structures)
-    quads = faces.quads.reshape(-1, 19)[quad_indices(len(faces.quads))].reshape(-1, 3, 19)
-    rows = np.concatenate([quads, faces.roofs]).astype(np.float64)
+    walls, roofs, _ = paint_walls(structures)
+    parts = []
+    for faces in (walls, roofs):
+        columns = np.concatenate([faces.places, faces.texture, faces.colours], axis=2)
+        quads = columns.shape[1] == 4
+        parts.append(columns[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9) if quads else columns)
+    rows = np.concatenate(parts).astype(np.float64)
     painted = layers(structures.indoor)[0].astype(np.float64) / 255.0
     found = {}
-    for layer in np.unique(rows[:, 0, 8]).astype(int).tolist():
-        part = rows[rows[:, 0, 8] == layer]
+    for layer in np.unique(rows[:, 0, 5]).astype(int).tolist():
+        part = rows[rows[:, 0, 5] == layer]
         share = painted[layer, :, :, 3:]
         over = painted[layer, :, :, :3] / np.maximum(1.0 - share, 1e-3)
         colour = {"type": "mesh_attribute", "name": "vertex_color"}
@@ -135,22 +140,19 @@ def _walls(mi: Any, structures: Structures) -> dict[str, Any]:
             "over": {"type": "diffuse", "reflectance": _bitmap(mi, _linear(over))},
             "wall": {"type": "diffuse", "reflectance": colour},
         }
-        uv = part[..., 6:8] / [BAYS, ROWS]
-        found[f"walls{layer}"] = _mesh(
-            mi, f"walls{layer}", part[..., :3], uv, part[..., 9:12], bsdf
-        )
+        uv = part[..., 3:5] / [BAYS, ROWS]
+        found[f"walls{layer}"] = _mesh(mi, f"walls{layer}", part[..., :3], uv, part[..., 6:9], bsdf)
     return found
 
 
 def _ground(mi: Any, structures: Structures) -> dict[str, Any]:
     """The ground in its own colours, and the land around it."""
-    ground = paint_ground(structures, paint_walls(structures).light)
-    bare = ground.albedo()
-    low, high = ground.corner, ground.corner + ground.size
+    ground, bare, land = bare_ground(structures)
+    low, high = ground.corner, ground.corner + ground.extent
     found = {}
     for name, reflectance, corner, size, height in (
         ("ground", _bitmap(mi, _linear(bare), "bilinear"), low, high - low, 0.0),
-        ("land", {"type": "rgb", "value": _linear(ground.land).tolist()}, low - _LAND,
+        ("land", {"type": "rgb", "value": _linear(land).tolist()}, low - _LAND,
          high - low + 2.0 * _LAND, -0.02),
     ):  # fmt: skip
         place = mi.ScalarTransform4f().translate([*(corner + 0.5 * size).tolist(), height])

@@ -11,9 +11,8 @@ import shapely
 
 from lrf3d.geometry import Float
 from lrf3d.render.bindings import GL, pyrender
+from lrf3d.render.buffers import make_current
 from lrf3d.render.pictures import Picture
-from lrf3d.render.primitives import Mesh
-from lrf3d.render.renderer import context
 from lrf3d.run import Run
 from lrf3d.scene.bodies import robot_mesh, world_from_robot
 from lrf3d.scene.cameras import make_camera
@@ -23,6 +22,16 @@ from lrf3d.scene.timeline import Timeline
 
 _LAND = 200.0
 """How far the ground reaches past the world [m]."""
+
+
+class Mesh(pyrender.Mesh):  # type: ignore[misc]
+    """pyrender's mesh, with bounds that do not need ``np.infty``, which NumPy 2 took away."""
+
+    @property
+    def bounds(self) -> Float:
+        """Corners (2, 3) of the box around all primitives [m]."""
+        boxes = np.array([primitive.bounds for primitive in self.primitives])
+        return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
 class StockFilm:
@@ -65,8 +74,7 @@ class StockFilm:
         self._eye = self._scene.add(lens)
         flags = pyrender.RenderFlags
         self._flags = flags.OFFSCREEN | (flags.SHADOWS_DIRECTIONAL if shadows else flags.NONE)
-        self._platform = context()._platform
-        self._platform.make_current()
+        make_current()
         self._renderer = pyrender.Renderer(*size)
 
     def draw(self, time: float) -> Picture:
@@ -77,7 +85,7 @@ class StockFilm:
         self._eye.camera.yfov, self._eye.camera.znear = look.field, look.near
         self._scene.set_pose(self._eye, look.pose)
         self._scene.set_pose(self._robot, world_from_robot(place))
-        self._platform.make_current()
+        make_current()
         # Other renderers of this process leave these otherwise than pyrender takes for granted.
         GL.glFrontFace(GL.GL_CCW)
         GL.glDepthMask(GL.GL_TRUE)
