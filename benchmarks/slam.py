@@ -1,179 +1,109 @@
-"""``scripts/bench slam``: how far off is the trajectory of SLAM, and at what cost?
+"""How far is the trajectory of SLAM off, online and finished, and what does it cost?
 
-One recorded drive is solved at several distances between key scans. A simulated drive has its
-truth; a log needs relations.
+A recorded log with relations, or a simulated drive whose truth is known, is solved at several
+distances between key scans: online, as a robot would, and with the final refinement.
 """
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-from matplotlib.figure import Figure
+import typer
 
-from benchmarks.chart import RING, draw, trade_offs
-from benchmarks.result import Result, Table
-from benchmarks.timing import Timing
-from lrf3d.geometry import Float, Int
-from lrf3d.io import LaserLog
-from lrf3d.laser import LaserScan
-from lrf3d.progress import Progress, silent
-from lrf3d.scenario_file import load_scenario
-from lrf3d.scoring.trajectory_score import Relations, score_trajectory
-from lrf3d.slam import LogSolution, WheelErrors
-from lrf3d.slam.frames import between, compose
-from lrf3d.slam.front_end import KEY_DISTANCE
-from lrf3d.slam.log import solve_log
+import lrf3d
+from benchmarks.report import Figure, Report, Row, scatter
+from lrf3d.geometry import Float
+from lrf3d.io import load_log
+from lrf3d.localization import odometry_increments
+from lrf3d.recorded import solved_log
+from lrf3d.scoring.trajectory_score import Relations, TrajectoryScore, score_trajectory
+from lrf3d.slam import Slam, WheelErrors
 
-SPACINGS = (0.25, 0.35, 0.5, 0.7, 1.0)
-"""Distances between key scans [m]."""
-
-WORLD, SCANS = "corridor", 900
-"""The world of the simulated drive, and its scans: there and back, and there once more."""
+WORLD = "corridor"
+"""The world of the simulated drive: there and back, and there again."""
 
 APART = (1, 10, 100)
 """How many scans the ends of the relations of a simulated drive lie apart, as in those of Kümmerle
 et al.: some from one scan to the next, some to where the robot comes by again."""
 
-ENTRIES = Table(
-    "entries",
-    {
-        "log": "log",
-        "spacing": "key spacing",
-        "solve": "time",
-        "error_m": ("error", "{:.4f} m".format),
-        "std_m": ("±", "{:.4f} m".format),
-        "rotation_deg": ("rotation", "{:.2f}°".format),
-        "closures": "closures",
-        "default": "",
-    },
-    "time: of one core, from the first scan on, reading left out; error: of the translation over\n"
-    "all relations; default: that of lrf3d slam",
-    names=("log", "spacing"),
-    time="solve",
-    error="error_m",
-    left=2,
-)
-"""Each key spacing."""
+
+def bench(
+    log: Annotated[
+        Path | None, typer.Option(help="A recorded log; else a simulated drive.")
+    ] = None,
+    relations: Annotated[
+        Path | None, typer.Option(help="Relations of the log: lines a b dx dy dtheta.")
+    ] = None,
+    scans: Annotated[int, typer.Option(min=20, help="Scans of the simulated drive.")] = 900,
+    spacings: Annotated[
+        str, typer.Option(metavar="M,M,…", help="Distances between key scans [m].")
+    ] = "0.25,0.5,1",
+    figure: Figure = None,
+) -> Report:
+    """Solve a drive by SLAM: how far off it is, online and finished, and how long it takes."""
+    from lrf3d.errors import InputError
+
+    if (log is None) != (relations is None):
+        raise InputError("--log and --relations: the one needs the other; give both or none")
+    metres = [float(part) for part in spacings.split(",") if part.replace(".", "", 1).isdecimal()]
+    if len(metres) != len(spacings.split(",")) or not min(metres, default=0.0) > 0.0:
+        raise InputError(f"--spacings {spacings}: expected distances in metres, such as 0.25,0.5")
+    report = Report(__doc__.splitlines()[0])
+    if log is not None and relations is not None:
+        recorded(report, log, relations)
+    else:
+        for spacing in metres:
+            simulated(report, spacing, scans)
+    if figure is not None:
+        labels = "time [s]", "mean error of the translation [m]"
+        scatter(figure, report.tables["slam"], "solve_s", "error_m", "step", labels, "drive")
+    return report
 
 
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """A recorded drive with what is known of it.
+def recorded(report: Report, log: Path, relations: Path) -> None:
+    """A log, solved as ``lrf3d slam`` does."""
+    from lrf3d.io.trajectory_files import load_relations
 
-    Args:
-        name: What it is called.
-        scans: The scans (k,).
-        wheels: (n, 3) poses by odometry, line by line.
-        times: (n,) their stamps [s].
-        places: (k,) for each scan the index of the last line before it.
-        laser_offset: How far the laser stands ahead of the robot's centre [m].
-        relations: Known relative poses between lines.
-    """
-
-    name: str
-    scans: Sequence[LaserScan]
-    wheels: Float
-    times: Float
-    places: Int
-    laser_offset: float
-    relations: Relations
-
-    @classmethod
-    def simulated(cls, scans: int) -> "Drive":
-        """A drive through a built-in world, with wheels that slip and drift."""
-
-        class NoMap:
-            def update(self, scan: LaserScan) -> None:
-                """Nothing."""
-
-        run = load_scenario(WORLD).run(rng=0, scans=scans, mapper=NoMap(), snapshots=1)
-        true, errors, rng = run.trajectory.poses, WheelErrors(), np.random.default_rng(0)
-        wheels = [true[0]]
-        for step in between(true[:-1], true[1:]):
-            wheels.append(compose(wheels[-1], errors(step, rng)))
-        first, second = np.hstack(
-            [[np.arange(len(true) - apart), np.arange(apart, len(true))] for apart in APART]
-        )
-        known = between(true[first], true[second])
-        relations = Relations(first, second, known, np.ones(len(first), np.bool_))
-        times, places = run.trajectory.times, np.arange(len(true))
-        return cls(WORLD, list(run.scans), np.array(wheels), times, places, 0.0, relations)
-
-    @classmethod
-    def recorded(cls, log: LaserLog, relations: Relations) -> "Drive":
-        """A log with known relations between its odometry lines."""
-        lines = log.wheels
-        if lines is None:
-            places = np.arange(len(log))
-            return cls(log.name, log.scans, log.poses, log.times, places, 0.0, relations)
-        places, offset = np.maximum(lines.places, 0), lines.laser_offset
-        return cls(log.name, log.scans, lines.poses, lines.times, places, offset, relations)
-
-    def solved(self, spacing: float, scans: int | None = None) -> LogSolution:
-        """The drive, or its first scans, solved at a distance between key scans [m]."""
-        return solve_log(
-            self.scans[:scans],
-            self.wheels,
-            self.places[:scans],
-            times=self.times,
-            laser_offset=self.laser_offset,
-            key_distance=spacing,
-        )
+    begin = time.process_time()
+    solved = solved_log(load_log(log), relations=load_relations(relations)).score
+    spent = time.process_time() - begin
+    assert solved is not None
+    report.add("slam", drive=log.name, step="finished", solve_s=spent, **row_of(solved))
 
 
-def bench_slam(
-    drive: Drive, spacings: Sequence[float] = SPACINGS, *, progress: Progress = silent
-) -> Result:
-    """Solve a drive at several distances between key scans [m].
-
-    Args:
-        drive: The drive.
-        spacings: The distances.
-        progress: Called with the spacings done, and of how many.
-    """
-    begin = time.monotonic()
-    result = Result(
-        "slam",
-        "How far is the trajectory of SLAM off, and how long does it take?",
-        {"scans": len(drive.scans), "relations": len(drive.relations)},
-        chart,
-    )
-    # Kernels are compiled or read from disk before anything is timed.
-    drive.solved(2.0, scans=40)
-    for number, spacing in enumerate(spacings, 1):
-        start = time.process_time()
-        solution = drive.solved(spacing)
-        seconds = time.process_time() - start
-        score = score_trajectory(solution.line_poses, drive.relations)
-        result.add(
-            ENTRIES,
-            log=drive.name,
-            spacing=f"{spacing:g} m",
-            default=spacing == KEY_DISTANCE,
-            solve=Timing.of([seconds]),
-            error_m=score.translation_mean,
-            std_m=score.translation_std,
-            rotation_deg=score.rotation_mean,
-            closures=len(solution.slam.closures),
-        )
-        progress(number, len(spacings))
-    result.took_s = time.monotonic() - begin
-    return result
+def simulated(report: Report, spacing: float, scans: int) -> None:
+    """A drive through a built-in world, with wheels that slip and drift."""
+    run = lrf3d.load_scenario(WORLD).run(rng=0, scans=scans, mapper={"mode": "paper"}, snapshots=1)
+    true, rng = run.trajectory.poses, np.random.default_rng(0)
+    errors = WheelErrors()
+    increments = [errors(step, rng) for step in odometry_increments(true)]
+    first, second = np.hstack([[np.arange(len(true) - apart), np.arange(apart, len(true))]
+                               for apart in APART])  # fmt: skip
+    known = np.array([lrf3d.Pose(*true[a]).inverse() @ lrf3d.Pose(*true[b])
+                      for a, b in zip(first, second, strict=True)])  # fmt: skip
+    relations = Relations(first, second, known, np.ones(len(first), np.bool_))
+    slam = Slam(key_distance=spacing)
+    begin = time.process_time()
+    for number, scan in enumerate(run.scans):
+        slam.update(scan, increments[number - 1] if number else (0.0, 0.0, 0.0))
+    spent = time.process_time() - begin
+    name = f"{WORLD}, {spacing:g} m"
+    report.add("slam", drive=name, step="online", solve_s=spent,
+               **score(np.asarray(slam.trajectory()), relations))  # fmt: skip
+    begin = time.process_time()
+    slam.finish()
+    spent += time.process_time() - begin
+    report.add("slam", drive=name, step="finished", solve_s=spent,
+               **score(np.asarray(slam.trajectory()), relations))  # fmt: skip
 
 
-def chart(result: Result) -> Figure:
-    """Time and error at all key spacings."""
-    how: dict[str, Any] = {
-        "x": "solve",
-        "y": "error_m",
-        "by": "log",
-        "labels": ("time of one core", "mean error of the translation [m]"),
-        "note": "spacing",
-    }
-    return draw([trade_offs(result[ENTRIES], things="log", **how)], (
-        "SLAM: run time against error",
-        f"{result.facts['scans']:,} scans, {result.facts['relations']:,} relations  ·  beside the"
-        f" points: distance between key scans  ·  {RING}",
-    ))  # fmt: skip
+def score(poses: Float, relations: Relations) -> Row:
+    """Errors of poses against relations."""
+    return row_of(score_trajectory(poses, relations))
+
+
+def row_of(found: TrajectoryScore) -> Row:
+    """A score as figures of a row."""
+    return {"error_m": found.translation_mean, "std_m": found.translation_std,
+            "rotation_deg": found.rotation_mean}  # fmt: skip

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Simulation, Step, simulate
     from lrf3d.slam import Slam
+    from lrf3d.sweeping import SweepTable, sweep
     from lrf3d.version import __version__ as __version__
     from lrf3d.world import World, load_world, save_world, world_names
 else:
@@ -82,6 +83,7 @@ else:
             "Simulation": "simulation",
             "Slam": "slam",
             "Step": "simulation",
+            "SweepTable": "sweeping",
             "Trajectory": "robot",
             "Unicycle": "robot",
             "World": "world",
@@ -111,6 +113,7 @@ else:
             "simulate": "simulation",
             "simulate_fleet": "fleet",
             "slam_log": "recorded",
+            "sweep": "sweeping",
             "world_names": "world",
         },
     )
@@ -140,6 +143,7 @@ __all__ = [
     "Simulation",
     "Slam",
     "Step",
+    "SweepTable",
     "Trajectory",
     "Unicycle",
     "World",
@@ -169,5 +173,6 @@ __all__ = [
     "simulate",
     "simulate_fleet",
     "slam_log",
+    "sweep",
     "world_names",
 ]

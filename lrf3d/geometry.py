@@ -20,6 +20,13 @@ Bool = NDArray[np.bool_]
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
+LARGEST_COORDINATE = 1e9
+"""Largest size of a coordinate [m] and of a heading [rad]: beyond it float64 has no nanometres."""
+
+TINY = 1e-44
+"""Sizes below this count as 0: products of smaller numbers would underflow in exact decisions."""
+
+
 def sealed(array: AnyArray) -> AnyArray:
     """Mark an array that was just made, and is to be handed out, as read-only; nothing is copied.
 
@@ -47,7 +54,10 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
     if isinstance(values, np.ndarray) and values.dtype == dtype and values.flags.c_contiguous:
         if _is_read_only(values):
             return values
-    return sealed(np.array(numbers(values, name), dtype=dtype))
+    array = numbers(values, name)
+    if array.dtype.kind == "f" and np.dtype(dtype).kind in "iu" and not np.isfinite(array).all():
+        raise InputError(f"{name}: expected whole numbers, found {shown(values)}")
+    return sealed(np.array(array, dtype=dtype))
 
 
 def numbers(values: Any, name: str) -> Any:

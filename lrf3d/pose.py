@@ -3,14 +3,13 @@
 A plain ``(x, y, theta)`` is accepted wherever a pose is.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, numbers, wrap_angle
+from lrf3d.geometry import LARGEST_COORDINATE, TINY, Float, numbers, wrap_angle
 
 
 class Pose(NamedTuple):
@@ -50,11 +49,14 @@ class Pose(NamedTuple):
         return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x, self.y]))
 
 
+_SIZE = f" of at most {LARGEST_COORDINATE:g} m or rad"
+
+
 def as_pose(pose: Sequence[float] | Float) -> Pose:
     """Check and convert a pose that comes from outside.
 
     Raises:
-        InputError: The pose is not three finite numbers.
+        InputError: The pose is not three numbers, or one is not finite or over 1e9 in size.
     """
     try:
         x, y, theta = pose
@@ -62,8 +64,14 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"pose {shown(pose)}: expected three numbers x, y, theta") from None
     # Plain floats: an array would take ten times as long, and this runs for every scan.
-    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
-        raise InputError(f"pose {(x, y, theta)}: expected finite numbers")
+    if not (
+        abs(x) <= LARGEST_COORDINATE
+        and abs(y) <= LARGEST_COORDINATE
+        and abs(theta) <= LARGEST_COORDINATE
+    ):
+        raise InputError(f"pose {(x, y, theta)}: expected finite numbers{_SIZE}")
+    if abs(x) < TINY or abs(y) < TINY or abs(theta) < TINY:
+        x, y, theta = (0.0 if abs(value) < TINY else value for value in (x, y, theta))
     return Pose(x, y, theta)
 
 
@@ -71,12 +79,14 @@ def as_poses(poses: object) -> Float:
     """Check and convert poses (k, 3) that come from outside.
 
     Raises:
-        InputError: The poses are not rows of three finite numbers.
+        InputError: The poses are not rows of three numbers, finite and at most 1e9 in size.
     """
     array = np.asarray(numbers(poses, "poses"), dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise InputError(f"poses of shape {array.shape}: expected rows x, y, theta, shape (k, 3)")
-    if not np.isfinite(array).all():
-        row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
-        raise InputError(f"pose {row} is {array[row].tolist()}: expected finite numbers")
-    return array
+    inside = np.abs(array) <= LARGEST_COORDINATE
+    if not inside.all():
+        row = int(np.argmin(inside.all(axis=1)))
+        raise InputError(f"pose {row} is {array[row].tolist()}: expected finite numbers{_SIZE}")
+    tiny = (np.abs(array) < TINY) & (array != 0.0)
+    return np.where(tiny, 0.0, array) if tiny.any() else array

@@ -15,6 +15,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning
 from lrf3d.geometry import Float
+from lrf3d.interrupts import check, stoppable
 from lrf3d.io import LaserLog, load_log
 from lrf3d.io.reading import CARMEN_ENDINGS
 from lrf3d.laser import LaserScan
@@ -228,6 +229,7 @@ class MappedLog:
         draw_map(self.map, path, points=points, poses=poses, title=self.log.name)
 
 
+@stoppable()
 def map_log(
     log: LaserLog | str | Path,
     *,
@@ -267,6 +269,7 @@ def map_log(
         mapper.update(scan)
         milliseconds.append(1e3 * (perf_counter() - begin))
         progress(done, len(even))
+        check()
     line_map = mapper.map
     if not len(line_map):
         raise InputError(

@@ -6,8 +6,16 @@ from functools import cached_property
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Value, is_finite, read_only, wrap_angle
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import (
+    LARGEST_COORDINATE,
+    Float,
+    Value,
+    is_finite,
+    read_only,
+    whole_number,
+    wrap_angle,
+)
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
@@ -49,20 +57,25 @@ class DynamicObstacle(Value):
     height: float = DEFAULT_HEIGHT
 
     def __post_init__(self) -> None:
+        if not isinstance(self.path, Trajectory | Patrol):
+            raise InputError(
+                f"dynamic obstacle on the path {shown(self.path)}: expected a Trajectory or Patrol"
+            )
         outline = read_only(self.outline, "outline")
         if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
             raise InputError(
                 f"dynamic obstacle with an outline {outline.shape}: expected at least 3 x, y"
             )
-        if not np.isfinite(outline).all():
-            corner = int(np.flatnonzero(~np.isfinite(outline).all(axis=1))[0])
+        inside = (np.abs(outline) <= LARGEST_COORDINATE).all(axis=1)
+        if not inside.all():
+            corner = int(np.argmin(inside))
             raise InputError(
                 f"dynamic obstacle: corner {corner} is {outline[corner].tolist()}, expected finite"
-                " numbers"
+                f" numbers of at most {LARGEST_COORDINATE:g} m"
             )
         if not (is_finite(self.height) and self.height > 0.0):
             raise InputError(
-                f"dynamic obstacle of height {self.height}: expected more than 0 metres"
+                f"dynamic obstacle of height {shown(self.height)}: expected more than 0 metres"
             )
         object.__setattr__(self, "outline", outline)
 
@@ -120,7 +133,8 @@ class DynamicObstacle(Value):
 def round_outline(radius: float, corners: int = 16) -> Float:
     """A regular polygon (corners, 2) around a circle of a radius [m]."""
     if not (is_finite(radius) and radius > 0.0):
-        raise InputError(f"radius {radius}: expected a positive number of metres")
+        raise InputError(f"radius {shown(radius)}: expected a positive number of metres")
+    corners = whole_number(corners, "corners", least=3)
     turns = 2.0 * np.pi / corners * (np.arange(corners) + 0.5)
     # The sides touch the circle, so that the polygon is nowhere narrower than it.
     reach = radius / np.cos(np.pi / corners)

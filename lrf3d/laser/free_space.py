@@ -21,6 +21,10 @@ MOST_CELLS = 4_000_000
 SIGHT = 15.0
 """Largest range [m] at which a scan shows a cell to be free: beyond, beams are too far apart."""
 
+LARGEST_CELL = 0.5
+"""Largest side of a cell [m]: larger ones hide doors. Of scans too far apart for that, those
+around the most central one are used."""
+
 MARGIN = 0.1
 """Distance [m] before a return, beside half of a cell, that is not marked free: the noise."""
 
@@ -59,6 +63,11 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     if not len(scans):
         return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
     places = np.array([scan.pose[:2] for scan in scans])
+    reach = 0.5 * LARGEST_CELL * np.sqrt(MOST_CELLS) - SIGHT - CELL
+    off = np.abs(places - np.median(places, axis=0)).max(axis=1)
+    if off.max() > reach:
+        near = np.abs(places - places[np.argmin(off)]).max(axis=1) <= reach
+        places, scans = places[near], [scans[k] for k in np.flatnonzero(near).tolist()]
     low, high = places.min(axis=0) - SIGHT - CELL, places.max(axis=0) + SIGHT + CELL
     size = max(CELL, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
     # The corner of the first cell is a whole number of cells from the origin.
@@ -71,6 +80,9 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
         way = 1 if scan.angles[-1] >= scan.angles[0] else -1
         angles, ranges = scan.angles[::way].copy(), scan.ranges[::way].copy()
         _mark(cells, np.array([x - low[0], y - low[1], theta]), angles, ranges, size)
+    if not cells.any():
+        # Poses so far apart that a cell is wider than what a scan shows.
+        return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
     held_rows, held_columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
     first_row, first_column = held_rows[0], held_columns[0]
     origin = low + size * np.array([first_column, first_row])

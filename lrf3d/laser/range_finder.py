@@ -9,7 +9,16 @@ from typing import TypeVar
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import LATER, Float, Value, is_finite, sealed, whole_number
+from lrf3d.geometry import (
+    LARGEST_COORDINATE,
+    LATER,
+    TINY,
+    Float,
+    Value,
+    is_finite,
+    sealed,
+    whole_number,
+)
 
 MOST_BEAMS = 1_000_000
 """Largest number of beams of a scan, some hundred times that of any range finder."""
@@ -87,10 +96,10 @@ class LaserRangeFinder(Value):
                 f"range finder: angle_max {self.angle_max:g} lies below angle_min"
                 f" {self.angle_min:g}; swap them"
             )
-        if not 0.0 <= self.range_min < self.range_max:
+        if not 0.0 <= self.range_min < self.range_max <= LARGEST_COORDINATE:
             raise InputError(
                 f"range finder: range_min {self.range_min:g} and range_max {self.range_max:g},"
-                " expected 0 ≤ range_min < range_max"
+                f" expected 0 ≤ range_min < range_max ≤ {LARGEST_COORDINATE:g}"
             )
         if not (is_finite(self.scan_duration) and self.scan_duration >= 0.0):
             raise InputError(
@@ -104,7 +113,7 @@ class LaserRangeFinder(Value):
                 raise InputError(
                     f"range finder: {name} {shown(value)}, expected a finite number, at least 0"
                 )
-        if self.echo not in ECHO_CHOICES:
+        if not isinstance(self.echo, str) or self.echo not in ECHO_CHOICES:
             raise InputError(
                 f"range finder: echo {shown(self.echo)}, expected one of {', '.join(ECHO_CHOICES)}"
             )
@@ -124,7 +133,8 @@ class LaserRangeFinder(Value):
     @cached_property
     def fan(self) -> Float:
         """Cosines and sines (2, beams) of the angles: the beams at heading 0."""
-        return sealed(np.array([np.cos(self.angles), np.sin(self.angles)]))
+        fan = np.array([np.cos(self.angles), np.sin(self.angles)])
+        return sealed(np.where(np.abs(fan) < TINY, 0.0, fan))
 
     @cached_property
     def least_number(self) -> float:

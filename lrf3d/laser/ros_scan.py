@@ -136,8 +136,8 @@ def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan
 def read_ros_scan(message: Any) -> dict[str, Any]:
     """The arguments of a LaserScan, except its pose, from a message.
 
-    A message is a RosScan, a message of rclpy or rosbags, or nested dicts. A range that is NaN,
-    which REP 117 calls erroneous, is treated like one below range_min.
+    A message is a RosScan, a message of rclpy or rosbags, or nested dicts. A range that is NaN
+    counts as no return, as everywhere.
 
     Raises:
         InputError: The message is invalid, or its angles and limits are.
@@ -166,10 +166,9 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
             " 0 ≤ range_min < range_max"
         )
     angles: Float = low + step * np.arange(count, dtype=np.float64)
-    known = np.where(np.isnan(ranges), -np.inf, ranges)
     return {
         "angles": angles,
-        "ranges": within_limits(known, range_min, range_max),
+        "ranges": within_limits(ranges, range_min, range_max),
         "range_min": range_min,
         "range_max": range_max,
         "time": time,

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int, Value, read_only, sealed
-from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, is_finite, read_only, sealed
+from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, beam_directions
 from lrf3d.laser.ros_echoes import RosEchoScan, has_echoes, make_ros_echoes, read_ros_echoes
 from lrf3d.laser.ros_scan import RosScan, make_ros_scan, read_ros_scan
 from lrf3d.notebook import Pictured
@@ -25,11 +25,11 @@ class LaserScan(Value, Pictured):
         pose: Pose x, y [m], theta [rad] of the laser in the world.
         angles: (beams,) angles of the beams [rad], 0 ahead, counter-clockwise.
         ranges: (beams,) distances [m]; +inf where nothing returned, −inf where the wall is
-            nearer than range_min (REP 117).
+            nearer than range_min (REP 117). NaN, and range_max or more, count as no return.
         walls: (beams,) index of the segment that was hit; −1 for beams without a range or that
             hit no wall.
         range_min: Nearest distance that the range finder measures [m].
-        range_max: Farthest distance that the range finder measures [m].
+        range_max: Farthest distance that the range finder measures [m]; over 1e9 m it is unknown.
         intensities: (beams,) brightness of what returned, 0 where nothing did; 1 is that of a white
             wall at 1 m at a right angle. None in worlds without materials.
         echoes: (beams, k) ranges [m] of several echoes of each beam, the nearest first, +inf after
@@ -40,6 +40,9 @@ class LaserScan(Value, Pictured):
         pose_covariance: (3, 3) covariance of the pose's x, y [m] and theta [rad]; None if the pose
             is exact or its error is unknown. The larger it is, the farther apart two views of one
             wall may lie for the mapper.
+
+    Raises:
+        InputError: The arrays do not fit together, or a number is invalid.
 
     Examples:
         >>> import lrf3d
@@ -81,14 +84,33 @@ class LaserScan(Value, Pictured):
         echoes: ArrayLike | None = None,
         echo_intensities: ArrayLike | None = None,
     ) -> None:
+        known = is_finite(range_min) and (is_finite(range_max) or range_max == np.inf)
+        if not (known and 0.0 <= range_min < min(range_max, LARGEST_COORDINATE)):
+            raise InputError(
+                f"scan with range_min {shown(range_min)} and range_max {shown(range_max)}, expected"
+                " 0 ≤ range_min < range_max"
+            )
+        if not is_finite(time, time_increment):
+            raise InputError(
+                f"scan with time {shown(time)} and time_increment {shown(time_increment)}, expected"
+                " finite numbers of seconds"
+            )
+        # Drivers write the largest float32 for a range finder whose reach they do not know.
+        range_max = float(range_max) if range_max <= LARGEST_COORDINATE else np.inf
         beams: Float = read_only(angles, "angles")
-        measured: Float = read_only(ranges, "ranges")
+        measured = _within(read_only(ranges, "ranges"), min(range_max, LARGEST_COORDINATE))
         no_walls = np.full(measured.shape, -1)
         hit: Int = read_only(no_walls if walls is None else walls, "walls", np.int64)
         if beams.ndim != 1 or measured.shape != beams.shape or hit.shape != beams.shape:
             raise InputError(
                 f"scan with angles {beams.shape}, ranges {measured.shape} and walls {hit.shape}:"
                 " expected one of each for every beam"
+            )
+        if not (np.abs(beams) <= LARGEST_ANGLE).all():
+            beam = int(np.argmin(np.abs(beams) <= LARGEST_ANGLE))
+            raise InputError(
+                f"scan with the angle {beams[beam]:g} of beam {beam}: expected radians from"
+                f" −{LARGEST_ANGLE:g} to {LARGEST_ANGLE:g}"
             )
         covariance = None
         if pose_covariance is not None:
@@ -103,14 +125,14 @@ class LaserScan(Value, Pictured):
             angles=beams,
             ranges=measured,
             walls=hit,
-            range_min=range_min,
+            range_min=float(range_min),
             range_max=range_max,
-            time=time,
-            time_increment=time_increment,
+            time=float(time),
+            time_increment=float(time_increment),
             pose_covariance=covariance,
-            intensities=_of_beams(intensities, len(beams), "intensities", 1),
-            echoes=_of_beams(echoes, len(beams), "echoes", 2),
-            echo_intensities=_of_beams(echo_intensities, len(beams), "echo_intensities", 2),
+            intensities=_of_beams(intensities, len(beams), "intensities", 1, 0.0),
+            echoes=_of_beams(echoes, len(beams), "echoes", 2, np.inf),
+            echo_intensities=_of_beams(echo_intensities, len(beams), "echo_intensities", 2, 0.0),
         )
 
     def __repr__(self) -> str:
@@ -215,8 +237,29 @@ class LaserScan(Value, Pictured):
         return reflection_points(self.pose, self.angles[self.hits], self.ranges[self.hits])
 
 
-def _of_beams(values: ArrayLike | None, beams: int, name: str, axes: int) -> Float | None:
-    """Values for each beam (beams, …), or None."""
+def _within(ranges: Float, range_max: float) -> Float:
+    """Ranges, in which NaN and what is not within range_max stand for no return: +inf.
+
+    Raises:
+        InputError: A range is negative.
+    """
+    beyond = ~(ranges < range_max) & (ranges != np.inf)
+    if beyond.any():
+        ranges = sealed(np.where(beyond, np.inf, ranges))
+    negative = (ranges < 0.0) & (ranges != -np.inf)
+    if negative.any():
+        beam = int(np.argmax(negative))
+        raise InputError(
+            f"scan with the range {ranges[beam]:g} m of beam {beam}: expected 0 or more, inf for no"
+            " return, -inf for one too near"
+        )
+    return ranges
+
+
+def _of_beams(
+    values: ArrayLike | None, beams: int, name: str, axes: int, nothing: float
+) -> Float | None:
+    """Values for each beam (beams, …), or None; NaN becomes the value that stands for nothing."""
     if values is None:
         return None
     array: Float = read_only(values, name)
@@ -224,6 +267,8 @@ def _of_beams(values: ArrayLike | None, beams: int, name: str, axes: int) -> Flo
         raise InputError(
             f"scan with {name} {array.shape}: expected a row for each of {beams} beams"
         )
+    if np.isnan(array).any():
+        array = sealed(np.where(np.isnan(array), nothing, array))
     return array
 
 

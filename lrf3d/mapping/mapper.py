@@ -1,17 +1,13 @@
 """LineMapper: unites the local map of each scan with the global map (section 3.1)."""
 
-from collections.abc import Mapping
-
 import numpy as np
-from numpy.typing import NDArray
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import is_finite
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import is_finite, whole_number
 from lrf3d.laser import LaserScan
 from lrf3d.laser.noise import FLOOR, SIGMA
 from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.paper.mapper import EndPointMerging, PaperMapper
-from lrf3d.mapping.paper.split_merge import SplitMergeExtractor
+from lrf3d.mapping.paper import PaperMapper, SplitMergeExtractor
 from lrf3d.mapping.robust.constants import BEND, MOST_EXPLAINED
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.mapper import RobustMapper
@@ -19,8 +15,15 @@ from lrf3d.mapping.robust.walls import Rule
 
 MODES = ("paper", "robust")
 
-STATE_LAYOUT = 4
-"""Number of the layout of `LineMapper.state`, raised with each change of it."""
+MOST = {
+    "gap": 1e6,
+    "split": 1e6,
+    "merge_length": 100.0,
+    "merge_distance": 10.0,
+    "sigma": 1e3,
+    "floor": 1e3,
+}
+"""Largest values [m] of the settings: more would join all walls of a place."""
 
 
 class LineMapper:
@@ -73,8 +76,10 @@ class LineMapper:
             raise InputError(f"mapper mode {mode!r}: expected one of {', '.join(MODES)}")
         paper = mode == "paper"
         sigma = SIGMA if sigma is None else sigma
-        if not (is_finite(sigma) and sigma >= 0.0):
-            raise InputError(f"mapper: sigma is {sigma}, expected metres, at least 0")
+        if not (is_finite(sigma) and 0.0 <= sigma <= MOST["sigma"]):
+            raise InputError(
+                f"mapper: sigma is {shown(sigma)}, expected metres from 0 to {MOST['sigma']:g}"
+            )
         split = 0.1 + 1.5 * sigma if split is None else split
         length = (0.1 if paper else 0.5) if merge_length is None else merge_length
         usual = 0.1 + (0.5 * sigma if paper else 0.0)
@@ -86,9 +91,14 @@ class LineMapper:
             ("merge_distance", distance),
             ("floor", floor),
         ):
-            if not (is_finite(value) and value > 0.0):
-                raise InputError(f"mapper: {name} is {value}, expected a positive number of metres")
-        least = min_points if min_points is not None else (2 if paper else 4)
+            if not (is_finite(value) and 0.0 < value <= MOST[name]):
+                raise InputError(
+                    f"mapper: {name} is {shown(value)}, expected a positive number of metres, at"
+                    f" most {MOST[name]:g}"
+                )
+        least = 2 if paper else 4
+        if min_points is not None:
+            least = whole_number(min_points, "mapper: min_points", least=0)
         self._settings = (
             f"{mode!r}, {gap=}, {split=}, {merge_length=}, {merge_distance=}, {sigma=}, {floor=},"
             f" {min_points=}"
@@ -98,7 +108,7 @@ class LineMapper:
         self._mapper: PaperMapper | RobustMapper
         if paper:
             self._extract = SplitMergeExtractor(gap, split)
-            self._mapper = PaperMapper(self._extract, EndPointMerging(length, distance), least)
+            self._mapper = PaperMapper(self._extract, length, distance, least)
         else:
             # Compiled code is made for floats alone.
             self._extract = LikelihoodExtractor(float(gap), sigma, floor)
@@ -110,32 +120,18 @@ class LineMapper:
         return f"LineMapper({self._settings})"
 
     def update(self, scan: LaserScan) -> None:
-        """Unite the map with what a scan shows."""
+        """Unite the map with what a scan shows.
+
+        Raises:
+            InputError: It is no scan.
+        """
+        if not isinstance(scan, LaserScan):
+            raise InputError(f"mapper: expected a LaserScan, found {shown(scan)}")
         self._mapper.update(scan)
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The local map of one scan alone: each polyline is an object."""
         return self._extract(scan).as_map(np.array(scan.pose[:2]))
-
-    def state(self) -> dict[str, NDArray[np.generic]]:
-        """All that the mapper has learnt, as plain arrays by their names.
-
-        A mapper of the same settings that takes them back by `restore` goes on to the last bit.
-        """
-        return {**self._mapper.state(), "layout": np.array(STATE_LAYOUT)}
-
-    def restore(self, state: Mapping[str, NDArray[np.generic]]) -> None:
-        """Go on from what a mapper of the same settings had learnt.
-
-        Raises:
-            InputError: The state is of another version of lrf3d, whose states are laid out
-                otherwise; nothing has changed.
-        """
-        if int(state.get("layout", np.array(1))) != STATE_LAYOUT:
-            raise InputError(
-                "mapper: the state is of another version of lrf3d; map the scans again"
-            )
-        self._mapper.restore(state)
 
     @property
     def map(self) -> LineMap:

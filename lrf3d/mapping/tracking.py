@@ -8,7 +8,7 @@ gives its number, and of the parts of one that falls apart the larger keeps it.
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.geometry import Float, Int, lengths, sealed
 from lrf3d.mapping.line_map import LineMap
 
 _NEAR = 0.5
@@ -39,7 +39,7 @@ class ObjectTracker:
         new = np.flatnonzero(number < 0)
         number[new] = self.count + np.arange(len(new))
         self.count += len(new)
-        self._map, self._numbers = line_map, number[union]
+        self._map, self._numbers = line_map, sealed(number[union])
         return self._numbers
 
 
@@ -70,12 +70,26 @@ def shared_lengths(segments: Float, others: Float, near: float) -> tuple[Int, In
     """
     if not len(segments) or not len(others):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-    start, way = segments[:, None, :2], (segments[:, 2:] - segments[:, :2])[:, None]
-    places = shapely.points((start + _PLACES[:, None] * way).reshape(-1, 2))
-    tree = shapely.STRtree(shapely.linestrings(others.reshape(-1, 2, 2)))
-    place, other = tree.query_nearest(places, max_distance=near, all_matches=False)
-    segment = place // len(_PLACES)
-    return segment, other, lengths(segments)[segment] / len(_PLACES)
+    # From one map to the next most segments stay as they are; a search for each takes far longer.
+    rows = {row: number for number, row in enumerate(_as_bytes(others))}
+    same = np.array([rows.get(row, -1) for row in _as_bytes(segments)])
+    kept, moved = np.flatnonzero(same >= 0), np.flatnonzero(same < 0)
+    segment, other, share = kept, same[kept], lengths(segments[kept])
+    if len(moved):
+        start, way = segments[moved, None, :2], (segments[:, 2:] - segments[:, :2])[moved, None]
+        places = shapely.points((start + _PLACES[:, None] * way).reshape(-1, 2))
+        tree = shapely.STRtree(shapely.linestrings(others.reshape(-1, 2, 2)))
+        place, nearest = tree.query_nearest(places, max_distance=near, all_matches=False)
+        found = moved[place // len(_PLACES)]
+        segment, other = np.append(segment, found), np.append(other, nearest)
+        share = np.append(share, lengths(segments)[found] / len(_PLACES))
+    return segment, other, share
+
+
+def _as_bytes(segments: Float) -> list[bytes]:
+    """The bytes of each of the segments (n, 4), by which equal ones are found."""
+    rows: list[bytes] = np.ascontiguousarray(segments).view("V32").reshape(-1).tolist()
+    return rows
 
 
 def _paired(first: Int, second: Int, shared: Float, count: int) -> Int:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import InputError, OutputError
-from lrf3d.geometry import Float
+from lrf3d.errors import InputError, OutputError, shown
+from lrf3d.geometry import Float, is_finite, read_only, whole_number
+from lrf3d.interrupts import stoppable
 from lrf3d.output import lock_of, locked, make_folder, replacing, unfinished_folder
 from lrf3d.render.film_parts import FRAMES, Job, draw_parts
 from lrf3d.render.gl import gl_available, require_gl
@@ -37,6 +38,7 @@ _SMALLEST, _LARGEST = 16, 8192
 """Sides of pictures [pixels] that can be drawn."""
 
 
+@stoppable()
 def render_video(
     run: Run,
     path: str | Path,
@@ -118,6 +120,7 @@ def share_of(
     return report
 
 
+@stoppable()
 def render_frames(
     run: Run,
     folder: str | Path,
@@ -181,16 +184,24 @@ def frame(
 ) -> NDArray[np.uint8]:
     """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
     view, playback = _view_and_playback(run, view, playback)
-    _check(run, size, view, samples)
-    if not (math.isfinite(time) and math.isfinite(playback) and playback > 0.0):
-        raise InputError(f"time {time} and playback {playback}: expected finite numbers of seconds")
-    film = _film(run, size, view, samples, playback, choose_renderer(renderer), goal)
-    start, end = film.timeline.start, film.timeline.end
+    size = _checked(run, size, view, samples, playback)
+    if not is_finite(time):
+        raise InputError(f"time {shown(time)}: expected a finite number of seconds")
+    if goal is not None:
+        place = read_only(goal, "goal")
+        if place.shape != (3,) or not is_finite(*place):
+            raise InputError(f"goal {shown(goal)}: expected x, y and radius [m]")
+        goal = tuple(place.tolist())
+    timeline = Timeline(run, playback=playback)
     # The pictures of the opening and the end can be looked at, too.
     opening, closing = (playback * margin for margin in margins(view))
-    start, end = start - opening, end + closing
-    if not start - _SLACK <= time <= end + _SLACK:
-        raise InputError(f"time {time:g} s: the run goes from {start:g} to {end:g} s")
+    low, high = timeline.start - opening, timeline.end + closing
+    # Checked before anything is painted, which takes seconds.
+    if not low - _SLACK <= time <= high + _SLACK:
+        raise InputError(
+            f"time {time:g} s: the run goes from {timeline.start:g} to {timeline.end:g} s"
+        )
+    film = _film(run, size, view, samples, float(playback), choose_renderer(renderer), goal)
     return np.array(film.draw(time)[:, :, :3])
 
 
@@ -232,11 +243,13 @@ def _job(
 ) -> Job:
     """The film to draw, when all that is asked for can be."""
     view, playback = _view_and_playback(run, view, playback)
-    _check(run, size, view, samples)
-    if not (fps > 0.0 and math.isfinite(fps) and playback > 0.0 and math.isfinite(playback)):
-        raise InputError(f"fps {fps:g} and playback {playback:g}: expected more than 0")
-    if workers is not None and workers < 1:
-        raise InputError(f"workers {workers}: expected at least 1")
+    size = _checked(run, size, view, samples, playback)
+    if not (is_finite(fps) and fps > 0.0):
+        raise InputError(f"fps {shown(fps)}: expected a number of more than 0")
+    if workers is not None:
+        workers = whole_number(workers, "workers")
+    if not (isinstance(part, tuple) and len(part) == 2 and _numbers_or_none(*part)):
+        raise InputError(f"part {shown(part)}: expected the first and the last time [s], or None")
     timeline = Timeline(run, playback=playback)
     times = _within(timeline, timeline.frame_times(fps, margins(view)), *part)
     # Worked out here once, it goes with the run to all that draw.
@@ -266,14 +279,29 @@ def _view_and_playback(run: Run, view: str | None, playback: float | None) -> tu
     )
 
 
-def _check(run: Run, size: tuple[int, int], view: str, samples: int) -> None:
-    if not all(_SMALLEST <= side <= _LARGEST for side in size):
+def _checked(
+    run: Run, size: tuple[int, int], view: str, samples: int, playback: float
+) -> tuple[int, int]:
+    """The size, when all that is asked for can be drawn."""
+    sides = size if isinstance(size, tuple | list) else ()
+    if len(sides) != 2 or not all(
+        is_finite(side) and side == int(side) and _SMALLEST <= side <= _LARGEST for side in sides
+    ):
         raise InputError(
-            f"size {size[0]}x{size[1]}: expected {_SMALLEST} to {_LARGEST} pixels a side"
+            f"size {shown(size)}: expected width and height, {_SMALLEST} to {_LARGEST} pixels each"
         )
+    if not isinstance(view, str):
+        raise InputError(f"view {shown(view)}: expected the name of a camera")
     check_view(view, run.world.cameras)
-    if samples not in SAMPLES:
-        raise InputError(f"samples {samples}: expected 0 or 4")
+    if not (is_finite(samples) and samples in SAMPLES):
+        raise InputError(f"samples {shown(samples)}: expected 0 or 4")
+    if not (is_finite(playback) and playback > 0.0):
+        raise InputError(f"playback {shown(playback)}: expected a number of more than 0")
+    return int(sides[0]), int(sides[1])
+
+
+def _numbers_or_none(*values: object) -> bool:
+    return all(value is None or is_finite(value) for value in values)
 
 
 def choose_renderer(wanted: str | None) -> str:

@@ -17,7 +17,7 @@ CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
 NO_PAIRS, NO_POSES = sealed(np.empty((0, 2), np.int64)), sealed(np.empty((0, 3)))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class EstimatedTrajectory(Value):
     """The estimated pose of a robot at each scan of a run, with covariances and loop closures.
 
@@ -97,8 +97,8 @@ class EstimatedTrajectory(Value):
 
     def __repr__(self) -> str:
         return (
-            f"EstimatedTrajectory({len(self)} scans, {len(self.known_scans)} covariances,"
-            f" {len(self.closures)} closures, {len(self.dropped_closures)} dropped)"
+            f"EstimatedTrajectory({len(self)} poses, {len(self.known_scans)} covariances,"
+            f" {len(self.closures)} loop closures)"
         )
 
     @property

@@ -36,8 +36,8 @@ SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.4, 0.3
 that is searched. In a wider one other places look alike."""
 
 LEAST_FOUND, CLEARLY = 0.3, 0.8
-"""A place that was searched is accepted if it explains the first share of the points, and if the log
-odds of a point to be explained are larger by the second than at any other place, and than where
+"""A place that was searched is accepted if it explains the first share of the points, and if the
+log odds of a point to be explained are larger by the second than at any other place, and than where
 odometry leads: around one half that is a fifth of the points."""
 
 LEAST_POINTS = 20

@@ -25,6 +25,7 @@ from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
 from lrf3d.slam.refinement import refined
 from lrf3d.slam.scan_matching import SIGMA
 from lrf3d.slam.self_check import SelfCheck, self_check
+from lrf3d.slam.step import checked_step
 from lrf3d.slam.surface import LEAST_NOISE, evenly_spaced, range_noise, surface_of_scan
 from lrf3d.slam.violation import Key
 from lrf3d.slam.wheels import Wheels
@@ -43,9 +44,6 @@ FINAL_ITERATIONS = 20
 
 LEAST_ROOM = 256
 """Key scans that there is room for at first."""
-
-FARTHEST_STEP = 1000.0
-"""Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""
 
 LEARNED_NOISE = 0.95
 """Weight of the scans before in the mean noise of the ranges, at each scan."""
@@ -105,8 +103,7 @@ class Slam:
         # Edges that came since the last optimisation: joining them each time would cost the more
         # the longer the drive is.
         self._new_edges: list[Edges] = []
-        # What wheels say of the way since the last anchor: its covariance, and how its end moves
-        # with their scale where only they measure it.
+        # Covariance of what wheels say of the way since the last anchor.
         self._wheel_covariance = np.zeros((3, 3))
         # The variance factor at the last optimisation, and how many closures there were then.
         self._variance, self._closures_used = 0.0, 0
@@ -133,7 +130,7 @@ class Slam:
             InputError: It is no scan, has no beams or another number than the laser range finder,
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
-        increment = self._checked(scan, odometry)
+        increment = checked_step(scan, odometry, self._lrf)
         self._tracked.append(self._front.track(self.surface_of(scan), increment))
         self._wheel_covariance += self._tracked[-1].covariance
         if self._front.key_due():
@@ -141,25 +138,6 @@ class Slam:
             self._front.add_key(key)
             self._anchor(key, scan)
         self._map.update(self._key_poses)
-
-    def _checked(self, scan: LaserScan, odometry: Sequence[float] | Float) -> Float:
-        """The odometry increment (3,), once it and the scan are what they should be."""
-        if not isinstance(scan, LaserScan):
-            raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
-        if not len(scan.ranges):
-            raise InputError("slam: scan of 0 beams; expected at least one")
-        if self._lrf is not None and len(scan.ranges) != self._lrf.beams:
-            raise InputError(
-                f"slam: scan of {len(scan.ranges)} beams, the laser range finder has"
-                f" {self._lrf.beams}"
-            )
-        increment = np.array(as_pose(odometry))
-        if np.abs(increment).max() > FARTHEST_STEP:
-            raise InputError(
-                f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
-                f" most {FARTHEST_STEP:g} m and rad"
-            )
-        return increment
 
     def surface_of(self, scan: LaserScan) -> Float:
         """What a scan saw (m, 4), in the frame of the robot, by the noise that is known by now."""

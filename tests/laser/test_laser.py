@@ -29,6 +29,9 @@ def test_directions_are_unit_vectors_that_turn_with_the_pose(theta):
         {"beams": 2.5},
         {"range_max": np.nan},
         {"range_max": -1.0},
+        {"range_max": 1e20},
+        {"height": "a"},
+        {"echo": ["first"]},
         {"range_min": 90.0},
         {"angle_min": 1.0, "angle_max": 0.0},
         {"angle_max": 64.0},
@@ -68,11 +71,11 @@ def test_no_noise_gives_the_scan_itself_and_draws_nothing():
 
 def test_noise_grows_with_the_distance_and_misses_stay_misses():
     rng = np.random.default_rng(0)
-    ranges = np.array([10.0, 5.0, 1.0, np.inf, -np.inf])
+    ranges = np.array([8.0, 5.0, 1.0, np.inf, -np.inf])
     noise = ProportionalNoise(0.5)
     draws = np.array([noise(scan_of(ranges), rng).ranges for _ in range(4000)])
     assert (draws[:, 3] == np.inf).all() and (draws[:, 4] == -np.inf).all()
-    assert draws[:, :3].std(axis=0) == pytest.approx([0.5, 0.25, 0.05], rel=0.06)
+    assert draws[:, :3].std(axis=0) == pytest.approx([0.4, 0.25, 0.05], rel=0.06)
     assert draws[:, :3].mean(axis=0) == pytest.approx(ranges[:3], abs=0.03)
 
 
@@ -110,3 +113,49 @@ def test_a_scan_has_the_covariance_of_its_pose_as_a_copy_that_stays():
 def test_what_is_no_covariance_of_a_pose_is_refused(covariance):
     with pytest.raises(InputError, match="pose_covariance"):
         LaserScan((0, 0, 0), [0.0], [1.0], pose_covariance=covariance)
+
+
+MISSES = [np.nan, np.inf, 20.0, 20.5, 3.4e38]
+
+
+@pytest.mark.parametrize("miss", MISSES)
+def test_what_is_not_within_range_max_and_nan_count_as_no_return(miss):
+    scan = LaserScan((0, 0, 0), [0.0, 0.1, 0.2], [5.0, miss, -np.inf], range_max=20.0)
+    assert scan.ranges.tolist() == [5.0, np.inf, -np.inf]
+    assert scan.hits.tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize("largest", [float(np.finfo(np.float32).max), 1e20, np.inf])
+def test_a_range_max_beyond_all_coordinates_is_unknown(largest):
+    scan = LaserScan((0, 0, 0), [0.0, 0.1], [5.0, largest], range_max=largest)
+    assert scan.range_max == np.inf and scan.ranges.tolist() == [5.0, np.inf]
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [
+        ({"angles": [0.0, np.nan]}, "angle nan of beam 1"),
+        ({"angles": [-np.inf, 0.0]}, "angle -inf of beam 0"),
+        ({"angles": [0.0, 100.0]}, "angle 100 of beam 1"),
+        ({"ranges": [1.0, -0.5]}, "range -0.5 m of beam 1"),
+        ({"walls": [np.nan, 1]}, "walls: expected whole numbers"),
+        ({"time": "a"}, "time 'a'"),
+        ({"time_increment": np.nan}, "time_increment nan"),
+        ({"range_max": np.nan}, "range_max nan"),
+        ({"range_max": "far"}, "range_max 'far'"),
+        ({"range_min": 3.0, "range_max": 2.0}, "range_min 3.0"),
+        ({"pose": (1e300, 0.0, 0.0)}, "pose"),
+    ],
+)
+def test_a_scan_that_makes_no_sense_is_refused_in_one_line(settings, named):
+    usual = {"pose": (0, 0, 0), "angles": [0.0, 0.1], "ranges": [1.0, 2.0]}
+    with pytest.raises(InputError, match=named) as raised:
+        LaserScan(**{**usual, **settings})
+    assert "\n" not in str(raised.value)
+
+
+def test_intensities_and_echoes_that_are_no_numbers_stand_for_nothing():
+    light = {"intensities": [np.nan, 0.5], "echoes": [[1.0, np.nan], [2.0, 3.0]]}
+    scan = LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 2.0], **light)
+    assert scan.intensities.tolist() == [0.0, 0.5]
+    assert scan.echoes.tolist() == [[1.0, np.inf], [2.0, 3.0]]

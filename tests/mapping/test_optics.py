@@ -156,26 +156,6 @@ def test_without_intensities_nothing_is_looked_for():
     assert (mapper.map.kinds == "wall").all()
 
 
-@pytest.mark.parametrize("world", [mirror_hall(), glass_front()])
-def test_what_was_learnt_of_light_is_taken_back_to_the_last_bit(world):
-    poses = round_trip(40)
-    if len(world.segments) == 7:
-        poses = np.column_stack([0.5 * np.arange(40), np.zeros(40), np.zeros(40)])
-    run = lrf3d.simulate(world, poses, LRF, caster="planar", rng=0)
-    one, other = LineMapper(), LineMapper()
-    for index, scan in enumerate(run.scans):
-        one.update(scan)
-        if index == 25:
-            other.restore(one.state())
-        if index > 25:
-            other.update(scan)
-    assert (one.map.kinds != "wall").any()
-    assert np.array_equal(one.map.segments, other.map.segments)
-    assert np.array_equal(one.map.kinds, other.map.kinds)
-    for name, values in one.state().items():
-        assert np.array_equal(values, other.state()[name]), name
-
-
 def test_the_order_of_the_beams_does_not_matter():
     poses = np.column_stack([np.linspace(0, 20, 30), np.zeros(30), np.zeros(30)])
     run = lrf3d.simulate(glass_front(), poses, LRF, caster="planar", rng=0)
@@ -280,21 +260,6 @@ def test_walls_meet_a_line_where_they_end_on_it_or_cross_it():
     walls = np.array([[2, 0.1, 2, 5], [4, -3, 6, 3], [7, 2, 7, 9], [8, 0.05, 11, 0.1]])
     found = frames(np.array([1.0, 0.0]), np.array([1.0, 0.0]), walls)
     assert found.tolist() == pytest.approx([1.0, 4.0])
-
-
-def test_what_glass_returned_counts_before_and_after_the_flash_that_shows_its_line():
-    # With nothing behind it the front returns a beam or two in each scan.
-    front = World(
-        [[0, 20, 20, 20], [-60, -9, 80, -9]], materials=["glass", "brick"], objects=[0, 1]
-    )
-    far = np.column_stack([np.linspace(-14, 8, 40), np.full(40, 12.0), np.linspace(0, 0.6, 40)])
-    near = np.array([[10.0, 14.0, 0.0]])
-    lrf = LaserRangeFinder(-np.pi, np.pi, beams=13, range_max=40.0)
-    for poses in (np.vstack([far, near]), np.vstack([near, far])):
-        run, _ = mapped(front, poses, lrf)
-        glass = run.map.segments[run.map.kinds == "glass"]
-        assert len(glass) == 1 and np.ptp(glass[0, [0, 2]]) > 19.0
-        assert glass[0, [1, 3]] == pytest.approx([20.0, 20.0], abs=0.1)
 
 
 def test_reflectance_is_the_mean_in_a_cell():

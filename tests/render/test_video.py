@@ -1,10 +1,12 @@
 """Films: number, size and kind of the frames, and what is left when drawing fails."""
 
+import math
 import os
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -16,6 +18,7 @@ from test_render import city_run, needs_gl, room_run
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
 from lrf3d.io import save_run
 from lrf3d.render import video
+from lrf3d.world.cameras import FilmPlan
 
 
 def read(path):
@@ -105,6 +108,13 @@ def test_a_folder_that_is_not_there_is_named(tmp_path):
         ("a.mp4", {"renderer": "crayon"}),
         ("a.gif", {"fps": 60.0}),
         ("a.avi", {}),
+        ("a.mp4", {"size": (64,)}),
+        ("a.mp4", {"size": "64x36"}),
+        ("a.mp4", {"fps": "fast"}),
+        ("a.mp4", {"workers": 1.5}),
+        ("a.mp4", {"playback": None, "view": 3}),
+        ("a.mp4", {"samples": "four"}),
+        ("a.mp4", {"part": 3.0}),
     ],
 )
 def test_a_film_that_cannot_be_drawn_is_refused(tmp_path, name, wrong):
@@ -287,3 +297,30 @@ def named(command_line, folder):
         return str(folder).encode() in command_line.read_bytes()
     except OSError:
         return False
+
+
+@pytest.mark.parametrize(
+    ("time", "wrong"),
+    [
+        (1.0, {"size": (64,)}),
+        (1.0, {"size": None}),
+        (1.0, {"playback": "slow"}),
+        (1.0, {"goal": (1.0, 2.0)}),
+        (1.0, {"view": ["chase"]}),
+        ("now", {}),
+        (math.nan, {}),
+    ],
+)
+def test_a_picture_that_cannot_be_drawn_is_refused(time, wrong):
+    with pytest.raises(InputError):
+        video.frame(room_run(), time, **{"size": (64, 36), **wrong})
+
+
+def test_a_time_past_the_run_is_refused_before_anything_is_painted(monkeypatch):
+    def painted(*arguments):
+        raise AssertionError("painted")
+
+    monkeypatch.setattr(video, "_film", painted)
+    run = replace(room_run(), film=FilmPlan("story", 2.0))
+    with pytest.raises(InputError, match=r"time 999 s: the run goes from 0 to 2\.75 s"):
+        video.frame(run, 999.0)

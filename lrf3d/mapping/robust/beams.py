@@ -12,12 +12,17 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.live_map import Placement
 from lrf3d.mapping.robust.constants import CELL, LEAST_LOST, LOSS_ODDS, MOST_LOST
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
 """[m] Where the first scan was taken in the map's frame: off the edges of the cells, on which
 rounding would decide."""
+
+MOST_FREE = 1_000.0
+"""[m] How far a beam without return is taken to be free at most, however far its laser reaches."""
+
+MOST_RANGE = 10_000.0
+"""[m] No laser of a robot measures farther than this: such a range is not known."""
 
 
 @inner
@@ -52,22 +57,12 @@ class Frame(NamedTuple):
         place = float(cos * dx + sin * dy + SHIFT[0]), float(cos * dy - sin * dx + SHIFT[1])
         return place, float(scan.pose.theta - self.theta)
 
-    @property
-    def placement(self) -> Placement:
-        """Where the frame lies in the world."""
-        return Placement(*self, *SHIFT)
-
     def in_world(self, segments: Float) -> Float:
         """Segments (n, 4) of this frame in the world."""
-        turned: Float = self._turned(segments) + np.tile([self.x, self.y], 2)
-        return turned
-
-    def _turned(self, segments: Float) -> Float:
-        """Segments (n, 4) of this frame in the world's directions, around its origin."""
         cos, sin = np.cos(self.theta), np.sin(self.theta)
         turn = np.array([[cos, sin], [-sin, cos]])
-        turned: Float = (segments.reshape(-1, 2) - SHIFT) @ turn
-        return turned.reshape(-1, 4)
+        placed: Float = (segments.reshape(-1, 2) - SHIFT) @ turn + [self.x, self.y]
+        return placed.reshape(-1, 4)
 
 
 class Beams(NamedTuple):
@@ -168,11 +163,11 @@ def measure_beams(
             # At the rim of the field of view there is no neighbour to lose it from.
             alone = missed <= lost and missed < beam < count
             for other in range(beam - missed, beam):
-                ranges[other] = 0.0 if alone else -range_max
+                ranges[other] = 0.0 if alone else -min(range_max, MOST_FREE)
             missed = 0
         if beam < count:
             # Nothing is known before what is too near, nor where any range may be measured.
-            known = 0.0 < measured[beam] < np.inf
+            known = 0.0 < measured[beam] < MOST_RANGE
             ranges[beam] = measured[beam] if known else 0.0
     for beam in range(count):
         reach = ranges[beam]

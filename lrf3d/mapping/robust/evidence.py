@@ -21,6 +21,7 @@ from lrf3d.mapping.robust.constants import (
     HIT_DEVIATIONS,
     HIT_DIRECTIONS,
     LEAST_INCIDENCE,
+    MOST_EXPLAINED,
     PIECE,
     SPREAD_FACTOR,
     WALL_SINE,
@@ -102,7 +103,7 @@ def gather_evidence(turn: Round, cells: Cells, near: float, margin: float) -> tu
     # What belongs to the walls before is free, so that all of it is claimed anew.
     for k in range(len(ends)):
         stamps[walls[k]] += 1
-    band = near + HIT_DEVIATIONS * cells.widest[0]
+    band = near + min(HIT_DEVIATIONS * cells.widest[0], MOST_EXPLAINED)
     # Room for the clusters of all cells by the walls: an array that is put in another's place in a
     # loop makes all of the loop slow.
     cells_by = 0.0

@@ -16,7 +16,7 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.mapping.grid import order_of
-from lrf3d.mapping.robust.beams import longest_loss, plain, range_deviation
+from lrf3d.mapping.robust.beams import MOST_RANGE, longest_loss, plain, range_deviation
 from lrf3d.mapping.robust.constants import (
     CLUSTER_DEVIATIONS,
     END_DEVIATIONS,
@@ -306,7 +306,7 @@ class LikelihoodExtractor:
 
     def noise(self, scan: LaserScan) -> RangeNoise:
         """The noise that a scan's ranges have (Eq. 7, and the floor)."""
-        range_max = scan.range_max if scan.range_max < np.inf else USUAL_RANGE
+        range_max = scan.range_max if scan.range_max < MOST_RANGE else USUAL_RANGE
         return RangeNoise.from_sigma(self.sigma, self.floor, range_max)
 
     def walls(self, scan: LaserScan, heading: float, noise: RangeNoise) -> LocalWalls:
@@ -314,7 +314,7 @@ class LikelihoodExtractor:
         most = len(scan.ranges) // LEAST_POINTS
         ends, moments = np.empty((most, 4)), np.empty((most, 6))
         local = LocalWalls(ends, moments, np.empty((most, 2), np.int64))
-        range_max = float(scan.range_max)
+        range_max = min(float(scan.range_max), MOST_RANGE)
         count = extract_walls(
             heading, plain(scan.angles), plain(scan.ranges), range_max, noise, self.gap, local
         )

@@ -18,6 +18,7 @@ from lrf3d.mapping.robust.beams import Beams, Frame
 from lrf3d.mapping.robust.dim_returns import DimReturns
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.hidden_panes import hidden_images
+from lrf3d.mapping.robust.intensities import LaserEquation
 from lrf3d.mapping.robust.lit_beams import LitBeams, flashes, pairs
 from lrf3d.mapping.robust.mirrors import Mirrors, without_images
 from lrf3d.mapping.robust.optics_constants import (
@@ -60,7 +61,7 @@ class Optics:
     """
 
     def __init__(self, extract: LikelihoodExtractor) -> None:
-        self._extract = extract
+        self._extract, self._equation = extract, LaserEquation()
         self.panes, self.dim, self.mirrors = Panes(), DimReturns(), Mirrors()
         self.bright = PaneImages()
         self.glass = np.empty((0, 4))
@@ -77,7 +78,8 @@ class Optics:
         order = np.argsort(scan.angles, kind="stable")
         units, free, _ = Beams.of(scan, heading, noise)
         ranges = free.clip(0.0)
-        lights = np.nan_to_num(scan.intensities[order])
+        lights = scan.intensities[order]
+        lights = np.where(np.isfinite(lights), lights, 0.0)
         returned = (ranges > 0.0) & (lights > 0.0)
         beams = LitBeams(
             np.array(place),
@@ -113,6 +115,10 @@ class Optics:
             segments: (m, 4) the segments of the map [m].
         """
         beams = seen.beams
+        own = beams.units, beams.ranges, beams.intensities, walls
+        self._equation.reflectances(*own)
+        if not self._equation.fits:
+            return
         self.mirrors.update(beams, walls + np.tile(beams.place, 2), segments)
         turned = np.isfinite(seen.limits)
         beams = beams._replace(
@@ -143,7 +149,7 @@ class Optics:
             frame: The map's own frame.
             walls: (w, 4) the segments of the map in its own frame [m].
         """
-        if not len(self.mirrors.found) and not len(self.glass):
+        if not self._equation.fits or not (len(self.mirrors.found) or len(self.glass)):
             return line_map
         segments, rows = line_map.segments, np.arange(len(line_map))
         mirrors, glass = frame.in_world(self.mirrors.segments()), frame.in_world(self.glass)
@@ -180,7 +186,8 @@ class Optics:
     def state(self) -> dict[str, Any]:
         """All that is known, as plain arrays by their names; `restore` takes them back."""
         known = {**self.panes.state(), **self.dim.state(), **self.mirrors.state()}
-        return {**known, **self.bright.state(), "glass": self.glass.copy()}
+        light = {"light_pairs": self._equation.counts}
+        return {**known, **light, **self.bright.state(), "glass": self.glass.copy()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what was known."""
@@ -189,6 +196,7 @@ class Optics:
         self.glass = state["glass"].copy()
         self.mirrors.restore(state)
         self.bright.restore(state)
+        self._equation.counts = state["light_pairs"]
 
 
 def absorb(stretches: Float, segments: Float) -> tuple[Float, Int]:

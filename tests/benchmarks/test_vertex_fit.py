@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmarks.vertex_fit import _squared_errors, fit_vertices
+from lrf3d import LaserRangeFinder, LaserScan, PlanarCaster, World
+
+CIRCLE = LaserRangeFinder(-np.pi, np.pi - 2 * np.pi / 180, beams=180, range_max=30.0)
+HEXAGON = np.array([[4, 0], [3, 3], [-1, 4], [-4, 1], [-3, -3], [2, -4.0]])
+ROOM = World(np.hstack([HEXAGON, np.roll(HEXAGON, -1, axis=0)]))
+
+
+def noisy(scan, sigma, seed):
+    rng = np.random.default_rng(seed)
+    ranges = scan.ranges + rng.normal(0.0, sigma, len(scan.ranges))
+    return LaserScan(scan.pose, scan.angles, ranges, range_max=scan.range_max)
+
+
+def count(polylines):
+    closed = [len(line) > 2 and np.allclose(line[0], line[-1]) for line in polylines]
+    return sum(len(line) - ends for line, ends in zip(polylines, closed, strict=True))
+
+
+@given(st.floats(-3.0, 3.0), st.integers(0, 1000))
+@settings(max_examples=8, deadline=None)
+def test_the_corners_of_a_room_are_found(theta, seed):
+    scan = noisy(PlanarCaster(ROOM).cast(CIRCLE, (0.2, -0.3, theta)), 0.01, seed)
+    (polyline,) = fit_vertices(scan, 6)
+    assert np.allclose(polyline[0], polyline[-1]) and len(polyline) == 7
+    away = np.hypot(*(polyline[:-1, None] - HEXAGON[None]).transpose(2, 0, 1)).min(axis=0)
+    assert away.max() < 0.1
+
+
+@pytest.mark.parametrize("vertices", [2, 3, 5, 10, 30])
+def test_there_are_never_more_vertices_than_asked_for(vertices):
+    lrf = LaserRangeFinder(range_max=30.0)
+    boxes = World(np.array([[5, -3, 5, -1], [7, 0, 6, 2], [9, -9, 9, 9], [3, 2, 4, 3.0]]))
+    scan = noisy(PlanarCaster(boxes).cast(lrf, (0, 0, 0)), 0.02, 0)
+    assert count(fit_vertices(scan, vertices, gap=1.0)) <= vertices
+    closed = noisy(PlanarCaster(ROOM).cast(CIRCLE, (0, 0, 0)), 0.02, 0)
+    assert count(fit_vertices(closed, vertices)) <= vertices
+
+
+def test_a_gap_is_not_bridged():
+    lrf = LaserRangeFinder(range_max=30.0)
+    boxes = World(np.array([[5, -4, 5, -1], [5, 1, 5, 4.0]]))
+    polylines = fit_vertices(PlanarCaster(boxes).cast(lrf, (0, 0, 0)), 4, gap=1.0)
+    assert len(polylines) == 2
+    assert all((np.abs(line[:, 1]) > 0.9).all() for line in polylines)
+
+
+def test_a_scan_without_returns_has_no_polylines():
+    empty = LaserScan((0, 0, 0), CIRCLE.angles, np.full(180, np.inf), range_max=30.0)
+    assert fit_vertices(empty, 10) == []
+
+
+@pytest.mark.parametrize("vertices", range(2, 8))
+def test_four_returns_all_around_have_too_few_vertices_or_a_square(vertices):
+    """With three vertices no closed polyline exists, because no edge spans half a turn."""
+    angles = np.pi / 2 * np.arange(-2, 2)
+    polylines = fit_vertices(LaserScan((0, 0, 0), angles, np.full(4, 3.0)), vertices)
+    assert count(polylines) in ((0,) if vertices == 3 else (2,) if vertices == 2 else (4,))
+
+
+def test_a_scan_whose_last_beam_repeats_its_first_is_the_scan_without_it():
+    whole = LaserRangeFinder(-np.pi, np.pi, beams=181, range_max=30.0)
+    scan = PlanarCaster(ROOM).cast(whole, (0.2, -0.3, 0.4))
+    once = LaserScan(scan.pose, scan.angles[:-1], scan.ranges[:-1], range_max=30.0)
+    (polyline,), (other,) = fit_vertices(scan, 6), fit_vertices(once, 6)
+    assert len(polyline) == len(other) == 7
+    assert polyline == pytest.approx(other, abs=1e-6)
+
+
+def test_beams_in_one_direction_span_no_edge():
+    half = LaserRangeFinder(-1.2, 1.2, beams=97, range_max=30.0)
+    scan = PlanarCaster(ROOM).cast(half, (0.2, -0.3, 0.1))
+    twice = LaserScan(scan.pose, scan.angles.repeat(2), scan.ranges.repeat(2), range_max=30.0)
+    (polyline,), (other,) = fit_vertices(twice, 4), fit_vertices(scan, 4)
+    assert polyline == pytest.approx(other, abs=0.02)
+
+
+def test_beams_do_not_meet_an_edge_of_more_than_half_a_turn():
+    bearings, beam = np.array([0.0, 3.0]), np.array([1.5])
+    assert _squared_errors(bearings, np.ones(2), beam, np.ones(1)) < 1.0
+    assert _squared_errors(1.2 * bearings, np.ones(2), beam, np.ones(1)) == np.inf
