@@ -35,9 +35,8 @@ EDGE_SHARE = 0.3
 matched with the same local map, and share its errors."""
 
 NEWS = 4.0
-"""A closure that is off by less than this many deviations waits for the next optimisation. They
-are scaled by the variance factor: those of matching are ten times too large where scans are good,
-and with them the errors of a drive through offices were twice as large."""
+"""A closure that is off by less than this many deviations, scaled by the variance factor, waits for
+the next optimisation: unscaled ones would be ten times too large where scans are good."""
 
 FINAL_ITERATIONS = 20
 """Most Gauss-Newton steps over the pose graph in the end."""
@@ -173,10 +172,7 @@ class Slam:
         return compose(last.relative, between(last.front, self._tracked[-1].pose))
 
     def covariance(self) -> Float:
-        """Covariance (3, 3) of the pose at the last scan, x, y [m], theta [rad], since the start.
-
-        Each call takes a step over the whole pose graph.
-        """
+        """Covariance (3, 3) of the last scan's pose since the start; steps over the whole graph."""
         poses, edges = self._key_poses, self._used_edges()
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
             poses = np.vstack([poses, self._robot])
@@ -239,11 +235,7 @@ class Slam:
 
     @property
     def map(self) -> LineMap:
-        """The map of the key scans, computed when it is read.
-
-        Where a closed loop has moved key scans, it is drawn again within the next scans: see
-        `lrf3d.slam.key_map`.
-        """
+        """The map of the key scans, computed when it is read: see `lrf3d.slam.key_map`."""
         return self._map.map()
 
     def _placed(self, number: int, pose: Float) -> LaserScan:

@@ -74,7 +74,7 @@ def around(rng, count):
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 3, 5, 8, 12]), st.sampled_from([2, 3, 12]))
 def test_a_match_is_that_of_the_formula(seed, iterations, count):
-    assert max(REACH) <= CELL
+    assert max(REACH, ALONG) <= CELL
     rng = np.random.default_rng(seed)
     walls = around(rng, 150)
     # Points of the scan lie near those of the map, from a robot that stands elsewhere.
