@@ -52,6 +52,7 @@ def test_map_writes_its_files_and_json_is_the_only_output(log, tmp_path, monkeyp
         "beams": 180,
         "bad_lines": 0,
         "first_bad_lines": [],
+        "readings_not_numbers": 0,
         "poses": "as logged",
     }
 

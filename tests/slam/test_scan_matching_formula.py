@@ -10,13 +10,15 @@ from lrf3d.slam.scan_matching import (
     FIRST_SCALE,
     LAST_SCALE,
     PRIOR_SCALE,
-    REACH,
-    SIGMA,
     STEP,
+    Match,
+    _matched,
     match_scan,
     solve3,
 )
 from lrf3d.slam.surface import ALONG, CELL, grid_of
+
+REACH, SIGMA = 0.15, 0.03
 
 
 def lines_near(walls, point, normal):
@@ -74,7 +76,7 @@ def around(rng, count):
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 3, 5, 8, 12]), st.sampled_from([2, 3, 12]))
 def test_a_match_is_that_of_the_formula(seed, iterations, count):
-    assert max(REACH, ALONG) <= CELL
+    assert REACH**2 + ALONG**2 < CELL**2
     rng = np.random.default_rng(seed)
     walls = around(rng, 150)
     # Points of the scan lie near those of the map, from a robot that stands elsewhere.
@@ -98,7 +100,7 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
     guess = true + rng.normal(0.0, 0.02, 3)
     mixed = rng.normal(size=(3, 3))
     prior = mixed @ mixed.T + np.diag([500.0, 500.0, 900.0])
-    found = match_scan(surface, grid_of(walls), guess, prior, iterations)
+    found = Match(*_matched(surface, grid_of(walls), guess, prior, iterations, REACH, SIGMA))
     pose, information, explained, deviation = expected(surface, walls, guess, prior, iterations)
     assert found.pose == pytest.approx(pose, abs=1e-9)
     assert found.information == pytest.approx(information, rel=1e-6, abs=1e-6)
