@@ -80,11 +80,11 @@ def test_the_map_is_built_from_the_even_scans_alone(text, log, tmp_path):
 
 def test_bad_lines_are_named_and_do_not_stop_the_map(text, tmp_path):
     path = tmp_path / "room.log"
-    path.write_text(text.replace("\n", "\nFLASER 3 1 nan 2 0 0 0 0 0 0 1 host 1\n", 1))
+    path.write_text(text.replace("\n", "\nFLASER 3 1 x 2 0 0 0 0 0 0 1 host 1\n", 1))
     done = lrf3d("map", path, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "1 bad line" in done.stdout
-    assert "line 2: reading 2 is 'nan'" in done.stdout
+    assert "line 2: reading 2 is 'x'" in done.stdout
 
 
 def test_modes_and_noise_reach_the_mapper(log):
