@@ -12,7 +12,18 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.robust.constants import CELL, LEAST_LOST, LOSS_ODDS, MOST_LOST
+
+CELL = 0.1
+"""[m] Size of a cell. What is kept of the ground grows with its square; at 0.2 the purity of the
+objects of a town falls by 0.05."""
+
+LOSS_ODDS = 0.01
+"""[odds] A gap in a scan that lost beams leave by no more than such a chance is a real one."""
+
+LEAST_LOST, MOST_LOST = 2, 8
+"""[beams] How many beams beside each other may be lost at least, also where hardly any are, and at
+most. More forgets what is seen through narrow gaps, less takes lost beams for gaps of walls."""
+
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
 """[m] Where the first scan was taken in the map's frame: off the edges of the cells, on which
