@@ -216,6 +216,8 @@ def merge_walls(
         remove(grid, kept, walls.ends[kept])
         remove(grid, taken, walls.ends[taken])
         merge(walls, kept, taken)
+        # Its hits are free for what it has become.
+        walls.stamps[taken] += 1
         insert(grid, kept, walls.ends[kept])
         marks[kept] = True
         gone[lost] = taken
