@@ -22,8 +22,8 @@ SIDE = 1 << SIDE_BITS
 """Cells along the side of a block, whose numbers lie together."""
 
 SQUARE_BITS = SIDE_BITS + 3
-"""A square has eight blocks along a side, 12.8 m: on the longest line by which two walls are compared
-no place is farther than half of its 15 m from one of them."""
+"""A square has eight blocks along a side, 12.8 m: no place on the longest line by which two walls
+are compared is farther than half of its 15 m from one of them."""
 
 PASS_DIRECTIONS = 16
 """[directions] By how many directions the beams through a cell are told apart: those that run
@@ -136,9 +136,9 @@ class Cells(NamedTuple):
             np.zeros((size, 64), np.int32), np.zeros((blocks, PASS_DIRECTIONS, cells), np.uint8),
             np.zeros((blocks, cells), np.uint16), np.zeros((blocks, cells), np.int32),
             np.zeros(clusters, np.int32), np.zeros(clusters, np.int8), np.zeros((clusters, 13)),
-            *(np.zeros(clusters, np.int32) for _ in range(3)), np.zeros(clusters),
-            *(np.zeros(clusters, np.int32) for _ in range(2)),
-            np.array([0, 1, 1, 0, 0]), np.zeros(1),
+            np.zeros(clusters, np.int32), np.zeros(clusters, np.int32),
+            np.zeros(clusters, np.int32), np.zeros(clusters), np.zeros(clusters, np.int32),
+            np.zeros(clusters, np.int32), np.array([0, 1, 1, 0, 0]), np.zeros(1),
         )  # fmt: skip
 
     def doubled(self) -> "Cells":

@@ -28,6 +28,9 @@ PIECE = 0.1
 FOLLOWED = 2.0
 """[m] How far a wall is followed beyond its ends, to what single beams hit."""
 
+ROUNDING = 1e-6
+"""[m] A wall may end just where its last hit is: rounding does not decide what continues it."""
+
 CONTINUATION_STRICTNESS = 0.5
 """[share] How far off a return may lie that makes a wall longer, as a part of what is usual."""
 
@@ -253,7 +256,7 @@ def _claim_one(
     slope, hits = abs(incidence), moments[0]
     off = near + HIT_DEVIATIONS * np.sqrt(hits / moments[1]) * slope
     # What continues a wall lies on its line, and takes what no wall has.
-    continues = place < FOLLOWED or place > length - FOLLOWED
+    continues = place < FOLLOWED - ROUNDING or place > length - FOLLOWED + ROUNDING
     allowed = CONTINUATION_STRICTNESS * off if continues else off
     if away > allowed or away >= DEEPEST_HIT * allowed * slope:
         return found

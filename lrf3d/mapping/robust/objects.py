@@ -106,7 +106,8 @@ class Links(NamedTuple):
             return self
         grown = Links.of_size(rows)
         columns: list[NDArray[Any]] = list(self)
-        for own, column in zip(columns, grown, strict=True):
+        wider: list[NDArray[Any]] = list(grown)
+        for own, column in zip(columns, wider, strict=True):
             column[: len(own)] = own
         return grown
 
