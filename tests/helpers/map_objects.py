@@ -5,7 +5,8 @@ import numpy as np
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.grid import filled
 from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, add_beams, open_squares
+from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, open_squares
+from lrf3d.mapping.robust.judging import add_beams
 from lrf3d.mapping.robust.objects import Links, find_objects, link_walls
 from lrf3d.mapping.robust.walls import Walls
 

@@ -12,9 +12,10 @@ from lrf3d.laser import LaserScan
 from lrf3d.mapping.grid import Grid, filled
 from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import Beams, Frame, fingerprint, widen
-from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, add_beams, open_squares
+from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, open_squares
 from lrf3d.mapping.robust.corners import close_corners
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor, LocalWalls
+from lrf3d.mapping.robust.judging import add_beams
 from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
 from lrf3d.mapping.robust.objects import Links, find_objects, link_walls
 from lrf3d.mapping.robust.optics import Optics

@@ -16,9 +16,9 @@ from lrf3d.mapping.robust.cells import (
     OPEN_WEIGHT,
     Cells,
     NewEvidence,
-    count_evidence,
 )
 from lrf3d.mapping.robust.evidence import FOLLOWED
+from lrf3d.mapping.robust.judging import count_evidence
 from lrf3d.mapping.robust.refitting import VIOLATION_WEIGHT
 from lrf3d.mapping.robust.walls import UNLINKED, Walls, give_back, take_row
 
