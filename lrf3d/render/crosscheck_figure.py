@@ -34,17 +34,20 @@ def draw_crosscheck(
     figure, (ax,) = metre_sheet(places, 1, *_titles(world, result))
     plot.world(world, ax, poses=poses)
     plot.trajectory(poses, ax)
-    starts = poses[[one.scan for one in result.differences], :2]
-    beams = [lrf.directions(poses[one.scan])[one.beam] for one in result.differences]
+    starts = poses[result.scan, :2]
+    beams = [
+        lrf.directions(poses[scan])[beam]
+        for scan, beam in zip(result.scan, result.beam, strict=True)
+    ]
     # Many beams are drawn finer, or they would hide the world and each other.
     fine = float(np.interp(len(starts), [20, 100], [1.0, 0.4]))
     for answers, colour, label, width in (
-        ([one.embree[0] for one in result.differences], WRONG, "Embree's answer", 1.2),
-        ([one.planar[0] for one in result.differences], plot.BEAM, "exact answer", 2.0),
+        (result.ranges[:, 1], WRONG, "Embree's answer", 1.2),
+        (result.ranges[:, 0], plot.BEAM, "exact answer", 2.0),
     ):
-        if not answers:
+        if not len(answers):
             continue
-        reach = np.clip(np.array(answers), 0.0, lrf.range_max)
+        reach = np.clip(answers, 0.0, lrf.range_max)
         ends = starts + reach[:, None] * np.array(beams)
         style: dict[str, Any] = {
             "colors": colour,
@@ -58,13 +61,9 @@ def draw_crosscheck(
 
 
 def _titles(world: World, result: CrossCheck) -> tuple[str, str]:
-    other = "bare Embree" if result.raw else "Embree"
-    differ = len(result.differences)
-    if differ == 0:
-        exactly = "" if result.largest_difference else ", to the last bit"
-        found = f"all agree on wall and range{exactly}"
-    else:
-        causes = ", ".join(f"{count} {cause}" for cause, count in result.causes.items())
-        found = f"{differ} seen differently: {causes}"
-    title = f"{world.name or 'world'}: the plane against {other}"
+    found = "all agree on wall and range"
+    if result.causes:
+        causes = ", ".join(f"{count} {cause}" for cause, count in result.counts.items())
+        found = f"{len(result.causes)} seen differently: {causes}"
+    title = f"{world.name or 'world'}: the plane against bare Embree"
     return title, f"{result.beams:,} beams  ·  {found}"

@@ -24,7 +24,7 @@ from typer.testing import CliRunner
 from benchmarks.__main__ import PARTS, program
 from lrf3d.cli.app import app
 from lrf3d.scenario_file import load_scenario
-from stress.__main__ import app as stress_app
+from stress import app as stress_app
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

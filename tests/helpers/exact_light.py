@@ -16,7 +16,8 @@ import math
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from lrf3d.casting.exact import _meet, integers
+from rational import integers, meet
+
 from lrf3d.casting.kernels.echoes import MOST_ECHOES, MOST_WALLS
 from lrf3d.casting.kernels.light import MOST_TURNS
 from lrf3d.geometry import Float
@@ -28,13 +29,7 @@ Vector = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Echo:
-    """Light that returns.
-
-    Args:
-        way: Length of the way in units of the direction's length.
-        intensity: Its intensity.
-        chain: The walls on the way, the last of which returns the light.
-    """
+    """Light that returns: the way in lengths of the direction, its intensity, and the walls."""
 
     way: Fraction
     intensity: float
@@ -58,12 +53,7 @@ class _Ray:
 
 
 class ExactLight:
-    """Walls with materials, among which beams are followed in integers.
-
-    Args:
-        segments: (n, 4) ends x1 y1 x2 y2 of the walls.
-        materials: Their materials; None for plaster.
-    """
+    """Walls (n, 4) with materials, None for plaster, among which beams are followed in integers."""
 
     def __init__(self, segments: Float, materials: list[Material | None]) -> None:
         self._segments = segments
@@ -77,14 +67,7 @@ class ExactLight:
         range_max: float,
         near_field: float = 0.0,
     ) -> list[Echo]:
-        """The echoes of a beam up to a range [m], in any order; at most MOST_ECHOES, the strongest.
-
-        Args:
-            origin: x, y [m].
-            direction: Its direction.
-            range_max: Longest way.
-            near_field: Length of the near field [m].
-        """
+        """The echoes of a beam up to a range [m], the strongest first; at most MOST_ECHOES."""
         flat = [float(value) for value in self._segments.ravel()]
         whole, self._unit = integers([*flat, *map(float, origin)])
         self._walls = [tuple(whole[k : k + 4]) for k in range(0, len(flat), 4)]
@@ -130,7 +113,7 @@ class ExactLight:
             holds = ax * by == ay * bx and ax * bx + ay * by <= 0
             if holds and ray.chain and not self._meets_here(ray, wall):
                 continue
-            t = _meet(ax, ay, bx, by, u, v)
+            t = meet(ax, ay, bx, by, u, v)
             if t is None:
                 continue
             if best is None or t[0] * best[1][1] < best[1][0] * t[1]:
