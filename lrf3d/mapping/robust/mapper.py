@@ -39,7 +39,7 @@ class RobustMapper:
         self._grid = EvidenceGrid()
         self._noise = NoiseEstimate(extract.floor)
         self._refined = MapRefinement(rule, least)
-        self._optics = Optics(extract)
+        self._optics = Optics()
         self._last_scan: int | None = None
         self._frame: Frame | None = None
         self._map: LineMap | None = None
@@ -59,19 +59,14 @@ class RobustMapper:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
-        seen = self._optics.look(scan, place, heading, noise)
-        if seen is not None:
-            scan = seen.scan
-        beams = Beams.of(scan, heading, noise)
-        if seen is not None:
-            beams = beams.limited(seen.limits)
-        fresh = self._add_beams(beams, place)
+        scan, lit = self._optics.look(scan, place, heading, noise)
+        fresh = self._add_beams(Beams.of(scan, heading, noise), place)
         ends, moments, labels = self._extract.walls(scan, heading, noise)
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._refine(fresh, noise)
-        if seen is not None:
-            self._optics.update(seen, heading, noise, ends, self._refined.ends)
+        if lit is not None:
+            self._optics.update(lit, ends, self._refined.ends)
         self._refined.publish(self._frame)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
@@ -121,7 +116,7 @@ class RobustMapper:
         if self._map is None:
             self._map = self._refined.map
             if self._frame is not None:
-                self._map = self._optics.show(self._map, self._frame, self._refined.ends)
+                self._map = self._optics.show(self._map, self._frame)
         return self._map
 
     def state(self) -> dict[str, Any]:
@@ -132,7 +127,6 @@ class RobustMapper:
             **self._grid.state(),
             **self._noise.state(),
             **self._refined.state(),
-            **self._optics.state(),
             "last_scan": np.array([] if self._last_scan is None else [self._last_scan], np.int64),
             "frame": frame,
             "wall_last_scans": self._last_scans.copy(),
@@ -146,7 +140,6 @@ class RobustMapper:
         self._walls.restore(state)
         self._grid.restore(state)
         self._noise.restore(state)
-        self._optics.restore(state)
         last = state["last_scan"].tolist()
         self._last_scan = last[0] if last else None
         frame = state["frame"]
