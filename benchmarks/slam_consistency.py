@@ -188,11 +188,12 @@ def main(
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Picture of errors and covariances.")] = None,
 ) -> None:
-    """Measure how consistent SLAM is, with Dask, and print it as JSON."""
-    from lrf3d.sweep.cluster import connected
+    """Measure how consistent SLAM is, and print it as JSON."""
+    from lrf3d.sweeping.running import executor_of
 
-    with connected(scheduler) as client:
-        worlds = measure(seeds, lambda work, runs: client.gather(client.map(work, list(runs))))
+    with executor_of(None, scheduler) as executor:
+        assert executor is not None
+        worlds = measure(seeds, lambda work, runs: list(executor.map(work, runs)))
     print(json_text({world: consistency(drives) for world, drives in worlds.items()}))
     if figure is not None:
         draw(worlds, figure)

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Simulation, Step, simulate
     from lrf3d.slam import Slam, slam
+    from lrf3d.sweeping import SweepTable, sweep
     from lrf3d.version import __version__ as __version__
     from lrf3d.world import World, load_world, save_world, world_names
 else:
@@ -81,6 +82,7 @@ else:
             "Simulation": "simulation",
             "Slam": "slam",
             "Step": "simulation",
+            "SweepTable": "sweeping",
             "Trajectory": "robot",
             "Unicycle": "robot",
             "World": "world",
@@ -109,6 +111,7 @@ else:
             "simulate": "simulation",
             "simulate_fleet": "fleet",
             "slam": "slam",
+            "sweep": "sweeping",
             "world_names": "world",
         },
     )
@@ -138,6 +141,7 @@ __all__ = [
     "Simulation",
     "Slam",
     "Step",
+    "SweepTable",
     "Trajectory",
     "Unicycle",
     "World",
@@ -166,5 +170,6 @@ __all__ = [
     "simulate",
     "simulate_fleet",
     "slam",
+    "sweep",
     "world_names",
 ]

@@ -11,6 +11,10 @@ The tree::
     └── MissingLibraryError          a library that this task needs and this machine lacks
 """
 
+import os
+import sys
+from pathlib import Path
+
 LONGEST_MESSAGE = 600
 """Largest number of characters of a message: some lines of a terminal."""
 
@@ -129,7 +133,30 @@ class MissingLibraryError(Lrf3dError):
 
     Examples:
         >>> import lrf3d
-        >>> error = lrf3d.MissingLibraryError("a bag needs rosbags: pip install 'lrf3d[ros]'")
+        >>> error = lrf3d.MissingLibraryError("a film needs OpenGL")
         >>> isinstance(error, lrf3d.Lrf3dError)
         True
     """
+
+
+def missing_extra(task: str, extra: str) -> MissingLibraryError:
+    """The error of a task whose extra is not installed, with the command that installs it here."""
+    return MissingLibraryError(f"{task}; install it: {install_command(extra)}")
+
+
+def install_command(extra: str) -> str:
+    """The command that installs an extra: of the checkout that lrf3d runs from, or of the release.
+
+    Package indexes may not have what a checkout is; the checkout itself always installs.
+    """
+    checkout, pip = Path(__file__).parents[1], Path(sys.executable).with_name("pip")
+    if not (checkout / "pyproject.toml").exists():
+        return f"pip install 'lrf3d[{extra}]'"
+    program = _from_here(pip) if pip.exists() else f"{_from_here(Path(sys.executable))} -m pip"
+    return f"{program} install -e '{_from_here(checkout)}[{extra}]'"
+
+
+def _from_here(path: Path) -> str:
+    """A path as short as it can be typed in the current folder."""
+    here = Path.cwd()
+    return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)

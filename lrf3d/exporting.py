@@ -39,13 +39,13 @@ def _write_carmen(run: Run, path: Path, every: int) -> None:
 
 
 def _write_mcap(run: Run, path: Path, every: int) -> None:
-    from lrf3d.io.ros_bag_writer import write
+    from lrf3d.io.bag_writer import write
 
     write(_thinned(run, every), path)
 
 
 def _write_bag_folder(run: Run, path: Path, every: int) -> None:
-    from lrf3d.io.ros_bag_writer import write_folder
+    from lrf3d.io.bag_writer import write_folder
 
     write_folder(_thinned(run, every), path)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.interrupts import check, stoppable
 from lrf3d.io import LaserLog
 from lrf3d.laser import LaserScan
 from lrf3d.laser.free_space import distinct_poses, free_cells
@@ -84,6 +85,7 @@ class MappedLog:
         return [*rows, ("time", f"{mean:.2f} ms a scan, median {median:.2f} ms")]
 
 
+@stoppable()
 def map_log(
     log: LaserLog,
     *,
@@ -114,6 +116,7 @@ def map_log(
         mapper.update(scan)
         milliseconds.append(1e3 * (perf_counter() - begin))
         progress(done, len(even))
+        check()
     score = score_log(mapper.map, odd)
     return MappedLog(log, mode, sigma, mapper.map, score, tuple(milliseconds), even)
 

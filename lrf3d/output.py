@@ -19,6 +19,7 @@ from platform import node
 from typing import Any
 
 from lrf3d.errors import InputError, Lrf3dError, OutputError
+from lrf3d.interrupts import check
 
 try:
     import fcntl
@@ -327,6 +328,7 @@ def draw_all(drawings: Mapping[str, Drawing], kept: str) -> tuple[dict[str, Path
     failed: list[str] = []
     reason = ""
     for name, (path, draw) in drawings.items():
+        check()
         try:
             draw(path)
         except Exception as error:

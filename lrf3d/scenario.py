@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.errors import CollisionError, InputError
+from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Value
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
-from lrf3d.robot import Trajectory, check_drive, follow_route
+from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
 from lrf3d.robot.free_space import Side
 from lrf3d.robot.laps import chain_laps, drive_laps
@@ -209,13 +209,12 @@ class Scenario(Value):
         else:
             most = (scans - 1) * commands + 1
             laps = drive_laps(self.route, start=self.start, most=most, **settings)
-        try:
-            for lap in laps:
-                check_drive(lap, self.world, self.radius)
-        except CollisionError as error:
+        for lap in laps:
             if on_collision is None:
-                raise
-            on_collision(str(error))
+                check_drive(lap, self.world, self.radius)
+            elif (collision := find_collision(lap, self.world, self.radius)) is not None:
+                on_collision(str(collision))
+                break
         laps = tuple(lap.every(commands) for lap in laps)
         return laps[0] if scans is None else chain_laps(laps, scans)
 

@@ -15,6 +15,7 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, numbers, sealed, whole_number
+from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
 from lrf3d.mapping import LineMap, LineMapper
@@ -193,41 +194,26 @@ class Simulation:
         return estimate if isinstance(estimate, EstimatedTrajectory) else None
 
     def __iter__(self) -> Iterator[Step]:
-        """The remaining steps.
-
-        Raises:
-            CollisionError: A controller drives a robot with a radius into a wall.
-        """
+        """The remaining steps."""
         while (self.scans is None or self.done < self.scans) and self.drive.goes_on:
             index, (time, pose) = self.done, self.drive.scan_pose(self.done)
             true_scan, scan = self.sensor.measure(pose, time, self.rng)
             self.take(scan)
             yield Step(index, time, true_scan.pose, scan, true_scan, self, self._returned)
 
-    def take(self, scan: LaserScan, *, mapped: bool = False) -> None:
+    def take(self, scan: LaserScan) -> None:
         """Take the next measured scan: map it and drive on.
 
-        Args:
-            scan: The scan; replaying recorded scans brings a new simulation to the state of an
-                interrupted one.
-            mapped: Whether the mapper has the scan already.
+        Taking recorded scans brings a new simulation to the state of an interrupted one.
         """
-        if not mapped:
-            begin = perf_counter()
-            self._returned = self.mapper.update(scan)
-            # The first update is not counted: it may compile or load the mapper.
-            if self.updates:
-                self._seconds += perf_counter() - begin
-            self.updates += 1
+        begin = perf_counter()
+        self._returned = self.mapper.update(scan)
+        # The first update is not counted: it may compile or load the mapper.
+        if self.updates:
+            self._seconds += perf_counter() - begin
+        self.updates += 1
         self.drive.after(scan)
         self.done += 1
-
-    def skip(self, scans: int) -> None:
-        """Continue after a number of scans without taking them.
-
-        Only a drive along a trajectory can skip scans: a controller needs each of them.
-        """
-        self.done = scans
 
     @property
     def total(self) -> int:
@@ -333,6 +319,7 @@ def simulate(
     return collect(Simulation(world, drive, **given), progress, snapshots=snapshots)
 
 
+@stoppable()
 def collect(
     simulation: Simulation,
     progress: Progress = silent,
@@ -343,7 +330,6 @@ def collect(
 
     Raises:
         InputError: The number of scans is unknown; give ``scans``.
-        CollisionError: A controller drives a robot with a radius into a wall.
     """
     total = simulation.total
     schedule, shape = SnapshotSchedule(total, snapshots), (total, simulation.lrf.beams)
@@ -361,6 +347,7 @@ def collect(
             kept[step.index] = step.map
         done = step.index + 1
         progress(done, total)
+        check()
     if done - 1 not in kept:
         kept[done - 1] = simulation.map
     maps = {scan: line_map for scan, line_map in kept.items() if isinstance(line_map, LineMap)}

@@ -5,6 +5,8 @@ import signal
 
 import pytest
 
+from lrf3d.interrupts import forget
+
 # A shell without job control ignores Ctrl-C for what it starts in the background, and so do all
 # programs that these start in turn.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -14,7 +16,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, lambda number, where: None)
 
-ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM)
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @pytest.fixture(autouse=True)
@@ -24,6 +26,7 @@ def handlers():
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
+    forget()
 
 
 @functools.cache

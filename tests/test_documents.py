@@ -5,16 +5,13 @@ import re
 import subprocess
 import sys
 import zlib
-from functools import partial
 
 import pytest
 import typer
-from distributed import Client
 from snippets import PAGES, PROGRAMS, ROOT, Workshop, snippets
 
 import lrf3d
 from lrf3d.cli.app import app
-from lrf3d.sweep import sweeping
 
 README = PAGES[0]
 LONG = {"film.md", "range-finder.md"}
@@ -47,7 +44,7 @@ def shared(tmp_path_factory):
 
 @pytest.fixture
 def workshop(shared, monkeypatch):
-    """The working folder of all snippets; films are small in it, and sweeps start no process."""
+    """The working folder of all snippets; films are small in it."""
     monkeypatch.chdir(shared.folder)
     render = lrf3d.render_video
 
@@ -55,17 +52,6 @@ def workshop(shared, monkeypatch):
         render(run, path, size=(64, 64), fps=1.0, playback=100.0, workers=1)
 
     monkeypatch.setattr(lrf3d, "render_video", small)
-    cluster = partial(
-        Client,
-        processes=False,
-        n_workers=1,
-        threads_per_worker=1,
-        # As in lrf3d's own sweeps: any free port, and no dashboard.
-        dashboard_address="127.0.0.1:0",
-        scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-        worker_dashboard_address="127.0.0.1:0",
-    )
-    monkeypatch.setattr(sweeping, "connected", lambda *_: cluster())
     return shared
 
 

@@ -11,7 +11,7 @@ from benchmarks.comparison import load_report
 from lrf3d import InputError, WorldError, load_log, load_map, load_run, load_world
 from lrf3d.input import own_name
 from lrf3d.io.reading import is_run
-from lrf3d.sweep.grid import read_grid
+from lrf3d.sweeping.grid import read_grid
 from lrf3d.world.files import FORMATS, find_world
 
 ROOM = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"

@@ -81,7 +81,7 @@ def redo_paper(extent: Extent = USUAL, *, progress: Progress = silent) -> PaperR
     city = {mode: step(partial(drive_through, "city", mode, scans=extent.scans)) for mode in MODES}
     claims: tuple[Callable[[], Claim], ...] = (
         partial(scan_claim, extent),
-        partial(maps_claim, *swept),
+        partial(maps_claim, swept),
         partial(robustness_claim, swept, extent),
         partial(grid_claim, city, room),
         partial(polyline_claim, city, room),

@@ -12,11 +12,9 @@ from lrf3d.casting import crosscheck
 from lrf3d.render.figures import draw_noise_levels, draw_world
 from lrf3d.render.sweep_figure import draw_sweep
 from lrf3d.scenario_file import load_scenario
-from lrf3d.sweep.drawing import curves_of
-from lrf3d.sweep.grid import SweepGrid
-from lrf3d.sweep.plan import Plan, make_plan
-from lrf3d.sweep.summary import INTERVAL_CONFIDENCE, CellMean, Mean, cell_means
-from lrf3d.sweep.task import carry_out
+from lrf3d.sweeping import SweepTable, sweep
+from lrf3d.sweeping.drawing import curves_of
+from lrf3d.sweeping.table import INTERVAL_CONFIDENCE, CellMean, Mean
 
 ROOM = "paper_room"
 """The built-in world of Fig. 5."""
@@ -41,7 +39,7 @@ ROBUSTNESS = Table(
     {
         "place": "place",
         "sigma_m": ("noise σ", "{:g} m".format),
-        "mode": "mode",
+        "mapper": "mode",
         "length_f1": ("length F1", "{:.2f}".format),
         "segment_f1": ("segment F1", "{:.2f}".format),
         "perpendicular_rms": ("RMS", lambda rms: f"{1e3 * rms:.1f} mm"),
@@ -65,7 +63,7 @@ MAPS = Table(
     "maps",
     {
         "sigma_m": ("noise σ", "{:g} m".format),
-        "mode": "mode",
+        "mapper": "mode",
         "map_segments": ("segments", _spread(1)),
         "map_objects": ("unions", _spread(1)),
         "segment_f1": ("segment F1", _spread(2)),
@@ -115,12 +113,11 @@ def scan_claim(extent: Extent) -> Claim:
     )
 
 
-def maps_claim(plan: Plan, rows: Sequence[Row]) -> Claim:
+def maps_claim(swept: SweepTable) -> Claim:
     """Fig. 5 b, c and d: the maps at three noises.
 
     Args:
-        plan: A sweep of the room over noises and modes.
-        rows: Its rows.
+        swept: A sweep of the room over noises and modes.
     """
     scenario = load_scenario(ROOM)
     sigmas = scenario.sigmas
@@ -132,12 +129,12 @@ def maps_claim(plan: Plan, rows: Sequence[Row]) -> Claim:
         caption = f"Fig. 5 redone in {mode} mode; each union has its colour."
         pictures.append(Picture(embed_figure(figure), caption))
         for sigma in sigmas:
-            mine = [row for row in rows if row["mode"] == mode and row["sigma_m"] == sigma]
+            mine = [row for row in swept.rows if row["mapper"] == mode and row["sigma_m"] == sigma]
             means = {name: Mean.of([row[name] for row in mine]) for name in FIGURES}
-            table[sigma, mode] = {"sigma_m": sigma, "mode": mode, **means}
+            table[sigma, mode] = {"sigma_m": sigma, "mapper": mode, **means}
         unions = [table[sigma, mode]["map_objects"].mean for sigma in sigmas]
         holds[mode] = all(abs(number - OBJECTS) <= MOST_OFF for number in unions)
-    seeds = plan.grid.seeds
+    seeds = swept.plan.grid.seeds
     counts = {place: _spread(1)(row["map_objects"]) for place, row in table.items()}
     low, high = sigmas[0], sigmas[-1]
     listed = [table[place] for place in sorted(table, key=lambda place: place[0])]
@@ -161,18 +158,16 @@ def maps_claim(plan: Plan, rows: Sequence[Row]) -> Claim:
     )
 
 
-def robustness_claim(room: tuple[Plan, list[Row]], extent: Extent) -> Claim:
+def robustness_claim(room: SweepTable, extent: Extent) -> Claim:
     """Scores over the noise.
 
     Args:
         room: The sweep of the room.
         extent: How much is measured in the city.
     """
-    city = swept(SweepGrid.usual("city", axes={}, seeds=extent.city_seeds, every=extent.every))
-    means = {name: cell_means(*each) for name, each in (("room", room), ("city", city))}
-    pictures = [
-        _picture(name, plan, means[name]) for name, (plan, _) in (("room", room), ("city", city))
-    ]
+    city = sweep("city", seeds=extent.city_seeds, every=extent.every, workers=1)
+    means = {"room": room.means, "city": city.means}
+    pictures = [_picture(name, each) for name, each in (("room", room), ("city", city))]
     rows = [
         {"place": place, **mean.columns, **{n: m.mean for n, m in mean.measures.items()}}
         for place, some in means.items()
@@ -200,7 +195,7 @@ def robustness_claim(room: tuple[Plan, list[Row]], extent: Extent) -> Claim:
             mode: all(
                 mean.measures["length_f1"].mean >= ENOUGH
                 for mean in means["room"]
-                if mean.columns["mode"] == mode
+                if mean.columns["mapper"] == mode
             )
             for mode in MODES
         },
@@ -217,12 +212,14 @@ def robustness_claim(room: tuple[Plan, list[Row]], extent: Extent) -> Claim:
 
 
 def _last(means: Sequence[CellMean], mode: str) -> CellMean:
-    mine = [mean for mean in means if mean.columns["mode"] == mode]
+    mine = [mean for mean in means if mean.columns["mapper"] == mode]
     return max(mine, key=lambda mean: float(mean.columns["sigma_m"]))
 
 
-def _picture(name: str, plan: Plan, means: Sequence[CellMean]) -> Picture:
-    curves, _ = curves_of(means, "sigma_m", plan)
+def _picture(name: str, swept: SweepTable) -> Picture:
+    plan = swept.plan
+    [world] = plan.worlds
+    curves = curves_of(swept, world, "sigma_m")
     lrf = next(iter(plan.places.values())).scenario.lrf
     scans = len(next(iter(plan.places.values())).trajectory)
     words = (
@@ -239,17 +236,6 @@ def _picture(name: str, plan: Plan, means: Sequence[CellMean]) -> Picture:
     )
 
 
-def room_sweep(extent: Extent) -> tuple[Plan, list[Row]]:
+def room_sweep(extent: Extent) -> SweepTable:
     """Maps of the room over the usual noises, in both modes."""
-    return swept(SweepGrid.usual(ROOM, axes={}, seeds=extent.seeds))
-
-
-def swept(grid: SweepGrid) -> tuple[Plan, list[Row]]:
-    """All runs of a small grid, made in this process."""
-    plan = make_plan(grid)
-    rows = []
-    for run in plan.runs:
-        place = plan.places[plan.cells[run.cell].place]
-        [row] = carry_out(place, [run.order]).rows
-        rows.append({**plan.described(run), **row})
-    return plan, rows
+    return sweep(ROOM, seeds=extent.seeds, workers=1)

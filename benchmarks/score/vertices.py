@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.result import Row
+from benchmarks.score.vertex_fit import fit_vertices
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.mapping import fit_vertices
 from lrf3d.pose import as_pose
 from lrf3d.progress import Progress, silent
 from lrf3d.world import World

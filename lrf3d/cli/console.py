@@ -10,6 +10,7 @@ from time import monotonic
 from typing import Any, TextIO
 
 from lrf3d.errors import Lrf3dWarning, one_line
+from lrf3d.interrupts import check
 from lrf3d.progress import Progress
 
 BETWEEN_LINES = 30.0
@@ -18,7 +19,11 @@ BETWEEN_LINES = 30.0
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
-    """A progress bar on stderr; a line now and then if stderr is not a terminal."""
+    """A progress bar on stderr; a line now and then if stderr is not a terminal.
+
+    A signal that has asked to stop raises KeyboardInterrupt at the next report.
+    """
+    check()
     if not sys.stderr.isatty():
         yield progress_lines(title)
         return
@@ -45,6 +50,7 @@ def progress_bar(title: str) -> Iterator[Progress]:
         task = bar.add_task("getting ready", total=None, rate="")
 
         def report(done: int, total: int) -> None:
+            check()
             speed = bar.tasks[task].speed
             rate = f"{speed:.0f}/s" if speed else ""
             bar.update(task, description=title, completed=done, total=total, rate=rate)
@@ -63,6 +69,7 @@ def progress_lines(title: str, clock: Callable[[], float] = monotonic) -> Progre
 
     def report(done: int, total: int) -> None:
         nonlocal last
+        check()
         now = clock()
         if now - last < BETWEEN_LINES or not 0 < done < total:
             return

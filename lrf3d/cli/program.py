@@ -1,31 +1,17 @@
-"""The program ``lrf3d``: stopping it at any moment, and reporting its errors.
+"""The program ``lrf3d``: stopping it at any moment, and reporting its errors in one line.
 
-Only modules that load quickly are imported here, so that Ctrl-C is handled before anything else is
-loaded.
+Only modules that load quickly are imported here, so that signals are handled before anything else
+is loaded.
 """
 
 import os
-import signal
 import sys
-from time import monotonic
 
-from lrf3d.interrupts import chain, notes
+from lrf3d.interrupts import asked, handle_signals
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from types import FrameType
     from typing import Any
-
-SIGNALS = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
-"""Signals that ask a program to end: Ctrl-C, ``kill``, and a terminal that is closed."""
-
-REPEAT_SECONDS = 0.05
-"""Interval [s] at which a lost interrupt is raised again: short for the user, and long compared
-with the check."""
-
-CLEANUP = 10.0
-"""Time for cleaning up [s] before another Ctrl-C ends the program immediately. Cleaning up takes
-two or three seconds; holding the key down must not cut it off."""
 
 
 def main(program: "Any" = None, name: str = "lrf3d") -> None:
@@ -35,169 +21,67 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
         program: The commands, a Typer; those of lrf3d if not given.
         name: Name of the program.
     """
-    stops = Stops(name)
-    error: BaseException | None = None
+    handle_signals(name)
     try:
-        _run(stops, program, name)
-        stops.over = True
-    except BaseException as caught:
-        # This comes first: from here on an interrupt would leave this function.
-        stops.over = True
-        error = caught
-    stops.end()
-    if stops.number:
-        # If the interrupt came from code that was made from a string, such as methods of data
-        # classes, Python ends by the signal itself; running other such code prevents that.
-        exec("")
-        sys.exit(_stopped(name, stops.number, error))
-    if isinstance(error, SystemExit):
-        sys.exit(error.code)
-    sys.exit(0 if error is None else _failed(name, error))
+        status = _run(program, name)
+    except KeyboardInterrupt as error:
+        status = _report(name, error, "stopped")
+    except BrokenPipeError:
+        # The reader of the output has closed it, as `head` does; that is no error.
+        _discard_output(sys.stdout, sys.stderr)
+        status = 0
+    except Exception as error:
+        message = _message(error)
+        if message is None:
+            raise
+        status = _report(name, error, message)
+    sys.exit(128 + asked() if asked() and status else status)
 
 
-def _run(stops: "Stops", program: "Any", name: str) -> None:
-    """Run the command, and flush its output."""
-    stops.begin()
+def _run(program: "Any", name: str) -> int:
+    """Run the command, flush its output, and return its exit status."""
     for stream in (sys.stdout, sys.stderr):
         # A terminal without a character, such as σ or one of a file name, is no reason to fail.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
+    import typer
+
     from lrf3d.cli.console import print_text, quiet_libraries
-    from lrf3d.output import scratch_folder
 
     quiet_libraries()
     if program is None:
         from lrf3d.cli.app import app as program
-
+    command: Any = typer.main.get_command(program)
+    status = 0
+    # Typer's own main function would take an interrupt for the wish to abort a prompt.
     try:
-        if _keeps_compiled():
-            program(prog_name=name)
-        else:
-            # Numba does not start without a writeable cache; this one is removed afterwards.
-            with scratch_folder() as folder:
-                os.environ["NUMBA_CACHE_DIR"] = str(folder)
-                program(prog_name=name)
-    finally:
-        # An error of the standard output is reported here, not when Python ends.
-        print_text("")
+        with command.make_context(name, sys.argv[1:]) as context:
+            command.invoke(context)
+    except typer.Exit as end:
+        status = end.exit_code
+    except Exception as error:
+        # Errors of usage print themselves.
+        if not hasattr(error, "show"):
+            raise
+        error.show()
+        status = error.exit_code  # type: ignore[attr-defined]
+    # An error of the standard output is reported here, not when Python ends.
+    print_text("")
+    return status
 
 
-def _keeps_compiled() -> bool:
-    """Whether Numba finds a writeable cache: next to the modules, or in the home folder."""
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    for folder in (os.path.dirname(os.path.dirname(__file__)), home):
-        while folder and not os.path.exists(folder):
-            folder = os.path.dirname(folder)
-        if os.access(folder, os.W_OK | os.X_OK):
-            return True
-    return "NUMBA_CACHE_DIR" in os.environ
-
-
-class Stops:
-    """Requests to stop: recorded once, and raised as KeyboardInterrupt until it takes effect.
-
-    An interrupt may be lost: libraries catch it, compiled code turns it into another exception, and
-    exceptions of destructors and callbacks are dropped. So any exception that follows counts as the
-    interrupt, and if none is propagating, it is raised again.
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self.number = 0
-        """The first signal that arrived; 0 if none did."""
-        self.over = False
-        """Whether the program is ending anyway."""
-        self._asked = 0.0
-
-    def begin(self) -> None:
-        """Install the handlers."""
-        for number in SIGNALS:
-            # A program in the background, or under nohup, goes on ignoring these signals.
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, self._ask)
-
-    def end(self) -> None:
-        """Ignore the signals: only Python itself has to end."""
-        for number in SIGNALS:
-            signal.signal(number, signal.SIG_IGN)
-        if hasattr(signal, "setitimer"):
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-
-    def _ask(self, number: int, where: "FrameType | None") -> None:
-        if self.over:
-            return
-        if self.number:
-            if monotonic() > self._asked + CLEANUP:
-                os._exit(_stopped(self._name, self.number, None))
-        else:
-            self.number, self._asked = number, monotonic()
-            _suppress_tracebacks()
-            if hasattr(signal, "setitimer"):
-                signal.signal(signal.SIGALRM, self._raise)
-                signal.setitimer(signal.ITIMER_REAL, REPEAT_SECONDS, REPEAT_SECONDS)
-        self._raise(number, where)
-
-    def _raise(self, _: int, where: "FrameType | None") -> None:
-        """Raise the interrupt, unless it is propagating or modules are being loaded."""
-        propagating = any(isinstance(each, KeyboardInterrupt) for each in chain(sys.exc_info()[1]))
-        # Half-loaded C libraries fail unpredictably. Loading ends by itself, or is interrupted
-        # when it takes too long, as in a user's module that never ends.
-        if self.over or propagating or (_loads(where) and monotonic() < self._asked + CLEANUP):
-            return
-        raise KeyboardInterrupt
-
-
-def _loads(frame: "FrameType | None") -> bool:
-    """Whether a frame is within an import."""
-    while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return True
-        frame = frame.f_back
-    return False
-
-
-def _suppress_tracebacks() -> None:
-    """Suppress the tracebacks of what an interrupt broke."""
-    sys.excepthook = lambda *_: None
-    sys.unraisablehook = lambda _: None
-    if "threading" in sys.modules:
-        sys.modules["threading"].excepthook = lambda *_: None  # type: ignore[attr-defined]
-    if "logging" in sys.modules:
-        sys.modules["logging"].disable()
-
-
-def _stopped(name: str, number: int, error: BaseException | None) -> int:
-    """Print that the program was stopped and what is kept; return the exit status."""
-    from lrf3d.errors import OutputError
-
-    parts = ["stopped", *notes(error)]
-    if isinstance(error, OutputError):
-        parts.insert(1, str(error))
-    _say(name, "; ".join(parts))
-    return 128 + number
-
-
-def _failed(name: str, error: BaseException) -> int:
-    """Print an error, in one line unless it is a bug of the program; return the exit status."""
+def _message(error: Exception) -> str | None:
+    """A known error in one line; None for a bug, and for an error in a user's own code."""
     from lrf3d.errors import Lrf3dError
 
-    if isinstance(error, BrokenPipeError):
-        # The reader of the output has closed it, as `head` does; that is no error.
-        _discard_output(sys.stdout, sys.stderr)
-        return 0
     if isinstance(error, Lrf3dError):
-        message = str(error)
-    elif isinstance(error, OSError):
-        message = _system_error(error, "standard output" if _discard_output(sys.stdout) else "")
-    elif isinstance(error, MemoryError):
+        return str(error)
+    if isinstance(error, OSError):
+        return _system_error(error, "standard output" if _discard_output(sys.stdout) else "")
+    if isinstance(error, MemoryError):
         why = f" ({error})" if str(error) else ""
-        message = f"out of memory{why}; ask for less at once, or use a machine with more memory"
-    else:
-        raise error
-    # Where the machine is to blame, what is kept can be gone on with.
-    kept = notes(error) if isinstance(error, OSError | MemoryError) else []
-    _say(name, "; ".join([message, *kept]))
-    return 1
+        return f"out of memory{why}; ask for less at once, or use a machine with more memory"
+    return None
 
 
 def _system_error(error: OSError, default: str) -> str:
@@ -224,9 +108,13 @@ def _discard_output(*streams: "Any") -> bool:
     return found
 
 
-def _say(name: str, message: str) -> None:
-    """Print a line on stderr, if it is still open."""
+def _report(name: str, error: BaseException, message: str) -> int:
+    """Print why the program ends and what is kept, if stderr is open; return the exit status."""
+    # What is kept can be continued unless the input is wrong.
+    kept = isinstance(error, KeyboardInterrupt | OSError | MemoryError)
+    parts = [message, *(getattr(error, "__notes__", []) if kept else [])]
     try:
-        print(f"{name}: {' '.join(message.splitlines())}", file=sys.stderr, flush=True)
+        print(f"{name}: {' '.join('; '.join(parts).splitlines())}", file=sys.stderr, flush=True)
     except OSError:
         _discard_output(sys.stderr)
+    return 1

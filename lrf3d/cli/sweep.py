@@ -1,7 +1,7 @@
 """``lrf3d sweep``: runs over worlds, settings and seeds, on this machine or a cluster."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -21,8 +21,12 @@ def sweep(
         str | None, typer.Option(metavar="S,S,…", help="Noise levels [m] at range_max.")
     ] = None,
     beams: Annotated[str | None, typer.Option(metavar="N,N,…", help="Numbers of beams.")] = None,
-    mode: Annotated[
-        str | None, typer.Option(metavar="M,M", help="Modes of the mapper; both if not given.")
+    mapper: Annotated[
+        str | None,
+        typer.Option(
+            metavar="M,M,…",
+            help="robust, paper, or your own as FILE.py:NAME; both modes if not given.",
+        ),
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -46,6 +50,13 @@ def sweep(
             min=1, max=512, help="Processes on this machine; one for each core if not given."
         ),
     ] = None,
+    shard: Annotated[
+        str | None,
+        typer.Option(metavar="I/N", help="Make only the runs of job I of N, such as 2/8."),
+    ] = None,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="Make no runs; collect those of all jobs in the folder.")
+    ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Keep the runs in the folder and do the missing ones.")
     ] = False,
@@ -54,58 +65,104 @@ def sweep(
     out: options.Out = None,
     json: options.Json = False,
 ) -> None:
-    """Run every combination of worlds, noises, beams, thresholds and modes with many seeds.
+    """Run every combination of worlds, mappers, noises, beams and settings with many seeds.
 
-    Results are saved as they are made; --resume continues a sweep that was stopped, with the same
-    results. Writes sweep.parquet, summary.json and a figure for each world and setting.
+    Each result is saved as it comes; --resume continues a sweep that was stopped, with the same
+    results. Writes sweep.parquet, summary.json, means.csv, means.tex and a figure for each world
+    and setting.
+
+    Example: lrf3d sweep corridor --mapper robust,paper,mine.py:Mine --sigma 0.02,0.05
     """
+    from importlib.util import find_spec
+
     from lrf3d.cli.console import progress_bar, say, warn
     from lrf3d.cli.folder import results_folder
     from lrf3d.errors import InputError
     from lrf3d.input import own_name
-    from lrf3d.sweep.cluster import check_address
-    from lrf3d.sweep.drawing import figures_of, table_text
-    from lrf3d.sweep.grid import BEAMS, MODE, SIGMA, SweepGrid, parse_axis, parse_values, read_grid
-    from lrf3d.sweep.plan import make_plan
-    from lrf3d.sweep.sweeping import sweep as run
+    from lrf3d.sweeping.drawing import figures_of
+    from lrf3d.sweeping.grid import (
+        BEAMS,
+        SIGMA,
+        SIGMAS,
+        SweepGrid,
+        parse_axis,
+        parse_values,
+        read_grid,
+    )
+    from lrf3d.sweeping.plan import make_plan
+    from lrf3d.sweeping.running import executor_of, known_rows, run_plan
+    from lrf3d.sweeping.table import SweepTable, missing_parquet
 
-    flags = {MODE: ("--mode", mode), SIGMA: ("--sigma", sigma), BEAMS: ("--beams", beams)}
+    if find_spec("pyarrow") is None:
+        raise missing_parquet()
+    job = None if shard is None else _job(shard)
+    flags = {SIGMA: ("--sigma", sigma), BEAMS: ("--beams", beams)}
     axes = {
         key: parse_values(text, flag) for key, (flag, text) in flags.items() if text is not None
     }
     axes.update(parse_axis(text) for text in vary or ())
-    counts = {name: n for name, n in (("seeds", seeds), ("every", every)) if n is not None}
-    if scheduler is not None:
-        check_address(scheduler)
+    chosen: dict[str, Any] = {"seeds": seeds, "every": every}
+    if mapper is not None:
+        chosen["mappers"] = {label.strip(): _mapper(label.strip()) for label in mapper.split(",")}
+    chosen = {name: value for name, value in chosen.items() if value is not None}
     if grid is not None:
-        chosen = read_grid(grid, axes, worlds=tuple(worlds or ()), **counts)
+        asked = read_grid(grid, axes, worlds=tuple(worlds or ()), **chosen)
     elif worlds:
-        chosen = SweepGrid.usual(*worlds, axes=axes, **counts)
+        asked = SweepGrid(tuple(worlds), {SIGMA: SIGMAS, **axes}, **chosen)
     else:
         raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
     plan = make_plan(
-        chosen,
+        asked,
         collision=warn if ignore_collisions else None,
         where=options.side_of(inside),
         say=say,
         warn=warn,
     )
     name = plan.worlds[0] if grid is None else own_name(grid)
-    sources = chosen.worlds if grid is None else [grid]
+    sources = asked.worlds if grid is None else [grid]
     output = results_folder(context, sources, f"{name}_sweep", out)
-    with progress_bar("runs") as bar:
-        result = run(
-            plan, output.path, scheduler=scheduler, workers=workers, resume=resume, progress=bar
-        )
-    made = len(result.rows) - result.resumed
-    if not json:
-        print(table_text(plan, result.rows), end="\n\n", flush=True)
+    if merge:
+        rows = known_rows(plan, output.path)
+        result = SweepTable(plan, [rows[run.key] for run in plan.runs if run.key in rows])
+    else:
+        with progress_bar("runs") as bar, executor_of(workers, scheduler) as executor:
+            result = run_plan(plan, output.path, executor, resume=resume, shard=job, progress=bar)
+    missing = len(plan.runs) - len(result.rows)
+    if missing and job is None:
+        raise InputError(f"{output.path}: {missing} runs are missing; make them, then --merge")
+    files = {}
+    if not missing:
+        table = output.path / "sweep.parquet"
+        result.to_parquet(table)
+        result.to_csv(output.path / "means.csv")
+        result.to_latex(output.path / "means.tex")
+        files = {"table": table, "means": output.path / "means.csv",
+                 "means in LaTeX": output.path / "means.tex"}  # fmt: skip
+        if not json:
+            print(result, end="\n\n", flush=True)
     output.finish(
-        result.summary,
-        {"table": result.table},
-        figures_of(plan, result.rows, output.path),
-        rows=[("runs", f"{len(result.rows)}, of them {made} made now in {result.took:.1f} s")],
-        kept=f"{result.table} holds the runs, the same command with --resume draws them",
+        result.summary(),
+        files,
+        {} if missing else figures_of(result, output.path),
+        rows=[("runs", f"{len(result.rows)}, of them {result.made} made now")],
+        kept=f"{output.path} holds the runs, the same command with --resume draws them",
         note="all runs kept; go on with --resume",
         json=json,
     )
+
+
+def _job(text: str) -> tuple[int, int]:
+    """The number of a job and of all jobs."""
+    from lrf3d.errors import InputError
+
+    number, _, count = text.partition("/")
+    if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
+        raise InputError(f"--shard {text}: expected I/N, such as 2/8 for the second of eight jobs")
+    return int(number), int(count)
+
+
+def _mapper(label: str) -> Any:
+    """A mode of the LineMapper, or the class or object that a user names."""
+    from lrf3d.cli.plugins import load_plugin
+
+    return load_plugin("mapper", label).found if ":" in label else label

@@ -20,7 +20,7 @@ def view(
         str,
         typer.Option(
             help="Address or name to listen at; 0.0.0.0 lets other machines in. The page opens only"
-            " by this name, an IP address or the machine's host name."
+            " by this name, the machine's addresses or its host name."
         ),
     ] = "127.0.0.1",
     port: Annotated[

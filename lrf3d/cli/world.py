@@ -44,11 +44,11 @@ def show(
     json: options.Json = False,
 ) -> None:
     """Describe a world, and draw it."""
-    from lrf3d.cli.console import print_json
+    from lrf3d.cli.console import print_json, print_text
     from lrf3d.world import world_names
 
     if world is None:
-        print_json(world_names()) if json else print("\n".join(world_names()))
+        print_json(world_names()) if json else print_text("\n".join([*world_names(), ""]))
         return
     scenario = options.read_world(world, scale=scale)
     report = {"name": scenario.name} | _report(scenario.world)

@@ -5,14 +5,12 @@
 :class:`DriveVectorEnv`, whose robots' beams are cast together.
 """
 
-from lrf3d.errors import MissingLibraryError
+from lrf3d.errors import missing_extra
 
 try:
     import gymnasium
 except ModuleNotFoundError:
-    raise MissingLibraryError(
-        "gymnasium is not installed; install it: pip install 'lrf3d[gym]'"
-    ) from None
+    raise missing_extra("environments need Gymnasium", "gym") from None
 
 from lrf3d.gym.drive_env import DriveEnv
 from lrf3d.gym.drive_vector_env import DriveVectorEnv

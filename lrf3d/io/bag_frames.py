@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from lrf3d.geometry import Bool, Float, Int
 
@@ -107,16 +107,12 @@ class FrameTrack:
             row = np.zeros(len(times), np.int64)
             known = np.full(len(times), self.is_static) | (times == self.times[0])
             return Placed(self.places[row], self.rotations[row], known)
-        after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self.times) - 1)
-        before = after - 1
-        span = self.times[after] - self.times[before]
-        share = (times - self.times[before]) / span
-        places = self.places[before]
-        places = places + share[:, None] * (self.places[after] - places)
-        start = self.rotations[before]
-        turn = (start.inv() * self.rotations[after]).as_rotvec()
-        rotations = start * Rotation.from_rotvec(share[:, None] * turn)
-        return Placed(places, rotations, (times >= self.times[0]) & (times <= self.times[-1]))
+        first, last = self.times[0], self.times[-1]
+        # Seconds from the first stamp: float64 has no room for nanoseconds since 1970.
+        own, asked = 1e-9 * (self.times - first), 1e-9 * (np.clip(times, first, last) - first)
+        places = np.column_stack([np.interp(asked, own, column) for column in self.places.T])
+        rotations = Slerp(own, self.rotations)(asked)
+        return Placed(places, rotations, (times >= first) & (times <= last))
 
 
 class FrameTree:

@@ -165,8 +165,8 @@ class Journal:
         sums = tuple(map(zlib.crc32, rows))
         self.chunks.append(Chunk(first, scans, begin, end, sums, rng, dict(snapshots)))
 
-    def column(self, name: str, *, first: int = 0) -> Iterator[Array]:
-        """A column, chunk by chunk, starting with the chunk of a scan.
+    def column(self, name: str) -> Iterator[Array]:
+        """A column, chunk by chunk.
 
         Raises:
             OutputError: The file no longer holds what was written to it.
@@ -180,8 +180,6 @@ class Journal:
             raise self._changed() from None
         with reading as file:
             for chunk in self.chunks:
-                if chunk.first + chunk.scans <= first:
-                    continue
                 sizes = self._sizes(chunk.scans)
                 file.seek(chunk.begin + sum(sizes[:place]))
                 data = file.read(sizes[place])

@@ -78,7 +78,7 @@ def load_log(
         name = own_name(path.resolve().parent if path.name == "run.npz" else path)
         return LaserLog(f"{name}_map", list(run.scans), source="the run")
     if ending.endswith(BAG_ENDINGS) or path.is_dir():
-        from lrf3d.io.ros_bag import load_bag
+        from lrf3d.io.bag_reader import load_bag
 
         return load_bag(path, poses=poses, scan_topic=scan_topic)
     known = ", ".join((*CARMEN_ENDINGS, *BAG_ENDINGS, ".npz"))

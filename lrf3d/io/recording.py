@@ -1,10 +1,9 @@
 """Recording: a simulation is written to a run.npz scan by scan, and can be resumed.
 
-Until ``run.npz`` is complete, two other files stand beside it: ``run.journal``, with the scans so
-far (see `journal`), and ``run.checkpoint``, with the state of the mapper after some of them. To
-resume, the mapper is given the scans since the checkpoint again, or all of them if it has none; the
-result is the same, byte for byte, as without the interruption. However many scans there are, only a
-few megabytes of them are in memory.
+Until ``run.npz`` is complete, ``run.journal`` stands beside it, with the scans so far (see
+`journal`). To resume, the mapper is given them again, a millisecond each; the result is the same,
+byte for byte, as without the interruption. However many scans there are, only a few megabytes of
+them are in memory.
 """
 
 import json
@@ -18,7 +17,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, OutputError
 from lrf3d.input import check_ordinary
-from lrf3d.interrupts import noting
+from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.io.journal import Array, Journal, columns_of, fingerprint_of, read_fingerprint
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.io.run_file import (
@@ -34,7 +33,6 @@ from lrf3d.output import lock_of, locked
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.run import LIGHT, Run, SnapshotSchedule, keep_light, run_bytes
-from lrf3d.steering import ControlledDrive
 from lrf3d.world.cameras import FilmPlan
 
 if TYPE_CHECKING:
@@ -43,13 +41,11 @@ if TYPE_CHECKING:
 CHUNK_BYTES = 1 << 22
 """Approximate size of the scans that are in memory before they are written [bytes]."""
 
-CHECKPOINT_SCANS = 1 << 14
-"""Scans from one checkpoint to the next: mapping them again takes some seconds."""
-
-JOURNAL, CHECKPOINT = ".journal", ".checkpoint"
-"""Endings of the auxiliary files that stand beside a run until it is complete."""
+JOURNAL = ".journal"
+"""Ending of the auxiliary file that stands beside a run until it is complete."""
 
 
+@stoppable()
 def record(
     simulation: "Simulation",
     path: str | Path,
@@ -95,17 +91,16 @@ def record(
     with _writing(path):
         if not (resume and _finished(path, fingerprint)):
             _record(simulation, path, fingerprint, resume=resume, progress=progress)
-        # A program that was stopped may have left them even beside a finished run.
-        for ending in (JOURNAL, CHECKPOINT):
-            path.with_suffix(ending).unlink(missing_ok=True)
+        # A program that was stopped may have left it even beside a finished run.
+        path.with_suffix(JOURNAL).unlink(missing_ok=True)
         return load_run(path)
 
 
 @contextmanager
 def _writing(path: Path) -> Iterator[None]:
-    """Lock a run and its auxiliary files until it is complete."""
+    """Lock a run and its auxiliary file until it is complete."""
     with locked(lock_of(path), path):
-        for name in (path, path.with_suffix(JOURNAL), path.with_suffix(CHECKPOINT)):
+        for name in (path, path.with_suffix(JOURNAL)):
             # Files that cannot be replaced are found now, not after hours of work.
             if name.exists():
                 check_ordinary(name, what="a file of an earlier run")
@@ -122,7 +117,6 @@ def _record(
 ) -> None:
     """Run a simulation, from the end of its journal if resumed, and write the finished run."""
     total, journal_path = simulation.total, path.with_suffix(JOURNAL)
-    checkpoint = path.with_suffix(CHECKPOINT)
     if resume:
         _check_same(journal_path, fingerprint)
     try:
@@ -130,11 +124,9 @@ def _record(
         journal = Journal(journal_path, fingerprint, columns, keep=resume)
         kept = noting(lambda: f"{journal.scans} of {total} scans kept; go on with --resume")
         with kept, closing(journal):
-            recorder = _Recorder(simulation, journal, checkpoint, SnapshotSchedule(total))
+            recorder = _Recorder(simulation, journal, SnapshotSchedule(total))
             if resume:
                 recorder.catch_up()
-            else:
-                checkpoint.unlink(missing_ok=True)
             recorder.run(lambda done: progress(done, total))
             recorder.write(path, json.dumps(fingerprint, sort_keys=True))
     except OSError as error:
@@ -188,7 +180,6 @@ class _Recorder:
     Args:
         simulation: The simulation.
         journal: The journal of its run.
-        checkpoint: The file for the state of the mapper.
         schedule: The scans after which the map is kept.
     """
 
@@ -196,11 +187,9 @@ class _Recorder:
         self,
         simulation: "Simulation",
         journal: Journal,
-        checkpoint: Path,
         schedule: SnapshotSchedule,
     ) -> None:
-        self.simulation, self.journal, self.checkpoint = simulation, journal, checkpoint
-        self.schedule = schedule
+        self.simulation, self.journal, self.schedule = simulation, journal, schedule
         size = run_bytes(1, simulation.world, simulation.lrf)
         self._room = min(max(1, CHUNK_BYTES // size), schedule.scans)
         self._columns: dict[str, Array] = {
@@ -210,8 +199,6 @@ class _Recorder:
         self._light = {name: rows for name, rows in self._columns.items() if name in LIGHT}
         self._unwritten = _Unwritten(0, 0, {})
         self._maps: dict[int, LineMap] = {}
-        # Number of scans that the mapper had seen at the last checkpoint.
-        self._checkpointed = 0
 
     def run(self, progress: Callable[[int], None]) -> None:
         """Run to the end; scans before an interrupt are written."""
@@ -219,6 +206,7 @@ class _Recorder:
             for step in self.simulation:
                 self._add(step)
                 progress(step.index + 1)
+                check()
         except (Exception, KeyboardInterrupt):
             # After a collision or an error of the user's code the scans before it are kept.
             self._flush()
@@ -226,34 +214,26 @@ class _Recorder:
         self._flush()
 
     def catch_up(self) -> None:
-        """Bring the simulation to the end of the journal, from the checkpoint if there is one."""
+        """Bring the simulation to the end of the journal."""
         simulation, journal = self.simulation, self.journal
-        if not journal.chunks:
-            return
-        self._checkpointed = self._restore_mapper()
-        first = 0
-        if not isinstance(simulation.drive, ControlledDrive):
-            # A trajectory does not depend on scans, so those before the checkpoint are skipped.
-            first = self._checkpointed
-            simulation.skip(first)
-        for number, scan in self._recorded_scans(first):
-            simulation.take(scan, mapped=number < self._checkpointed)
-        simulation.rng.bit_generator.state = journal.chunks[-1].rng
-        self._unwritten = _Unwritten(journal.scans, 0, {})
+        if journal.chunks:
+            for scan in self._recorded_scans():
+                simulation.take(scan)
+            simulation.rng.bit_generator.state = journal.chunks[-1].rng
+            self._unwritten = _Unwritten(journal.scans, 0, {})
 
-    def _recorded_scans(self, first: int) -> Iterator[tuple[int, LaserScan]]:
-        """The scans in the journal from a number on, each with its number."""
+    def _recorded_scans(self) -> Iterator[LaserScan]:
+        """The scans in the journal."""
         lrf, journal = self.simulation.lrf, self.journal
-        chunks = [chunk for chunk in journal.chunks if chunk.first + chunk.scans > first]
-        columns = zip(*(journal.column(name, first=first) for name in journal.columns), strict=True)
-        for chunk, (times, poses, ranges, _, walls, *light) in zip(chunks, columns, strict=True):
+        columns = zip(*(journal.column(name) for name in journal.columns), strict=True)
+        for times, poses, ranges, _, walls, *light in columns:
             # The journal holds the walls of the true scan; a measured beam without return has none.
             walls = np.where(np.isfinite(ranges), walls, -1)
-            for row in range(max(first - chunk.first, 0), chunk.scans):
+            for row in range(len(times)):
                 pose = Pose(*poses[row].tolist())
                 lit = [values[row].copy() for values in light]
                 scan = LaserScan.unchecked(lrf, pose, ranges[row].copy(), walls[row], *lit)
-                yield chunk.first + row, scan.at_time(float(times[row]))
+                yield scan.at_time(float(times[row]))
 
     def write(self, path: Path, fingerprint: str) -> None:
         """Write the finished run, chunk by chunk."""
@@ -294,8 +274,6 @@ class _Recorder:
         self._unwritten = _Unwritten(first, row + 1, rng)
         if row + 1 == self._room:
             self._flush()
-            if self.journal.scans - self._checkpointed >= CHECKPOINT_SCANS:
-                self._write_checkpoint()
 
     def _flush(self) -> None:
         first, count, rng = self._unwritten
@@ -305,46 +283,6 @@ class _Recorder:
             maps = {scan: kept for scan, kept in self._maps.items() if scan < first + count}
             self.journal.add(columns, rng, maps)
         self._unwritten, self._maps = _Unwritten(self.journal.scans, 0, {}), {}
-
-    def _write_checkpoint(self) -> None:
-        """Write the state of the mapper, if it can return one."""
-        state = getattr(self.simulation.mapper, "state", None)
-        if not callable(state):
-            return
-        self._checkpointed = self.journal.scans
-        arrays = {f"mapper_{name}": np.asarray(value) for name, value in state().items()}
-        arrays["scans"] = np.array(self._checkpointed)
-        arrays["journal"] = np.array(self._journal_fingerprint())
-        write_npz(self.checkpoint, [Column.of(name, array) for name, array in arrays.items()])
-
-    def _restore_mapper(self) -> int:
-        """Restore the mapper from the checkpoint.
-
-        Returns:
-            The number of scans that it has seen; 0 if there is no checkpoint of this run, or the
-            mapper cannot be restored.
-        """
-        mapper: Any = self.simulation.mapper
-        if not callable(getattr(mapper, "restore", None)):
-            return 0
-        try:
-            arrays = read_arrays(self.checkpoint)
-            scans = int(arrays.pop("scans"))
-            of_another = str(arrays.pop("journal")) != self._journal_fingerprint()
-        except (*DAMAGES, KeyError):
-            return 0
-        if of_another or scans > self.journal.scans:
-            return 0
-        try:
-            mapper.restore({name.removeprefix("mapper_"): value for name, value in arrays.items()})
-        except InputError:  # Of another version: the scans are mapped again.
-            return 0
-        return scans
-
-    def _journal_fingerprint(self) -> str:
-        """The fingerprint by which a checkpoint identifies its journal."""
-        with self.journal.path.open("rb") as file:
-            return json.dumps(read_fingerprint(file), sort_keys=True)
 
 
 def _finished(path: Path, fingerprint: Mapping[str, str]) -> bool:

@@ -5,7 +5,7 @@ output is the errors of the extended Kalman filter and its consistency.
 """
 
 import os
-from concurrent.futures import as_completed
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from lrf3d.cores import process_pool
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int
+from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import ProportionalNoise, RangeNoise
 from lrf3d.localization import (
     Localiser,
@@ -146,6 +147,7 @@ class LocalisationScore:
         }
 
 
+@stoppable()
 def score_localisation(
     task: LocalisationTask,
     *,
@@ -178,12 +180,18 @@ def score_localisation(
         for seed in range(seeds):
             tracks[seed] = task.follow(seed)
             progress(len(tracks), seeds)
+            check()
     else:
         with process_pool(workers) as pool:
             futures = {pool.submit(task.follow, seed): seed for seed in range(seeds)}
-            for done in as_completed(futures):
-                tracks[futures[done]] = done.result()
+            missing = set(futures)
+            while missing:
+                # A signal does not end this wait, so it ends now and then by itself.
+                finished, missing = wait(missing, 0.1, FIRST_COMPLETED)
+                for done in finished:
+                    tracks[futures[done]] = done.result()
                 progress(len(tracks), seeds)
+                check()
     truth, ordered = run.trajectory.poses, [tracks[seed] for seed in range(seeds)]
     return LocalisationScore(
         np.array([track.errors(truth) for track in ordered]),

@@ -11,8 +11,7 @@ from lrf3d.mapping.line_map import LineMap, load_map, save_map
 
 if TYPE_CHECKING:
     from lrf3d.mapping.mapper import LineMapper
-    from lrf3d.mapping.vertices import fit_vertices
 else:
-    __getattr__, __dir__ = loading(globals(), {"LineMapper": "mapper", "fit_vertices": "vertices"})
+    __getattr__, __dir__ = loading(globals(), {"LineMapper": "mapper"})
 
-__all__ = ["LineMap", "LineMapper", "fit_vertices", "load_map", "save_map"]
+__all__ = ["LineMap", "LineMapper", "load_map", "save_map"]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Value, normal_lines, sealed
+from lrf3d.geometry import Float, Int, Value, lengths, normal_lines, sealed
 from lrf3d.input import read_text
 from lrf3d.notebook import Pictured
 from lrf3d.output import write_text
@@ -24,9 +24,6 @@ KIND = np.dtype("<U6")
 
 WALLS = np.array(WALL, KIND)
 """The kind of all segments of a map of walls alone."""
-
-MANY_WALLS = np.broadcast_to(WALLS, 1 << 40)
-"""The same for each of more segments than any map has; it takes no memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +94,6 @@ class LineMap(Value, Pictured):
         return cls(segments, objects, points, np.array(KINDS, KIND)[codes])
 
     @classmethod
-    def unchecked(cls, segments: Float, objects: Int, points: Int) -> "LineMap":
-        """The map of walls in read-only arrays of a mapper: unchecked, and not copied."""
-        line_map = object.__new__(cls)
-        kinds = MANY_WALLS[: len(segments)]
-        line_map.__dict__.update(segments=segments, objects=objects, points=points, kinds=kinds)
-        return line_map
-
-    @classmethod
     def empty(cls) -> "LineMap":
         """The map before the first scan."""
         return cls(np.empty((0, 4)), np.empty(0, np.int64), np.empty(0, np.int64))
@@ -129,6 +118,16 @@ class LineMap(Value, Pictured):
     def counts(self) -> str:
         """The numbers of segments and objects, in words."""
         return f"{counted(len(self), 'segment')} in {counted(self.object_count, 'object')}"
+
+
+def solid_map(segments: Float, labels: Int, points: Int) -> LineMap:
+    """The map of segments (m, 4) whose objects are named by any labels (m,).
+
+    Far from the world's origin the ends of a tiny segment may round to one place; it is left out.
+    """
+    solid = lengths(segments) > 0.0
+    objects = np.unique(labels[solid], return_inverse=True)[1]
+    return LineMap(segments[solid], objects, points[solid])
 
 
 def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = None) -> None:

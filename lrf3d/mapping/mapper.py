@@ -1,17 +1,13 @@
 """LineMapper: unites the local map of each scan with the global map (section 3.1)."""
 
-from collections.abc import Mapping
-
 import numpy as np
-from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import is_finite, whole_number
 from lrf3d.laser import LaserScan
 from lrf3d.laser.noise import FLOOR, SIGMA
 from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.paper.mapper import EndPointMerging, PaperMapper
-from lrf3d.mapping.paper.split_merge import SplitMergeExtractor
+from lrf3d.mapping.paper import PaperMapper, SplitMergeExtractor
 from lrf3d.mapping.robust.constants import BEND, MOST_EXPLAINED
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.mapper import RobustMapper
@@ -28,9 +24,6 @@ MOST = {
     "floor": 1e3,
 }
 """Largest values [m] of the settings: more would join all walls of a place."""
-
-STATE_LAYOUT = 4
-"""Number of the layout of `LineMapper.state`, raised with each change of it."""
 
 
 class LineMapper:
@@ -115,7 +108,7 @@ class LineMapper:
         self._mapper: PaperMapper | RobustMapper
         if paper:
             self._extract = SplitMergeExtractor(gap, split)
-            self._mapper = PaperMapper(self._extract, EndPointMerging(length, distance), least)
+            self._mapper = PaperMapper(self._extract, length, distance, least)
         else:
             # Compiled code is made for floats alone.
             self._extract = LikelihoodExtractor(float(gap), sigma, floor)
@@ -139,26 +132,6 @@ class LineMapper:
     def local_map(self, scan: LaserScan) -> LineMap:
         """The local map of one scan alone: each polyline is an object."""
         return self._extract(scan).as_map(np.array(scan.pose[:2]))
-
-    def state(self) -> dict[str, NDArray[np.generic]]:
-        """All that the mapper has learnt, as plain arrays by their names.
-
-        A mapper of the same settings that takes them back by `restore` goes on to the last bit.
-        """
-        return {**self._mapper.state(), "layout": np.array(STATE_LAYOUT)}
-
-    def restore(self, state: Mapping[str, NDArray[np.generic]]) -> None:
-        """Go on from what a mapper of the same settings had learnt.
-
-        Raises:
-            InputError: The state is of another version of lrf3d, whose states are laid out
-                otherwise; nothing has changed.
-        """
-        if int(state.get("layout", np.array(1))) != STATE_LAYOUT:
-            raise InputError(
-                "mapper: the state is of another version of lrf3d; map the scans again"
-            )
-        self._mapper.restore(state)
 
     @property
     def map(self) -> LineMap:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, directions, lengths, normal_lines, principal_direction
-from lrf3d.mapping.line_map import LineMap
+from lrf3d.geometry import Float, Int, principal_direction
+from lrf3d.mapping.line_map import LineMap, solid_map
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,32 +54,7 @@ class SegmentTable:
 
     def as_map(self, place: Float) -> LineMap:
         """The map of the segments around a place (2,) [m] in the world."""
-        ends = self.ends + np.tile(place, 2)
-        # Far from the world's origin the ends of a tiny segment may round to one place.
-        solid = lengths(ends) > 0.0
-        _, unions = np.unique(self.unions[solid], return_inverse=True)
-        return LineMap(ends[solid], unions, self.points[solid])
-
-    def covariances(self) -> Float:
-        """Covariances (m, 2, 2) of alpha [rad] and p [m] of the lines, in the table's own frame.
-
-        They hold where the weights of the moments are 1/variance. Direction and place at the mean
-        of the points are independent; p inherits the error of alpha by its lever.
-        """
-        units = directions(self.ends)
-        weight, mean = self.moments[:, 0], self.moments[:, 1:3]
-        xx, xy, yy = self.moments[:, 3:].T
-        spread = (
-            xx * units[:, 0] ** 2 + 2.0 * xy * units[:, 0] * units[:, 1] + yy * units[:, 1] ** 2
-        )
-        normal = normal_lines(self.ends)[:, 0]
-        # How far the mean lies from the foot of the perpendicular, along the direction in which
-        # a growing alpha turns the line.
-        lever = mean[:, 1] * np.cos(normal) - mean[:, 0] * np.sin(normal)
-        turn = 1.0 / spread
-        shared = lever * turn
-        blocks = [[turn, shared], [shared, 1.0 / weight + lever * shared]]
-        return np.moveaxis(np.array(blocks), 2, 0)
+        return solid_map(self.ends + np.tile(place, 2), self.unions, self.points)
 
     def shifted(self, offset: Float) -> "SegmentTable":
         """The table with all places moved by an offset (2,) [m]."""

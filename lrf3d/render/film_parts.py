@@ -21,6 +21,7 @@ import numpy as np
 from lrf3d.cores import core_count
 from lrf3d.errors import Lrf3dError
 from lrf3d.geometry import Float
+from lrf3d.interrupts import check
 from lrf3d.render.pictures import FrameProgress
 from lrf3d.run import Run
 from lrf3d.scene.stage import Stage
@@ -163,13 +164,15 @@ def _follow(
         for process in processes:
             selector.register(process.stdout, selectors.EVENT_READ, process)  # type: ignore[arg-type]
         while selector.get_map():
-            for key, _ in selector.select():
+            # A signal does not end this wait, so it ends now and then by itself.
+            for key, _ in selector.select(0.1):
                 read = os.read(key.fd, 4096)
                 if not read:
                     selector.unregister(key.fileobj)
                     if key.data.wait() != 0:
                         return
                 done += len(read)
+            check()
             if progress is not None:
                 progress(done, total)
 

@@ -112,7 +112,7 @@ def _legend(sheet: Sheet, curves: Sequence[Curve], colours: Sequence[str]) -> No
     """Say what the colours mean, a row for each mode where there are several curves of it."""
     signs = [
         Line2D([], [], color=colour, lw=1.8, marker="o", ms=5.0, mec="white", mew=0.8,
-               label=f"{curve.mode} mode" + (f", {curve.choice}" if curve.choice else ""))
+               label=curve.mode + (f", {curve.choice}" if curve.choice else ""))
         for curve, colour in zip(curves, colours, strict=True)
     ]  # fmt: skip
     rows = _legend_rows(curves)
@@ -177,6 +177,8 @@ def _colours(curves: Sequence[Curve]) -> list[str]:
     for number, curve in enumerate(curves):
         same = [k for k, other in enumerate(curves) if other.mode == curve.mode]
         share = PALEST * same.index(number) / max(1, len(same) - 1)
-        base = np.array(to_rgb(MODE_COLOURS[curve.mode]))
+        labels = list(dict.fromkeys(each.mode for each in curves))
+        usual = f"C{labels.index(curve.mode)}"
+        base = np.array(to_rgb(MODE_COLOURS.get(curve.mode, usual)))
         colours.append(to_hex(tuple((base + share * (1.0 - base)).tolist())))
     return colours

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError, shown
 from lrf3d.geometry import Float, is_finite, read_only, whole_number
+from lrf3d.interrupts import stoppable
 from lrf3d.output import lock_of, locked, make_folder, replacing, unfinished_folder
 from lrf3d.render.film_parts import FRAMES, Job, draw_parts
 from lrf3d.render.gl import gl_available, require_gl
@@ -37,6 +38,7 @@ _SMALLEST, _LARGEST = 16, 8192
 """Sides of pictures [pixels] that can be drawn."""
 
 
+@stoppable()
 def render_video(
     run: Run,
     path: str | Path,
@@ -118,6 +120,7 @@ def share_of(
     return report
 
 
+@stoppable()
 def render_frames(
     run: Run,
     folder: str | Path,

@@ -11,6 +11,9 @@ from lrf3d.pose import as_pose
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle, arcs
 
+MOST_POSES = 10_000_000
+"""Largest number of poses of a drive."""
+
 Input = float | ArrayLike | Callable[[float], float]
 """A speed over time: a number, one number for each time interval, or a function of time [s]."""
 
@@ -46,8 +49,8 @@ def drive(
         >>> len(path), path.poses[-1].tolist()
         (21, [2.0, 0.0, 0.0])
     """
-    if not (is_finite(dt) and dt > 0.0):
-        raise InputError(f"dt {dt}: expected a positive number of seconds")
+    if not (is_finite(dt, tolerance) and min(dt, tolerance) > 0.0):
+        raise InputError(f"dt {shown(dt)}, tolerance {shown(tolerance)}: expected positive numbers")
     pose = np.array(as_pose(start))
     if callable(v) or callable(omega):
         return _integrate(pose, _function(v), _function(omega), _positive(duration), dt, tolerance)
@@ -71,6 +74,11 @@ def _function(value: Input) -> Callable[[float], float]:
 
 def _sample_times(duration: float, dt: float) -> Float:
     """Times 0, dt, 2·dt, … and the duration itself [s]."""
+    if duration / dt > MOST_POSES:
+        raise InputError(
+            f"duration {duration:g} s in steps of {dt:g} s: more than {MOST_POSES:,} poses; give a"
+            " larger dt"
+        )
     # Rounding must neither lose the last sample nor add one just before the end.
     count = int(np.floor(duration / dt * (1.0 + 1e-12)))
     times = np.asarray(np.arange(count + 1) * dt, dtype=np.float64)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, is_finite, numbers, wrap_angle
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, is_finite, numbers, whole_number, wrap_angle
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle
@@ -36,6 +36,12 @@ point to steer at would be behind the robot, or at its own position."""
 
 MOST_COMMANDS = 2_000_000
 """Largest number of commands of a drive: more than a day at 20 Hz, and minutes of computing."""
+
+MOST_DT = 1e5
+"""Longest time between two poses [s]: a day."""
+
+FARTHEST = 1e9
+"""Largest coordinate of a way-point [m], as of a wall."""
 
 ARRIVED = 1e-3
 """Distance to a way-point at which the robot has arrived [m]."""
@@ -73,11 +79,11 @@ def follow_route(
         True
     """
     path = _Path(route)
-    if most is not None and most < 1:
-        raise InputError(f"most {most}: expected at least 1")
-    if not (is_finite(speed, lookahead, dt) and min(speed, lookahead, dt) > 0.0):
+    most = None if most is None else whole_number(most, "most")
+    if not (is_finite(speed, lookahead, dt) and 0.0 < min(speed, lookahead, dt) and dt <= MOST_DT):
         raise InputError(
-            f"speed {speed}, lookahead {lookahead}, dt {dt}: expected positive numbers"
+            f"speed {shown(speed)}, lookahead {shown(lookahead)}, dt {shown(dt)}: expected positive"
+            f" numbers, dt at most {MOST_DT:g} s"
         )
     pose = as_pose(path.start if start is None else start)
     robot = Unicycle()
@@ -118,8 +124,10 @@ class _Path:
 
     def __init__(self, route: ArrayLike) -> None:
         points = np.asarray(numbers(route, "route"), dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-            raise InputError(f"route of shape {points.shape}: expected finite points (m, 2)")
+        if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= FARTHEST).all():
+            raise InputError(
+                f"route of shape {points.shape}: expected points (m, 2) of at most {FARTHEST:g} m"
+            )
         steps = np.hypot(*np.diff(points, axis=0).T)
         self.points = points[np.concatenate([[True], steps > 0.0])] if len(points) else points
         if len(self.points) < 2:

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Value, is_finite, numbers
 from lrf3d.pose import Pose
-from lrf3d.robot.following import follow_route
+from lrf3d.robot.following import FARTHEST, follow_route
 from lrf3d.robot.trajectory import Trajectory
 
 LAP_TURN = 0.5
@@ -106,10 +106,13 @@ class Patrol(Value):
 
     def __post_init__(self) -> None:
         points = np.asarray(numbers(self.route, "route"), dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-            raise InputError(f"patrol along points {points.shape}: expected finite points (m, 2)")
+        if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= FARTHEST).all():
+            raise InputError(
+                f"patrol along points {points.shape}: expected points (m, 2) of at most"
+                f" {FARTHEST:g} m"
+            )
         if not (is_finite(self.speed) and self.speed > 0.0):
-            raise InputError(f"patrol at {self.speed} m/s: expected a positive speed")
+            raise InputError(f"patrol at {shown(self.speed)} m/s: expected a positive speed")
         if not (points[1:] != points[:-1]).any():
             raise InputError("patrol: expected a route of at least two different way-points")
         self._hold("route")

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, is_finite
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, Int, is_finite, numbers
 from lrf3d.robot.collision import find_collision
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, follow_route
 from lrf3d.robot.free_space import FreeSpace, Side, find_free_space
@@ -20,6 +20,8 @@ from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.robot.viewpoints import look_around
 from lrf3d.world import World
+from lrf3d.world.model import LARGEST_COORDINATE
+from lrf3d.world.size import check_size
 
 SHORTEST_ROUTE = 20.0
 """Shortest route [m], some seconds of driving: if a few steps show all walls, as in a room, the
@@ -143,6 +145,7 @@ def find_route(
         )
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
+    check_size(world)
     position = None if start is None else _checked_start(world, start, radius)
     few_steps: PlannedRoute | None = None
     not_followed: PlannedRoute | None = None
@@ -194,9 +197,9 @@ def _checked_start(world: World, start: Sequence[float] | Float, radius: float) 
     Raises:
         InputError: It is invalid, or in a wall.
     """
-    position = np.asarray(start, dtype=np.float64)
-    if position.shape not in ((2,), (3,)) or not np.isfinite(position).all():
-        raise InputError(f"start {start!r}: expected finite numbers x, y or x, y, theta")
+    position = np.asarray(numbers(start, "start"), dtype=np.float64)
+    if position.shape not in ((2,), (3,)) or not (np.abs(position) <= LARGEST_COORDINATE).all():
+        raise InputError(f"start {shown(start)}: expected finite numbers x, y or x, y, theta")
     position = position[:2]
     at_rest = Trajectory([0.0], [[*position, 0.0]])
     if find_collision(at_rest, world, radius) is not None:

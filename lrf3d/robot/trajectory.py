@@ -7,8 +7,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Value, read_only, sealed, wrap_angle
+from lrf3d.geometry import (
+    Float,
+    Value,
+    numbers,
+    read_only,
+    sealed,
+    whole_number,
+    wrap_angle,
+)
 from lrf3d.pose import as_poses
+
+LATEST = 1e12
+"""Largest time [s], 30,000 years: stamps in nanoseconds would be larger."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -39,8 +50,11 @@ class Trajectory(Value):
                 f"trajectory of {len(poses)} poses and times {instants.shape}: expected one time"
                 " for each pose"
             )
-        if not (np.diff(instants) > 0.0).all():
-            raise InputError("trajectory: expected times that increase from pose to pose")
+        if not (np.abs(instants) <= LATEST).all() or not (np.diff(instants) > 0.0).all():
+            raise InputError(
+                "trajectory: expected finite times that increase from pose to pose, of at most"
+                f" {LATEST:g} s"
+            )
         object.__setattr__(self, "times", instants)
         object.__setattr__(self, "poses", poses)
 
@@ -75,6 +89,7 @@ class Trajectory(Value):
 
     def every(self, count: int) -> "Trajectory":
         """The trajectory of the first pose, every ``count``-th one after it, and the last."""
+        count = whole_number(count, "every")
         kept = np.append(np.arange(0, len(self) - 1, count), len(self) - 1)
         return Trajectory(self.times[kept], self.poses[kept])
 
@@ -84,7 +99,7 @@ class Trajectory(Value):
         Between two poses the robot moves straight and turns the shorter way; before the first and
         after the last it is at rest.
         """
-        times = np.asarray(times, dtype=np.float64)
+        times = np.asarray(numbers(times, "times"), dtype=np.float64)
         if len(self) == 1:
             return np.tile(self.poses, (len(times), 1))
         # Only the neighbouring poses are used, so that long drives take no longer.

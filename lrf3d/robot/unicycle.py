@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, is_finite
 from lrf3d.pose import Pose, as_pose
 
@@ -32,7 +32,9 @@ class Unicycle:
 
     def __post_init__(self) -> None:
         if not (is_finite(self.radius) and self.radius >= 0.0):
-            raise InputError(f"robot of radius {self.radius} m: expected a finite one, at least 0")
+            raise InputError(
+                f"robot of radius {shown(self.radius)} m: expected a finite one, at least 0"
+            )
 
     def derivative(self, state: Float, v: float, omega: float) -> Float:
         """Time derivative (3,) of the state x, y, theta (Eq. 2)."""
@@ -40,6 +42,8 @@ class Unicycle:
 
     def move(self, pose: Sequence[float], v: float, omega: float, duration: float) -> Pose:
         """Where the robot is after it held v and ω for a time [s]: the exact arc of Eq. 2."""
+        if not is_finite(v, omega, duration):
+            raise InputError(f"move {shown((v, omega, duration))}: expected finite numbers")
         start = np.array([as_pose(pose)])
         end = arcs(start, np.array([v]), np.array([omega]), np.array([duration]))[0]
         return Pose(float(end[0]), float(end[1]), float(end[2]))

@@ -10,6 +10,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning
 from lrf3d.geometry import Float, Int, lengths
+from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
@@ -246,6 +247,7 @@ def estimate_of(solution: LogSolution, poses: Float) -> EstimatedTrajectory:
     )
 
 
+@stoppable()
 def solve_log(
     scans: Sequence[LaserScan],
     wheels: Float,
@@ -353,6 +355,7 @@ def _solved(
     for number, (scan, increment) in enumerate(zip(scans, drive.increments, strict=True), 1):
         slam.update(scan, increment)
         progress(number, len(scans))
+        check()
     milliseconds = 1e3 * (perf_counter() - begin) / len(scans)
     slam.finish()
     poses = slam.refined(scans)

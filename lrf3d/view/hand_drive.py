@@ -101,9 +101,14 @@ class HandDrive:
         self._stale = False
         self._map_due = 0.0
 
-    def step(self, seconds: float) -> dict[str, Any]:
-        """Drive on for a time [s], scan and map; return what the page shows, as plain values."""
+    def step(self, seconds: float) -> dict[str, Any] | None:
+        """Drive on for a time [s], scan and map; return what the page shows, as plain values.
+
+        Where the robot rests and nothing moves, there is no news: None.
+        """
         seconds = min(seconds, _LONGEST_STEP)
+        if self._rests():
+            return None
         self._drive(seconds)
         scan = self._scan()
         if self._worth_mapping():
@@ -113,6 +118,11 @@ class HandDrive:
         if self._stale and self._clock() >= self._map_due:
             news["map"] = self._map()
         return news
+
+    def _rests(self) -> bool:
+        """Whether nothing has changed and nothing will: then the clock stands still, too."""
+        moves = self.speed or self.turning or self.wish != Wish() or self.obstacles
+        return not (moves or self._fresh or self._stale or self.bumped)
 
     def _drive(self, seconds: float) -> None:
         """Follow the wish, and stop where the next step would touch a wall."""

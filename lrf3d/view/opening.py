@@ -64,6 +64,8 @@ def world_view(
     drive.step(0.0)
     path = np.array([start[:2]])
     scene = make_scene(scenario.world, scenario.lrf, path, title=title, obstacles=drive.obstacles)
+    x, y = (path[0] - scene.setup["origin"]).tolist()
+    scene.setup["start"] = {"x": x, "y": y, "theta": start.theta}
     return scene, lambda: HandDrive(scenario, start, rng=seed)
 
 

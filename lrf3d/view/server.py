@@ -5,26 +5,30 @@ Everything is served from this machine; the page loads nothing from elsewhere.
 
 import asyncio
 import errno
+import logging
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from lrf3d.errors import InputError, MissingLibraryError, OutputError
+from lrf3d.errors import InputError, OutputError, missing_extra
+from lrf3d.interrupts import asked, check
 from lrf3d.view.hand_drive import HandDrive, Wish
 from lrf3d.view.page_data import PageScene
 
 FIRST_PORT, PORTS = 8080, 100
 """Ports that are tried if none is given."""
 
+MESSAGE_SIZE = 100_000
+"""Longest message [bytes] from a page, whose own have some hundred."""
+
 _STEP = 0.05
 """Time between two steps of a drive [s]."""
 
 _SOON = 0.01
-"""Time between two looks at whether the server listens [s]."""
+"""Time between two checks whether the server listens [s]."""
 
 _FOLDER = Path(__file__).parent
 
@@ -52,8 +56,7 @@ def serve(
     Args:
         scene: The scene.
         show: A run to play back, or what makes the drive of a new page.
-        host: The address or name to listen at; others than 127.0.0.1 let other machines in. Which
-            names the page may then be opened by, :class:`~lrf3d.view.guard.Guard` says.
+        host: The address or name to listen at; others than 127.0.0.1 let other machines in.
         port: The port; the first free one if None.
         browser: Whether to open the browser.
         started: Called with the address of the page when it can be opened.
@@ -66,12 +69,9 @@ def serve(
         from nicegui import app, ui
         from nicegui.server import Server
     except ImportError as error:
-        raise MissingLibraryError(
-            f"the view needs NiceGUI ({error}); install it: pip install 'lrf3d[view]'"
-        ) from None
-    from fastapi import Request, Response
+        raise missing_extra(f"the view needs NiceGUI ({error})", "view") from None
+    from fastapi import Response
 
-    from lrf3d.view import guard
     from lrf3d.view.element import RunView
 
     port = free_port(host, port)
@@ -93,30 +93,23 @@ def serve(
     @ui.page("/", title=f"lrf3d {scene.setup['title']}")
     def _page() -> None:
         ui.add_css((_FOLDER / "page.css").read_text(encoding="utf-8"))
-        if isinstance(show, Replayed):
-            RunView(setup)
-        else:
-            _attach(show(), setup)
-
-    @app.exception_handler(404)
-    def _not_found(request: Request, error: Exception) -> Response:
-        # NiceGUI's own would log the path as it came, and make a page for each.
-        return Response("lrf3d: there is no such page\n", 404, media_type="text/plain")
-
-    def _start() -> None:
-        # Only now is the stack complete; what is refused must not get as far as its headers.
-        assert app.middleware_stack is not None
-        app.middleware_stack = guard.Guard(app.middleware_stack, host=host, port=port)
+        view = RunView(setup)
+        if not isinstance(show, Replayed):
+            _attach(view, show)
 
     async def _announce() -> None:
         while not Server.instance.started:
             await asyncio.sleep(_SOON)
-        started(guard.page_address(host, port))
+        started(page_address(host, port))
 
-    app.on_startup(_start)
+    async def _stop() -> None:
+        while not asked():
+            await asyncio.sleep(_STEP)
+        app.shutdown()
+
     app.on_startup(_announce)
-    guard.quiet()
-    guard.refuse_attachments()
+    app.on_startup(_stop)
+    _answer_own_pages_only(host)
     try:
         ui.run(
             host=host,
@@ -128,32 +121,82 @@ def serve(
             dark=True,
             show_welcome_message=False,
             uvicorn_logging_level="error",
-            ws_max_size=guard.MESSAGE_SIZE,
+            ws_max_size=MESSAGE_SIZE,
             # A short message could unpack to gigabytes.
             ws_per_message_deflate=False,
             proxy_headers=False,
         )
     except SystemExit:
-        # The address was taken meanwhile; or else the program was stopped as the server started.
+        # The program was stopped as the server started, or the address was taken meanwhile.
+        check()
         free_port(host, port)
         raise
+    check()
 
 
-def _attach(drive: HandDrive, setup: dict[str, Any]) -> None:
+def _answer_own_pages_only(host: str) -> None:
+    """Refuse requests under foreign names and from foreign pages.
+
+    A web page anywhere can have its visitor's browser send requests to this machine, under a name
+    that it makes point here (DNS rebinding), or as itself. It could read the scene and drive the
+    robot.
+    """
+    from fastapi import Request, Response
+    from nicegui import app, core
+    from starlette.middleware.trustedhost import TrustedHostMiddleware
+
+    # Without a list, the websocket's library takes the page's own origin only.
+    core.sio.eio.cors_allowed_origins = None
+    # It would write to the terminal what strangers send.
+    for library in ("engineio.server", "socketio.server"):
+        logging.getLogger(library).setLevel(logging.CRITICAL)
+
+    @app.middleware("http")
+    async def _refuse_foreign_pages(request: Request, answer: Callable[..., Any]) -> Any:
+        own = f"http://{request.headers['host']}"
+        if request.headers.get("origin", own) != own:
+            return Response("pages of other sites may not use this one\n", 403)
+        return await answer(request)
+
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=own_names(host), www_redirect=False)
+
+
+def own_names(host: str) -> list[str]:
+    """The names that the page can be opened by where the server listens at a host."""
+    names = ["localhost", "127.0.0.1", "[::1]"]
+    if _is_loopback(host):
+        return names
+    import ifaddr
+
+    addresses = [ip.ip for adapter in ifaddr.get_adapters() for ip in adapter.ips]
+    own = [one if isinstance(one, str) else f"[{one[0]}]" for one in addresses]
+    name = socket.gethostname().lower()
+    short = name.partition(".")[0]
+    return [*names, *own, host.lower(), name, short, f"{short}.local"]
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
+def page_address(host: str, port: int) -> str:
+    """The address of the page, as one types it into a browser."""
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _attach(view: Any, make: Callable[[], HandDrive]) -> None:
     """Put a drive onto the page that is being made."""
     from nicegui import ui
 
-    from lrf3d.view import guard
-    from lrf3d.view.element import RunView
-
-    x, y = (np.array(drive.pose[:2]) - setup["origin"]).tolist()
-    start = {"x": x, "y": y, "theta": drive.pose.theta}
-    view = RunView({**setup, "start": start})
-
-    again = False
+    drive: HandDrive | None = None
+    wish, again = Wish(), False
 
     def obey(event: Any) -> None:
-        drive.wish = wish_of(event.args) or drive.wish
+        nonlocal wish
+        wish = wish_of(event.args) or wish
 
     def restart() -> None:
         nonlocal again
@@ -165,18 +208,20 @@ def _attach(drive: HandDrive, setup: dict[str, Any]) -> None:
     last = loop.time()
 
     async def step() -> None:
-        nonlocal last, again
+        nonlocal drive, last, again
+        # In threads, so that one page's work holds up no other. The timer waits for the page to be
+        # connected: who only asks for it gets no drive.
+        if drive is None:
+            drive = await loop.run_in_executor(None, make)
         now = loop.time()
         seconds, last = now - last, now
-        if guard.backlog(view.client) > guard.BACKLOG:
-            return
+        drive.wish = wish
         if again:
-            # Between two steps: a thread may be within one when the page asks for it.
             again = False
             drive.restart()
-        # In a thread, so that working out a large map holds up no other page.
         news = await loop.run_in_executor(None, drive.step, seconds)
-        view.run_method("state", news)
+        if news is not None:
+            view.run_method("state", news)
 
     ui.timer(_STEP, step)
 

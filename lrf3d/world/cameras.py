@@ -1,10 +1,12 @@
 """Cameras: fixed ones in a world, by name, and the default camera of a film."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
-from lrf3d.errors import InputError, WorldError
+from lrf3d.errors import InputError, WorldError, shown
+from lrf3d.geometry import is_finite
 
 MOVING_VIEWS = ("chase", "first", "orbit", "overview", "story", "top")
 """Names of the cameras that every world has; they follow the robot or show everything."""
@@ -14,6 +16,9 @@ DEFAULT_FIELD = 50.0
 
 WIDEST_VIEW = 170.0
 """Angles of view are less than this [degrees]."""
+
+FARTHEST = 1e9
+"""Largest coordinate of a camera [m], as of a wall."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +33,8 @@ class FixedCamera:
         track: Whether it turns with the robot, which is then in the middle.
 
     Raises:
-        WorldError: The name is reserved or empty, or position and target are equal.
+        WorldError: The name is reserved or empty, position and target are equal, or a value is of
+            the wrong kind.
     """
 
     name: str
@@ -38,17 +44,31 @@ class FixedCamera:
     track: bool = False
 
     def __post_init__(self) -> None:
-        if not self.name or self.name in MOVING_VIEWS:
+        if not isinstance(self.name, str) or not self.name or self.name in MOVING_VIEWS:
             raise WorldError(
-                f"camera name {self.name!r}: expected a name other than {', '.join(MOVING_VIEWS)}"
+                f"camera name {shown(self.name)}: expected a name other than"
+                f" {', '.join(MOVING_VIEWS)}"
             )
+        for key in ("position", "target"):
+            point = getattr(self, key)
+            try:
+                x, y, z = (float(value) for value in point)
+            except (TypeError, ValueError, OverflowError):
+                x = y = z = math.nan
+            if not max(abs(x), abs(y), abs(z)) <= FARTHEST or math.isnan(x + y + z):
+                raise WorldError(
+                    f"camera {self.name!r}: {key} is {shown(point)}, expected x, y, z [m]"
+                )
+            object.__setattr__(self, key, (x, y, z))
         if self.position == self.target:
             raise WorldError(f"camera {self.name!r}: position and target are the same point")
-        if not 0.0 < self.field_deg < WIDEST_VIEW:
+        if not (is_finite(self.field_deg) and 0.0 < self.field_deg < WIDEST_VIEW):
             raise WorldError(
-                f"camera {self.name!r}: field_deg {self.field_deg:g}, expected more than 0 and"
+                f"camera {self.name!r}: field_deg {shown(self.field_deg)}, expected more than 0 and"
                 f" less than {WIDEST_VIEW:g}"
             )
+        if self.track not in (False, True):
+            raise WorldError(f"camera {self.name!r}: track is {shown(self.track)}, expected a bool")
 
     def scaled(self, factor: float) -> "FixedCamera":
         """The camera with x and y scaled; heights stay the same."""

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, is_finite
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Bool, Float, is_finite, numbers, sealed
+from lrf3d.pose import as_pose
 
 MOST_SIDE, MOST_CELLS = 100_000, 1_000_000_000
 """Largest number of rows or columns, and of cells, of a grid in a file: a gigabyte of memory."""
@@ -22,6 +23,9 @@ class FreeCells:
         cells: (rows, columns) whether each cell is free; the first row is at the bottom.
         resolution: Side of a cell [m].
         origin: Position x, y [m] of the outer corner of the first cell, and yaw [rad] of the grid.
+
+    Raises:
+        InputError: There is no cell, or a number is invalid.
     """
 
     cells: Bool
@@ -29,9 +33,17 @@ class FreeCells:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        cells = np.array(self.cells, dtype=np.bool_)
-        cells.flags.writeable = False
-        object.__setattr__(self, "cells", cells)
+        cells = np.array(numbers(self.cells, "free cells"), dtype=np.bool_)
+        if cells.ndim != 2 or not cells.size:
+            raise InputError(f"free cells of shape {cells.shape}: expected (rows, columns)")
+        if not (is_finite(self.resolution) and self.resolution > 0.0):
+            raise InputError(
+                f"free cells of {shown(self.resolution)} m: expected a positive number of metres"
+            )
+        origin = as_pose(self.origin)
+        object.__setattr__(self, "cells", sealed(cells))
+        object.__setattr__(self, "resolution", float(self.resolution))
+        object.__setattr__(self, "origin", tuple(origin))
 
     def contain(self, points: Float) -> Bool:
         """Which of the points (k, 2) [m] lie in a free cell; points outside the grid do not."""

@@ -46,11 +46,31 @@ def from_web_mercator(points: Float) -> Float:
     return np.asarray(np.degrees(np.column_stack([longitude, latitude])), dtype=np.float64)
 
 
+NEAR_DATELINE = 170.0
+"""Longitude [°] beyond which points on both sides are on both sides of the dateline: nothing that
+is drawn in metres lies only there."""
+
+
+def crosses_dateline(outlines: Sequence[Float]) -> bool:
+    """Whether outlines (k, 2) [°] lie on both sides of the meridian of 180°."""
+    longitudes = np.concatenate(outlines)[:, 0]
+    return bool(np.ptp(longitudes) > 180.0 > np.ptp(longitudes % 360.0))
+
+
+def east_of_greenwich(points: Float) -> Float:
+    """Points (k, 2) [°] with longitudes from 0° to 360°."""
+    return np.asarray(np.column_stack([points[:, 0] % 360.0, points[:, 1]]), dtype=np.float64)
+
+
 def looks_geographic(outlines: Sequence[Float]) -> bool:
     """Whether outlines (k, 2) are in degrees of longitude and latitude rather than in metres."""
     points = np.concatenate(outlines)
     low, high = points.min(axis=0), points.max(axis=0)
-    if (np.maximum(-low, high) > [180.0, 90.0]).any() or (high - low).max() > WIDEST_DEGREES:
+    if (np.maximum(-low, high) > [180.0, 90.0]).any():
+        return False
+    if crosses_dateline(outlines) and (np.abs(points[:, 0]) >= NEAR_DATELINE).all():
+        return True
+    if (high - low).max() > WIDEST_DEGREES:
         return False
     return float(np.median([np.ptp(outline, axis=0).max() for outline in outlines])) < (
         LARGEST_BUILDING
@@ -62,6 +82,12 @@ def centre_of(outlines: Sequence[Float]) -> Float:
     points = np.concatenate(outlines)
     low, high = points.min(axis=0), points.max(axis=0)
     return np.asarray(0.5 * (low + high), dtype=np.float64)
+
+
+def place_of(centre: Float) -> tuple[float, float]:
+    """Longitude and latitude [°] of a centre (2,), the longitude within ±180°."""
+    longitude, latitude = centre.tolist()
+    return longitude - 360.0 * (longitude > 180.0), latitude
 
 
 def lay_flat(degrees: Float, centre: Float) -> Float:

@@ -16,7 +16,7 @@ from typing import Any, NoReturn, cast
 
 import numpy as np
 
-from lrf3d.errors import InputError, WorldError
+from lrf3d.errors import InputError, WorldError, shown
 from lrf3d.geometry import Float
 from lrf3d.input import own_name, read_text
 from lrf3d.output import write_text
@@ -30,9 +30,12 @@ from lrf3d.world.geographic import (
     WEB_MERCATOR,
     centre_of,
     code_of,
+    crosses_dateline,
+    east_of_greenwich,
     from_web_mercator,
     lay_flat,
     looks_geographic,
+    place_of,
 )
 from lrf3d.world.geojson_features import features_of
 from lrf3d.world.materials import material_value
@@ -65,8 +68,11 @@ def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
         features = [feature.moved(from_web_mercator) for feature in features]
         outlines = [from_web_mercator(outline) for outline in outlines]
     if _is_geographic(data, outlines):
+        if crosses_dateline(outlines):
+            features = [feature.moved(east_of_greenwich) for feature in features]
+            outlines = [east_of_greenwich(outline) for outline in outlines]
         centre = centre_of(outlines)
-        place = float(centre[0]), float(centre[1])
+        place = place_of(centre)
         features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
     try:
         world = world_of_features(
@@ -96,7 +102,9 @@ def _is_map(data: dict[str, Any]) -> bool:
 def _parse(path: Path) -> dict[str, Any]:
     text = read_text(path, what="a world file", error=WorldError)
     try:
-        data = json.loads(text, parse_constant=_refuse_constant)
+        data = json.loads(
+            text, parse_constant=_refuse_constant, object_pairs_hook=_without_duplicates
+        )
     except json.JSONDecodeError as error:
         raise WorldError(
             f"{path}:{error.lineno}: not JSON: {error.msg} at column {error.colno}"
@@ -143,6 +151,15 @@ def _cameras(members: object) -> tuple[FixedCamera, ...]:
 
 def _refuse_constant(constant: str) -> NoReturn:
     raise ValueError(f"{constant} is not a number; expected finite ones")
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"the key {shown(twice)} stands twice in one object; remove one")
+    return found
 
 
 def _place(data: dict[str, Any]) -> tuple[float, float] | None:

@@ -3,12 +3,22 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, WorldError
-from lrf3d.geometry import LATER, Float, Int, Value, normal_lines, read_only, sealed
+from lrf3d.errors import InputError, WorldError, shown
+from lrf3d.geometry import (
+    LATER,
+    Float,
+    Int,
+    Value,
+    is_finite,
+    normal_lines,
+    read_only,
+    sealed,
+)
 from lrf3d.notebook import Pictured
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
@@ -19,6 +29,10 @@ DEFAULT_HEIGHT = 2.5
 
 MOST_OBJECTS = 1_000_000
 """Largest number of an object: a name and a colour are stored for every number up to it."""
+
+LARGEST_COORDINATE = 1e9
+"""Largest coordinate, and largest height, of a wall [m]: above it float64 no longer resolves a
+micrometre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +57,8 @@ class World(Value, Pictured):
             materials have intensities, its mirrors turn beams, and its glass lets them through.
 
     Raises:
-        WorldError: A segment is not finite or has no length, the shapes do not fit, or a material
-            is unknown.
+        WorldError: A segment has no length or an end that is not finite or over 1e9 m away, the
+            shapes do not fit, a material is unknown, or a value is of the wrong kind.
 
     Examples:
         >>> import lrf3d
@@ -88,18 +102,22 @@ class World(Value, Pictured):
         object.__setattr__(self, "segments", rows)
         object.__setattr__(self, "objects", numbers)
         object.__setattr__(self, "heights", _heights(heights, count))
-        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "name", _text(name, "name"))
         colours = np.full((self.object_count, 3), np.nan) if colours is None else colours
-        object.__setattr__(self, "colours", _rows(colours, 3, "colours"))
-        object.__setattr__(self, "object_names", tuple(object_names))
-        object.__setattr__(self, "cameras", tuple(cameras))
-        object.__setattr__(self, "place", place)
+        object.__setattr__(self, "colours", _colours(colours))
+        names = [_text(each, "object_names") for each in _items(object_names, "object_names")]
+        object.__setattr__(self, "object_names", tuple(names))
+        object.__setattr__(self, "cameras", _cameras(cameras))
+        object.__setattr__(self, "place", None if place is None else _place(place))
+        if not (free is None or isinstance(free, FreeCells)):
+            raise WorldError(f"free: expected FreeCells or None, found {shown(free)}")
         object.__setattr__(self, "free", free)
+        materials = None if materials is None else _items(materials, "materials")
         object.__setattr__(self, "materials", checked(materials, self.object_count))
-        names = len(self.object_names)
-        if len(self.colours) != self.object_count or names not in (0, self.object_count):
+        count = self.object_count
+        if len(self.colours) != count or len(names) not in (0, count):
             raise WorldError(
-                f"{len(self.colours)} colours and {names} names for {self.object_count} objects:"
+                f"{len(self.colours)} colours and {len(names)} names for {count} objects:"
                 " expected one for each, or none at all"
             )
 
@@ -141,8 +159,8 @@ class World(Value, Pictured):
         Raises:
             WorldError: The factor is not from 0.000001 to 1000000, or a wall has no length left.
         """
-        if not 1e-6 <= factor <= 1e6:
-            raise WorldError(f"scale {factor:g}: expected 0.000001 to 1000000")
+        if not (is_finite(factor) and 1e-6 <= factor <= 1e6):
+            raise WorldError(f"scale {shown(factor)}: expected 0.000001 to 1000000")
         if factor == 1.0:
             return self
         return replace(
@@ -195,18 +213,65 @@ def _object_numbers(values: ArrayLike, count: int) -> Int:
 
 def _heights(values: ArrayLike, count: int) -> Float:
     heights = _column(values, count, "height")
-    low = np.flatnonzero(~(heights > 0.0))
-    if len(low):
-        raise WorldError(f"wall {low[0]}: height {heights[low[0]]:g} m, expected more than 0")
+    bad = np.flatnonzero(~((heights > 0.0) & (heights <= LARGEST_COORDINATE)))
+    if len(bad):
+        raise WorldError(
+            f"wall {bad[0]}: height {heights[bad[0]]:g} m, expected more than 0 and at most"
+            f" {LARGEST_COORDINATE:g}"
+        )
     return heights
 
 
+def _items(values: Any, name: str) -> list[Any]:
+    """The items of a list or tuple from outside; a text is neither."""
+    if isinstance(values, list | tuple):
+        return list(values)
+    raise WorldError(f"{name}: expected a list, found {shown(values)}")
+
+
+def _text(value: Any, name: str) -> str:
+    if not isinstance(value, str):
+        raise WorldError(f"{name}: expected a text, found {shown(value)}")
+    return value
+
+
+def _colours(values: ArrayLike) -> Float:
+    colours = _rows(values, 3, "colours")
+    known = ((colours >= 0.0) & (colours <= 1.0)).all(axis=1)
+    bad = np.flatnonzero(~known & ~np.isnan(colours).all(axis=1))
+    if len(bad):
+        raise WorldError(
+            f"object {bad[0]}: colour {colours[bad[0]].tolist()}, expected red, green, blue from 0"
+            " to 1, or three NaN for none"
+        )
+    return colours
+
+
+def _cameras(values: Any) -> tuple[FixedCamera, ...]:
+    cameras = _items(values, "cameras")
+    for index, camera in enumerate(cameras):
+        if not isinstance(camera, FixedCamera):
+            raise WorldError(f"cameras: expected FixedCamera, found {shown(camera)}")
+        if camera.name in [other.name for other in cameras[:index]]:
+            raise WorldError(f"cameras: two of the name {camera.name!r}; rename one")
+    return tuple(cameras)
+
+
+def _place(values: Any) -> tuple[float, float]:
+    items = _items(values, "place")
+    if len(items) != 2 or not is_finite(*items):
+        raise WorldError(f"place: expected longitude and latitude, found {shown(values)}")
+    return float(items[0]), float(items[1])
+
+
 def _check_segments(segments: Float) -> None:
-    bad = ~np.isfinite(segments).all(axis=1)
+    bad = ~(np.abs(segments) <= LARGEST_COORDINATE).all(axis=1)
     if bad.any():
         wall = int(np.flatnonzero(bad)[0])
-        raise WorldError(f"wall {wall}: ends {segments[wall].tolist()}, expected finite numbers")
-    # The length could overflow: the ends may be farther apart than a float64 holds.
+        raise WorldError(
+            f"wall {wall}: ends {segments[wall].tolist()}, expected finite numbers of at most"
+            f" {LARGEST_COORDINATE:g} m"
+        )
     empty = (segments[:, :2] == segments[:, 2:]).all(axis=1)
     if empty.any():
         wall = int(np.flatnonzero(empty)[0])

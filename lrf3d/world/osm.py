@@ -20,7 +20,13 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float
 from lrf3d.input import own_name
 from lrf3d.world.buildings import world_of_features
-from lrf3d.world.geographic import centre_of, lay_flat
+from lrf3d.world.geographic import (
+    centre_of,
+    crosses_dateline,
+    east_of_greenwich,
+    lay_flat,
+    place_of,
+)
 from lrf3d.world.geojson_features import LEVEL_HEIGHT, Feature, metres_of
 from lrf3d.world.materials import osm_material
 from lrf3d.world.model import World
@@ -69,6 +75,9 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     if not features:
         raise WorldError(f"{path}: holds no whole building, so there is no wall")
     outlines = [ring for feature in features for ring in feature.rings]
+    if crosses_dateline(outlines):
+        features = [feature.moved(east_of_greenwich) for feature in features]
+        outlines = [east_of_greenwich(outline) for outline in outlines]
     centre = centre_of(outlines)
     extent = float(np.ptp(np.concatenate(outlines), axis=0).max())
     if extent > WIDEST_EXTRACT:
@@ -77,7 +86,7 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
             " a part"
         )
     features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
-    place = float(centre[0]), float(centre[1])
+    place = place_of(centre)
     features += extract.trunks(features, centre)
     try:
         return world_of_features(features, own_name(path), place=place)

@@ -115,6 +115,9 @@ class _Description:
                 if depth > DEEPEST_YAML or isinstance(event, yaml.AliasEvent):
                     line = event.start_mark.line + 1 if event.start_mark else 1
                     raise WorldError(f"{path}:{line}: more than keys and their values")
+            node = yaml.compose(text, Loader=yaml.SafeLoader)
+            if isinstance(node, yaml.MappingNode):
+                self._check_keys(node)
             data = yaml.safe_load(text)
         except WorldError:
             raise
@@ -142,6 +145,18 @@ class _Description:
         if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_coordinate, origin)):
             self.refuse(f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians")
         self.origin = float(origin[0]), float(origin[1]), float(origin[2])
+
+    def _check_keys(self, node: Any) -> None:
+        """Check that no key stands twice, of which YAML would take the last one."""
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            name, line = str(getattr(key, "value", "")), key.start_mark.line + 1
+            if name in lines:
+                raise WorldError(
+                    f"{self.path}:{line}: the key {shown(name)} stands in line {lines[name]}, too;"
+                    " remove one"
+                )
+            lines[name] = line
 
     def refuse(self, message: str) -> NoReturn:
         raise WorldError(f"{self.path}: {message}")
@@ -191,6 +206,7 @@ def _cells(description: _Description) -> tuple[Bool, Bool]:
                     raise WorldError(
                         f"{picture}: {width} by {height} cells, more than {MOST_CELLS:,}; cut it"
                     )
+                _check_size(picture, image)
                 occupied, free = np.empty((2, height, width), dtype=np.bool_)
                 step = max(1, BAND // max(1, width))
                 for top in range(0, height, step):
@@ -207,6 +223,22 @@ def _cells(description: _Description) -> tuple[Bool, Bool]:
         except Image.DecompressionBombError:
             raise WorldError(f"{picture}: a picture that is far too large") from None
     return occupied[::-1], free[::-1]
+
+
+def _check_size(picture: Path, image: "Image") -> None:
+    """Check that a PGM holds as many pixels as its header says; others would be drawn askew."""
+    (codec, _, begin, mode), *_ = getattr(image, "tile", None) or [("", (), 0, "")]
+    if image.format != "PPM" or codec != "raw":
+        return
+    depth = 2 if "16" in str(mode) else len(image.getbands())
+    expected = image.width * image.height * depth
+    # A line break behind the pixels is harmless.
+    found = picture.stat().st_size - begin
+    if not expected <= found <= expected + 2:
+        raise WorldError(
+            f"{picture}: {found:,} bytes of pixels, but {image.width} by {image.height} pixels by"
+            f" its header are {expected:,}; save the picture again"
+        )
 
 
 def _rows_of_cells(description: _Description, image: "Image") -> tuple[Bool, Bool]:

@@ -19,10 +19,8 @@ from lrf3d.geometry import Float
 from lrf3d.world.cameras import WIDEST_VIEW
 from lrf3d.world.locate import KeyPath
 from lrf3d.world.materials import LIMITS
+from lrf3d.world.model import LARGEST_COORDINATE as LARGEST_COORDINATE
 from lrf3d.world.model import MOST_OBJECTS
-
-LARGEST_COORDINATE = 1e9
-"""Largest coordinate [m] in a file: above it float64 no longer resolves a micrometre."""
 
 Check = Callable[[object], object]
 

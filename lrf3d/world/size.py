@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lrf3d.errors import WorldError
 from lrf3d.geometry import lengths
 from lrf3d.world.model import World
 
@@ -9,8 +10,12 @@ SMALLEST_SIDE = 2.0
 """Side [m] below which no robot drives in a world: the largest sheets are 1.2 m long."""
 
 LARGEST_SIDE, LONGEST_WALLS = 1000.0, 100.0
-"""Side of a world and median of its walls [m] above which the file is probably in
-centimetres or millimetres: a town may be as large as this, but its walls are shorter."""
+"""Side of a world, and length of the walls that half of all wall length is of [m], above which the
+file is probably in centimetres or millimetres: a town may be as large as this, but its walls are
+shorter."""
+
+USUAL_WALL = 4.0
+"""Length of such walls in a plan [m]: of two scales that which comes nearer to it is proposed."""
 
 
 def size_warning(world: World) -> str | None:
@@ -21,13 +26,31 @@ def size_warning(world: World) -> str | None:
     size = f"the world is {_metres(width)} by {_metres(height)}"
     if max(width, height) < SMALLEST_SIDE:
         return f"{size}, a drawing on paper? --scale 100 makes one of 1:100 as large as the house"
-    median = float(np.median(lengths(world.segments)))
-    if max(width, height) > LARGEST_SIDE and median > LONGEST_WALLS:
-        return (
-            f"{size}, with walls of {_metres(median)}, a drawing in other units? --scale 0.001"
-            " takes them for millimetres"
-        )
     return None
+
+
+def check_size(world: World) -> None:
+    """Check that a world is not so large that its plan must be in other units than metres.
+
+    Raises:
+        WorldError: It is; the message gives the scale that would fit.
+    """
+    if not len(world.segments):
+        return
+    long = np.sort(lengths(world.segments))
+    usual = float(long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())])
+    # A single wall that reaches far away does not make a large plan.
+    most = np.ptp(np.quantile(world.segments.reshape(-1, 2), [0.1, 0.9], axis=0), axis=0)
+    if most.max() <= LARGEST_SIDE or usual <= LONGEST_WALLS:
+        return
+    width, height = (float(side) for side in np.ptp(world.bounds, axis=0))
+    scales = {0.01: "centimetres", 0.001: "millimetres"}
+    scale = min(scales, key=lambda each: abs(np.log(each * usual / USUAL_WALL)))
+    raise WorldError(
+        f"{world.name or 'world'}: {_metres(width)} by {_metres(height)}, with walls of"
+        f" {_metres(usual)}, is too large to plan a route in; --scale {scale:g}, if the drawing is"
+        f" in {scales[scale]}, or give a route"
+    )
 
 
 def _metres(size: float) -> str:

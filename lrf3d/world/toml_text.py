@@ -115,6 +115,8 @@ def _points(points: Float) -> str:
 
 
 def _quoted(value: str) -> str:
+    # The name of a file may hold half a pair of surrogates, which no text can.
+    value = value.encode(errors="replace").decode()
     escapes = {'"': '\\"', "\\": "\\\\"}
     return (
         '"' + "".join(escapes.get(c, c if _plain(c) else f"\\u{ord(c):04x}") for c in value) + '"'

@@ -19,14 +19,14 @@ from test_cli import ROOM
 STOPS = int(os.environ.get("LRF3D_STOPS", "0"))
 PATIENCE = 60.0
 
-NEEDS = {"sweep": "distributed", "view": "nicegui"}
+NEEDS = {"sweep": "pyarrow", "view": "nicegui"}
 
 FILES = {
     "run": {"run.npz", "map.geojson", "map.png", "world.png", "summary.json", "run.mp4"},
     "map": {"map.geojson", "map.png", "summary.json"},
     "render": {"film.mp4"},
     "export": {"run.mcap"},
-    "sweep": {"sweep.parquet", "summary.json", "parts"},
+    "sweep": {"sweep.parquet", "summary.json", "sweep.jsonl", "means.csv", "means.tex"},
     "view": set(),
     "world": {"w.png"},
 }

@@ -231,7 +231,7 @@ def test_the_benchmark_of_robots_tells_its_rate():
 def test_without_gymnasium_the_line_to_run_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     monkeypatch.delitem(sys.modules, "lrf3d.gym")
-    with pytest.raises(lrf3d.MissingLibraryError, match=r"pip install 'lrf3d\[gym\]'"):
+    with pytest.raises(lrf3d.MissingLibraryError, match=r"pip install -e .*\[gym\]"):
         importlib.import_module("lrf3d.gym")
 
 

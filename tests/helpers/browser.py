@@ -59,7 +59,7 @@ def served(what, *options):
         assert program.poll() is None
         program.send_signal(signal.SIGINT)
         said = program.communicate(timeout=PATIENCE)
-        assert (program.returncode, said) == (130, ("", "lrf3d: stopped\n"))
+        assert (program.returncode, said) == (130, ("", "lrf3d: stopped\n")), said
     finally:
         program.kill()
         program.wait()

@@ -1,7 +1,7 @@
 """Faults: a piece of work is made to fail at its k-th call, for each k.
 
 This is how SQLite's tests treat its file system and its allocator. Calls of Python functions and of
-C functions both count, so a fault comes at any place where an interrupt or a lack of memory can.
+C functions both count, so a fault comes at any place where a lack of memory can.
 """
 
 import errno
@@ -24,11 +24,6 @@ WRITING = {
 MANY = 150
 """Calls that fail of each piece of work in the slow tests. Writers have some hundreds, a recorder
 12,000: with more than there are each of them fails, which takes hours."""
-
-
-def interrupt():
-    """Ctrl-C."""
-    return KeyboardInterrupt()
 
 
 def out_of_memory():
@@ -72,7 +67,7 @@ class Calls:
         place: The call that failed.
     """
 
-    def __init__(self, counts=any_call, at=0, fault=interrupt):
+    def __init__(self, counts=any_call, at=0, fault=out_of_memory):
         self.made, self.place = 0, ""
         self._counts, self._at, self._fault = counts, at, fault
 
@@ -132,7 +127,6 @@ def still_open(folder):
 
 
 FAULTS = {
-    "interrupt": (any_call, interrupt, KeyboardInterrupt),
     "memory": (any_call, out_of_memory, MemoryError),
     "disk": (writing_call, disk_full, OutputError),
 }

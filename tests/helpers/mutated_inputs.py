@@ -135,7 +135,7 @@ class Inputs:
 
     def __init__(self, folder: Path) -> None:
         # What is imported here, no child has to import anew.
-        for module in ("cli", "cli.results", "sweep.plan", "render.figures"):
+        for module in ("cli", "cli.results", "sweeping.plan", "render.figures"):
             import_module(f"lrf3d.{module}")
         self.worlds = {kind: dict(files) for kind, files in damaged_worlds.valid().items()}
         self.worlds["room"] = {"box.toml": ROOM}
@@ -195,8 +195,8 @@ class Inputs:
 
     def _grid(self, rng: random.Random) -> Input:
         def plan() -> None:
-            from lrf3d.sweep.grid import read_grid
-            from lrf3d.sweep.plan import make_plan
+            from lrf3d.sweeping.grid import read_grid
+            from lrf3d.sweeping.plan import make_plan
 
             make_plan(read_grid(Path("grid.toml"), {}))
 

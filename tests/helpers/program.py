@@ -9,7 +9,7 @@ from unittest import mock
 
 from lrf3d.cli import main
 
-ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM)
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def lrf3d(*arguments, cwd="."):

@@ -2,12 +2,11 @@
 
 import math
 
-import numpy as np
 import pytest
 from bags import STORE, mounted, odometry, rosbag2, scan, transform, write
 
 from lrf3d.errors import InputError
-from lrf3d.io import bag_messages, load_log, ros_bag
+from lrf3d.io import bag_reader, load_log
 from lrf3d.io.bag_messages import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.laser import Stamp
 
@@ -82,7 +81,7 @@ def test_the_first_parent_of_a_frame_counts(tmp_path):
 
 
 def test_a_bag_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
-    monkeypatch.setattr(ros_bag, "MOST_READINGS", 6)
+    monkeypatch.setattr(bag_reader, "MOST_READINGS", 6)
     bag = write(tmp_path / "bag", mounted(), *WHEELS, *scans(0.5, 1.0))
     assert len(load_log(bag)) == 2
     bag = write(tmp_path / "more", mounted(), *WHEELS, *scans(0.5, 1.0, 1.5))
@@ -96,28 +95,8 @@ def test_a_bag_of_compressed_messages_is_to_be_converted(tmp_path):
         load_log(bag)
 
 
-def test_a_compressed_bag_is_read_up_to_a_size(tmp_path, monkeypatch):
+def test_a_compressed_bag_is_read(tmp_path):
     bag = packed(tmp_path / "bag", rosbag2.CompressionMode.FILE)
     # A folder within a bag is no part of it.
     (bag / "pictures").mkdir()
     assert load_log(bag).scans[0].ranges == pytest.approx([1.0, 2.0, 3.0])
-    monkeypatch.setattr(bag_messages, "SMALL_LOG", 1000)
-    monkeypatch.setattr(bag_messages, "LARGEST_RATIO", 1)
-    with pytest.raises(InputError, match=r"\.zstd: unpacks to over 1 times its size"):
-        load_log(bag)
-
-
-@pytest.mark.parametrize("kind", ["zstd", "lz4"])
-@pytest.mark.parametrize("cut", [1, 5, 0.5])
-def test_a_chunk_that_is_cut_off_is_shorter_than_it_claims(kind, cut):
-    from lz4.frame import compress
-    from rosbags.rosbag2 import storage_mcap
-
-    data = np.random.default_rng(0).bytes(100_000)
-    whole = (storage_mcap.zstd.compress if kind == "zstd" else compress)(data)
-    part = whole[: len(whole) // 2] if cut == 0.5 else whole[:-cut]
-    with bag_messages.bounded_unpacking():
-        unpack = storage_mcap.DECOMPRESSORS[kind]
-        assert unpack(whole, len(data)) == data
-        assert data.startswith(unpack(part, len(data)))
-        assert len(unpack(whole, len(data) - 7)) == len(data) - 6

@@ -193,15 +193,6 @@ class Forgetful:
         return "Forgetful()"
 
 
-def test_a_mapper_without_a_state_has_no_checkpoint(tmp_path, monkeypatch):
-    monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
-    monkeypatch.setattr(recording, "CHECKPOINT_SCANS", 1)
-    journal = stopped(tmp_path / "run.npz", Forgetful(), 2)
-    assert not journal.with_suffix(".checkpoint").exists()
-    again = lrf3d.Simulation(ROOM, POSES, LRF, mapper=Forgetful(), rng=0)
-    assert len(lrf3d.record(again, tmp_path / "run.npz", resume=True)) == len(POSES)
-
-
 def test_a_chunk_that_stands_twice_in_a_journal_counts_once(tmp_path, monkeypatch, run_file):
     whole = run_file.read_bytes()
     run_file.unlink()

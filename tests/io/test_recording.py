@@ -12,7 +12,6 @@ import lrf3d
 from lrf3d import (
     InputError,
     LaserRangeFinder,
-    LaserScan,
     LineMap,
     LineMapper,
     OutputError,
@@ -71,7 +70,6 @@ def stopping(at):
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
     monkeypatch.setattr(recording, "CHUNK_BYTES", 150_000)
-    monkeypatch.setattr(recording, "CHECKPOINT_SCANS", 500)
 
 
 @pytest.mark.parametrize("mode", ["robust", pytest.param("paper", marks=pytest.mark.slow)])
@@ -161,28 +159,6 @@ def test_a_journal_that_breaks_off_or_is_damaged_is_good_up_to_there(damage, tmp
         assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
 
 
-def test_a_damaged_checkpoint_only_costs_time(tmp_path):
-    lrf3d.record(simulation(scans=900), tmp_path / "whole.npz")
-    path = tmp_path / "run.npz"
-    with pytest.raises(Stop):
-        lrf3d.record(simulation(scans=900), path, progress=stopping(800))
-    checkpoint = path.with_suffix(".checkpoint")
-    checkpoint.write_bytes(checkpoint.read_bytes()[:-3000])
-    lrf3d.record(simulation(scans=900), path, resume=True)
-    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
-
-
-def test_a_checkpoint_of_another_version_only_costs_time(tmp_path, monkeypatch):
-    lrf3d.record(simulation(scans=900), tmp_path / "whole.npz")
-    path = tmp_path / "run.npz"
-    with monkeypatch.context() as older, pytest.raises(Stop):
-        older.setattr("lrf3d.mapping.mapper.STATE_LAYOUT", 1)
-        lrf3d.record(simulation(scans=900), path, progress=stopping(800))
-    assert path.with_suffix(".checkpoint").exists()
-    lrf3d.record(simulation(scans=900), path, resume=True)
-    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
-
-
 def test_another_run_is_not_resumed_and_its_difference_is_named(tmp_path):
     path = tmp_path / "run.npz"
     with pytest.raises(Stop):
@@ -241,36 +217,11 @@ def test_nobody_says_when_it_ends(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_a_mapper_has_learnt_is_taken_back_to_the_last_bit():
-    for mode in ("robust", "paper"):
-        one, other = LineMapper(mode, sigma=0.1), LineMapper(mode, sigma=0.1)
-        steps = simulation(mode, mapper=one, scans=160)
-        for step in steps:
-            if step.index == 80:
-                other.restore(one.state())
-            if step.index > 80:
-                other.update(step.scan)
-        assert np.array_equal(one.map.segments, other.map.segments)
-        assert all(np.array_equal(one.state()[key], value) for key, value in other.state().items())
-
-
-@pytest.mark.parametrize("mode", ["robust", "paper"])
-def test_a_mapper_that_has_no_segment_yet_is_restored(mode):
-    one, other = LineMapper(mode, sigma=0.1), LineMapper(mode, sigma=0.1)
-    far = LaserScan((0, 0, 0), LRF.angles, np.full(61, np.inf))
-    one.update(far)
-    other.restore(one.state())
-    assert len(other.map) == 0
-    steps = simulation(mode, mapper=other, scans=3)
-    assert [len(step.map) > 0 for step in steps] == [True] * 3
-
-
 KILLED = """
 import sys, lrf3d
 sys.path.insert(0, {folder!r})
 import test_recording
 test_recording.recording.CHUNK_BYTES = 150_000
-test_recording.recording.CHECKPOINT_SCANS = 500
 def progress(done, total):
     print(done, flush=True)
 lrf3d.record(test_recording.simulation(scans=1500), sys.argv[1], resume=True, progress=progress)
@@ -345,7 +296,7 @@ def test_a_journal_that_others_change_does_not_replace_the_run(damage, tmp_path)
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize("name", ["run.npz", "run.journal", "run.checkpoint"])
+@pytest.mark.parametrize("name", ["run.npz", "run.journal"])
 def test_what_cannot_be_replaced_is_known_before_the_drive(name, tmp_path):
     (tmp_path / name).mkdir()
     with pytest.raises(InputError, match=f"{name}: a folder, expected a file of an earlier run"):
@@ -422,6 +373,6 @@ def test_an_interrupt_while_a_chunk_is_written_keeps_each_scan_once(tmp_path, mo
 def test_what_lies_beside_a_finished_run_is_taken_away_when_it_is_resumed(tmp_path):
     path = tmp_path / "run.npz"
     lrf3d.record(simulation(scans=5), path)
-    path.with_suffix(".checkpoint").write_bytes(b"left")
+    path.with_suffix(".journal").write_bytes(b"left")
     lrf3d.record(simulation(scans=5), path, resume=True)
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]

@@ -1,6 +1,5 @@
 import json
 import math
-import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,12 +12,11 @@ from bags import STORE, mounted, odometry, pose, rosbag2, scan, transform, write
 from estimates import estimated
 from synthetic_run import around, box, make_run, make_world
 
-import lrf3d
-from lrf3d.errors import InputError, MissingLibraryError, OutputError
+from lrf3d.errors import InputError, OutputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
 from lrf3d.io import load_log
-from lrf3d.io.bag_messages import ODOMETRY, POSE, SCAN, TRANSFORMS, bounded_unpacking
+from lrf3d.io.bag_messages import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.laser import LaserRangeFinder, LaserScan, Stamp
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
@@ -52,14 +50,14 @@ def scans(*times):
 
 
 @pytest.mark.parametrize("poses", ["auto", "truth", "tf", "odom"])
-def test_what_goes_out_comes_back_to_the_bit_that_the_format_holds(run, mcap, poses):
+def test_a_bag_that_is_read_back_has_the_same_float32_bits(run, mcap, poses):
     log = load_log(mcap, poses=poses)
     assert len(log) == len(run) and log.bad_count == 0
     for before, after in zip(run.scans, log.scans, strict=True):
-        told = before.as_ros("laser")
-        assert np.array_equal(after.ranges, told.ranges.astype(np.float64))
-        assert np.array_equal(after.as_ros("laser").ranges, told.ranges)
-        assert after.as_ros("laser").header == told.header
+        expected = before.as_ros("laser")
+        assert np.array_equal(after.ranges, expected.ranges.astype(np.float64))
+        assert np.array_equal(after.as_ros("laser").ranges, expected.ranges)
+        assert after.as_ros("laser").header == expected.header
         assert after.pose[:2] == before.pose[:2]
         assert abs(wrap_angle(after.pose.theta - before.pose.theta)) < 1e-15
         assert after.angles == pytest.approx(before.angles, abs=1e-6)
@@ -245,7 +243,7 @@ def test_the_laser_is_where_it_is_mounted(way, tmp_path):
     assert (way == "tf") == log.source.startswith("/tf")
 
 
-def test_a_laser_upside_down_sees_left_what_it_tells_as_right(tmp_path):
+def test_a_laser_upside_down_has_mirrored_angles(tmp_path):
     moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     bag = write(tmp_path / "bag", mounted(turn=TURNS["upside down"]), *moves, *scans(0.0))
     seen = load_log(bag).scans[0]
@@ -272,7 +270,7 @@ def test_transforms_up_to_the_map_come_before_odometry_and_behind_the_truth(tmp_
         load_log(bag, poses="truth")
 
 
-def test_a_fixed_joint_that_is_told_again_and_again_is_no_drive(tmp_path):
+def test_a_fixed_joint_that_is_published_repeatedly_is_no_drive(tmp_path):
     joint = drives("base_link", "laser", [(0.2, 0, 0)] * 3)
     wheels = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(3)]
     log = load_log(write(tmp_path / "bag", *joint, *wheels, *scans(1.0)))
@@ -285,7 +283,7 @@ def test_headings_are_interpolated_the_shorter_way(tmp_path):
     assert log.poses[0] == pytest.approx([0.25, 0, 3.0 + 0.25 * (2 * np.pi - 6.0)])
 
 
-def test_scans_without_a_pose_and_scans_that_are_none_are_counted_and_named(tmp_path):
+def test_invalid_scans_and_scans_without_a_pose_are_counted_and_named(tmp_path):
     moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     broken = scan(0.5)
     broken.angle_increment = 0.0
@@ -296,7 +294,7 @@ def test_scans_without_a_pose_and_scans_that_are_none_are_counted_and_named(tmp_
     assert str(log.bad_lines[1]).startswith("scan 2: ")
 
 
-def test_bags_that_tell_too_little_are_refused_with_what_is_missing(tmp_path):
+def test_bags_without_scans_or_poses_are_refused_with_what_is_missing(tmp_path):
     with pytest.raises(InputError, match="no poses in it"):
         load_log(write(tmp_path / "a", mounted(), *scans(0.0)))
     moves = list(drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)]))
@@ -313,46 +311,21 @@ def test_bags_that_tell_too_little_are_refused_with_what_is_missing(tmp_path):
         load_log(tmp_path / "none.mcap")
 
 
-def test_a_mount_that_is_not_told_is_said_to_be_guessed(tmp_path):
+def test_a_mount_without_a_transform_is_reported_as_guessed(tmp_path):
     wheels = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(2)]
     log = load_log(write(tmp_path / "bag", *wheels, *scans(0.5)))
     assert log.scans[0].pose == (0.5, 0, 0) and "middle of base_link" in log.source
 
 
-def test_frames_that_hang_in_a_circle_do_not_hang_the_reader(tmp_path):
+def test_frames_in_a_circle_end_the_search(tmp_path):
     circle = [*drives("laser", "base_link", [(0, 0, 0), (1, 0, 0)]), mounted()]
     with pytest.raises(InputError, match="no poses"):
         load_log(write(tmp_path / "bag", *circle, *scans(0.5)))
 
 
-def test_without_rosbags_the_mend_is_told(run, mcap, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    with pytest.raises(MissingLibraryError, match=r"pip install 'lrf3d\[ros\]'"):
-        load_log(mcap)
-    with pytest.raises(MissingLibraryError, match=r"pip install 'lrf3d\[ros\]'"):
-        export_run(run, "mcap", tmp_path / "run.mcap")
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("kind", ["zstd", "lz4"])
-def test_a_chunk_is_unpacked_to_the_size_that_it_claims_and_no_farther(kind):
-    from lz4.frame import compress
-    from rosbags.rosbag2 import storage_mcap
-
-    packed = (storage_mcap.zstd.compress if kind == "zstd" else compress)(bytes(10_000_000))
-    before = storage_mcap.DECOMPRESSORS[kind]
-    with bounded_unpacking():
-        unpack = storage_mcap.DECOMPRESSORS[kind]
-        assert len(unpack(packed, 1000)) < 100_000
-        assert unpack(packed, 10_000_000) == bytes(10_000_000)
-        with pytest.raises(ValueError, match="at most"):
-            unpack(packed, 1 << 40)
-    assert storage_mcap.DECOMPRESSORS[kind] is before
-
-
 def test_metadata_without_end_are_refused(mcap, tmp_path):
     (tmp_path / "metadata.yaml").write_text("x: y\n" * 100_000)
-    with pytest.raises(InputError, match="longer than"):
+    with pytest.raises(InputError, match="over 131,072 bytes"):
         load_log(tmp_path)
 
 
@@ -366,7 +339,7 @@ def test_a_range_without_end_is_no_return(tmp_path):
 
 def test_a_run_before_time_0_is_refused(run, tmp_path):
     early = SimpleNamespace(trajectory=SimpleNamespace(times=np.array([-1.0])))
-    from lrf3d.io.ros_bag_writer import write as write_run
+    from lrf3d.io.bag_writer import write as write_run
 
     with pytest.raises(InputError, match="cannot hold times before 0"):
         write_run(early, tmp_path / "run.mcap")
@@ -402,34 +375,3 @@ def test_without_a_topic_of_odometry_it_is_the_transforms_up_to_its_frame(tmp_pa
     log = load_log(bag, poses="odom")
     assert log.source == "/tf, laser in odom" and log.mount == pytest.approx((0.2, 0, 0))
     assert log.scans[0].pose == pytest.approx((0.7, 0, 0))
-
-
-def lit_run(echoes):
-    walls = [[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0], [5, 0.5, 5, 5.5]]
-    materials = ["plaster", "mirror", "brick", "plaster", "glass"]
-    world = lrf3d.World(walls, objects=range(5), materials=materials)
-    lrf = LaserRangeFinder(-2.0, 2.0, 81, range_max=20.0, echoes=echoes)
-    poses = [(1.0, 2.0, 0.1), (2.0, 2.5, 0.2), (3.0, 3.0, 0.4)]
-    return lrf3d.simulate(world, poses, lrf, rng=0)
-
-
-def test_intensities_come_back_equal(tmp_path):
-    run = lit_run(echoes=1)
-    export_run(run, "mcap", tmp_path / "run.mcap")
-    scans = load_log(tmp_path / "run.mcap").scans
-    assert len(scans) == len(run)
-    for before, after in zip(run.scans, scans, strict=True):
-        assert np.array_equal(after.intensities, before.intensities.astype(np.float32))
-        assert after.echoes is None
-
-
-@pytest.mark.parametrize("topic", ["/scan", "/echoes"])
-def test_echoes_come_back_equal(topic, tmp_path):
-    run = lit_run(echoes=3)
-    export_run(run, "mcap", tmp_path / "run.mcap")
-    scans = load_log(tmp_path / "run.mcap", scan_topic=topic).scans
-    assert len(scans) == len(run)
-    for before, after in zip(run.scans, scans, strict=True):
-        for name in ("ranges", "intensities", "echoes", "echo_intensities"):
-            assert np.array_equal(getattr(after, name), getattr(before, name).astype(np.float32))
-    assert (np.isfinite(run.echoes).sum(axis=2) == 3).any()

@@ -1,13 +1,9 @@
 import json
-import math
 import pickle
 import types
-from collections import deque
-from dataclasses import replace
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,19 +19,10 @@ from lrf3d import (
     load_map,
     save_map,
 )
-from lrf3d.geometry import fit_line, lengths, normal_lines
-from lrf3d.mapping.paper.growing import GrowingMap
-from lrf3d.mapping.paper.mapper import EndPointMerging
-from lrf3d.mapping.paper.split_merge import (
-    clusters,
-    near_each_other,
-    ordered_returns,
-    split_and_merge,
-)
+from lrf3d.geometry import lengths
 from lrf3d.mapping.robust import segmentation
-from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.segmentation import fit_wall, segment_cluster
-from lrf3d.mapping.segment_table import SegmentTable, add_moments, measure_moments
+from lrf3d.mapping.segment_table import add_moments, measure_moments
 
 SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
 ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])
@@ -51,16 +38,6 @@ def build(mapper, sigma=0.0, poses=AROUND, seed=0, shift=(0.0, 0.0), lrf=CIRCLE)
         scan = caster.cast(lrf, (x + shift[0], y + shift[1], theta))
         mapper.update(ProportionalNoise(sigma)(scan, rng))
     return mapper.map
-
-
-def table_of(ends, points=10):
-    ends = np.asarray(ends, dtype=np.float64)
-    along = np.linspace(0.0, 1.0, points)[:, None]
-    moments = [
-        measure_moments(row[:2] + along * (row[2:] - row[:2]), np.full(points, 1e4)) for row in ends
-    ]
-    count = len(ends)
-    return SegmentTable(ends, np.array(moments), np.full(count, points), np.arange(count))
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.1, 0.3])
@@ -151,20 +128,6 @@ def test_what_is_no_map_is_refused_by_name(tmp_path):
         load_map(tmp_path / "map.geojson")
 
 
-def scan_of(ranges, lrf=CIRCLE):
-    return LaserScan((0, 0, 0), lrf.angles, ranges, range_max=30.0)
-
-
-def test_lone_points_are_dropped_and_a_gap_parts_clusters():
-    lrf = LaserRangeFinder(beams=9, angle_min=-0.2, angle_max=0.2)
-    scan = scan_of([5, 5, np.inf, 5, np.inf, 5, 5, 9, 9.0], lrf)
-    order, circle = ordered_returns(scan)
-    assert not circle
-    points = np.where(scan.hits, scan.ranges, 0)[:, None] * lrf.directions((0, 0, 0))
-    runs = list(clusters(scan, near_each_other(points, 1.0), order, circle=circle))
-    assert [run.tolist() for run in runs] == [[0, 1], [5, 6], [7, 8]]
-
-
 def test_a_full_circle_has_no_seam():
     mapper = LineMapper()
     mapper.update(PlanarCaster(World(ROOM)).cast(CIRCLE, (0, 0, 0.3)))
@@ -173,30 +136,6 @@ def test_a_full_circle_has_no_seam():
     straight_behind = LineMapper()
     straight_behind.update(PlanarCaster(World(ROOM)).cast(CIRCLE, (0, 0, 0.0)))
     assert len(straight_behind.map) == 4
-
-
-def test_points_on_one_wall_all_round_are_one_cluster():
-    scan = scan_of(np.full(361, 3.0))
-    order, circle = ordered_returns(scan)
-    assert circle and len(order) == 360
-    joined = np.ones(len(order), dtype=bool)
-    assert [len(run) for run in clusters(scan, joined, order, circle=circle)] == [360]
-
-
-def test_split_and_merge_finds_a_corner():
-    corner = np.vstack(
-        [np.column_stack([np.arange(11.0), np.zeros(11)]), [[10, y] for y in range(1, 8)]]
-    )
-    table = split_and_merge(corner, 0.1)
-    assert len(table) == 2
-    assert table.ends[0] == pytest.approx([0, 0, 10, 0], abs=1e-9)
-    assert table.ends[1] == pytest.approx([10, 0, 10, 7], abs=1e-9)
-
-
-def test_split_and_merge_keeps_a_straight_wall_whole():
-    rng = np.random.default_rng(0)
-    wall = np.column_stack([np.linspace(0, 10, 200), rng.normal(0, 0.02, 200)])
-    assert len(split_and_merge(wall, 0.1)) == 1
 
 
 def divide(angles, ranges, deviations):
@@ -286,154 +225,6 @@ def test_moments_add_up_in_any_order(seed):
     assert add_moments(c, add_moments(b, a)) == pytest.approx(whole, rel=1e-6)
 
 
-RULE = EndPointMerging(length=0.1, distance=0.1)
-
-
-@pytest.mark.parametrize(
-    ("other", "merged"),
-    [
-        ([1.0, 0.05, 9.0, -0.05], True),  # C and D lie by L1: c1, c2
-        ([-5.0, 0.0, 15.0, 0.0], True),  # A and B lie by L2: c3, c4
-        ([5.0, 0.05, 15.0, 0.0], True),  # they overlap: c1, c4 and all distances small
-        ([10.02, 0.0, 20.0, 0.0], True),  # they touch
-        ([11.0, 0.0, 20.0, 0.0], False),  # a gap wider than T
-        ([5.0, 0.3, 15.0, 0.3], False),  # beside each other, farther than R
-        ([5.0, -5.0, 5.0, 5.0], False),  # across
-        ([5.0, 0.7, 5.2, 0.7], True),  # a short one within the ellipse of c1 and c2: 0.71 m
-        ([5.0, 0.8, 5.2, 0.8], False),
-    ],
-)
-def test_equation_9_to_the_letter(other, merged):
-    segment = np.array([0.0, 0.0, 10.0, 0.0])
-    assert bool(RULE.conditions(segment, np.array([other]))[0]) is merged
-    turned = np.array(other)[[2, 3, 0, 1]]
-    assert bool(RULE.conditions(segment, turned[None])[0]) is merged
-
-
-def equation_9(one, other, length, distance):
-    """Eq. 9 of two segments, condition by condition, as the figure of section 3.1 shows them."""
-    (*a_end, bx, by), (*c_end, dx, dy) = one, other
-    b_end, d_end = (bx, by), (dx, dy)
-
-    def aside(point, begin, end):
-        (px, py), (x1, y1), (x2, y2) = point, begin, end
-        area = (x2 - x1) * (py - y1) - (y2 - y1) * (px - x1)
-        return abs(area) / math.dist(begin, end)
-
-    a, b = math.dist(a_end, c_end), math.dist(b_end, c_end)
-    c, d = math.dist(a_end, d_end), math.dist(b_end, d_end)
-    own, its = math.dist(a_end, b_end) + length, math.dist(c_end, d_end) + length
-    c1, c2, c3, c4 = a + b < own, c + d < own, a + c < its, b + d < its
-    near = [aside(point, a_end, b_end) < distance for point in (c_end, d_end)]
-    near += [aside(point, c_end, d_end) < distance for point in (a_end, b_end)]
-    return (sum((c1, c2, c3, c4)) >= 2 and all(near)) or (c1 and c2) or (c3 and c4)
-
-
-@settings(max_examples=300)
-@given(
-    st.tuples(*[st.floats(-3.0, 3.0)] * 4),
-    st.tuples(*[st.floats(-1.0, 1.0)] * 4),
-    st.sampled_from([0.02, 0.2, 2.0]),
-    st.sampled_from([0.05, 0.5, 5.0]),
-)
-def test_equation_9_is_its_eight_conditions(one, by, length, distance):
-    other = tuple(np.add(one, by).tolist())
-    if math.dist(one[:2], one[2:]) < 1e-3 or math.dist(other[:2], other[2:]) < 1e-3:
-        return
-    rule = EndPointMerging(length, distance)
-    found = rule.conditions(np.array(one), np.array([other]))
-    assert bool(found[0]) is equation_9(one, other, length, distance)
-    # Whatever it merges is within its reach of the other segment.
-    longest = max(math.dist(one[:2], one[2:]), math.dist(other[:2], other[2:]))
-    if found[0]:
-        gap = shapely.LineString(np.reshape(one, (2, 2))).distance(
-            shapely.LineString(np.reshape(other, (2, 2)))
-        )
-        assert gap <= rule.reach(longest) + 1e-9
-
-
-def test_thresholds_of_equation_9_themselves_are_too_far():
-    # Sides of 3, 4 and 5 make sums that are exact; of four conditions one is met, three are ties.
-    rule = EndPointMerging(4.0, 5.0)
-    segment, others = np.array([0.0, 0.0, 6.0, 0.0]), np.array([[3.0, 4, 3, 0], [3, 0, 3, 4]])
-    assert rule.conditions(segment, others).tolist() == [False, False]
-    assert EndPointMerging(4.001, 5.0).conditions(segment, others).tolist() == [True, True]
-    segment, others = np.array([0.0, 0.0, 10.0, 0.0]), np.array([[5.0, 0.5, 15.0, 0.5]])
-    assert not EndPointMerging(1.0, 0.5).conditions(segment, others)[0]
-    assert EndPointMerging(1.0, 0.501).conditions(segment, others)[0]
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_a_merged_segment_keeps_the_direction_of_the_first(turned):
-    first, second = [0.0, 0.0, 10.0, 0.0], [9.0, 0.0, 15.0, 0.0]
-    ends, _ = RULE.merge(table_of([first[2:] + first[:2] if turned else first, second]), 0, 1)
-    assert ends == pytest.approx([15, 0, 0, 0] if turned else [0, 0, 15, 0], abs=1e-9)
-
-
-@pytest.mark.parametrize("heading", [0.3, 1.2, 2.5, -0.7, -2.0, -3.0])
-def test_a_merged_segment_keeps_its_direction_at_any_heading(heading):
-    way = np.array([np.cos(heading), np.sin(heading)])
-    aside = np.array([-way[1], way[0]])
-    first = [*(0.0 * way), *(10.0 * way)]
-    # The second runs the other way, and a little askew.
-    second = [*(15.0 * way), *(9.0 * way + 0.05 * aside)]
-    ends, _ = RULE.merge(table_of([first, second]), 0, 1)
-    assert (ends[2:] - ends[:2]) @ way == pytest.approx(15.0, abs=0.01)
-
-
-def test_the_first_candidate_that_fits_is_the_partner():
-    table = table_of([[0, 0, 4, 0], [0, 3, 4, 3], [4, 0, 8, 0], [3, 0, 6, 0]])
-    assert RULE.partner(table, 0, np.array([1, 2, 3])) == 2
-    assert RULE.partner(table, 0, np.array([1])) == -1
-    assert RULE.partner(table, 0, np.array([], dtype=int)) == -1
-
-
-def test_merging_end_points_fits_all_four():
-    table = table_of([[0, 0, 10, 0], [5, 0.05, 15, 0.05]])
-    ends, _ = RULE.merge(table, 0, 1)
-    corners = table.ends.reshape(-1, 2)
-    mean, unit = fit_line(corners)
-    offset = ends.reshape(2, 2) - mean
-    assert unit[0] * offset[:, 1] - unit[1] * offset[:, 0] == pytest.approx([0, 0], abs=1e-12)
-    assert lengths(ends[None])[0] == pytest.approx(15.0, abs=0.01)
-
-
-def partition(unions) -> list[int]:
-    """The first row of the same union, for each row."""
-    return [unions.tolist().index(union) for union in unions.tolist()]
-
-
-def united(*scans: SegmentTable) -> SegmentTable:
-    growing = GrowingMap(RULE, least=1)
-    for local in scans:
-        growing.add(local, np.zeros(2))
-    return growing.table()
-
-
-def united_by_comparing_all(*scans: SegmentTable) -> SegmentTable:
-    """The loop of section 3.1 without a grid: every fresh segment against every other."""
-    current, first = SegmentTable.empty(), 0
-    for local in scans:
-        fresh = range(len(current), len(current) + len(local))
-        current = current.join(replace(local, unions=local.unions + first))
-        first += int(local.unions.max(initial=-1)) + 1
-        alive, waiting = np.ones(len(current), dtype=bool), deque(fresh)
-        while waiting:
-            row = waiting.popleft()
-            others = np.flatnonzero(alive)
-            other = RULE.partner(current, row, others[others != row]) if alive[row] else -1
-            if other < 0:
-                continue
-            current.ends[row], current.moments[row] = RULE.merge(current, row, other)
-            current.points[row] += current.points[other]
-            kept, gone = sorted((current.unions[row], current.unions[other]))
-            current.unions[current.unions == gone] = kept
-            alive[other] = False
-            waiting.append(row)
-        current = current.take(np.flatnonzero(alive))
-    return current
-
-
 @pytest.mark.parametrize("mode", ["paper", "robust"])
 def test_a_segment_is_shown_with_as_many_points_as_are_asked_for(mode):
     world = World([[5, -1, 5, 1.0]])
@@ -443,66 +234,6 @@ def test_a_segment_is_shown_with_as_many_points_as_are_asked_for(mode):
         mapper = LineMapper(mode, min_points=least)
         mapper.update(scan)
         assert len(mapper.map) == count
-
-
-@pytest.mark.parametrize("place", [(0.4, -0.4), (1e6 + 0.3, -2e6 - 0.2)])
-def test_a_mapper_of_the_paper_goes_on_from_its_state_to_the_last_bit(place):
-    world = World(np.array([[-3, -2, 3, -2], [3, -2, 3, 2], [3, 2, -3, 2.0]]) + np.tile(place, 2))
-    caster, lrf = PlanarCaster(world), LaserRangeFinder(beams=91)
-    scans = [caster.cast(lrf, (place[0] + 0.1 * k, place[1], 0.2 * k)) for k in range(6)]
-    whole, begun, resumed = (LineMapper("paper") for _ in range(3))
-    resumed.restore(begun.state())  # Nothing is seen yet.
-    for scan in scans:
-        whole.update(scan)
-    for scan in scans[:3]:
-        begun.update(scan)
-        resumed.update(scan)
-    state = resumed.state()
-    resumed = LineMapper("paper")
-    resumed.restore(state)
-    # What is handed out is not written to afterwards.
-    kept = {name: value.copy() for name, value in state.items()}
-    for scan in scans[3:]:
-        resumed.update(scan)
-    assert np.array_equal(resumed.map.segments, whole.map.segments)
-    assert np.array_equal(resumed.map.objects, whole.map.objects)
-    assert all(np.array_equal(state[name], kept[name]) for name in kept)
-
-
-def test_a_chain_of_pieces_becomes_one_segment_in_one_union():
-    table = united(table_of([[k, 0.0, k + 1.05, 0.0] for k in range(9)]))
-    assert len(table) == 1 and table.points.sum() == 90
-    assert np.abs(table.ends[0]) == pytest.approx([0, 0, 9.05, 0], abs=1e-6)
-
-
-def test_merging_unites_the_unions():
-    # 0 and 1 are of two unions; 2 bridges them; 3 is of the union of 0 but elsewhere.
-    table = table_of([[0, 0, 4, 0], [6, 0, 9, 0], [0, 5, 4, 5]])
-    table = replace(table, unions=np.array([0, 1, 0]))
-    bridge = table_of([[3, 0, 7, 0]])
-    whole = united(table, bridge)
-    assert len(whole) == 2 and len(set(whole.unions.tolist())) == 1
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.sampled_from([3.0, 30.0, 300.0]))
-def test_the_grid_misses_no_partner(seed, scans, size):
-    rng = np.random.default_rng(seed)
-    tables = []
-    for _ in range(scans):
-        count = int(rng.integers(1, 120))
-        # Along a few lines, so that many merge; some are much longer than others.
-        angle = rng.integers(0, 4, count) * np.pi / 4.0 + rng.normal(0.0, 0.01, count)
-        middle = np.round(rng.uniform(-size, size, (count, 2)))
-        half = (rng.exponential(1.0, count) + 0.01)[:, None] * np.column_stack(
-            [np.cos(angle), np.sin(angle)]
-        )
-        tables.append(table_of(np.hstack([middle - half, middle + half])))
-    found, expected = united(*tables), united_by_comparing_all(*tables)
-    assert len(found) == len(expected)
-    assert (found.ends == expected.ends).all() and (found.points == expected.points).all()
-    assert (found.moments == expected.moments).all()
-    assert partition(found.unions) == partition(expected.unions)
 
 
 def test_the_map_is_made_once_after_an_update_and_the_same_scan_again_changes_nothing():
@@ -523,22 +254,6 @@ def test_a_map_is_a_value_that_pickles():
     assert np.array_equal(copy.points, line_map.points)
     with pytest.raises(AttributeError, match="colour"):
         _ = line_map.colour
-
-
-def test_the_covariance_of_a_line_is_what_repeated_scans_show():
-    sigma, lrf = 0.02, LaserRangeFinder(angle_min=-0.6, angle_max=0.6, beams=121, range_max=10.0)
-    true = PlanarCaster(World(np.array([[6, -9, 5, 9.0]]))).cast(lrf, (0, 0, 0.1))
-    extract, rng = LikelihoodExtractor(2.5, sigma, 1e-4), np.random.default_rng(0)
-    tables = [extract(ProportionalNoise(sigma)(true, rng)) for _ in range(400)]
-    # Noise divides a wall now and then; those scans say nothing about the fit of the whole.
-    tables = [table for table in tables if len(table) == 1]
-    assert len(tables) > 380
-    lines = np.array([normal_lines(table.ends)[0] for table in tables])
-    expected = np.mean([table.covariances()[0] for table in tables], axis=0)
-    found, scale = np.cov(lines.T), np.sqrt(np.diag(expected))
-    # In units of the expected deviations: variances within a quarter, correlations within 0.15.
-    assert np.diag(found) / scale**2 == pytest.approx([1.0, 1.0], abs=0.25)
-    assert (found - expected)[0, 1] / (scale[0] * scale[1]) == pytest.approx(0.0, abs=0.15)
 
 
 def test_maps_from_before_an_interrupted_update_stay_as_they_were(monkeypatch):
@@ -574,15 +289,3 @@ def test_returns_from_one_place_make_no_segment(mode, distance, tmp_path):
         mapper.update(LaserScan((7, 8, 1), lrf.angles, np.full(31, distance)))
     save_map(mapper.map, tmp_path / "map.geojson")
     assert len(mapper.map) == 0 and "NaN" not in (tmp_path / "map.geojson").read_text()
-
-
-@pytest.mark.parametrize("mode", ["paper", "robust"])
-def test_a_state_of_another_version_is_refused_and_changes_nothing(mode):
-    scan = PlanarCaster(World([[3, -5, 3, 5], [3, 5, -3, 5]])).cast(LaserRangeFinder(), (0, 0, 0))
-    mapper = LineMapper(mode)
-    mapper.update(scan)
-    before = mapper.map.segments.copy()
-    older = {name: value for name, value in LineMapper(mode).state().items() if name != "layout"}
-    with pytest.raises(InputError, match="another version"):
-        mapper.restore(older)
-    np.testing.assert_array_equal(mapper.map.segments, before)

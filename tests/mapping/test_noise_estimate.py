@@ -103,13 +103,3 @@ def test_a_map_is_as_good_with_a_wrong_sigma(sigma):
     score = lrf3d.score_run(scenario.run(rng=0, mapper=lrf3d.LineMapper(sigma=sigma)))
     assert score.length_f1 > right.length_f1 - 0.01
     assert score.segment_f1 > right.segment_f1 - 0.05
-
-
-def test_what_was_learnt_goes_on_after_a_restart():
-    scans = list(scans_of(ROOM, (0.02, 0.01)))
-    whole, first = learnt(scans), learnt(scans[:7])
-    again = NoiseEstimate(0.001)
-    again.restore(first.state())
-    for scan in scans[7:]:
-        again.update(scan, ASSUMED)
-    assert again.known == whole.known

@@ -156,26 +156,6 @@ def test_without_intensities_nothing_is_looked_for():
     assert (mapper.map.kinds == "wall").all()
 
 
-@pytest.mark.parametrize("world", [mirror_hall(), glass_front()])
-def test_what_was_learnt_of_light_is_taken_back_to_the_last_bit(world):
-    poses = round_trip(40)
-    if len(world.segments) == 7:
-        poses = np.column_stack([0.5 * np.arange(40), np.zeros(40), np.zeros(40)])
-    run = lrf3d.simulate(world, poses, LRF, caster="planar", rng=0)
-    one, other = LineMapper(), LineMapper()
-    for index, scan in enumerate(run.scans):
-        one.update(scan)
-        if index == 25:
-            other.restore(one.state())
-        if index > 25:
-            other.update(scan)
-    assert (one.map.kinds != "wall").any()
-    assert np.array_equal(one.map.segments, other.map.segments)
-    assert np.array_equal(one.map.kinds, other.map.kinds)
-    for name, values in one.state().items():
-        assert np.array_equal(values, other.state()[name]), name
-
-
 def test_the_order_of_the_beams_does_not_matter():
     poses = np.column_stack([np.linspace(0, 20, 30), np.zeros(30), np.zeros(30)])
     run = lrf3d.simulate(glass_front(), poses, LRF, caster="planar", rng=0)

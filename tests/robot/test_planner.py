@@ -250,3 +250,18 @@ def test_a_room_that_is_seen_at_one_look_is_driven_through_for_some_seconds():
     route = plan_route(room, range_max=10.0)
     assert np.hypot(*np.diff(route, axis=0).T).sum() > 15.0
     assert ((route > 0.35) & (route < [4.65, 3.65])).all()
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(1000.0, "0.001"), (100.0, "0.01")])
+def test_a_plan_in_other_units_is_refused_with_the_scale_that_fits(unit, scale):
+    flat = house(0.9, 0.9)
+    with pytest.raises(InputError, match=rf"--scale {scale}, if the drawing"):
+        plan_route(flat.scaled(unit))
+    town = np.vstack([STREETS.segments + np.tile([x, 0.0], 2) for x in (0.0, 4000.0)])
+    assert len(plan_route(World(town))) > 2
+
+
+@pytest.mark.parametrize("start", ["abc", (1e300, 0.0), (None, 1.0)])
+def test_a_start_of_the_wrong_kind_is_one_clear_error(start):
+    with pytest.raises(InputError, match="start"):
+        plan_route(HOUSE, start=start)

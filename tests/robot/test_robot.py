@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from lrf3d import CollisionError, InputError, Trajectory, Unicycle, World, drive, follow_route
 from lrf3d.robot import check_drive, find_collision
+from lrf3d.robot.laps import Patrol
 from lrf3d.scenario import Scenario
 from lrf3d.scenario_file import load_scenario
 
@@ -150,3 +151,62 @@ def test_a_robot_that_stands_in_a_wall_collides():
     world = World([[0.0, 0.0, 1.0, 0.0]])
     assert find_collision(Trajectory([0.0], [(0.5, 0.1, 0.0)]), world, 0.3) is not None
     assert find_collision(Trajectory([0.0], [(0.5, 0.4, 0.0)]), world, 0.3) is None
+
+
+BAD = ["a", None, np.nan, 1e300, -1.0]
+
+
+@pytest.mark.parametrize("value", BAD)
+@pytest.mark.parametrize("name", ["speed", "lookahead", "dt"])
+def test_a_route_is_followed_at_positive_settings_alone(name, value):
+    if name != "dt" and value == 1e300:
+        # As fast, or as far ahead, as there is room for.
+        assert len(follow_route([[0, 0], [5, 0]], **{name: value})) > 1
+        return
+    with pytest.raises(InputError, match=name):
+        follow_route([[0, 0], [5, 0]], **{name: value})
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: follow_route("abc"),
+        lambda: follow_route([[0, 0], [1e300, 0]]),
+        lambda: follow_route([[0, 0], [1, 0]], most="a"),
+        lambda: follow_route([[0, 0], [1, 0]], start="a"),
+        lambda: drive("abc", 1.0, 0.0, duration=1.0),
+        lambda: drive((0, 0, 0), "a", 0.0, duration=1.0),
+        lambda: drive((0, 0, 0), 1.0, None, duration=1.0),
+        lambda: drive((0, 0, 0), 1.0, 0.0, duration=1e300),
+        lambda: drive((0, 0, 0), lambda t: 1.0, 0.0, duration=1.0, tolerance="a"),
+        lambda: drive((0, 0, 0), 1.0, 0.0, duration=1.0, dt="a"),
+        lambda: Trajectory("ab", [[0, 0, 0]]),
+        lambda: Trajectory([np.inf], [[0, 0, 0]]),
+        lambda: Trajectory([1e18], [[0, 0, 0]]),
+        lambda: Trajectory([0.0], "abc"),
+        lambda: Trajectory([0.0], [[0, 0, 0]]).at("a"),
+        lambda: Trajectory([0.0], [[0, 0, 0]]).every(0),
+        lambda: Unicycle(radius="a"),
+        lambda: Unicycle(radius=-1.0),
+        lambda: Unicycle().move((0, 0, 0), "a", 0.0, 1.0),
+        lambda: Unicycle().move("abc", 1.0, 0.0, 1.0),
+        lambda: find_collision(Trajectory([0.0], [[0, 0, 0]]), ROOM, np.nan),
+        lambda: check_drive(Trajectory([0.0], [[0, 0, 0]]), ROOM, "a"),
+        lambda: Patrol("abc"),
+        lambda: Patrol([(0, 0), (1e300, 0)]),
+        lambda: Patrol([(0, 0), (1, 0)], speed="a"),
+    ],
+)
+def test_a_value_of_the_wrong_kind_is_one_clear_error(call):
+    with pytest.raises(InputError) as caught:
+        call()
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
+
+
+def test_a_collision_that_is_ignored_is_reported_without_advice():
+    told = []
+    scenario = Scenario(ROOM, route=np.array([[5.0, 4.0], [12.0, 4.0]]))
+    scenario.trajectory(on_collision=told.append)
+    assert len(told) == 1 and "wall 1" in told[0] and "--ignore-collisions" not in told[0]
+    with pytest.raises(CollisionError, match="--ignore-collisions"):
+        scenario.trajectory()

@@ -13,7 +13,7 @@ from lrf3d.geometry import Float, fit_line, lengths, normal_lines, principal_dir
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.mapper import MODES
-from lrf3d.mapping.paper.mapper import EndPointMerging
+from lrf3d.mapping.paper import unite
 from lrf3d.mapping.robust.walls import Walls, merge
 from lrf3d.mapping.segment_table import SegmentTable, add_moments, measure_moments
 from lrf3d.world import World
@@ -102,7 +102,8 @@ def end_points(rng: np.random.Generator) -> Float:
         np.array([2, 2]),
         np.array([0, 1]),
     )
-    merged, _ = EndPointMerging(0.1, 0.1).merge(table, 0, 1)
+    unite(table, 0, 1)
+    merged = table.ends[0]
     middle, along = 0.5 * (merged[:2] + merged[2:]), merged[2:] - merged[:2]
     return np.array([off_line(middle, along / np.hypot(*along), points, np.ones(4), length)])
 

@@ -42,14 +42,12 @@ behind. A sweep stops its workers first, which takes long on a busy machine."""
 SWEEPS = """
 import shutil, sys
 from pathlib import Path
-from lrf3d.sweep.grid import SweepGrid
-from lrf3d.sweep.plan import make_plan
-from lrf3d.sweep.sweeping import sweep
+from lrf3d import sweep
 folder = Path(sys.argv[1])
 axes = {"noise.sigma": (0.0, 0.1), "laser.beams": (31,)}
 if __name__ == "__main__":
     while True:
-        sweep(make_plan(SweepGrid.usual("paper_room", axes=axes, seeds=2)), folder, workers=1)
+        sweep("paper_room", axes=axes, seeds=2, folder=folder, workers=1)
         shutil.rmtree(folder)
         print("sweep", flush=True)
 """

@@ -14,47 +14,18 @@ import pytest
 from browser import needs_browser, number, opened, picture, served, started, until
 from PIL import Image
 from program import lrf3d, refused
-from test_glb import FAR, simulated
+from test_glb import simulated
 from test_render import city_run
+from yard import OBSTACLE, YARD
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError, MissingLibraryError, OutputError, WorldError
 from lrf3d.io import save_run
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
-from lrf3d.scenario_file import load_scenario
-from lrf3d.view.hand_drive import HandDrive, Wish
+from lrf3d.scene.timeline import Timeline
+from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.opening import open_view, run_view, world_view
-from lrf3d.view.page_data import pack_run
 from lrf3d.world import World
-
-YARD = """\
-name = "yard"
-
-[[object]]
-name = "walls"
-points = [[0, 0], [16, 0], [16, 9], [0, 9]]
-closed = true
-
-[[object]]
-name = "shed"
-points = [[6, 6], [8, 6], [8, 8], [6, 8]]
-closed = true
-
-[robot]
-route = [[2, 3], [13, 3]]
-speed = 2.0
-
-[laser]
-beams = 61
-range_max = 30.0
-"""
-OBSTACLE = """
-[[obstacle]]
-route = [[9, 2], [9, 7]]
-radius = 0.4
-"""
 
 
 @pytest.fixture
@@ -206,7 +177,8 @@ def test_the_page_shows_what_moved_in_a_run(tmp_path, chromium):
 
 def page_end(run):
     """How long a run plays [s]."""
-    return float(unpacked(run)["keyTimes"][-1])
+    timeline = Timeline(run, playback=1.0)
+    return timeline.end - timeline.start
 
 
 @pytest.mark.slow
@@ -314,107 +286,6 @@ def test_the_page_fits_a_telephone(driven, chromium):
 # Without it -------------------------------------------------------------------------------------
 
 
-def unpacked(run):
-    block, told = pack_run(run)
-    return {
-        name: np.frombuffer(block, kind, length, begin)
-        for name, (kind, begin, length) in told["layout"].items()
-    }
-
-
-@pytest.mark.parametrize("offset", [(0.0, 0.0), FAR])
-def test_the_page_gets_the_run_as_it_is(offset):
-    run = city_run(offset)
-    arrays = unpacked(run)
-    shift = np.array([*run.world.origin, 0.0])
-    poses = arrays["poses"].reshape(-1, 3) + shift
-    assert poses == pytest.approx(run.trajectory.poses, abs=1e-4)
-    assert arrays["ranges"].reshape(run.ranges.shape) == pytest.approx(run.ranges, rel=1e-6)
-    segments = arrays["segments"].reshape(-1, 4) + np.tile(run.world.origin, 2)
-    assert segments == pytest.approx(run.map.segments, abs=1e-4)
-    assert arrays["stageSizes"].tolist() == [len(run.map)]
-    assert len(arrays["colours"]) == 3 * len(run.map)
-
-
-def test_the_page_gets_what_moved_beside_the_robot():
-    way = Trajectory([0.5, 2.0], [(-22, 1, 3.0), (-14, -1, -3.0)])
-    obstacles = (
-        DynamicObstacle(round_outline(0.4), way),
-        DynamicObstacle(round_outline(0.3), Trajectory([0], [(1, 2, 3)])),
-    )
-    run = replace(city_run(), obstacles=obstacles)
-    arrays = unpacked(run)
-    times, poses = arrays["obstacleTimes"], arrays["obstaclePoses"].reshape(-1, 3)
-    shift = np.array([*run.world.origin, 0.0])
-    for obstacle, end in zip(obstacles, np.cumsum(arrays["obstacleSizes"]), strict=True):
-        first = end - arrays["obstacleSizes"][obstacles.index(obstacle)]
-        due = obstacle.path.at(times[first:end] + run.trajectory.times[0])
-        assert poses[first:end, :2] + shift[:2] == pytest.approx(due[:, :2], abs=1e-4)
-        # From key to key it turns the shorter way.
-        assert np.abs(np.diff(poses[first:end, 2])).max() < np.pi
-
-
-def test_a_run_without_a_map_is_shown():
-    arrays = unpacked(replace(city_run(), snapshot_scans=(), maps=()))
-    assert len(arrays["segments"]) == len(arrays["stageTimes"]) == 0
-
-
-def hand(text, tmp_path, **settings):
-    path = tmp_path / "world.toml"
-    path.write_text(text)
-    scenario = load_scenario(path)
-    return HandDrive(scenario, Pose(2.0, 3.0, 0.0), **settings)
-
-
-def test_a_hand_drives_stops_before_walls_and_starts_again(tmp_path):
-    drive = hand(YARD, tmp_path, rng=4)
-    first = drive.step(0.05)
-    assert first["fresh"] and first["map"] is not None
-    drive.wish = Wish(forward=1.0)
-    news = [drive.step(0.05) for _ in range(200)]
-    speeds = np.array([each["pose"]["speed"] for each in news])
-    assert speeds.max() == pytest.approx(2.0) and not any(each["fresh"] for each in news)
-    # Ten seconds at 2 m/s would lead through the wall at x = 16.
-    assert any(each["bumped"] for each in news) and 15.0 < drive.pose.x < 15.65 + 1e-9
-    assert drive.pose.y == 3.0
-    drive.restart()
-    drive.wish = Wish()
-    again = drive.step(0.05)
-    assert again == first
-
-
-def test_a_hand_cannot_ask_for_more_than_the_robot_can_or_for_a_long_step(tmp_path):
-    drive = hand(YARD, tmp_path)
-    drive.wish = Wish(forward=1.0)
-    drive.step(1e6)
-    assert drive.pose.x < 2.0 + 2.0 * 0.1 + 1e-9
-
-
-def test_what_moves_is_seen_by_the_laser_and_told_to_the_page(tmp_path):
-    drive = hand(YARD + OBSTACLE, tmp_path)
-    without = hand(YARD, tmp_path)
-    origin = load_scenario(tmp_path / "world.toml").world.origin
-    nearer = 0
-    for _ in range(60):
-        news, plain = drive.step(0.1), without.step(0.1)
-        x, y = np.array(news["obstacles"][:2]) + origin
-        assert x == pytest.approx(9.0) and 2.0 <= y <= 7.0
-        nearer += sum(a < b - 1.0 for a, b in zip(news["ranges"], plain["ranges"], strict=True))
-    assert plain["obstacles"] == [] and nearer > 60
-
-
-def test_the_noise_of_the_scenario_is_that_of_the_drive(tmp_path):
-    drive = hand(YARD + "\n[noise]\nsigma = 0\nresolution = 0.5\n", tmp_path)
-    ranges = np.array(drive.step(0.05)["ranges"], float)
-    assert np.array_equal(ranges, np.round(2.0 * ranges) / 2.0)
-
-
-def test_a_beam_without_return_is_told_as_none(tmp_path):
-    drive = hand(YARD.replace("range_max = 30.0", "range_max = 4.0"), tmp_path)
-    ranges = drive.step(0.05)["ranges"]
-    assert None in ranges and all(r is None or 0.0 < r < 4.5 for r in ranges)
-
-
 def test_a_world_is_warm_before_its_page_is_offered(yard, monkeypatch):
     steps = []
     step = HandDrive.step
@@ -459,35 +330,13 @@ def test_what_is_wrong_is_named(yard):
 
 def test_without_nicegui_the_extra_is_named(yard, monkeypatch):
     monkeypatch.setitem(sys.modules, "nicegui", None)
-    with pytest.raises(MissingLibraryError, match=r"lrf3d\[view\]"):
+    with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[view\]"):
         shown(yard)
 
 
 def test_help_comes_without_the_page():
     done = lrf3d("view", "--help")
     assert done.returncode == 0 and "RUN|WORLD" in done.stdout
-
-
-def test_a_range_finder_of_one_beam_is_played():
-    run = city_run()
-    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=run.lrf.range_max)
-    middle = slice(45, 46)
-    ranges, walls = run.ranges[:, middle], run.walls[:, middle]
-    arrays = unpacked(replace(run, lrf=lrf, ranges=ranges, truth=ranges, walls=walls))
-    assert len(arrays["joined"]) == 0 and len(arrays["ranges"]) == len(run)
-
-
-def test_points_of_a_run_have_the_darkness_of_their_light_if_asked():
-    office = load_scenario("glass_office")
-    run = office.run(rng=0, scans=4)
-    assert "darkness" not in unpacked(run)
-    dark = unpacked(replace(run, film=replace(run.film, points_by="intensity")))["darkness"]
-    shares = dark.reshape(run.ranges.shape) / 255.0
-    lights = run.intensities
-    assert (shares[lights >= 1.0] == 0.0).all() and (shares[lights <= 1e-4] == 1.0).all()
-    between = (lights > 1e-4) & (lights < 1.0)
-    want = -np.log10(lights[between]) / 4.0
-    assert np.abs(shares[between] - want).max() <= 0.5 / 255.0 + 1e-9
 
 
 STOPPED = """

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from lrf3d.errors import OutputError, WorldError
+from lrf3d.errors import InputError, OutputError, WorldError
 from lrf3d.world import Material, World, load_world, save_world, world_names
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
@@ -233,8 +233,69 @@ def test_reading_a_world_leaves_heavy_libraries_alone() -> None:
         ({"heights": [0.0]}, "height 0 m"),
         ({"object_names": ("a", "b")}, "2 names for 1 objects"),
         ({"colours": [[0, 0, 0], [1, 1, 1]]}, "2 colours"),
+        ({"colours": [[0, 0, 255]]}, "from 0 to 1"),
+        ({"colours": [[0, 0, np.nan]]}, "three NaN"),
+        ({"place": (np.nan, np.nan)}, "place: expected longitude and latitude"),
+        ({"place": "ab"}, "place: expected"),
+        ({"free": "abc"}, "free: expected FreeCells"),
+        ({"cameras": "abc"}, "cameras: expected a list"),
+        ({"cameras": ["abc"]}, "cameras: expected FixedCamera"),
+        ({"cameras": 2 * [FixedCamera("c", (0, 0, 1), (1, 1, 1))]}, "two of the name 'c'"),
+        ({"materials": 5}, "materials: expected a list"),
+        ({"object_names": "a"}, "object_names: expected a list"),
+        ({"object_names": [5]}, "object_names: expected a text"),
+        ({"name": 5}, "name: expected a text"),
+        ({"heights": [1e300]}, "at most 1e"),
+        ({"heights": "tall"}, "height: expected numbers"),
+        ({"segments": [[0, 0, 1e300, 0]]}, "at most 1e"),
+        ({"segments": [[0, 0, 1.1e9, 0]]}, "at most 1e"),
+        ({"segments": "walls"}, "segments: expected numbers"),
     ],
 )
 def test_a_world_refuses_what_does_not_fit(arguments: dict, message: str) -> None:
-    with pytest.raises(WorldError, match=message):
-        World([[0, 0, 1, 0]], **arguments)
+    with pytest.raises(WorldError, match=message) as caught:
+        World(**{"segments": [[0, 0, 1, 0]], **arguments})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("position", "target", "field"),
+    [
+        ((0, 0, "z"), (1, 1, 1), 50),
+        ((0, 0), (1, 1, 1), 50),
+        ((0, 0, 1e300), (1, 1, 1), 50),
+        ((0, 0, 1), "abc", 50),
+        ((0, 0, 1), (1, 1, np.nan), 50),
+        ((0, 0, 1), (1, 1, 1), "wide"),
+    ],
+)
+def test_a_camera_refuses_what_no_file_could_hold(position, target, field) -> None:
+    with pytest.raises(WorldError, match="camera 'c'"):
+        FixedCamera("c", position, target, field)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"cells": []},
+        {"cells": "abc"},
+        {"resolution": 0.0},
+        {"resolution": "fine"},
+        {"origin": (0.0, 0.0)},
+        {"origin": (np.nan, 0.0, 0.0)},
+    ],
+)
+def test_free_cells_refuse_what_no_file_could_hold(values: dict) -> None:
+    with pytest.raises(InputError):
+        FreeCells(**{"cells": np.ones((2, 2)), "resolution": 0.1, **values})
+
+
+@pytest.mark.parametrize("factor", ["a", None, 0.0, np.nan, 1e300])
+def test_a_scale_that_is_invalid_is_refused(factor: object) -> None:
+    with pytest.raises(WorldError, match="scale"):
+        World([[0, 0, 1, 0]]).scaled(factor)
+
+
+def test_a_world_with_the_name_of_any_file_can_be_saved(tmp_path: Path) -> None:
+    save_world(World([[0, 0, 1, 0]], name="a\udcff"), tmp_path / "w.toml")
+    assert load_world(tmp_path / "w.toml").name == "a?"

@@ -260,3 +260,33 @@ def test_an_empty_geometry_is_none(tmp_path: Path) -> None:
         "geometry": {"type": "Polygon", "coordinates": []},
     }
     assert len(read(tmp_path, empty, polygon([[0, 0], [9, 0], [9, 9]])).segments) == 3
+
+
+@pytest.mark.parametrize("where", ["member", "property"])
+def test_a_key_that_stands_twice_is_named(where: str, tmp_path: Path) -> None:
+    ring = json.dumps(rectangle(0, 0, 5, 5))
+    twice = '"height": 3, "height": 30' if where == "property" else ""
+    extra = '"name": "a", "name": "b",' if where == "member" else ""
+    (tmp_path / "t.geojson").write_text(
+        f'{{{extra} "type": "Feature", "properties": {{{twice}}},'
+        f' "geometry": {{"type": "Polygon", "coordinates": [{ring}]}}}}'
+    )
+    name = "name" if where == "member" else "height"
+    with pytest.raises(WorldError, match=rf"t\.geojson: .*'{name}' stands twice"):
+        load_world(tmp_path / "t.geojson")
+
+
+@pytest.mark.parametrize("crs", [None, "urn:ogc:def:crs:OGC:1.3:CRS84"])
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_building_across_the_dateline_is_as_wide_as_it_is(crs, cut, tmp_path: Path) -> None:
+    def ring(west: float, east: float) -> list[list[float]]:
+        return [[west, -17.0], [east, -17.0], [east, -16.9999], [west, -16.9999], [west, -17.0]]
+
+    rings = [ring(179.9999, -179.9999)]
+    if cut:
+        rings = [ring(179.9999, 180.0), ring(-180.0, -179.9999)]
+    told = {} if crs is None else {"crs": {"type": "name", "properties": {"name": crs}}}
+    geometry = {"type": "MultiPolygon", "coordinates": [[each] for each in rings]}
+    world = read(tmp_path, feature(geometry), **told)
+    assert sorted(lengths(world)) == pytest.approx([11.12, 11.12, 21.27, 21.27], abs=0.02)
+    assert abs(world.place[0]) == pytest.approx(180.0) and world.place[1] < -16.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import lrf3d
+from lrf3d.digest import digest
 from lrf3d.errors import WorldError
-from lrf3d.sweep.plan import digest
 from lrf3d.world import Material, World, load_world, save_world
 from lrf3d.world.materials import BUILT_IN, material_of
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
+from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world, outlines, save_world
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.outlines import chains_of
@@ -56,13 +57,13 @@ def test_the_opacity_of_a_picture_is_read_as_map_server_reads_it(kind: str, tmp_
         picture = picture.convert("RGBA")
     path = save_map(tmp_path, grey)
     picture.save(tmp_path / "map.png")
-    objects = {}
+    objects, text = {}, path.read_text()
     for mode in ("trinary", "scale"):
-        path.write_text(path.read_text() + f"mode: {mode}\n")
+        path.write_text(text + f"mode: {mode}\n")
         objects[mode] = load_world(path).object_count
     # Opacity is one of four colours: (3 · 60 + 100) / 4 = 70 is still dark enough.
     assert objects == {"trinary": 2, "scale": 1}
-    path.write_text(path.read_text() + "mode: trinary\noccupied_thresh: 0.74\n")
+    path.write_text(text + "mode: trinary\noccupied_thresh: 0.74\n")
     assert load_world(path).object_count == 1
 
 
@@ -231,3 +232,21 @@ def test_a_map_that_is_written_keeps_what_is_free(tmp_path: Path) -> None:
     places = np.random.default_rng(0).uniform([1.2, 1.2], [5.6, 3.8], (200, 2))
     places = places[np.abs(places[:, 0] - 4.95) > 0.2]
     assert (again.free.contain(places) == world.free.contain(places)).all()
+
+
+def test_a_key_that_stands_twice_is_named(tmp_path: Path) -> None:
+    path = save_map(tmp_path, room())
+    path.write_text(path.read_text() + "resolution: 0.5\n")
+    with pytest.raises(WorldError, match=r"map\.yaml:5: .*'resolution' stands in line 2"):
+        load_world(path)
+
+
+@pytest.mark.parametrize("size", ["59 50", "60 49", "61 50"])
+def test_a_picture_of_another_size_than_its_header_is_refused(size: str, tmp_path: Path) -> None:
+    path = save_map(tmp_path, room(), "map.pgm")
+    data = (tmp_path / "map.pgm").read_bytes()
+    (tmp_path / "map.pgm").write_bytes(data.replace(b"60 50", size.encode()))
+    with pytest.raises(WorldError, match=r"map\.pgm"):
+        load_world(path)
+    (tmp_path / "map.pgm").write_bytes(data + b"\n")
+    assert len(load_world(path).segments) == 4

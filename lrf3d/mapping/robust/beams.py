@@ -12,7 +12,6 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.live_map import Placement
 from lrf3d.mapping.robust.constants import CELL, LEAST_LOST, LOSS_ODDS, MOST_LOST
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
@@ -58,28 +57,18 @@ class Frame(NamedTuple):
         place = float(cos * dx + sin * dy + SHIFT[0]), float(cos * dy - sin * dx + SHIFT[1])
         return place, float(scan.pose.theta - self.theta)
 
-    @property
-    def placement(self) -> Placement:
-        """Where the frame lies in the world."""
-        return Placement(*self, *SHIFT)
-
     def in_world(self, segments: Float) -> Float:
         """Segments (n, 4) of this frame in the world."""
-        turned: Float = self._turned(segments) + np.tile([self.x, self.y], 2)
-        return turned
+        cos, sin = np.cos(self.theta), np.sin(self.theta)
+        turn = np.array([[cos, sin], [-sin, cos]])
+        placed: Float = (segments.reshape(-1, 2) - SHIFT) @ turn + [self.x, self.y]
+        return placed.reshape(-1, 4)
 
     def of_world(self, points: Float) -> Float:
         """Points (n, 2) of the world in this frame."""
         cos, sin = np.cos(self.theta), np.sin(self.theta)
         moved: Float = (points - (self.x, self.y)) @ np.array([[cos, -sin], [sin, cos]]) + SHIFT
         return moved
-
-    def _turned(self, segments: Float) -> Float:
-        """Segments (n, 4) of this frame in the world's directions, around its origin."""
-        cos, sin = np.cos(self.theta), np.sin(self.theta)
-        turn = np.array([[cos, sin], [-sin, cos]])
-        turned: Float = (segments.reshape(-1, 2) - SHIFT) @ turn
-        return turned.reshape(-1, 4)
 
 
 class Beams(NamedTuple):

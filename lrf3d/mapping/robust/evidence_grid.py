@@ -6,7 +6,6 @@ that was seen and not with the number of scans, and sums do not depend on the or
 The cells stand in blocks, which a hash table finds.
 """
 
-from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -82,34 +81,6 @@ class EvidenceGrid:
                 misses=_doubled(cells.misses, 0),
             )
         self.cells = cells
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """All that the grid is, as plain arrays by their names; `restore` takes them back."""
-        return {
-            f"cell_{name}": column[:count].copy() for name, column, count in _columns(self.cells)
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Be the grid whose state is given."""
-        columns: list[Any] = []
-        for name, column, _ in _columns(EvidenceGrid().cells):
-            kept = state[f"cell_{name}"]
-            if name in COUNTERS:
-                columns.append(np.array(kept))
-                continue
-            rows = max(len(column), 1 << (len(kept) - 1).bit_length()) if len(kept) else len(column)
-            # Free rows are as those of a new grid.
-            free = np.repeat(column[-1:], rows - len(kept), axis=0)
-            columns.append(np.concatenate([kept, free]))
-        beams_through, beams_at = Blocks(*columns[:3]), Blocks(*columns[6:9])
-        self.cells = Cells._make([beams_through, *columns[3:6], beams_at, *columns[9:]])
-        # Blocks have room for half as many as their hash tables.
-        while 2 * len(self.cells.planes) < len(self.cells.open.keys):
-            self.cells = self.cells._replace(
-                planes=_doubled(self.cells.planes, 0), passed=_doubled(self.cells.passed, 0)
-            )
-        while 2 * len(self.cells.heads) < len(self.cells.solid.keys):
-            self.cells = self.cells._replace(heads=_doubled(self.cells.heads, -1))
 
 
 COUNTERS = ("used", "widest")

@@ -5,9 +5,6 @@ the scan once, by the cells that it goes through, and refines the walls whose ev
 What it costs does not depend on the size of the map or on the number of scans.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from lrf3d.laser import LaserScan, RangeNoise
@@ -67,7 +64,6 @@ class RobustMapper:
         self._refine(fresh, noise)
         if lit is not None:
             self._optics.update(lit, ends, self._refined.ends)
-        self._refined.publish(self._frame)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
 
@@ -113,40 +109,8 @@ class RobustMapper:
     @property
     def map(self) -> LineMap:
         """The global map as it is now."""
+        if self._frame is None:
+            return LineMap.empty()
         if self._map is None:
-            self._map = self._refined.map
-            if self._frame is not None:
-                self._map = self._optics.show(self._map, self._frame)
+            self._map = self._optics.show(self._refined.in_world(self._frame), self._frame)
         return self._map
-
-    def state(self) -> dict[str, Any]:
-        """All that the mapper has learnt, as plain arrays; `restore` takes them back."""
-        frame = np.full(3, np.nan) if self._frame is None else np.array(self._frame)
-        return {
-            **self._walls.state(),
-            **self._grid.state(),
-            **self._noise.state(),
-            **self._refined.state(),
-            "last_scan": np.array([] if self._last_scan is None else [self._last_scan], np.int64),
-            "frame": frame,
-            "wall_last_scans": self._last_scans.copy(),
-            "refit": self._refit.copy(),
-            "scans": np.array([self._scans]),
-            "following_wall": self._following.copy(),
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from what a mapper of the same settings had learnt."""
-        self._walls.restore(state)
-        self._grid.restore(state)
-        self._noise.restore(state)
-        last = state["last_scan"].tolist()
-        self._last_scan = last[0] if last else None
-        frame = state["frame"]
-        self._frame = None if np.isnan(frame).any() else Frame(*frame.tolist())
-        self._refined.restore(state, self._frame or Frame(0.0, 0.0, 0.0))
-        self._last_scans = state["wall_last_scans"].copy()
-        self._refit = state["refit"].copy()
-        self._scans = int(state["scans"][0])
-        self._following = state["following_wall"].copy()
-        self._map = None

@@ -6,9 +6,6 @@ by much more, and a robust scale leaves it out (Huber and Ronchetti 2009, sectio
 a :class:`~lrf3d.laser.RangeNoise` leaves.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from lrf3d.compiling import compiled
@@ -94,22 +91,6 @@ class NoiseEstimate:
             growth /= float((share * ranges**2) @ ranges**2)
             floor = max(float(share @ (variances - growth * ranges**2)) / float(share.sum()), least)
         return RangeNoise(float(np.sqrt(floor)), float(np.sqrt(growth)))
-
-    def state(self) -> dict[str, Any]:
-        """All that was learnt, as plain arrays; `restore` takes them back."""
-        noise = [] if self._noise is None else [*self._noise]
-        return {
-            "noise_counts": self._counts.copy(),
-            "noise_fitted": np.array([self._fitted]),
-            "noise": np.array(noise, dtype=np.float64),
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state."""
-        self._counts = state["noise_counts"].copy()
-        self._total, self._fitted = int(self._counts.sum()), int(state["noise_fitted"][0])
-        noise = state["noise"].tolist()
-        self._noise = RangeNoise(*noise) if noise else None
 
 
 @compiled

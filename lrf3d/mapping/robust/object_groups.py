@@ -4,8 +4,7 @@ Enter the segments that an update changed; leave objects that are worked out ane
 them. What the beams have shown of a link between two walls is asked once.
 """
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -102,22 +101,6 @@ class ObjectGroups:
         while groups.links.used[0] + MOST_LINKS * fresh > len(groups.links.kinds):
             groups = groups._replace(links=_doubled(groups.links))
         self._groups = groups
-
-    def state(self) -> dict[str, Any]:
-        """All that is known, as plain arrays by their names; `restore` takes them back."""
-        groups = self._groups
-        names = ("closed", "labels", "heads", "tails", "following")
-        return {
-            **{f"group_{name}": getattr(groups, name).copy() for name in names},
-            **{f"link_{name}": column.copy() for name, column in groups.links._asdict().items()},
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from what was known."""
-        links = Links(*(state[f"link_{name}"].copy() for name in Links._fields))
-        self._groups = Groups.of_size(len(state["group_labels"]), links)
-        for name in ("closed", "labels", "heads", "tails", "following"):
-            getattr(self._groups, name)[:] = state[f"group_{name}"]
 
 
 @compiled

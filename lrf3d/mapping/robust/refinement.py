@@ -9,8 +9,7 @@ It goes in two rounds: of each wall the stretches that are real are found; stret
 joined, and checked again: what the first round cut free, the second merges.
 """
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +17,7 @@ from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.grid import Grid
-from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.live_map import LiveMap
+from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import Frame
 from lrf3d.mapping.robust.cells import Cells, NewEvidence
 from lrf3d.mapping.robust.constants import (
@@ -28,7 +26,7 @@ from lrf3d.mapping.robust.constants import (
     OPEN_WEIGHT,
     VIOLATION_WEIGHT,
 )
-from lrf3d.mapping.robust.joining import Joints, loosen_walls, rejoin_stretches, tie_rings
+from lrf3d.mapping.robust.joining import Joints, loosen_walls, rejoin_stretches
 from lrf3d.mapping.robust.object_groups import ObjectGroups
 from lrf3d.mapping.robust.refitting import Refit, refit_walls
 from lrf3d.mapping.robust.segment_pool import NewSegments, Pool, SegmentPool
@@ -61,8 +59,6 @@ class MapRefinement:
         self._stretches, self.segments = SegmentPool(), SegmentPool()
         self._joints = Joints.of_size(LEAST_ROWS)
         self.groups = ObjectGroups()
-        self._changed: list[Int] = []
-        self._live = LiveMap()
 
     def grow(self, rows: int) -> None:
         """Have room for so many walls."""
@@ -101,57 +97,20 @@ class MapRefinement:
             *(cells, self._least),
         )  # fmt: skip
         change = self.segments.exchange(old, found, stretches.size)
-        self._changed.append(self.groups.update(self.segments, change, cells, noise))
+        self.groups.update(self.segments, change, cells, noise)
         forsaken: list[int] = cut.forsaken.tolist()
         return forsaken
-
-    def publish(self, frame: Frame) -> None:
-        """Bring the map in the world up to date."""
-        if self._changed:
-            self._live.update(np.concatenate(self._changed), *self._shown(), frame.placement)
-            self._changed.clear()
-
-    def _shown(self) -> tuple[Float, Int, Int]:
-        return self.groups.closed, self.segments.walls.points, self.groups.labels
 
     @property
     def ends(self) -> Float:
         """The segments (m, 4) of the map in its own frame [m]."""
         return self.groups.closed[self.segments.rows()]
 
-    @property
-    def map(self) -> LineMap:
-        """The map in the world, as it was published last."""
-        return self._live.value()
-
-    def state(self) -> dict[str, Any]:
-        """All that was worked out, as plain arrays by their names; `restore` takes them back."""
-        return {
-            **self._stretches.state("stretch"),
-            **self.segments.state("segment"),
-            **self.groups.state(),
-            **self._live.state(),
-            "refit_stamps": self.stamps.copy(),
-            "new_evidence": self.new_evidence.copy(),
-            "refit_evidence": self.evidence.copy(),
-            "joint_stamps": self._joints.stamps.copy(),
-            "joints": self._joints.names.copy(),
-        }
-
-    def restore(self, state: Mapping[str, Any], frame: Frame) -> None:
-        """Go on from what was worked out."""
-        self._stretches.restore(state, "stretch")
-        self.segments.restore(state, "segment")
-        self.groups.restore(state)
-        self._live.restore(state, *self._shown(), frame.placement)
-        self._changed.clear()
-        self.stamps, self.evidence = state["refit_stamps"].copy(), state["refit_evidence"].copy()
-        self.new_evidence = state["new_evidence"].copy()
-        names = state["joints"].copy()
-        self._joints = Joints.of_size(len(names))._replace(
-            names=names, stamps=state["joint_stamps"].copy()
-        )
-        tie_rings(self._stretches.rows(), names, self._joints.rings)
+    def in_world(self, frame: Frame) -> LineMap:
+        """The map in the world."""
+        rows = self.segments.rows()
+        ends = frame.in_world(self.groups.closed[rows])
+        return solid_map(ends, self.groups.labels[rows], self.segments.walls.points[rows])
 
 
 class Cut(NamedTuple):

@@ -1,7 +1,6 @@
 """SegmentPool: segments that come and go, in arrays that grow in place, found by where they are."""
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -151,37 +150,6 @@ class SegmentPool:
         while done < len(rows):
             self.grid = Grid.of_size(2 * len(self.grid.rows))
             done = insert_rows(self.grid, rows, 0, self.walls.ends, MERGE_CELL)
-
-    def state(self, name: str) -> dict[str, Any]:
-        """All that the pool is, as plain arrays by their names; `restore` takes them back."""
-        pool, top = self.pool, int(self.pool.used[0])
-        walls = pool.walls.take(slice(top))
-        return {
-            **{f"{name}_{part}": column for part, column in walls._asdict().items()},
-            **{f"{name}_grid_{part}": array.copy() for part, array in self.grid._asdict().items()},
-            f"{name}_parents": pool.parents[:top].copy(),
-            f"{name}_known": pool.known[:top].copy(),
-            f"{name}_placed": pool.placed[:top].copy(),
-            f"{name}_free": pool.free[: pool.used[1]].copy(),
-        }
-
-    def restore(self, state: Mapping[str, Any], name: str) -> None:
-        """Be the pool whose state is given."""
-        self.__init__()  # type: ignore[misc]
-        parents, free = state[f"{name}_parents"], state[f"{name}_free"]
-        top = len(parents)
-        self.make_room(top, int(parents.max(initial=-1)) + 1)
-        pool = self.pool
-        for part, column in pool.walls._asdict().items():
-            column[:top] = state[f"{name}_{part}"]
-        pool.parents[:top], pool.known[:top] = parents, state[f"{name}_known"]
-        pool.placed[:top] = state[f"{name}_placed"]
-        pool.free[: len(free)] = free
-        pool.used[:] = top, len(free)
-        self.grid = Grid(*(state[f"{name}_grid_{part}"].copy() for part in Grid._fields))
-        for row in self.rows()[::-1].tolist():
-            pool.following[row] = pool.heads[parents[row]]
-            pool.heads[parents[row]] = row
 
 
 @compiled

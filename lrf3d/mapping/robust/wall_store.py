@@ -3,9 +3,6 @@
 An update costs what it changes, however large the map is: a grid finds the partners of new walls.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from lrf3d.geometry import Float, Int
@@ -106,27 +103,3 @@ class WallStore:
         """The walls as they are now, each an object of its own."""
         walls = self._walls.take(np.flatnonzero(self._walls.points[: self._top]))
         return SegmentTable(*walls, np.arange(len(walls.points)))
-
-    def state(self) -> dict[str, Any]:
-        """All that the store is, as plain arrays by their names; `restore` takes them back."""
-        walls = self._walls.take(slice(self._top))
-        searches = int(self._touched.number[1])
-        return {
-            **{f"wall_{name}": column for name, column in walls._asdict().items()},
-            **{f"grid_{name}": column for name, column in self._grid._asdict().items()},
-            "wall_free": np.array(self._free, dtype=np.int64),
-            "wall_counts": np.array([self._top, self._updates, searches], dtype=np.int64),
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Be the store whose state is given."""
-        self._top, self._updates, searches = state["wall_counts"].tolist()
-        rows = LEAST_ROWS
-        while rows < self._top:
-            rows *= 2
-        self._walls, self._touched = Walls.of_size(rows), Touched.of_size(rows)
-        for name, column in self._walls._asdict().items():
-            column[: self._top] = state[f"wall_{name}"]
-        self._touched.number[1] = searches
-        self._grid = Grid(*(state[f"grid_{name}"].copy() for name in Grid._fields))
-        self._free = state["wall_free"].tolist()

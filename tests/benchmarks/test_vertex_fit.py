@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.score.vertex_fit import _squared_errors, fit_vertices
 from lrf3d import LaserRangeFinder, LaserScan, PlanarCaster, World
-from lrf3d.mapping.vertices import _squared_errors, fit_vertices
 
 CIRCLE = LaserRangeFinder(-np.pi, np.pi - 2 * np.pi / 180, beams=180, range_max=30.0)
 HEXAGON = np.array([[4, 0], [3, 3], [-1, 4], [-4, 1], [-3, -3], [2, -4.0]])

@@ -27,8 +27,6 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Int
 from lrf3d.io.bag_frames import FrameTrack, FrameTree, Placed, Rows
 from lrf3d.io.bag_messages import (
-    ECHOES,
-    ECHOES_TOPIC,
     ODOMETRY,
     SCAN,
     STATIC_FRAMES,
@@ -39,7 +37,6 @@ from lrf3d.io.bag_messages import (
 )
 from lrf3d.io.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
 from lrf3d.laser import LaserScan, Stamp
-from lrf3d.laser.echoes import with_echoes
 from lrf3d.pose import Pose
 from lrf3d.world.schema import LARGEST_COORDINATE
 
@@ -95,7 +92,6 @@ class _Contents:
 
     scans: list[LaserScan] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
-    echoes: dict[int, LaserScan] = field(default_factory=dict)
     frame: str = ""
     rows: dict[str, Rows] = field(default_factory=lambda: defaultdict(Rows))
     children: dict[str, str] = field(default_factory=dict)
@@ -111,9 +107,7 @@ class _Contents:
 
 
 def _scan_topic(bag: Bag, wanted: str | None) -> str:
-    kinds = bag.topics.items()
-    plain = sorted(topic for topic, kind in kinds if kind == SCAN)
-    topics = plain + sorted(topic for topic, kind in kinds if kind == ECHOES)
+    topics = sorted(topic for topic, kind in bag.topics.items() if kind == SCAN)
     if not topics:
         raise InputError(f"{bag.path}: no topic of {SCAN} in it")
     if wanted is None:
@@ -125,19 +119,13 @@ def _scan_topic(bag: Bag, wanted: str | None) -> str:
 
 def _read(bag: Bag, scan_topic: str) -> _Contents:
     contents, readings = _Contents(), 0
-    kinds = bag.topics.items()
-    topics = {topic for topic, kind in kinds if kind not in (SCAN, ECHOES)} | {scan_topic}
-    if bag.topics.get(ECHOES_TOPIC) == ECHOES:
-        topics.add(ECHOES_TOPIC)
+    topics = {topic for topic, kind in bag.topics.items() if kind != SCAN} | {scan_topic}
     for message in bag.messages(topics):
         if isinstance(message, BadLine):
             contents.refuse(message)
             continue
         try:
-            if message.kind == ECHOES and message.topic != scan_topic:
-                echo_scan = LaserScan.from_ros(message.content)
-                contents.echoes[_stamp(message.content.header)] = echo_scan
-            elif message.kind in (SCAN, ECHOES):
+            if message.kind == SCAN:
                 _take_scan(contents, message.content)
                 readings += len(contents.scans[-1].ranges)
             elif message.kind == TRANSFORMS:
@@ -148,7 +136,6 @@ def _read(bag: Bag, scan_topic: str) -> _Contents:
             contents.refuse(BadLine(message.number, str(error), "message"))
         if readings > MOST_READINGS:
             raise InputError(f"{bag.path}: more than {MOST_READINGS:,} readings; cut it into parts")
-    contents.scans = with_echoes(contents.scans, contents.stamps, contents.echoes)
     return contents
 
 

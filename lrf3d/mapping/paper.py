@@ -1,0 +1,252 @@
+"""The paper's mapper: section 3 of Teslić et al. (and its [4]) to the letter.
+
+A scan enters. Runs of returns no farther apart than a fixed gap are clusters, split-and-merge makes
+a polyline of each, and Eq. 9 decides which segments of scan and map are one: G_new = S ∪ G_old.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from lrf3d.geometry import Bool, Float, Int, cross, directions, fit_line, lengths
+from lrf3d.laser import LaserScan, beam_directions
+from lrf3d.mapping.line_map import LineMap
+from lrf3d.mapping.segment_table import SegmentTable, add_moments, fit_ends, measure_moments
+
+LEAST_LENGTH = 1e-9
+"""Length [m] that a segment is longer than: points nearer to each other have no direction."""
+
+
+def split_and_merge(points: Float, split: float) -> SegmentTable:
+    """Polyline of a cluster of points (n, 2), its lines fitted by total least squares.
+
+    The cluster is split at the point farthest from the chord of its ends while that point is
+    farther than ``split`` [m]; then neighbours are merged again where all their points lie
+    within ``split`` of one common line. A piece of one point, or of points at one place, is no
+    segment.
+    """
+    cuts = _merge(points, _split(points, split), split)
+    rows = [_segment(points[first : last + 1]) for first, last in pairwise(cuts)]
+    rows = [row for row in rows if np.hypot(*(row[0][2:] - row[0][:2])) > LEAST_LENGTH]
+    if not rows:
+        return SegmentTable.empty()
+    ends, moments, counts = (np.array(column) for column in zip(*rows, strict=True))
+    return SegmentTable(ends, moments, counts, np.zeros(len(rows), np.int64))
+
+
+def _split(points: Float, split: float) -> list[int]:
+    """Rising indices of the vertices of the polyline; neighbours share theirs."""
+    cuts = [0]
+    stack = [(0, len(points) - 1)]
+    while stack:
+        first, last = stack.pop()
+        chord = points[last] - points[first]
+        offset = points[first : last + 1] - points[first]
+        length = np.hypot(*chord)
+        if length > 0.0:
+            away = np.abs(cross(chord, offset)) / length
+        else:
+            away = np.hypot(offset[:, 0], offset[:, 1])
+        farthest = int(np.argmax(away))
+        if 0 < farthest < last - first and away[farthest] > split:
+            stack += [(first + farthest, last), (first, first + farthest)]
+        else:
+            cuts.append(last)
+    return cuts
+
+
+def _merge(points: Float, cuts: list[int], split: float) -> list[int]:
+    """The vertices that are left when neighbours on one line are merged, straightest first."""
+    while len(cuts) > 2:
+        spread = [
+            _largest_distance(points[first : last + 1])
+            for first, last in zip(cuts[:-2], cuts[2:], strict=True)
+        ]
+        straightest = int(np.argmin(spread))
+        if spread[straightest] > split:
+            break
+        del cuts[straightest + 1]
+    return cuts
+
+
+def _largest_distance(points: Float) -> float:
+    """How far [m] the farthest of points (n, 2) lies off their best line."""
+    mean, unit = fit_line(points)
+    return float(np.abs(cross(unit, points - mean)).max())
+
+
+def _segment(points: Float) -> tuple[Float, Float, int]:
+    """The ends (4,), moments (6,) and number of points (n, 2) of a polyline's segment."""
+    moments = measure_moments(points, np.ones(len(points)))
+    span = np.concatenate([points[:-1], points[1:]], axis=1)
+    # Two equal points span nothing; the chord of the whole piece gives the direction.
+    chord = np.concatenate([points[0], points[-1]])[None]
+    return fit_ends(moments, np.concatenate([chord, span])), moments, len(points)
+
+
+def ordered_returns(scan: LaserScan) -> tuple[Int, bool]:
+    """Beams (n,) of a scan by rising angle, each direction once, and whether they close a circle.
+
+    A scan of 360° whose last beam points where its first does reports that beam once.
+    """
+    order = np.argsort(scan.angles, kind="stable")
+    if len(order) < 3:
+        return order, False
+    angles = scan.angles[order]
+    step = float(np.median(np.diff(angles)))
+    left = 2.0 * np.pi - float(angles[-1] - angles[0])
+    if left < 0.5 * step:
+        return order[:-1], True
+    return order, left < 1.5 * step
+
+
+def clusters(scan: LaserScan, gap: float) -> Iterator[Int]:
+    """Runs (n,) of beams whose returns lie within a gap [m] of the next; lone ones are dropped."""
+    order, circle = ordered_returns(scan)
+    hit = scan.hits[order]
+    points = _returns(scan)[order]
+    steps = np.roll(points, -1, axis=0) - points
+    linked = (np.hypot(steps[:, 0], steps[:, 1]) <= gap) & hit & np.roll(hit, -1)
+    if not circle:
+        linked[-1:] = False
+    elif linked.all():
+        # One wall all round: any beam is as good to begin at.
+        yield order
+        return
+    else:
+        # Begin behind a break, so that no cluster runs over the end of the list.
+        begin = int(np.argmin(linked)) + 1
+        order, linked = np.roll(order, -begin), np.roll(linked, -begin)
+    first = 0
+    for last in np.flatnonzero(~linked).tolist():
+        if last > first:
+            yield order[first : last + 1]
+        first = last + 1
+
+
+def _returns(scan: LaserScan) -> Float:
+    """The returns (n, 2) [m] of all beams around the laser, in the world's directions."""
+    ranges = np.where(scan.hits, scan.ranges, 0.0)
+    return np.asarray(ranges[:, None] * beam_directions(scan.pose.theta, scan.angles))
+
+
+@dataclass(frozen=True, slots=True)
+class SplitMergeExtractor:
+    """The polylines of a scan: clusters by a fixed gap, split-and-merge.
+
+    Args:
+        gap: Two consecutive points farther apart than this [m] are of two clusters.
+        split: A polyline is split where a point is farther off than this [m].
+    """
+
+    gap: float
+    split: float
+
+    def __call__(self, scan: LaserScan) -> SegmentTable:
+        """The local map of a scan, in the world's directions around the laser."""
+        points, table = _returns(scan), SegmentTable.empty()
+        for number, beams in enumerate(clusters(scan, self.gap)):
+            polyline = split_and_merge(points[beams], self.split)
+            table = table.join(replace(polyline, unions=np.full(len(polyline), number)))
+        return table
+
+
+def merges(segment: Float, others: Float, length: float, distance: float) -> Bool:
+    """Whether Eq. 9 merges a segment L1 (4,) with each of others L2 (m, 4).
+
+    The thresholds are T [m], of the conditions c1 to c4, and R [m], of the distances.
+    """
+    a_end, b_end = segment[:2], segment[2:]
+    c_ends, d_ends = others[:, :2], others[:, 2:]
+    a, b = _distance(c_ends, a_end), _distance(c_ends, b_end)
+    c, d = _distance(d_ends, a_end), _distance(d_ends, b_end)
+    own, other = np.hypot(*(b_end - a_end)), lengths(others)
+    c1, c2 = a + b < own + length, c + d < own + length
+    c3, c4 = a + c < other + length, b + d < other + length
+    unit, units = (b_end - a_end) / own, directions(others)
+    offsets = [cross(unit, c_ends - a_end), cross(unit, d_ends - a_end)]
+    offsets += [cross(units, a_end - c_ends), cross(units, b_end - c_ends)]
+    beside = np.abs(offsets).max(axis=0) < distance
+    two = c1.astype(int) + c2 + c3 + c4 >= 2
+    return np.asarray((two & beside) | (c1 & c2) | (c3 & c4))
+
+
+def _distance(points: Float, point: Float) -> Float:
+    return np.asarray(np.hypot(points[:, 0] - point[0], points[:, 1] - point[1]))
+
+
+def unite(table: SegmentTable, row: int, other: int) -> None:
+    """Merge the second row into the first: the line through the four ends, which are projected."""
+    ends = table.ends[[row, other]]
+    mean, unit = fit_line(ends.reshape(-1, 2))
+    if unit @ directions(ends)[0] < 0.0:
+        unit = -unit
+    along = (ends.reshape(-1, 2) - mean) @ unit
+    table.ends[row] = np.concatenate([mean + along.min() * unit, mean + along.max() * unit])
+    table.moments[row] = add_moments(table.moments[row], table.moments[other])
+    table.points[row] += table.points[other]
+    table.points[other] = 0
+    table.unions[table.unions == table.unions[other]] = table.unions[row]
+
+
+class PaperMapper:
+    """The map of section 3.1.
+
+    Args:
+        extract: Finds the polylines of a scan.
+        length: T of Eq. 9 [m].
+        distance: R of Eq. 9 [m].
+        least: Segments with fewer points than this are kept back until they have more.
+    """
+
+    def __init__(
+        self, extract: SplitMergeExtractor, length: float, distance: float, least: int
+    ) -> None:
+        self._extract, self._least = extract, least
+        self._length, self._distance = length, distance
+        self._table, self._origin = SegmentTable.empty(), np.zeros(2)
+        self._map: LineMap | None = None
+
+    def update(self, scan: LaserScan) -> None:
+        """Unite the map with the local map of a scan."""
+        place = np.array(scan.pose[:2])
+        if not len(self._table):
+            # Whole metres, so that subtracting the origin and adding it again loses nothing.
+            self._origin = np.round(place)
+        self.add(self._extract(scan).shifted(place - self._origin))
+
+    def add(self, local: SegmentTable) -> None:
+        """Unite the map with segments around its origin."""
+        old = self._table
+        unions = local.unions + 1 + old.unions.max(initial=-1)
+        table = old.join(replace(local, unions=unions))
+        # Only fresh and merged segments are compared: the others were compared before. The loop
+        # ends, since each merge takes one segment away.
+        waiting = deque(range(len(old), len(table)))
+        while waiting:
+            row = waiting.popleft()
+            if not table.points[row]:
+                continue
+            fits = merges(table.ends[row], table.ends, self._length, self._distance)
+            fits &= table.points > 0
+            fits[row] = False
+            if fits.any():
+                unite(table, row, int(fits.argmax()))
+                waiting.append(row)
+        self._table, self._map = table.take(np.flatnonzero(table.points)), None
+
+    @property
+    def table(self) -> SegmentTable:
+        """All segments, around the map's origin."""
+        return self._table
+
+    @property
+    def map(self) -> LineMap:
+        """The segments that have enough points, in the world."""
+        if self._map is None:
+            shown = np.flatnonzero(self._table.points >= self._least)
+            self._map = self._table.take(shown).as_map(self._origin)
+        return self._map

@@ -1,0 +1,287 @@
+"""The sweep: all runs of a plan on an executor, their rows in a folder, and the table of them."""
+
+import pickle
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from copy import deepcopy
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.cores import core_count, process_pool
+from lrf3d.errors import InputError, Lrf3dError, missing_extra
+from lrf3d.interrupts import check, noting, stoppable
+from lrf3d.output import lock_of, locked, make_folder, scratch_folder
+from lrf3d.progress import Progress, silent
+from lrf3d.run import Run
+from lrf3d.scoring import buildings_seen, score_run
+from lrf3d.scoring.visibility import visible_walls
+from lrf3d.sweeping.grid import SIGMA, SIGMAS, SettingValue, SweepGrid
+from lrf3d.sweeping.plan import Plan, PlannedRun, make_plan
+from lrf3d.sweeping.rows import ROWS, Row, RowFile, read_rows
+from lrf3d.sweeping.table import SweepTable
+from lrf3d.world.touching import joined_objects
+
+BATCH = 8
+"""Runs that are sent together: a crash costs at most these, and sending them next to nothing."""
+
+AHEAD = 3
+"""Batches sent for each worker: one in progress and some queued, so that no worker waits."""
+
+PLACES_KEPT = 4
+"""Places whose casters a worker keeps."""
+
+
+@stoppable()
+def sweep(
+    worlds: str | Sequence[str],
+    *,
+    mappers: Mapping[str, Any] | Sequence[str] | None = None,
+    axes: Mapping[str, Sequence[SettingValue]] | None = None,
+    seeds: int = 20,
+    every: int = 1,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    progress: Progress = silent,
+) -> SweepTable:
+    """Run every combination of worlds, mappers and settings with many seeds.
+
+    Args:
+        worlds: Built-in worlds or world files.
+        mappers: Mappers by their labels: a mode of the LineMapper, a dict of its settings, a class
+            to instantiate for each run, or an object with ``update(scan)``, which is copied for
+            each run. Both modes if not given.
+        axes: Values of settings of world files, as ``{"noise.sigma": (0.02, 0.05)}``; the usual
+            noise levels if not given.
+        seeds: Number of seeds.
+        every: Use every n-th scan of a drive.
+        folder: Where rows are appended as they come; they are only returned if not given.
+        resume: Continue with the rows in the folder.
+        workers: Number of processes on this machine, one for each core if not given. With 1 all
+            runs are made in this process.
+        executor: Makes the runs instead, such as ``distributed.Client(...).get_executor()``.
+        progress: Called with the number of finished runs, and of all.
+
+    Returns:
+        The table: a row for each run, and the means over the seeds.
+
+    Raises:
+        InputError: Something is invalid, or the folder holds other runs.
+
+    Examples:
+        >>> import lrf3d
+        >>> table = lrf3d.sweep(
+        ...     "paper_room", mappers=["robust"], axes={"noise.sigma": (0.1,)}, seeds=2, workers=1
+        ... )
+        >>> [row["mapper"] for row in table.rows]
+        ['robust', 'robust']
+    """
+    chosen: dict[str, Any] = {"seeds": seeds, "every": every}
+    if mappers is not None:
+        if not isinstance(mappers, Mapping):
+            mappers = {label: label for label in mappers}
+        chosen["mappers"] = dict(mappers)
+    values = {SIGMA: SIGMAS} if axes is None else {key: tuple(each) for key, each in axes.items()}
+    names = (worlds,) if isinstance(worlds, str) else tuple(worlds)
+    plan = make_plan(SweepGrid(names, values, **chosen))
+    if folder is None:
+        with scratch_folder() as scratch, executor_of(workers, executor=executor) as used:
+            return run_plan(plan, scratch, used, progress=progress)
+    with executor_of(workers, executor=executor) as used:
+        return run_plan(plan, Path(folder), used, resume=resume, progress=progress)
+
+
+def run_plan(
+    plan: Plan,
+    folder: Path,
+    executor: Executor | None,
+    *,
+    resume: bool = False,
+    shard: tuple[int, int] | None = None,
+    progress: Progress = silent,
+) -> SweepTable:
+    """Make the runs of a plan that a folder does not hold yet.
+
+    Args:
+        plan: The plan.
+        folder: The folder for the rows.
+        executor: Makes the runs; None for this process.
+        resume: Continue with the rows in the folder.
+        shard: The number of this job, from 1, and of all jobs: only every n-th run is made, and
+            appended to a file of this job's own.
+        progress: Called with the number of finished runs, and of all.
+
+    Raises:
+        InputError: The folder holds other runs, or another process writes to it.
+        OutputError: The folder cannot be written to.
+    """
+    path = make_folder(folder) / ROWS.format("" if shard is None else ".{}of{}".format(*shard))
+    mine = plan.runs if shard is None else plan.runs[shard[0] - 1 :: shard[1]]
+    with locked(lock_of(path), path):
+        kept = known_rows(plan, folder)
+        missing = [run for run in mine if run.key not in kept]
+        done = len(mine) - len(missing)
+        if kept and done and not resume:
+            raise InputError(
+                f"{folder}: holds {len(kept)} runs of this sweep; go on with it by --resume, or"
+                " choose another folder with --out"
+            )
+        begin = done
+        with RowFile(path) as file, noting(lambda: kept_note(len(kept), len(plan.runs))):
+            progress(done, len(mine))
+            for rows in _made(plan, missing, executor):
+                file.add(rows)
+                kept |= {row["key"]: row for row in rows}
+                done += len(rows)
+                progress(done, len(mine))
+    rows = [kept[run.key] for run in plan.runs if run.key in kept]
+    return SweepTable(plan, rows, made=done - begin)
+
+
+def kept_note(kept: int, total: int) -> str:
+    """What a sweep that was stopped says."""
+    return f"{kept} of {total} runs kept; go on with --resume"
+
+
+def known_rows(plan: Plan, folder: Path) -> dict[str, Row]:
+    """The rows of a plan that a folder holds, by their keys.
+
+    Raises:
+        InputError: The folder holds runs of another plan.
+    """
+    found = read_rows(folder)
+    foreign = len(found.keys() - {run.key for run in plan.runs})
+    if foreign:
+        raise InputError(
+            f"{folder}: holds {foreign} runs that this sweep does not ask for; give all options"
+            " that it was started with, or choose another folder with --out"
+        )
+    return found
+
+
+@contextmanager
+def executor_of(
+    workers: int | None, scheduler: str | None = None, executor: Executor | None = None
+) -> Iterator[Executor | None]:
+    """The executor of a sweep: a given one, that of a Dask scheduler, or processes here.
+
+    None, for this process, where one worker is asked for.
+
+    Raises:
+        InputError: No scheduler answers.
+        MissingLibraryError: Dask is not installed.
+    """
+    if executor is not None:
+        yield executor
+    elif scheduler is not None:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise missing_extra("--scheduler needs Dask", "sweep") from error
+        try:
+            client = Client(scheduler, timeout=30)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"--scheduler {scheduler}: no scheduler answers there; start one with dask"
+                " scheduler, and give the tcp:// address that it prints"
+            ) from error
+        with client:
+            yield client.get_executor()
+    elif workers == 1:
+        yield None
+    else:
+        with process_pool(workers or core_count()) as pool:
+            yield pool
+
+
+def _made(
+    plan: Plan, runs: Sequence[PlannedRun], executor: Executor | None
+) -> Iterator[Sequence[Row]]:
+    """The rows of runs, in any order."""
+    packed = {name: pickle.dumps(place, protocol=5) for name, place in plan.places.items()}
+    batches = deque(runs[k : k + BATCH] for k in range(0, len(runs), BATCH))
+
+    def orders_of(batch: Sequence[PlannedRun]) -> list[tuple[bytes, Any, Any, int]]:
+        cells = [plan.cells[run.cell] for run in batch]
+        return [(packed[cell.place], cell.noise, cell.mapper, run.noise_seed)
+                for cell, run in zip(cells, batch, strict=True)]  # fmt: skip
+
+    def rows_of(batch: Sequence[PlannedRun], figures: list[Row]) -> list[Row]:
+        return [plan.described(run) | row for run, row in zip(batch, figures, strict=True)]
+
+    if executor is None:
+        for run in runs:
+            check()
+            yield rows_of([run], carry_out(orders_of([run])))
+        return
+    most = AHEAD * (getattr(executor, "_max_workers", None) or core_count())
+    running: dict[Future[list[Row]], Sequence[PlannedRun]] = {}
+    try:
+        while batches or running:
+            while batches and len(running) < most:
+                batch = batches.popleft()
+                running[executor.submit(carry_out, orders_of(batch))] = batch
+            check()
+            # A signal does not end this wait, so it ends now and then by itself.
+            for future in wait(running, 0.1, FIRST_COMPLETED).done:
+                batch = running.pop(future)
+                yield rows_of(batch, future.result())
+    except BrokenProcessPool as error:
+        raise Lrf3dError(
+            "a process of the sweep has ended, perhaps for want of memory; go on with --resume and"
+            " fewer --workers"
+        ) from error
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        if "pickle" not in str(error):
+            raise
+        raise InputError(
+            f"sweep: a mapper cannot be sent to other processes ({error}); define its class in a"
+            " module of its own, or use workers=1"
+        ) from error
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def carry_out(orders: Sequence[tuple[bytes, Any, Any, int]]) -> list[Row]:
+    """Make some runs, each a pure function of its packed place, its noise, mapper and seed."""
+    return [figures(run_of(*order)) for order in orders]
+
+
+def run_of(place: bytes, noise: Any, mapper: Any, seed: int) -> Run:
+    """One run, simulated."""
+    scenario, drive, caster = _unpacked(place)
+    if not isinstance(mapper, dict):
+        # A user's class or function makes a mapper for each run; a mapper is copied.
+        mapper = deepcopy(mapper) if hasattr(type(mapper), "update") else mapper()
+    run: Run = scenario.run(
+        drive=drive, noise=noise, mapper=mapper, rng=seed, caster=caster, snapshots=1
+    )
+    return run
+
+
+@lru_cache(maxsize=PLACES_KEPT)
+def _unpacked(place: bytes) -> tuple[Any, Any, PlanarCaster]:
+    scenario, drive = pickle.loads(place)
+    return scenario, drive, PlanarCaster(scenario.world)
+
+
+def figures(run: Run) -> Row:
+    """The figures of a run that a sweep keeps, in JSON's types."""
+    _, walls = visible_walls(run)
+    visible = len(set(joined_objects(run.world)[walls].tolist()))
+    buildings = buildings_seen(run)
+    return {
+        **score_run(run).as_dict(),
+        "map_objects": run.map.object_count,
+        "visible_objects": visible,
+        "object_ratio": run.map.object_count / visible if visible else None,
+        "seen_on_all_sides": buildings.seen_on_all_sides,
+        "whole": buildings.whole,
+    }

@@ -1,0 +1,153 @@
+"""Stopping: a signal is only noted, loops end where they check it, and handlers come back."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from program import lrf3d as program
+
+import lrf3d
+from lrf3d.interrupts import check, handle_signals, stoppable
+
+POSES = [(1 + 0.01 * k, 1, 0) for k in range(20)]
+
+
+def stopping_after(scans):
+    """Progress that presses Ctrl-C after a number of scans, and counts those that follow."""
+    seen = []
+
+    def report(done, total):
+        seen.append(done)
+        if done == scans:
+            signal.raise_signal(signal.SIGINT)
+
+    return seen, report
+
+
+@pytest.fixture
+def room():
+    return lrf3d.load_world("paper_room")
+
+
+def test_ctrl_c_ends_a_simulation_after_the_scan_at_hand_and_the_handler_comes_back(room):
+    seen, report = stopping_after(3)
+    with pytest.raises(KeyboardInterrupt):
+        lrf3d.simulate(room, POSES, rng=0, progress=report)
+    assert seen == [1, 2, 3]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    # The request to stop was for that simulation.
+    assert len(lrf3d.simulate(room, POSES, rng=0)) == len(POSES)
+
+
+def test_an_interrupt_is_not_raised_within_a_step():
+    """A mapper in which the signal arrives finishes its scan; raising there could crash it."""
+    done = []
+
+    class Mapper:
+        def update(self, scan):
+            signal.raise_signal(signal.SIGINT)
+            done.append(scan)
+
+    with pytest.raises(KeyboardInterrupt):
+        lrf3d.simulate(lrf3d.load_world("paper_room"), POSES, mapper=Mapper(), rng=0)
+    assert len(done) == 1
+
+
+def test_a_second_ctrl_c_ends_a_step_that_hangs():
+    with pytest.raises(KeyboardInterrupt), stoppable():
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        pytest.fail("the second one was not raised")
+
+
+def test_an_interrupt_that_comes_after_the_last_step_is_not_lost():
+    with pytest.raises(KeyboardInterrupt), stoppable():
+        signal.raise_signal(signal.SIGINT)
+    check()
+
+
+def test_a_handler_of_the_user_and_other_threads_are_left_alone(room):
+    heard = []
+    signal.signal(signal.SIGINT, lambda number, where: heard.append(number))
+    seen, report = stopping_after(3)
+    assert len(lrf3d.simulate(room, POSES, rng=0, progress=report)) == len(POSES) == len(seen)
+    assert heard == [signal.SIGINT]
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    runs = []
+    thread = threading.Thread(target=lambda: runs.append(lrf3d.simulate(room, POSES, rng=0)))
+    thread.start()
+    thread.join()
+    assert len(runs[0]) == len(POSES)
+
+
+def test_a_recording_says_what_it_keeps_and_is_resumed(room, tmp_path):
+    def simulation():
+        return lrf3d.Simulation(room, POSES, noise=lrf3d.ProportionalNoise(0.1), rng=3)
+
+    lrf3d.record(simulation(), tmp_path / "whole.npz")
+    _, report = stopping_after(7)
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        lrf3d.record(simulation(), tmp_path / "run.npz", progress=report)
+    assert stopped.value.__notes__ == ["7 of 20 scans kept; go on with --resume"]
+    lrf3d.record(simulation(), tmp_path / "run.npz", resume=True)
+    assert (tmp_path / "run.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_a_signal_that_is_ignored_stays_so():
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        handle_signals("lrf3d")
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+HANGING = """
+import sys, time
+class Mapper:
+    def update(self, scan):
+        print("begun", file=sys.stderr, flush=True)
+        while True:
+            time.sleep(0.01)
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_second_signal_ends_a_command_at_once(number, tmp_path):
+    number = getattr(signal, number, None)
+    if number is None or os.name != "posix":
+        pytest.skip("no such signal here")
+    (tmp_path / "mine.py").write_text(HANGING)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "lrf3d", "run", "paper_room", "--mapper", "mine.py:Mapper"],
+        cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stderr.readline() == "begun\n"
+    process.send_signal(number)
+    # Two at the same time count as one: that is how programs between the terminal and this one
+    # forward a Ctrl-C.
+    time.sleep(0.3)
+    assert process.poll() is None
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (128 + number, "lrf3d: stopped\n")
+
+
+def test_a_signal_that_comes_twice_at_once_counts_once(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import signal\n"
+        "class Mapper:\n"
+        "    def update(self, scan):\n"
+        "        signal.raise_signal(signal.SIGINT)\n"
+        "        signal.raise_signal(signal.SIGINT)\n"
+    )
+    arguments = ("run", "paper_room", "--no-video", "--mapper", "mine.py:Mapper")
+    done = program(*arguments, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (
+        130,
+        "lrf3d: stopped; 1 of 3 scans kept; go on with --resume\n",
+    )
