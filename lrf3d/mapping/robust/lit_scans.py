@@ -25,10 +25,10 @@ SEEN = 3
 SHORTEST = 0.5
 """[m] Length of a pane or a mirror from which on it is found."""
 
-MOST_SCANS = 128
+MOST_SCANS = 80
 """[scans] So many are kept: of a drive at least the last 38 m."""
 
-LEAST_WAY, LEAST_TURN = 0.3, 0.3
+LEAST_WAY, LEAST_TURN = 0.5, 0.5
 """[m, rad] A scan is kept if the robot has moved or turned by so much since the last one."""
 
 USUAL_SHARE = 0.7
@@ -52,11 +52,8 @@ class LitScan(NamedTuple):
         ends: Float = self.place + self.rays[:, RANGE, None] * self.rays[:, [UX, UY]]
         return ends
 
-    def crossings(self, segments: Float, *, beyond: float = 0.0) -> tuple[Float, Float]:
-        """How far [m] beams (m, n) went to segments (m, 4), infinite where they missed, and cosines.
-
-        A segment is taken to be longer by so much at either end [m].
-        """
+    def crossings(self, segments: Float) -> tuple[Float, Float]:
+        """How far [m] beams (m, n) went to segments (m, 4), or infinity, and their cosines."""
         x, y = (segments[:, :2] - self.place).T[:, :, None]
         along = segments[:, 2:] - segments[:, :2]
         size = np.hypot(along[:, 0], along[:, 1])
@@ -65,7 +62,7 @@ class LitScan(NamedTuple):
         with np.errstate(divide="ignore", invalid="ignore"):
             way = (dx * y - dy * x) / across
             station = way * (dx * self.rays[:, UX] + dy * self.rays[:, UY]) - (dx * x + dy * y)
-        on = (way > 0.0) & (station > -beyond) & (station < size[:, None] + beyond)
+        on = (way > 0.0) & (station > 0.0) & (station < size[:, None])
         return np.where(on, way, np.inf), np.abs(across)
 
 
@@ -177,5 +174,7 @@ def stretches(
 
 def runs(chosen: Bool) -> list[tuple[int, int]]:
     """The first place of each run of chosen ones (n,), and the place behind its last."""
-    edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2)
-    return [(first, last) for first, last in edges.tolist()]
+    padded = np.zeros(len(chosen) + 2, np.bool_)
+    padded[1:-1] = chosen
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))

@@ -36,8 +36,8 @@ DEPTH = 0.2
 IMAGE_DISTANCE = 0.15
 """[m] How far off a wall an image may lie when it is mirrored back, beside what noise explains."""
 
-SAME_ANGLE = np.radians(2.0)
-"""[rad] Two lines nearer than this, and as near as images lie, are one."""
+SAME_ANGLE, SAME_DISTANCE = np.radians(2.0), 0.1
+"""[rad, m] Two lines nearer than this are one: the faces of a thin wall are two."""
 
 LINES_A_SCAN, MOST_LINES = 6, 256
 """[lines] How many lines of a scan count, those first that most walls agree on, and in all."""
@@ -46,20 +46,21 @@ LEAST_VOTES, MORE_VOTES = 3, 1.5
 """[scans, factor] A line is looked at when so many scans agree on it, and again when so many
 times more do."""
 
-LOOK_AGAIN = 16
-"""[scans] A mirror is looked at again after so many more kept scans."""
+LOOKS, LOOK_AGAIN = 2, 16
+"""[lines, scans] Lines that are looked at with each kept scan; a mirror is after so many again."""
 
+QUICK = 4
 RAYS_A_LOOK, MOST_IMAGES = 200, 4096
 """[rays, images] How many of each kept scan are looked at, of more every second one, or third; and
 how many images are compared with what they are of."""
 
-IMAGES_A_PIECE, IMAGE_FACTOR = 3, 5.0
+IMAGES_A_PIECE, IMAGE_FACTOR = 3, 3.0
 """[beams, factor] Images in each piece of a mirror, and how much more than other returns."""
 
 LEAST_LIT = 8
 """[beams] … with so many images of walls of which the reflectance is known."""
 
-DIMMED, LIGHT_DEVIATION, AGREE = (0.6, 0.97), 0.08, 0.7
+DIMMED, LIGHT_DEVIATION, AGREE = (0.6, 0.97), 0.05, 0.7
 """[share] How bright images are beside what they are of, how far it may differ from one to another,
 and for how many of them not more: others are of metal, or at an edge of two walls."""
 
@@ -113,7 +114,7 @@ def image_line(place: Float, wall: Float, real: Float, line: Float) -> float:
 
 @compiled
 def find_lines(place: Float, walls: Float, segments: Float, lines: Float, weights: Float) -> int:
-    """Find lines that mirror segments (m, 4) of a map into walls (w, 4) of a scan from a place (2,).
+    """Find lines that mirror segments (m, 4) of a map into walls (w, 4) of a scan.
 
     Args:
         place: Where the laser is [m].
@@ -131,7 +132,7 @@ def find_lines(place: Float, walls: Float, segments: Float, lines: Float, weight
             shared = image_line(place, walls[wall], segments[row], line)
             if shared <= 0.0:
                 continue
-            own = same_line(lines[:count], line)
+            own = same_line(place, lines[:count], line)
             if own < 0:
                 if count == len(lines):
                     continue
@@ -143,20 +144,23 @@ def find_lines(place: Float, walls: Float, segments: Float, lines: Float, weight
 
 
 @compiled
-def same_line(lines: Float, line: Float) -> int:
-    """The first of some lines (k, 3) that is nearly another one (3,), or −1."""
+def same_line(place: Float, lines: Float, line: Float) -> int:
+    """Which of lines (k, 3) is another one (3,), as seen from a place (2,): the nearest, or −1."""
+    ahead = line[0] * place[0] + line[1] * place[1] - line[2]
+    x, y = place[0] - ahead * line[0], place[1] - ahead * line[1]
+    least, found = SAME_DISTANCE, -1
     for row in range(len(lines)):
         cos = lines[row, 0] * line[0] + lines[row, 1] * line[1]
-        apart = IMAGE_DISTANCE + SAME_ANGLE * abs(line[2])
-        if cos > np.cos(SAME_ANGLE) and abs(lines[row, 2] - line[2]) < apart:
-            return row
-    return -1
+        apart = abs(lines[row, 0] * x + lines[row, 1] * y - lines[row, 2])
+        if cos > np.cos(SAME_ANGLE) and apart < least:
+            least, found = apart, row
+    return found
 
 
 @compiled
 def count_images(
     places: Float, rays: Float, line: Float, middle: float, segments: Float, blocking: Float,
-    pieces: Float, reach: Float, images: Float,
+    pieces: Float, reach: Float, images: Float, stride: int,
 ) -> int:  # fmt: skip
     """Count what beams show at each piece of a line (3,).
 
@@ -173,31 +177,32 @@ def count_images(
         reach: (PIECES, 2) is widened to the stations [m] of the images.
         images: (i, 4) is filled with images: piece, place mirrored back, and how reflective the
             wall there is by the image.
+        stride: Each so-many-th beam is looked at.
 
     Returns:
         The number of these.
     """
     nx, ny, distance = line[0], line[1], line[2]
     half, found = 0.5 * PIECE * PIECES, 0
-    stride = 1 + (rays.shape[1] - 1) // RAYS_A_LOOK
     for scan in range(len(places)):
         x, y = places[scan, 0], places[scan, 1]
         ahead = nx * x + ny * y - distance
-        if ahead < DEPTH:
+        if abs(ahead) < DEPTH:
             continue
         for beam in range(0, rays.shape[1], stride):
             ray = rays[scan, beam]
             rise = -(nx * ray[UX] + ny * ray[UY])
-            if rise <= 0.0 or ray[RANGE] <= 0.0:
+            if rise * ahead <= 0.0 or ray[RANGE] <= 0.0:
                 continue
             way = ahead / rise
             tolerance = ON_LINE + DEVIATIONS * ray[DEVIATION]
-            farther = (ray[RANGE] - way) * rise
+            farther = (ray[RANGE] - way) * abs(rise)
             station = ny * (x + way * ray[UX]) - nx * (y + way * ray[UY]) - middle
             if farther < -tolerance or abs(station) >= half:
                 continue
             piece = int(np.floor((station + half) / PIECE))
-            if farther < max(tolerance, DEPTH):
+            # From behind nothing passes a mirror.
+            if abs(farther) < max(tolerance, DEPTH) or ahead < 0.0:
                 pieces[piece, 2] += 1.0
                 continue
             if len(blocking) and way_to_first(places[scan], ray, blocking) < ray[RANGE]:
@@ -247,23 +252,24 @@ class Mirrors:
     def __init__(self) -> None:
         self._lines, self._votes = np.empty((0, 3)), np.empty(0)
         # The votes of each line when it was looked at, the number of the scan, and its mirrors.
-        self._known = np.empty(0)
         self._looked: Int = np.empty(0, np.int64)
+        self._voted: Int = np.empty(0, np.int64)
         self._found: list[Float] = []
         self.segments = np.empty((0, 4))
 
-    def add(self, place: Float, walls: Float, segments: Float) -> None:
+    def add(self, number: int, place: Float, walls: Float, segments: Float) -> None:
         """Add the lines that mirror segments (m, 4) of the map into walls (w, 4) of a scan [m]."""
         lines, weights = np.empty((64, 3)), np.empty(64)
         count = find_lines(place, walls, segments, lines, weights)
         for row in np.argsort(-weights[:count], kind="stable")[:LINES_A_SCAN].tolist():
-            line, own = lines[row], same_line(self._lines, lines[row])
+            line, own = lines[row], same_line(place, self._lines, lines[row])
             if own < 0:
                 if len(self._lines) == MOST_LINES:
                     self._forget()
                 self._lines = np.vstack([self._lines, line])
-                self._votes, self._known = np.append(self._votes, 1.0), np.append(self._known, 0.0)
+                self._votes = np.append(self._votes, 1.0)
                 self._looked = np.append(self._looked, 0)
+                self._voted = np.append(self._voted, number)
                 self._found.append(np.empty((0, 4)))
                 continue
             count = min(self._votes[own], 50.0)
@@ -271,13 +277,14 @@ class Mirrors:
             mixed[:2] /= np.hypot(mixed[0], mixed[1])
             self._lines[own] = mixed
             self._votes[own] += 1.0
+            self._voted[own] = number
 
     def _forget(self) -> None:
         """Forget the half of the lines on which fewest scans agree."""
         votes = np.where([len(found) > 0 for found in self._found], np.inf, self._votes)
         rows = np.sort(np.argsort(-votes, kind="stable")[: MOST_LINES // 2])
         self._lines, self._votes = self._lines[rows], self._votes[rows]
-        self._known, self._looked = self._known[rows], self._looked[rows]
+        self._voted, self._looked = self._voted[rows], self._looked[rows]
         self._found = [self._found[row] for row in rows.tolist()]
 
     def look(self, scans: LitScans, segments: Float, glass: Float, ground: Ground) -> bool:
@@ -292,13 +299,22 @@ class Mirrors:
         Returns:
             Whether the mirrors have changed.
         """
-        due = (self._votes >= LEAST_VOTES) & (self._votes >= MORE_VOTES * self._known)
-        there = np.array([len(found) > 0 for found in self._found], np.bool_)
-        due |= there & (self._looked + LOOK_AGAIN <= scans.count)
-        if not due.any():
-            return False
-        row = int(np.argmax(np.where(due, self._votes, 0.0)))
-        self._known[row], self._looked[row] = self._votes[row], scans.count
+        changed = False
+        for _ in range(LOOKS):
+            age = scans.count - self._looked
+            there = np.array([len(found) > 0 for found in self._found], np.bool_)
+            due = (self._voted > self._looked) & (self._votes >= LEAST_VOTES)
+            due |= there & (age > LOOK_AGAIN)
+            if not due.any():
+                break
+            row = int(np.argmax(due * self._votes * age))
+            self._looked[row] = scans.count
+            changed |= self._look(row, scans, segments, glass, ground)
+        return changed
+
+    def _look(
+        self, row: int, scans: LitScans, segments: Float, glass: Float, ground: Ground
+    ) -> bool:
         former = self._found[row]
         others = [found for other, found in enumerate(self._found) if other != row]
         self._found[row] = windows(
@@ -323,11 +339,17 @@ def windows(
     middle = scans.places[scans.newest]
     middle = middle - (middle @ normal - line[2]) * normal
     pieces, reach = np.zeros((PIECES, 6)), np.full((PIECES, 2), (np.inf, -np.inf))
-    images = np.empty((MOST_IMAGES, 4))
-    count = count_images(
-        scans.places, scans.rays, line, float(middle @ unit), segments[ahead],
-        np.concatenate(blocking), pieces, reach, images,
-    )  # fmt: skip
+    images, count = np.empty((MOST_IMAGES, 4)), 0
+    for stride in (QUICK, 1) if not len(former) else (1,):
+        stride *= 1 + (scans.rays.shape[1] - 1) // RAYS_A_LOOK
+        pieces[:], reach[:] = 0.0, (np.inf, -np.inf)
+        count = count_images(
+            scans.places, scans.rays, line, float(middle @ unit), segments[ahead],
+            np.concatenate(blocking), pieces, reach, images, stride,
+        )  # fmt: skip
+        hint = pieces[:, 0] > np.maximum(pieces[:, 1], pieces[:, 2])
+        if pieces[hint, 0].sum() * stride < LEAST_LIT:
+            return former
     images = images[:count]
     share = images[:, 3] / ground.reflectance(images[:, 1:3])
     return stretches(

@@ -17,17 +17,11 @@ from lrf3d.mapping.robust.beams import Beams, Frame
 from lrf3d.mapping.robust.glass import GRAZING, Glass
 from lrf3d.mapping.robust.ground import DIRECT, NOTHING, TURNED, UNSURE, Ground
 from lrf3d.mapping.robust.intensities import LaserEquation
-from lrf3d.mapping.robust.lit_scans import RANGE, UX, UY, LitScan, LitScans, runs, way_to_first
+from lrf3d.mapping.robust.lit_scans import RANGE, UX, UY, LitScan, LitScans, way_to_first
 from lrf3d.mapping.robust.mirrors import DEPTH, Mirrors
 
 EDGE = 0.3
 """[m] Beams that pass a mirror by less show neither what is there nor what is not."""
-
-SAMPLE = 0.1
-"""[m] Steps in which segments are searched for images."""
-
-LEAST_LEFT = 3
-"""[samples] What is left of a segment beside its images stays from so many on."""
 
 ABSORBED, ABSORBED_DISTANCE, ABSORBED_SINE = 0.5, 0.12, 0.15
 """[share, m, sine] A segment of the map is a part of a pane or a mirror where so much of its length
@@ -97,7 +91,7 @@ class Optics:
         self._ground.add_light(lit.ends[known], reflectances[known])
         changed = False
         if self._equation.fits:
-            self._mirrors.add(lit.place, walls + np.tile(lit.place, 2), segments)
+            self._mirrors.add(self._scans.count, lit.place, walls + np.tile(lit.place, 2), segments)
             mirrors = self._mirrors
             self._glass.look(self._scans, segments, mirrors.segments)
             changed = mirrors.look(self._scans, segments, self._glass.segments, self._ground)
@@ -139,23 +133,10 @@ class Optics:
 
     def _without_images(self, segments: Float, frame: Frame) -> tuple[Float, Int]:
         """The parts (n, 4) of segments (m, 4) that not only mirrors show, and of which each is."""
-        counts = np.maximum(np.ceil(lengths(segments) / SAMPLE), 1.0).astype(np.int64)
-        first = np.concatenate([[0], np.cumsum(counts)])
-        row = np.repeat(np.arange(len(segments)), counts)
-        share = (np.arange(first[-1]) - first[row] + 0.5) / counts[row]
-        points = segments[row, :2] + share[:, None] * (segments[row, 2:] - segments[row, :2])
-        real = ~self._ground.unreal(frame.of_world(points))
-        parts, rows = [segments], [np.arange(len(segments))]
-        whole = np.logical_and.reduceat(real, first[:-1]) if len(segments) else real
-        for own in np.flatnonzero(~whole).tolist():
-            for low, high in runs(real[first[own] : first[own + 1]]):
-                if high - low >= LEAST_LEFT:
-                    ends = np.array([[low], [high]]) / counts[own]
-                    start, end = segments[own].reshape(2, 2)
-                    parts.append((start + ends * (end - start)).reshape(1, 4))
-                    rows.append(np.array([own]))
-        kept = np.concatenate([whole, np.ones(len(parts) - 1, np.bool_)])
-        return np.concatenate(parts)[kept], np.concatenate(rows)[kept]
+        ends = frame.of_world(segments.reshape(-1, 2)).reshape(-1, 4)
+        rows, shares = self._ground.real_parts(ends)
+        start, along = segments[rows, None, :2], segments[rows, None, 2:] - segments[rows, None, :2]
+        return (start + shares[..., None] * along).reshape(-1, 4), rows
 
 
 @compiled
