@@ -1,8 +1,6 @@
-"""Benchmarks: run time against error of every part of lrf3d.
+"""Benchmarks: run time against error of every part of lrf3d, a script for each question.
 
-`scripts/bench` measures, part by part (`scan`, `map`, `drive`, `render`, `score`, `robots`) or as a
-whole; `scripts/paper` measures every claim of the paper. The package never imports from here.
-
-A benchmark is a function that adds rows of named figures to the tables of a `Result`
-(`benchmarks.result`); tables on the terminal, JSON, charts, pages and comparisons are made of them.
+`scripts/bench PART` measures one part, `scripts/bench` all that need no file; `scripts/paper`
+measures every claim of the paper. Each script has a function ``bench`` whose arguments are its
+options and whose rows are printed as tables or as JSON. The package never imports from here.
 """

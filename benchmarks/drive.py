@@ -1,32 +1,110 @@
-"""``scripts/bench drive``: how far off is the pose after an hour of driving, and at what cost?
+"""How far off is the pose after an hour of driving, and what does each integrator cost?
 
-Two hours are driven, with inputs that are held for a second each and with smooth ones; the ends
-of both are known (`benchmarks.drive_inputs`). Euler and RK4 are written as one writes them in
-Python; they are here to be measured, and drive nothing.
+Two hours are driven, with inputs that are held for a second each and with smooth ones. Their ends
+are no integrator's: headings are sums of rationals or stand in closed form, and places are Gauss's
+quadrature of smooth functions, added up without rounding. Euler and RK4 are written as one writes
+them in Python; they are here to be measured, and drive nothing.
 """
 
-import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
 from functools import partial
-from math import cos, sin
-from typing import Any
+from itertools import accumulate
+from math import cos, fsum, sin, tau
+from typing import Annotated, Any
 
 import numpy as np
-from matplotlib.figure import Figure
+import typer
 
-from benchmarks.chart import RING, draw, trade_offs
-from benchmarks.drive_inputs import HOUR, Inputs, held_inputs, smooth_inputs
-from benchmarks.result import Result, Table
-from benchmarks.timing import Timing, take_turns, timed
+from benchmarks.report import Figure, Report, scatter
+from benchmarks.timing import timed
 from lrf3d.geometry import Float
-from lrf3d.progress import Progress, silent
 from lrf3d.robot.driving import drive
 
-SECONDS = 60.0
-"""Time for all [s], if none is given."""
+HOUR = 3600.0
+"""How long is driven [s]."""
 
-CALLS = 6
-"""Calls of an integrator that takes turns, at least, the untimed ones included."""
+NODES = 24
+"""Nodes of Gauss's quadrature in a second: of these inputs it then leaves no digit out."""
+
+SPEED, WAVES = (1.0, 0.4, 17.0), ((0.25, 23.0), (0.15, 11.0 * 2.0**0.5))
+"""Smooth inputs: mean [m/s], amplitude [m/s] and period [s] of the speed; amplitudes [rad/s] and
+periods [s] of the turn rate. No two periods are in step, so that no error cancels over a turn."""
+
+DRIFT = 0.02
+"""Mean turn rate [rad/s] of the smooth inputs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """Inputs of an hour, and where they lead from the origin.
+
+    Args:
+        name: What kind of inputs.
+        v: Speed [m/s] at times [s], a number or an array.
+        omega: Turn rate [rad/s], likewise.
+        end: Pose (3,) after the hour; theta [rad] counts full turns.
+        pieces: Speeds and turn rates (k,) that are held for a second each; None where they vary.
+    """
+
+    name: str
+    v: Callable[[Float], Float]
+    omega: Callable[[Float], Float]
+    end: Float
+    pieces: tuple[Float, Float] | None = None
+
+
+def held_inputs(*, seconds: int = int(HOUR), seed: int = 0) -> Inputs:
+    """Speeds and turn rates that change every second, as a controller of one hertz gives them."""
+    rng = np.random.default_rng(seed)
+    v, omega = rng.uniform(0.5, 1.5, seconds), rng.uniform(-0.5, 0.5, seconds)
+    turned = accumulate(map(Fraction, omega.tolist()), initial=Fraction())
+    headings = np.array([float(heading) for heading in turned])
+    middles = headings[:-1] + 0.5 * omega
+    chords = v * np.sinc(0.5 * omega / np.pi)
+    end = [fsum(chords * np.cos(middles)), fsum(chords * np.sin(middles)), headings[-1]]
+
+    def at(values: Float) -> Callable[[Float], Float]:
+        last = len(values) - 1
+        plain = values.tolist()
+
+        def value(t: Float) -> Float:
+            if isinstance(t, np.ndarray):
+                return np.asarray(values[np.minimum(t.astype(np.int64), last)])
+            found: Float = plain[min(int(t), last)]
+            return found
+
+        return value
+
+    return Inputs("inputs held for a second", at(v), at(omega), np.array(end), (v, omega))
+
+
+def smooth_inputs(*, seconds: float = HOUR) -> Inputs:
+    """Speeds and turn rates that change all the time."""
+    mean, swing, period = SPEED
+
+    def v(t: Float) -> Float:
+        return mean + swing * np.sin(tau / period * t)
+
+    def omega(t: Float) -> Float:
+        (a, one), (b, other) = WAVES
+        return np.asarray(DRIFT + a * np.sin(tau / one * t) + b * np.cos(tau / other * t))
+
+    def heading(t: Float) -> Float:
+        (a, one), (b, other) = WAVES
+        swings = a * one / tau * (1.0 - np.cos(tau / one * t))
+        return np.asarray(DRIFT * t + swings + b * other / tau * np.sin(tau / other * t))
+
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    count = int(np.ceil(seconds))
+    width = seconds / count
+    times = (np.arange(count)[:, None] + 0.5 * (1.0 + nodes)) * width
+    steps = 0.5 * width * weights * v(times)
+    theta = heading(times)
+    x, y = fsum((steps * np.cos(theta)).ravel()), fsum((steps * np.sin(theta)).ravel())
+    return Inputs("smooth inputs", v, omega, np.array([x, y, float(heading(np.array(seconds)))]))
+
 
 START = (0.0, 0.0, 0.0)
 """Where each drive begins."""
@@ -39,27 +117,6 @@ TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 
 DEFAULT_TOLERANCE, SAMPLING = 1e-9, 0.1
 """What `lrf3d.drive` takes if not given: tolerance, and time between poses [s]."""
-
-ENTRIES = Table(
-    "entries",
-    {
-        "inputs": "inputs",
-        "integrator": "integrator",
-        "setting": "setting",
-        "drive": "drive",
-        "drive.quartiles": "quartiles",
-        "position_error_m": ("off", "{:.1e} m".format),
-        "heading_error_rad": ("heading off", "{:.1e} rad".format),
-        "default": "",
-    },
-    "the pose after the drive against the true one; setting: the step, or the tolerance of RK45;\n"
-    "default: what lrf3d.drive does if not given",
-    names=("inputs", "integrator", "setting"),
-    time="drive",
-    error="position_error_m",
-    left=3,
-)
-"""Each integrator with each kind of inputs."""
 
 Integrator = tuple[str, str, Callable[[], Float], bool]
 """Its kind, its setting, what drives and returns the pose (3,) at the end, and whether lrf3d does
@@ -82,87 +139,38 @@ def integrators(inputs: Inputs, seconds: float) -> Iterator[Integrator]:
     yield "RK45", usual, partial(_rk45, inputs, seconds, DEFAULT_TOLERANCE, SAMPLING), True
 
 
-def bench_drive(
-    *, seconds: float = SECONDS, driven: float = HOUR, progress: Progress = silent
-) -> Result:
-    """Drive an hour with all integrators.
-
-    Args:
-        seconds: Time for all [s]; an integrator for whose turns it does not suffice drives once.
-        driven: How long each drive is [s].
-        progress: Called with the steps done, and of how many.
-    """
-    begin = time.monotonic()
-    result = Result(
-        "drive",
-        f"How far is the robot off its true place after {driven:,.0f} s of driving, and how long"
-        " does it take to compute?",
-        {"driven_s": driven},
-        chart,
-    )
-    kinds = (held_inputs(seconds=int(driven)), smooth_inputs(seconds=driven))
-    chosen = [list(integrators(inputs, driven)) for inputs in kinds]
-    total = sum(map(len, chosen)) + len(kinds)
-    steps = iter(range(1, total + 1))
-    ends: list[list[Float]] = []
-    once: list[list[float]] = []
-    for some in chosen:
-        ends.append([])
-        once.append([])
-        for _, _, end, _ in some:
-            once[-1].append(timed(lambda end=end: ends[-1].append(end())))
-            progress(next(steps), total)
-    left = max(0.0, seconds - (time.monotonic() - begin)) / len(kinds)
-    for inputs, some, reached, spent in zip(kinds, chosen, ends, once, strict=True):
-        timings = _timings([end for _, _, end, _ in some], spent, left)
-        for (family, setting, _, default), pose, timing in zip(some, reached, timings, strict=True):
-            off = pose - inputs.end
-            result.add(
-                ENTRIES,
+def bench(
+    seconds: Annotated[float, typer.Option(min=10.0, help="How long is driven [s].")] = HOUR,
+    figure: Figure = None,
+) -> Report:
+    """Drive an hour with Euler, RK4, RK45 and exact arcs: run time against error."""
+    report = Report(__doc__.splitlines()[0])
+    for inputs in (held_inputs(seconds=int(seconds)), smooth_inputs(seconds=seconds)):
+        for family, setting, end, default in integrators(inputs, seconds):
+            end()
+            off = end() - inputs.end
+            took = min(timed(end) for _ in range(1 if family in ("Euler", "RK4") else 3))
+            report.add(
+                "integrators",
                 inputs=inputs.name,
                 integrator=family,
                 setting=setting,
-                default=default,
-                drive=timing,
-                position_error_m=float(np.hypot(off[0], off[1])),
-                heading_error_rad=abs(float(off[2])),
+                drive_s=took,
+                off_m=float(np.hypot(off[0], off[1])),
+                heading_off_rad=f"{abs(float(off[2])):.1e}",
+                default="default" if default else "",
             )
-        progress(next(steps), total)
-    held = {row["setting"]: row for row in result[ENTRIES] if row["inputs"] == kinds[0].name}
-    name = "integrating inputs that are held: exact arcs instead of RK45 at 1e-09"
-    result.save(name, held[""]["drive"].median, held["1e-09"]["drive"].median)
-    result.took_s = time.monotonic() - begin
-    return result
-
-
-def _timings(ends: list[Callable[[], Float]], once: list[float], left: float) -> list[Timing]:
-    """Time drives by turns, only the fast ones where time is short: the others took `once`."""
-    playing: dict[str, Callable[[int], object]] = {}
-    used = 0.0
-    for k in np.argsort(once).tolist():
-        if used + CALLS * once[k] <= left:
-            used += CALLS * once[k]
-            playing[str(k)] = lambda _, end=ends[k]: end()  # type: ignore[misc]
-    timings = take_turns(playing, seconds=left - 0.5 * used)
-    return [timings.get(str(k), Timing.of([spent])) for k, spent in enumerate(once)]
-
-
-def chart(result: Result) -> Figure:
-    """Time and error of each integrator, for both kinds of inputs."""
-    panels = trade_offs(
-        result[ENTRIES],
-        things="inputs",
-        x="drive",
-        y="position_error_m",
-        by="integrator",
-        labels=("time of the whole drive", "end off by [m]"),
-        note="setting",
+    held = {row["setting"]: row for row in report.tables["integrators"][:20]}
+    report.save("integrating inputs that are held: exact arcs instead of RK45 at 1e-09",
+                held[""]["drive_s"], held["1e-09"]["drive_s"])  # fmt: skip
+    report.notes.append(
+        "setting: the step, or the tolerance of RK45; default: what lrf3d.drive does"
     )
-    return draw([panels], (
-        "Driving: run time against error",
-        f"the place after {result.facts['driven_s']:,.0f} s of driving, against the true one  ·"
-        f"  beside the points: the step, or the tolerance of RK45  ·  {RING}",
-    ))  # fmt: skip
+    if figure is not None:
+        labels = "time of the whole drive [s]", "end off by [m]"
+        rows = report.tables["integrators"]
+        scatter(figure, rows, "drive_s", "off_m", "integrator", labels, "setting")
+    return report
 
 
 def _euler(inputs: Inputs, seconds: float, step: float) -> Float:

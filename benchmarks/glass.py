@@ -16,7 +16,7 @@ from time import process_time
 
 import numpy as np
 
-from benchmarks.score.world import random_poses
+from benchmarks.score import random_poses
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.geometry import Bool, Float, directions, lengths
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise, reflection_points

@@ -1,87 +1,51 @@
-"""``scripts/bench robots``: how many robots can learn at once, and what does simulating them cost?
+"""How many robots can learn at once, and what does simulating them cost?
 
 Robots drive through a world as environments of Gymnasium do, with actions drawn at random; each
 step moves all of them, checks for collisions, casts all beams and makes what they see.
 """
 
 import time
+from typing import Annotated
 
 import numpy as np
+import typer
 
-from benchmarks.result import Result, Table
+from benchmarks.report import Report
 from lrf3d.cores import core_count
 from lrf3d.gym import DriveVectorEnv
-from lrf3d.progress import Progress, silent
 
 WARM_UP = 5
 """Steps before the watch is started: what is compiled at the first is no part of a step."""
 
-ROBOTS = Table(
-    "rates",
-    {
-        "world": "world",
-        "robots": "robots",
-        "beams": "beams",
-        "cores": "cores",
-        "milliseconds_a_step": ("a step", "{:.2f} ms".format),
-        "slowest_tenth_ms": ("nine tenths below", "{:.2f} ms".format),
-        "robot_steps_a_second": ("scans a second", "{:,.0f}".format),
-        "beams_a_second": ("beams a second", lambda rate: f"{rate / 1e6:.1f} M"),
-    },
-)
-"""The median time of a step of all robots [ms], what nine tenths of the steps stay below [ms],
-steps of single robots a second, which are their scans a second, and beams a second."""
 
-
-def bench_robots(
-    world: str = "city",
-    *,
-    robots: int = 1024,
-    seconds: float = 10.0,
-    seed: int = 0,
-    progress: Progress = silent,
-) -> Result:
-    """Let robots drive at random for a time.
-
-    Args:
-        world: A built-in world or a world file.
-        robots: How many.
-        seconds: For how long [s].
-        seed: Seed of the places, the goals and the actions.
-        progress: Called with the seconds that have passed, and all.
-    """
+def bench(
+    world: Annotated[str, typer.Argument(metavar="WORLD", help="The world.")] = "city",
+    robots: Annotated[int, typer.Option(min=1, help="Number of robots.")] = 1024,
+    seconds: Annotated[float, typer.Option(min=0.1, help="How long to measure [s].")] = 10.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of places, goals and actions.")] = 0,
+) -> Report:
+    """Drive many robots at once, as environments of Gymnasium: steps and beams a second."""
     envs = DriveVectorEnv(robots, world, sigma=0.0)
     envs.reset(seed=seed)
     rng = np.random.default_rng(seed)
     spent: list[float] = []
-    episodes = number = 0
     begin = time.monotonic()
-    passed = 0.0
-    while passed <= seconds or not spent:
+    while time.monotonic() < begin + seconds or len(spent) <= WARM_UP:
         actions = rng.uniform(-1.0, 1.0, (robots, 2))
         start = time.perf_counter()
-        _, _, ended, cut, _ = envs.step(actions)
-        if number >= WARM_UP:
-            spent.append(time.perf_counter() - start)
-            episodes += int((ended | cut).sum())
-        number += 1
-        passed = time.monotonic() - begin
-        progress(min(int(passed), int(seconds)), int(seconds))
-    median, slow = np.percentile(spent, [50.0, 90.0]).tolist()
-    beams = envs.task.lrf.beams
-    figures = {
-        "world": envs.task.scenario.name,
-        "robots": robots,
-        "beams": beams,
-        "cores": core_count(),
-        "steps": len(spent),
-        "milliseconds_a_step": 1e3 * median,
-        "slowest_tenth_ms": 1e3 * slow,
-        "robot_steps_a_second": robots / median,
-        "beams_a_second": robots / median * beams,
-        "episodes": episodes,
-    }
-    question = "How many robots can learn at once, and what does simulating them cost?"
-    result = Result("robots", question, figures, took_s=passed)
-    result.add(ROBOTS, **figures)
-    return result
+        envs.step(actions)
+        spent.append(time.perf_counter() - start)
+    median, slow = np.percentile(spent[WARM_UP:], [50.0, 90.0]).tolist()
+    report = Report(__doc__.splitlines()[0])
+    report.add(
+        "robots",
+        world=envs.task.scenario.name,
+        robots=robots,
+        beams=envs.task.lrf.beams,
+        cores=core_count(),
+        step_s=median,
+        nine_tenths_below_s=slow,
+        scans_a_second=float(robots / median),
+        beams_a_second=float(robots / median * envs.task.lrf.beams),
+    )
+    return report

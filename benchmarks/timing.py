@@ -37,30 +37,6 @@ class Timing:
         low, median, high = np.percentile(spent, [25.0, 50.0, 75.0]).tolist()
         return cls(median, low, high, len(spent))
 
-    @classmethod
-    def from_dict(cls, table: Mapping[str, Any]) -> "Timing":
-        """The timing that `as_dict` wrote."""
-        return cls(table["median_s"], table["low_s"], table["high_s"], table["calls"])
-
-    def as_dict(self) -> dict[str, float]:
-        """The timing in JSON's types."""
-        return {
-            "median_s": self.median,
-            "low_s": self.low,
-            "high_s": self.high,
-            "calls": self.calls,
-        }
-
-    @property
-    def quartiles(self) -> tuple[float, float] | None:
-        """The lower and the upper quartile [s]; None where the time was taken once."""
-        return (self.low, self.high) if self.calls > 1 else None
-
-    @property
-    def scatter(self) -> float:
-        """Ratio between the quartiles; 2 where the time was taken once."""
-        return self.high / self.low if self.calls > 1 and self.low > 0.0 else 2.0
-
 
 def take_turns(
     methods: Mapping[str, Callable[[int], object]],

@@ -29,6 +29,8 @@ from numba.core.compiler import Compiler
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 
+from lrf3d.errors import Lrf3dError
+
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _LINKED_NUMBA = (0, 68)
@@ -37,6 +39,32 @@ compiled by numba's default, which takes longer and computes the same."""
 
 _FIXED_PACKAGES = {"llvmlite", "math", "numba", "numpy"}
 """Packages that kernels may use freely; the version of numba is part of each key."""
+
+
+LEAST_ADDRESSES = 1_200_000_000
+"""Address space [bytes] that compiling and running the kernels takes; a program with less is ended
+by LLVM in the middle of a run, without a message that helps."""
+
+
+def _check_memory() -> None:
+    """Check the limit of this process's memory.
+
+    Raises:
+        Lrf3dError: It is too low.
+    """
+    try:
+        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+    except ImportError:  # Windows has no such limits.
+        return
+    limit, _ = getrlimit(RLIMIT_AS)
+    if limit != RLIM_INFINITY and limit < LEAST_ADDRESSES:
+        raise Lrf3dError(
+            f"the limit of memory is {limit / 1e9:.1f} GB, and compiled code needs"
+            f" {LEAST_ADDRESSES / 1e9:.1f} GB; raise it: ulimit -v unlimited"
+        )
+
+
+_check_memory()
 
 
 def compiled(function: Kernel) -> Kernel:

@@ -101,13 +101,13 @@ def stoppable() -> "Iterator[None]":
 def noting(words: "Callable[[], str]") -> "Iterator[None]":
     """Add a note to any exception that ends the block: what is kept, and how to continue.
 
-    The program prints the note. Of nested blocks the innermost one adds its note.
+    The program prints the note. Of nested blocks the innermost one adds its note, if it has any.
     """
     try:
         yield
     except BaseException as error:
-        if not hasattr(error, "__notes__"):
-            error.add_note(words())
+        if not hasattr(error, "__notes__") and (text := words()):
+            error.add_note(text)
         raise
 
 

@@ -1,9 +1,9 @@
-"""Plots of worlds, maps, scans and trajectories on matplotlib axes, in world coordinates [m].
+"""Plots of worlds, maps, scans, trajectories and runs on matplotlib axes, in world coordinates [m].
 
 Each function draws on the axes that it is given, or on those of a new figure, and returns them.
 Several plots on the same axes lie over each other; the view grows to show them all, unless its
-limits were set by hand. A metre is as long in x as in y. Marks and colours are those of the figures
-of `lrf3d run`.
+limits were set by hand. A metre is as long in x as in y. Further keywords, such as ``color``,
+``linewidth`` and ``label``, are those of matplotlib's lines; ``ax.legend()`` names what was drawn.
 
 Examples:
     >>> import lrf3d
@@ -12,7 +12,7 @@ Examples:
     >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
     >>> figure = Figure()
     >>> axes = figure.add_subplot()
-    >>> axes = lrf3d.plot.world(room, axes)
+    >>> axes = lrf3d.plot.world(room, axes, color="gray")
     >>> axes = lrf3d.plot.scan(run.scan(1), axes)
     >>> axes = lrf3d.plot.map(run.map, axes)
     >>> figure.savefig("room.png")
@@ -24,119 +24,229 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
-from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
+from matplotlib.markers import MarkerStyle
+from matplotlib.path import Path
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Affine2D
 
-from lrf3d.geometry import Float, Int
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.geometry import Bool, Float, Int, lengths
+from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
-from lrf3d.render.figures import UNDER_MAP
-from lrf3d.render.marks import draw_objects, draw_poses, draw_scan, draw_walls
-from lrf3d.render.page import FAINT, INK, MARGIN, Frame, dress, plain
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
+from lrf3d.scene.estimate import BELIEVED, TRUTH, kept_ellipses, outlines
+from lrf3d.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED, object_tints
 from lrf3d.scene.structures import Sight
+from lrf3d.sheet import FAINT, INK, dressed, plain
 from lrf3d.world import World
 
-__all__ = ["map", "png", "run", "scan", "trajectory", "world"]
+__all__ = ["estimate", "map", "png", "points", "run", "scan", "trajectory", "world"]
 
-FIGURE = 6.4
-"""Width of a new figure [inches]: that of matplotlib's own."""
+UNDER_MAP, INSIDE, POINT = "#c3c8d0", "#eef0f3", "#6f7986"
+"""Colours of true walls under a map, of what walls enclose, and of reflection points."""
 
-SMALL = 4.8
-"""The longer side of the picture of a value in a notebook [inches]: its text stays readable, and
-a notebook of twenty of them stays under a megabyte."""
+BEAM, HIT, PATH, ROBOT = "#f2a03d", "#d6361f", "#2f6fb3", "#16324f"
+"""Colours of beams, of their returns, of the robot's path and of the robot."""
 
-DOTS_PER_INCH = 100
-"""Resolution of the picture of a value in a notebook."""
+CLOSED, DROPPED = "#0b8a5f", "#d6361f"
+"""Colours of loop closures, and of those that were dropped."""
+
+DASHES = {"glass": (0.0, (2.2, 1.6)), "mirror": (0.0, (5.0, 1.6, 1.0, 1.6))}
+"""Glass is dashed and mirrors are dash-dotted, in worlds and in maps."""
+
+MOST_POINTS = 200_000
+"""Reflection points drawn at most: more would only make the picture slower."""
+
+FEW_POSES, FEW_OBJECTS = 6, 9
+"""Up to this number of poses and objects, each is drawn with its name, as in Fig. 5 of Teslić."""
+
+JUMP = 0.15
+"""Poses that mostly lie farther apart than this part of the axes are places and no drive."""
+
+SMALL = 0.008
+"""Objects smaller than this part of the axes are circled: they would be dots."""
+
+FIGURE, PICTURE = 6.4, 4.8
+"""Width of a new figure, and the longer side of a value's picture in a notebook [inches]."""
 
 
-def world(world: World, ax: Axes | None = None, *, poses: Float | None = None) -> Axes:
-    """Plot the walls of a world; what they enclose is filled.
+def world(world: World, ax: Axes | None = None, *, poses: Any = None, **style: Any) -> Axes:
+    """Plot the walls of a world; what they enclose is filled, glass and mirrors are dashed.
 
     Args:
         world: The world.
         ax: The axes to draw on; those of a new figure if not given.
         poses: (k, 3) poses of robots: what encloses one of them is a room, and stays white.
+        style: Keywords of matplotlib's lines.
     """
+    ax = _axes(ax)
+    if not len(world.segments):
+        return ax
     robots = np.empty((0, 3)) if poses is None else np.asarray(poses, dtype=np.float64)
+    solid = [_outline(area) for area in _enclosed(world, robots)]
+    ax.add_collection(PathCollection(solid, facecolor=INSIDE, edgecolor="none", zorder=0.4))
+    kinds = _wall_kinds(world)
+    usual = {"color": INK, "linewidth": 1.2, "label": "true walls", "zorder": 2.0}
+    _draw_walls(ax, world.segments, kinds, _styled(usual, style))
+    _circle_small(ax, world.segments, world.objects, _styled(usual, style)["color"])
+    return _shown(ax)
 
-    def draw(ax: Axes, frame: Frame) -> None:
-        draw_walls(ax, frame, world, robots, INK, width=1.2)
 
-    return _drawn(draw, ax, _ends(world.segments))
-
-
-def map(line_map: LineMap, ax: Axes | None = None, *, objects: Int | None = None) -> Axes:
+def map(
+    line_map: LineMap, ax: Axes | None = None, *, objects: Int | None = None, **style: Any
+) -> Axes:
     """Plot the segments of a map, a colour for each object; few objects are named G1, G2, ….
 
     Args:
         line_map: The map.
         ax: The axes to draw on; those of a new figure if not given.
-        objects: (m,) numbers of the segments' objects that choose the colours, such as
+        objects: (m,) numbers of the segments' objects that choose colours and names, such as
             ``run.lasting_objects[-1]``, which are those of films; the map's own if not given.
+        style: Keywords of matplotlib's lines.
     """
+    ax = _axes(ax)
+    if not len(line_map):
+        return ax
     if objects is None:
         objects = np.unique(line_map.objects, return_inverse=True)[1]
-    numbers = objects
+    colours = object_tints(objects)
+    width = float(np.interp(len(line_map), [60, 600, 5000], [2.6, 1.8, 0.9]))
+    words = "map, a colour for each object"
+    usual = {"color": colours, "linewidth": width, "label": words, "zorder": 4.0}
+    _draw_walls(ax, line_map.segments, line_map.kinds, _styled(usual, style))
+    _circle_small(ax, line_map.segments, objects, colours)
+    numbers = np.unique(objects)
+    for number in numbers if len(numbers) <= FEW_OBJECTS else []:
+        members = np.flatnonzero(objects == number)
+        longest = members[lengths(line_map.segments[members]).argmax()]
+        x, y = line_map.segments[longest].reshape(2, 2).mean(axis=0).tolist()
+        box = {"boxstyle": "round,pad=0.22", "facecolor": "white", "edgecolor": "none"}
+        name = ax.text(x, y, f"G{number + 1}", ha="center", va="center", bbox=box, clip_on=True)
+        name.set(color=colours[longest], fontsize=9, weight="bold", zorder=6)
+    return _shown(ax)
 
-    def draw(ax: Axes, frame: Frame) -> None:
-        draw_objects(ax, frame, line_map, numbers)
 
-    return _drawn(draw, ax, _ends(line_map.segments))
+def points(points: Float, ax: Axes | None = None, **style: Any) -> Axes:
+    """Plot reflection points (n, 2) as dots, evenly thinned where there are very many.
+
+    They do not widen the view: images behind mirrors lie far outside.
+    """
+    ax = _axes(ax)
+    if not len(points):
+        return ax
+    shown = points[:: max(1, -(-len(points) // MOST_POINTS))]
+    size = float(np.interp(len(shown), [500, 5000, 50_000], [2.6, 1.4, 0.7]))
+    usual = {"color": POINT, "marker": ".", "markersize": size, "alpha": 0.8, "zorder": 1.5}
+    view = ax.dataLim.frozen() if ax.has_data() else None
+    ax.plot(
+        *shown.T,
+        **_styled({**usual, "linestyle": "none", "mew": 0}, style),
+    )
+    # Dots of a large cloud are too fine for a legend.
+    ax.plot([], [], ".", color=style.get("color", POINT), label="reflection points")
+    if view is not None:
+        ax.dataLim.set(view)
+    return _shown(ax)
 
 
-def scan(scan: LaserScan, ax: Axes | None = None, *, lrf: LaserRangeFinder | None = None) -> Axes:
+def scan(
+    scan: LaserScan, ax: Axes | None = None, *, lrf: LaserRangeFinder | None = None, **style: Any
+) -> Axes:
     """Plot the beams and returns of a scan, and the robot at its pose.
 
     Args:
         scan: The scan.
         ax: The axes to draw on; those of a new figure if not given.
-        lrf: The range finder; with it, beams that met nothing are drawn up to its range.
+        lrf: The range finder; with it, beams without return are drawn up to its range.
+        style: Keywords of matplotlib's lines, for the beams.
     """
-    pose = np.array([scan.pose])
+    ax = _axes(ax)
+    hits, here = scan.points(), np.array([scan.pose[:2]])
+    usual = {"color": BEAM, "linewidth": 0.6, "alpha": 0.5, "label": "beams", "zorder": 1.2}
+    missed = np.isposinf(scan.ranges) & (lrf is not None)
+    if len(hits):
+        # Beams end at returns or at nothing: the returns decide what is in view.
+        ax.add_collection(_fan(here, hits, **_styled(usual, style)), autolim=False)
+        ax.plot(*hits.T, ".", color=HIT, markersize=4.5, mew=0, label="returns", zorder=5)
+    if lrf is not None and missed.any():
+        far = reflection_points(
+            scan.pose, scan.angles[missed], np.full(missed.sum(), lrf.range_max)
+        )
+        faint = {"alpha": 0.15, **({} if not len(hits) else {"label": "_missed"})}
+        ax.add_collection(_fan(here, far, **_styled(usual, {**style, **faint})), autolim=False)
+    _draw_robots(ax, np.array([scan.pose]), named=False)
+    return _shown(ax)
 
-    def draw(ax: Axes, frame: Frame) -> None:
-        draw_scan(ax, frame, scan, lrf)
-        draw_poses(ax, frame, pose)
 
-    return _drawn(draw, ax, pose[:, :2], scan.points())
-
-
-def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None) -> Axes:
-    """Plot a drive: few poses as robots, many as a path with the robot at its end.
+def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: Any) -> Axes:
+    """Plot a drive: few poses as robots by name, many as a path with the robot at its end.
 
     Args:
         trajectory: The drive, or its poses (k, 3).
         ax: The axes to draw on; those of a new figure if not given.
+        style: Keywords of matplotlib's lines, for the path.
     """
+    ax = _axes(ax)
     known = trajectory.poses if isinstance(trajectory, Trajectory) else trajectory
     poses = np.asarray(known, dtype=np.float64)
+    if not len(poses):
+        return ax
+    if len(poses) <= FEW_POSES:
+        _draw_robots(ax, poses, named=len(poses) > 1)
+        return _shown(ax)
+    ax.update_datalim(poses[:, :2])
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    usual = {"color": PATH, "linewidth": 1.1, "alpha": 0.9, "label": "path", "zorder": 3}
+    if np.median(steps) > JUMP * max(ax.dataLim.size):
+        usual |= {"linestyle": "none", "marker": "o", "markersize": 3.5, "label": "poses"}
+        style = {key: value for key, value in style.items() if key != "label"}
+    line = ax.plot(*poses[:, :2].T, **_styled(usual, style))[0]
+    ax.plot(
+        *poses[0, :2], "o", markersize=4.7, mfc="white", mec=line.get_color(), zorder=5,
+        label="_start",
+    )  # fmt: skip
+    _draw_robots(ax, poses[-1:], named=False)
+    return _shown(ax)
 
-    def draw(ax: Axes, frame: Frame) -> None:
-        draw_poses(ax, frame, poses)
 
-    return _drawn(draw, ax, poses[:, :2])
+def estimate(estimate: EstimatedTrajectory, ax: Axes | None = None, **style: Any) -> Axes:
+    """Plot an estimated path with its ellipses of 95 %, and a line for each loop closure."""
+    ax = _axes(ax)
+    usual = {"color": ESTIMATE_COLOUR, "linewidth": 1.1, "label": BELIEVED, "zorder": 3.2}
+    path = ax.plot(*estimate.poses[:, :2].T, **_styled(usual, style))[0]
+    kept = kept_ellipses(estimate)
+    rings = outlines(estimate.poses[estimate.known_scans[kept], :2], estimate.ellipses[kept])
+    rings = np.concatenate([rings, rings[:, :1]], axis=1)
+    faded = {"alpha": 0.5 * (1.0 + ESTIMATE_FADED), "linewidths": 0.8, "zorder": 3.3}
+    ax.add_collection(LineCollection(list(rings), colors=[path.get_color()], **faded))
+    for pairs, colour, name in (
+        (estimate.dropped_closures, DROPPED, "dropped closures"),
+        (estimate.closures, CLOSED, "loop closures"),
+    ):
+        if len(pairs):
+            ends = list(estimate.lines(pairs).reshape(-1, 2, 2))
+            ax.add_collection(
+                LineCollection(ends, colors=colour, linewidths=0.7, zorder=3.5, label=name)
+            )
+    return _shown(ax)
 
 
 def run(run: Run, ax: Axes | None = None) -> Axes:
-    """Plot a run: its map and the robot's way, over the true walls.
-
-    Args:
-        run: The run.
-        ax: The axes to draw on; those of a new figure if not given.
-    """
-    poses, near = run.trajectory.poses, Sight.of_run(run).world
-
-    def draw(ax: Axes, frame: Frame) -> None:
-        draw_walls(ax, frame, near, poses, UNDER_MAP, width=1.0)
-        if run.maps:
-            draw_objects(ax, frame, run.map, run.lasting_objects[-1])
-        draw_poses(ax, frame, poses)
-
-    return _drawn(draw, ax, _ends(near.segments), poses[:, :2], _ends(run.map.segments))
+    """Plot a run: its map, the robot's path and its estimate, over the true walls."""
+    poses = run.trajectory.poses
+    ax = world(Sight.of_run(run).world, ax, poses=poses, color=UNDER_MAP, linewidth=1.0)
+    if run.maps:
+        map(run.map, ax, objects=run.lasting_objects[-1])
+    if run.estimate is None:
+        return trajectory(poses, ax)
+    # Of a recorded drive the truth is not known: its poses are the estimate.
+    beside = {"linewidth": 2.8, "label": TRUTH} if run.knows_truth else {"alpha": 0.0, "label": "_"}
+    trajectory(poses, ax, **beside)
+    return estimate(run.estimate, ax)
 
 
 def png(value: World | LineMap | LaserScan | Run) -> bytes:
@@ -145,13 +255,14 @@ def png(value: World | LineMap | LaserScan | Run) -> bytes:
     It needs no display, and leaves pyplot's figures alone.
     """
     draw = next(function for kind, function in _PLOTS.items() if isinstance(value, kind))
-    figure = Figure(dpi=DOTS_PER_INCH, facecolor="white")
+    figure = Figure(figsize=(PICTURE, PICTURE), dpi=100, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
-    ax = draw(value, _dressed(figure.add_axes((0.0, 0.0, 1.0, 1.0))))
-    frame = Frame.whole([ax.dataLim.get_points()] if ax.has_data() else [])
-    ax.set(xlim=(frame.low[0], frame.high[0]), ylim=(frame.low[1], frame.high[1]))
-    figure.set_size_inches(SMALL * frame.size / frame.size.max())
-    ax.set_title(fill(plain(repr(value)), 72), loc="left", color=FAINT, fontsize=7)
+    ax = draw(value, dressed(figure.add_subplot()))
+    ax.set_aspect("equal", adjustable="box")
+    width, height = np.maximum(ax.dataLim.size if ax.has_data() else (1.0, 1.0), 1e-9)
+    if ax.has_data():
+        figure.set_size_inches(PICTURE * np.clip((width / height, height / width), 0.3, 1.0)[::1])
+    ax.set_title(fill(plain(repr(value)), 60), loc="left", color=FAINT, fontsize=7)
     file = BytesIO()
     figure.savefig(file, format="png", bbox_inches="tight", pad_inches=0.08)
     return file.getvalue()
@@ -161,27 +272,107 @@ _PLOTS: dict[type, Callable[..., Any]] = {World: world, LineMap: map, LaserScan:
 """What draws the picture of a value, by its type."""
 
 
-def _drawn(draw: Callable[[Axes, Frame], None], ax: Axes | None, *places: Float) -> Axes:
-    """The axes, with a mark drawn on them that takes these places (n, 2) [m]."""
-    if ax is None:
-        ax = _dressed(pyplot.figure(figsize=(FIGURE, 0.75 * FIGURE)).add_subplot())
-    before = [ax.dataLim.get_points()] if ax.has_data() else []
-    if not before:
-        ax.set_aspect("equal", adjustable="datalim")
-    # Robots are drawn in proportion to all that is on the axes.
-    draw(ax, Frame.whole([*places, *before]))
+def _axes(ax: Axes | None) -> Axes:
+    if ax is not None:
+        if ax.get_aspect() == "auto":
+            ax.set_aspect("equal", adjustable="datalim")
+        return ax
+    from matplotlib import pyplot
+
+    return dressed(pyplot.figure(figsize=(FIGURE, 0.75 * FIGURE)).add_subplot())
+
+
+def _shown(ax: Axes) -> Axes:
     ax.autoscale_view()
     return ax
 
 
-def _dressed(axes: Axes) -> Axes:
-    """New axes in metres, in the look of all figures."""
-    dress(axes)
-    axes.margins(MARGIN)
-    for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y")):
-        axis.set_label_text(f"{name} [m]", color=FAINT, fontsize=9)
-    return axes
+def _styled(usual: dict[str, Any], style: dict[str, Any]) -> dict[str, Any]:
+    """Keywords that are given before the usual ones, whichever of their two names they have."""
+    short = {"c": "color", "colors": "color", "lw": "linewidth", "linewidths": "linewidth"}
+    short |= {"ls": "linestyle", "linestyles": "linestyle"}
+    return {**usual, **{short.get(name, name): value for name, value in style.items()}}
 
 
-def _ends(segments: Float) -> Float:
-    return segments.reshape(-1, 2)
+def _draw_walls(ax: Axes, segments: Float, kinds: Any, style: dict[str, Any]) -> None:
+    """Draw segments (n, 4), those of glass and mirrors with dashes and names of their own."""
+    colours = np.asarray(style["color"])
+    for kind in ("wall", "glass", "mirror"):
+        chosen = np.asarray(kinds) == kind
+        if not chosen.any():
+            continue
+        own = {**style, "color": style["color"] if colours.ndim < 2 else colours[chosen]}
+        if kind != "wall":
+            own |= {"linestyle": DASHES[kind], "label": f"{kind}, {style['label'].split(',')[0]}"}
+        else:
+            own |= {"capstyle": "round"}
+        ax.add_collection(LineCollection(list(segments[chosen].reshape(-1, 2, 2)), **own))
+
+
+def _wall_kinds(world: World) -> Any:
+    """What each wall of a world is: ``wall``, ``glass`` or ``mirror``."""
+    kinds = [
+        "glass" if one and one.passes else "mirror" if one and one.mirrors else "wall"
+        for one in world.materials
+    ]
+    return np.array(kinds)[world.objects] if kinds else np.full(len(world.segments), "wall")
+
+
+def _circle_small(ax: Axes, segments: Float, objects: Int, colours: Any) -> None:
+    """Circle objects that are too small to be seen: in a town of 10 km a house is one pixel."""
+    _, first, number = np.unique(objects, return_index=True, return_inverse=True)
+    ends = segments.reshape(-1, 2, 2)
+    low, high = np.full((len(first), 2), np.inf), np.full((len(first), 2), -np.inf)
+    np.minimum.at(low, number, ends.min(axis=1))
+    np.maximum.at(high, number, ends.max(axis=1))
+    small: Bool = (high - low).max(axis=1) < SMALL * max(ax.dataLim.size)
+    if small.sum() > 0.5 * len(small):
+        tints = np.asarray(colours)
+        edge = tints[first[small]] if tints.ndim > 1 else colours
+        middles = 0.5 * (low + high)[small]
+        x, y = middles.T
+        ax.scatter(x, y, s=60, facecolor="none", edgecolor=edge, linewidths=1.2, zorder=4.5)
+
+
+def _enclosed(world: World, poses: Float) -> Any:
+    """What the walls of each object enclose, without courtyards, as shapely polygons."""
+    import shapely
+
+    lines = shapely.linestrings(world.segments.reshape(-1, 2, 2))
+    _, number = np.unique(world.objects, return_inverse=True)
+    order = np.argsort(number, kind="stable")
+    walls = shapely.multilinestrings(lines[order], indices=number[order])
+    areas = shapely.get_parts(shapely.build_area(walls))
+    inhabited = shapely.STRtree(areas).query(shapely.points(poses[:, :2]), predicate="within")[1]
+    # In normal form courtyards turn against the outer ring, which is what leaves them unfilled.
+    return shapely.normalize(np.delete(areas, inhabited))
+
+
+def _outline(area: Any) -> Path:
+    rings = [area.exterior, *area.interiors]
+    paths = [Path(np.asarray(ring.coords), closed=True) for ring in rings]
+    return Path.make_compound_path(*paths)
+
+
+def _draw_robots(ax: Axes, poses: Float, *, named: bool) -> None:
+    """Draw robots as darts of an even size: at its true size a city would swallow one."""
+    for number, (x, y, theta) in enumerate(poses.tolist()):
+        dart = MarkerStyle(Path(DART), transform=Affine2D().rotate(theta))
+        label = "robot" if number == 0 else "_robot"
+        ax.plot(
+            x, y, marker=dart, markersize=13, color=ROBOT, mec="white", mew=0.6, zorder=7,
+            linestyle="none", label=label,
+        )  # fmt: skip
+        if named:
+            # The name stands behind the robot, where it has no beams.
+            behind = (-16.0 * np.cos(theta), -16.0 * np.sin(theta))
+            name = ax.annotate(
+                f"p{number + 1}", (x, y), behind, textcoords="offset points", ha="center",
+                va="center", zorder=7, color=ROBOT, fontsize=10, weight="bold",
+            )  # fmt: skip
+            name.set_path_effects([withStroke(linewidth=3, foreground="white")])
+
+
+def _fan(here: Float, ends: Float, **style: Any) -> LineCollection:
+    beams = np.stack([np.broadcast_to(here, ends.shape), ends], axis=1)
+    return LineCollection(list(beams), **style)

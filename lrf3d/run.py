@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapped_files import some_rows
@@ -89,6 +90,22 @@ class Run(Value, Pictured):
     def __post_init__(self) -> None:
         self._hold("ranges", "truth", *self.light)
         self._hold("walls", dtype=np.int64)
+        scans, beams = shape = len(self.trajectory), self.lrf.beams
+        echoes = (*shape, *self.echoes.shape[2:3]) if self.echoes is not None else shape
+        for name in ("ranges", "truth", "walls", *self.light):
+            expected = echoes if name.startswith("echo") else shape
+            if (found := getattr(self, name).shape) != expected:
+                raise InputError(
+                    f"run: {name} {found}; expected {expected}, for {scans} poses and {beams} beams"
+                )
+        snapshots = np.array(self.snapshot_scans)
+        if snapshots.shape != (len(self.maps),) or not _ascends(snapshots, scans):
+            raise InputError(
+                f"run: snapshot_scans {shown(self.snapshot_scans)} of {len(self.maps)} maps;"
+                f" expected an ascending scan from 0 to {scans - 1} for each"
+            )
+        if self.estimate is not None and len(self.estimate) != scans:
+            raise InputError(f"run: estimate of {len(self.estimate)} scans; expected {scans}")
 
     def __repr__(self) -> str:
         name = f"{self.world.name!r}, " if self.world.name else ""
@@ -281,6 +298,12 @@ class Run(Value, Pictured):
     def scans(self) -> Iterator[LaserScan]:
         """The measured scans in their order."""
         return (self.scan(index) for index in range(len(self)))
+
+
+def _ascends(indices: NDArray[Any], count: int) -> bool:
+    """Whether indices are whole, from 0 to before a count, and in ascending order."""
+    whole = not len(indices) or indices.dtype.kind in "iu"
+    return whole and bool((np.diff(indices, prepend=-1, append=count) > 0).all())
 
 
 @dataclass(frozen=True, slots=True)

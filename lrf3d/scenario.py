@@ -138,7 +138,7 @@ class Scenario(Value):
         known = [each.name for each in fields(self)]
         for name in changes:
             if name not in known:
-                near = get_close_matches(name, known, n=1)
+                near = ["rng"] if name == "seed" else get_close_matches(name, known, n=1)
                 hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
                 raise InputError(f"scenario: there is no {name}; {hint}")
         if {"world", "route", "poses"} & set(changes):

@@ -60,7 +60,7 @@ class Sensor:
         Raises:
             InputError: The noise does not return a valid scan.
         """
-        true_scan = self._cast.cast_at(self.lrf, pose, time)
+        true_scan = self._cast(self.lrf, pose, time)
         scan = measured(true_scan, self.noise, rng)
         self._check(scan)
         return true_scan, scan
@@ -85,7 +85,7 @@ class Sensor:
             ]
         else:
             scans = [
-                self._cast.cast_at(self.lrf, pose, time)
+                self._cast(self.lrf, pose, time)
                 for pose, time in zip(poses, times.tolist(), strict=True)
             ]
             truth = np.array([scan.ranges for scan in scans])

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.comparison import load_report
 from lrf3d import InputError, WorldError, load_log, load_map, load_run, load_world
 from lrf3d.input import own_name
 from lrf3d.io.reading import is_run
@@ -53,7 +52,6 @@ READ = {
     "e.npz": load_log,
     "f.npz": load_run,
     "grid.toml": lambda path: read_grid(path, {}),
-    "report.json": load_report,
     "map.json": load_map,
     **{f"world{ending}": load_world for ending in FORMATS},
 }

@@ -151,3 +151,31 @@ def test_a_signal_that_comes_twice_at_once_counts_once(tmp_path):
         130,
         "lrf3d: stopped; 1 of 3 scans kept; go on with --resume\n",
     )
+
+
+DELETING = """
+import shutil
+class Mapper:
+    def update(self, scan):
+        shutil.rmtree("out", ignore_errors=True)
+"""
+
+
+def test_a_folder_that_is_deleted_meanwhile_keeps_no_scans(tmp_path):
+    (tmp_path / "mine.py").write_text(DELETING)
+    arguments = ("run", "paper_room", "--no-video", "--mapper", "mine.py:Mapper", "--out", "out")
+    done = program(*arguments, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "cannot be written: No such file" in done.stderr
+    assert "kept" not in done.stderr and done.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of the address space")
+def test_too_little_memory_for_compiled_code_is_one_line(tmp_path):
+    command = f"ulimit -v 600000; exec {sys.executable} -m lrf3d run paper_room"
+    done = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (
+        1,
+        "lrf3d: the limit of memory is 0.6 GB, and compiled code needs 1.2 GB; raise it: ulimit -v"
+        " unlimited\n",
+    )

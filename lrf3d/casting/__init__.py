@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 from lrf3d.lazy import loading
 
 if TYPE_CHECKING:
+    from lrf3d.casting.caster import PlanarCaster
     from lrf3d.casting.comparison import CrossCheck, crosscheck
     from lrf3d.casting.embree import EmbreeCaster
-    from lrf3d.casting.planar import PlanarCaster
 else:
     __getattr__, __dir__ = loading(
         globals(),
         {
             "CrossCheck": "comparison",
             "EmbreeCaster": "embree",
-            "PlanarCaster": "planar",
+            "PlanarCaster": "caster",
             "crosscheck": "comparison",
         },
     )

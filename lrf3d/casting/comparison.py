@@ -1,139 +1,140 @@
-"""Cross-check: the same beams, cast in the plane and in the 3D mesh, compared one by one.
+"""Cross-check: bare Embree on the extruded walls against the exact plane, beam by beam.
 
-Both casters of lrf3d are exact, so they agree on every beam. With ``raw`` the ranges of bare
-Embree, in float32, are compared with the exact ones, which shows what the proof is worth.
+Embree works in float32, which represents positions only to a resolution δ. Within δ of a decision
+(on which side of a wall's end, which of two walls first, above or below the top edge) its result is
+arbitrary. Each cause of a difference is such a decision within δ of the beam; a difference without
+one is unexplained.
 """
 
-from collections import Counter
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.causes import AGREEMENT, EDGES, Answers, Cause, explain, resolution
-from lrf3d.casting.embree import EmbreeCaster
-from lrf3d.casting.embree_library import require_embreex
-from lrf3d.casting.planar import PlanarCaster
-from lrf3d.casting.raw_embree import RawEmbreeCaster
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.casting.caster import PlanarCaster
+from lrf3d.casting.triangle_rays import require_embreex
+from lrf3d.geometry import Bool, Float, Int, cross
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_poses
 from lrf3d.progress import Progress, silent
 from lrf3d.world import World
+from lrf3d.world.extrude import extrude
 
-POSES_COMPARED = 512
-"""Poses that are cast and compared at a time: few enough for a progress bar to move."""
+AGREEMENT = 1e-9
+"""Largest difference [m] of two ranges that agree."""
 
+GRAZING = 1e-4
+"""Sine of the angle between beam and wall below which intersecting a plane in float64 is less
+accurate than 1e-9 m; below 1e-5 trimesh misses the wall."""
 
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """A beam for which the two casters differ.
-
-    Args:
-        scan: Index of the pose.
-        beam: Index of the beam.
-        planar: Range [m] and wall of the planar caster.
-        embree: Range [m] and wall of Embree.
-        cause: The cause of the difference.
-        chains: The walls on the way of each caster's beam, mirrors and glass before the last.
-    """
-
-    scan: int
-    beam: int
-    planar: tuple[float, int]
-    embree: tuple[float, int]
-    cause: Cause
-    chains: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())
-
-    def as_dict(self) -> dict[str, object]:
-        """The difference in JSON's types; the range of a beam without return is null."""
-        return {
-            "scan": self.scan,
-            "beam": self.beam,
-            "planar": _answer(self.planar, self.chains[0]),
-            "embree": _answer(self.embree, self.chains[1]),
-            "cause": str(self.cause),
-        }
+POSES_COMPARED = 256
+"""Poses that are cast and compared at a time: with 181 beams trimesh's arrays take 20 MB."""
 
 
-@dataclass(frozen=True, slots=True)
+class Cause(StrEnum):
+    """Why two casters differ for a beam."""
+
+    RANGE_LIMIT = "range limit"
+    LASER_AT_WALL = "laser at a wall"
+    HEIGHT = "height"
+    GRAZING = "grazing"
+    CORNER_TIE = "corner tie"
+    WALL_END = "wall end"
+    SEAM = "seam"
+    UNEXPLAINED = "unexplained"
+
+
+MEANING = {
+    Cause.RANGE_LIMIT: "the wall is just at the limit of the range",
+    Cause.LASER_AT_WALL: "the laser touches a wall, and float32 may put it on either side",
+    Cause.HEIGHT: "the beam runs along the top or the foot of a wall",
+    Cause.GRAZING: "the beam runs along a wall",
+    Cause.CORNER_TIE: "two walls are met at one place, and either may be named",
+    Cause.WALL_END: "the beam passes the end of a wall, and float32 may choose either side",
+    Cause.SEAM: "the beam slips between the two triangles of a wall",
+    Cause.UNEXPLAINED: "no cause is known",
+}
+"""A description of each cause."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class CrossCheck:
-    """The result of comparing both casters.
+    """The result of comparing bare Embree with the exact plane, beam by beam.
 
     Args:
         beams: Number of beams.
-        hits: Number of beams that return, according to the planar caster.
+        hits: Number of beams that return, by the exact ranges.
         largest_difference: Largest difference of the ranges [m] among the beams that agree.
-        differences: The beams whose range or wall differs.
-        raw: Whether bare Embree was compared.
         resolution: Bound on the float32 resolution of positions in this world [m].
+        scan: (m,) index of the pose of each beam that differs in range or wall.
+        beam: (m,) its index in the scan.
+        ranges: (m, 2) its exact range and that of Embree [m].
+        walls: (m, 2) likewise the walls, −1 for none.
+        causes: The cause of each difference.
     """
 
     beams: int
     hits: int
     largest_difference: float
-    differences: tuple[Difference, ...]
-    raw: bool = False
-    resolution: float = 0.0
+    resolution: float
+    scan: Int
+    beam: Int
+    ranges: Float
+    walls: Int
+    causes: tuple[Cause, ...]
 
     @property
-    def causes(self) -> dict[Cause, int]:
+    def counts(self) -> dict[Cause, int]:
         """Number of beams that differ, by cause."""
-        counted = Counter(one.cause for one in self.differences)
-        return {cause: counted[cause] for cause in Cause if counted[cause]}
-
-    @property
-    def edge_cases(self) -> tuple[Difference, ...]:
-        """The differences at the ends of walls."""
-        return tuple(one for one in self.differences if one.cause in EDGES)
-
-    @property
-    def unexplained(self) -> tuple[Difference, ...]:
-        """The differences without a known cause."""
-        return tuple(one for one in self.differences if one.cause is Cause.UNEXPLAINED)
+        return {cause: self.causes.count(cause) for cause in Cause if cause in self.causes}
 
     @property
     def largest_error(self) -> float:
         """Largest difference [m] between the two ranges of any beam."""
-        gaps = [abs(one.planar[0] - one.embree[0]) for one in self.differences]
-        return max([self.largest_difference, *(gap for gap in gaps if np.isfinite(gap))])
+        both = self.ranges[np.isfinite(self.ranges).all(axis=1)]
+        gaps = np.abs(both[:, 0] - both[:, 1])
+        return max(self.largest_difference, float(gaps.max(initial=0.0)))
 
     def as_dict(self) -> dict[str, object]:
-        """The findings in JSON's types."""
+        """The findings in JSON's types; the range of a beam without return is null."""
+        differences = [
+            {"scan": scan, "beam": beam, "planar": _answer(planar), "embree": _answer(embree),
+             "cause": str(cause)}
+            for scan, beam, (planar, embree), cause in zip(
+                self.scan.tolist(),
+                self.beam.tolist(),
+                np.stack([self.ranges, self.walls], axis=2).tolist(),
+                self.causes,
+                strict=True,
+            )
+        ]  # fmt: skip
         return {
-            "compared_with": "raw" if self.raw else "embree",
             "beams": self.beams,
             "hits": self.hits,
-            "agree": self.beams - len(self.differences),
+            "agree": self.beams - len(differences),
             "agreement_m": AGREEMENT,
             "largest_difference_m": self.largest_difference,
             "largest_error_m": self.largest_error,
-            "causes": {str(cause): count for cause, count in self.causes.items()},
-            "differences": [one.as_dict() for one in self.differences],
-            "edge_cases": [one.as_dict() for one in self.edge_cases],
-            "edge_share": len(self.edge_cases) / max(1, self.beams),
-            "unexplained": [one.as_dict() for one in self.unexplained],
+            "causes": {str(cause): count for cause, count in self.counts.items()},
+            "differences": differences,
+            "unexplained": [one for one in differences if one["cause"] == Cause.UNEXPLAINED],
         }
 
 
 def crosscheck(
-    world: World,
-    lrf: LaserRangeFinder,
-    poses: ArrayLike,
-    progress: Progress = silent,
-    *,
-    raw: bool = False,
+    world: World, lrf: LaserRangeFinder, poses: ArrayLike, progress: Progress = silent
 ) -> CrossCheck:
-    """Cast the beams from poses (k, 3) with both casters, and compare every range and wall.
+    """Compare bare Embree on the extruded walls with the exact plane, for the beams from poses.
 
-    In a world of mirrors and glass every wall of each way is compared.
+    Materials are left out: bare Embree ends at mirrors and glass.
 
     Args:
         world: The walls.
         lrf: The range finder.
         poses: (k, 3) poses to scan from.
         progress: Called with the number of scans that are done, and of all.
-        raw: Compare with trimesh and bare Embree in float32, not with ``EmbreeCaster``.
 
     Raises:
         MissingLibraryError: Embree is not installed.
@@ -142,99 +143,136 @@ def crosscheck(
         >>> import lrf3d
         >>> world = lrf3d.load_world("paper_room")
         >>> result = lrf3d.crosscheck(world, lrf3d.LaserRangeFinder(), [(1, 1, 0), (2, 1, 0.5)])
-        >>> result.beams, len(result.differences)
-        (362, 0)
+        >>> result.beams, result.causes
+        (362, ())
     """
     require_embreex("a cross-check")
     poses = as_poses(poses)
-    if raw and world.materials:
-        # Bare Embree ends at mirrors and glass.
-        world = World(world.segments, world.objects, world.heights)
-    planar = PlanarCaster(world)
-    other = RawEmbreeCaster(world) if raw else EmbreeCaster(world)
+    world = World(world.segments, world.objects, world.heights)
+    planar, embree = PlanarCaster(world), BareEmbree(world)
     largest, hits = 0.0, 0
-    differences: list[Difference] = []
+    found = [(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 2), np.int64))]
     for start in range(0, len(poses), POSES_COMPARED):
         part = poses[start : start + POSES_COMPARED]
-        chains = np.empty((2, 0, 0, 0), np.int64)
-        if isinstance(other, EmbreeCaster):
-            (first, ways), (second, others) = (
-                caster.chain_batch(lrf, part) for caster in (planar, other)
-            )
-            chains = np.stack([ways, others])
-            a, b = Answers(first, _last(ways)), Answers(second, _last(others))
-        else:
-            a, b = Answers(*planar.scan_batch(lrf, part)), Answers(*other.scan_batch(lrf, part))
-        same, gap = _compared(a, b)
-        same &= (chains[0] == chains[1]).all(axis=2) if chains.size else True
-        largest = max(largest, float(gap[same].max(initial=0.0)))
-        hits += int(np.isfinite(a.ranges).sum())
-        differences += _differences(world, lrf, part, start, (a, b), chains, same)
-        progress(min(start + POSES_COMPARED, len(poses)), len(poses))
-    return CrossCheck(
-        len(poses) * lrf.beams, hits, largest, tuple(differences), raw, resolution(world, lrf)
-    )
-
-
-def _compared(a: Answers, b: Answers) -> tuple[Bool, Float]:
-    """Which beams (k, beams) agree on wall and range, and the differences of their ranges [m]."""
-    both = np.isfinite(a.ranges) & np.isfinite(b.ranges)
-    gap = np.zeros(a.ranges.shape)
-    gap[both] = np.abs(a.ranges[both] - b.ranges[both])
-    same = np.where(both, (gap <= AGREEMENT) & (a.walls == b.walls), a.ranges == b.ranges)
-    return same, gap
-
-
-def _differences(
-    world: World,
-    lrf: LaserRangeFinder,
-    poses: Float,
-    first: int,
-    answers: tuple[Answers, Answers],
-    chains: Int,
-    same: Bool,
-) -> list[Difference]:
-    """The beams that differ, with their causes; the first scan has the number ``first``."""
-    scans, beams = np.nonzero(~same)
-    if not len(scans):
-        return []
-    directions = np.array(
-        [lrf.directions(poses[scan])[beam] for scan, beam in zip(scans, beams, strict=True)]
-    )
-    a, b = (Answers(one.ranges[scans, beams], one.walls[scans, beams]) for one in answers)
-    causes = explain(world, lrf, poses[scans, :2], directions, a, b)
-    return [
-        Difference(
-            first + int(scans[i]),
-            int(beams[i]),
-            (float(a.ranges[i]), int(a.walls[i])),
-            (float(b.ranges[i]), int(b.walls[i])),
-            cause,
-            (_way(chains[0, scans[i], beams[i]]), _way(chains[1, scans[i], beams[i]]))
-            if chains.size
-            else ((), ()),
+        both = planar.scan_batch(lrf, part), embree.scan_batch(lrf, part)
+        ranges, walls = (np.stack(answers, axis=2) for answers in zip(*both, strict=True))
+        with np.errstate(invalid="ignore"):
+            gap = np.abs(ranges[..., 0] - ranges[..., 1])
+        same = np.where(
+            np.isfinite(ranges).all(axis=2),
+            (gap <= AGREEMENT) & (walls[..., 0] == walls[..., 1]),
+            ranges[..., 0] == ranges[..., 1],
         )
-        for i, cause in enumerate(causes)
-    ]
+        largest = max(largest, float(gap[same & np.isfinite(gap)].max(initial=0.0)))
+        hits += int(np.isfinite(ranges[..., 0]).sum())
+        found.append((np.add(np.argwhere(~same), [start, 0]), ranges[~same], walls[~same]))
+        progress(min(start + POSES_COMPARED, len(poses)), len(poses))
+    places, ranges, walls = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    scan, beam = places.T
+    delta = resolution(world, lrf)
+    causes = _explain(world, lrf, poses[scan], beam, ranges, walls, delta)
+    number = len(poses) * lrf.beams
+    return CrossCheck(number, hits, largest, delta, scan, beam, ranges, walls, causes)
 
 
-def _last(chains: Int) -> Int:
-    """The last walls (k, beams) of chains (k, beams, n); −1 where there is none."""
-    count = (chains >= 0).sum(axis=2)
-    found: Int = np.take_along_axis(chains, np.maximum(count - 1, 0)[..., None], 2)[..., 0]
-    return found
+class BareEmbree:
+    """Casts at the extruded walls with ``mesh.ray.intersects_location`` of trimesh, over Embree.
+
+    The triangle is found in float32, the distance is that of its plane in float64.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.mesh, self._centre = extrude(world), world.origin
+
+    def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
+        """Ranges and walls (k, beams) from poses (k, 3)."""
+        origins, directions = rays(lrf, poses, self._centre)
+        ranges, walls = np.full(len(origins), np.inf), np.full(len(origins), -1)
+        if len(self.mesh.faces):
+            places, ray, triangle = self.mesh.ray.intersects_location(
+                origins, directions, multiple_hits=False
+            )
+            ranges[ray] = np.einsum("ij,ij->i", places - origins[ray], directions[ray])
+            walls[ray] = triangle // 2
+        ranges = within_limits(ranges, lrf.range_min, lrf.range_max)
+        shape = len(poses), lrf.beams
+        return ranges.reshape(shape), np.where(np.isfinite(ranges), walls, -1).reshape(shape)
 
 
-def _way(chain: Int) -> tuple[int, ...]:
-    """The walls of a chain that −1 fills up."""
-    return tuple(chain[chain >= 0].tolist())
+def rays(lrf: LaserRangeFinder, poses: Float, centre: Float) -> tuple[Float, Float]:
+    """Origins and directions (k beams, 3) of the beams from poses (k, 3), counted from a centre."""
+    origins = np.empty((len(poses), lrf.beams, 3))
+    directions = np.zeros((len(poses), lrf.beams, 3))
+    origins[..., :2] = (poses[:, :2] - centre)[:, None]
+    origins[..., 2] = lrf.height
+    for k, pose in enumerate(poses):
+        directions[k, :, :2] = lrf.directions(pose)
+    return origins.reshape(-1, 3), directions.reshape(-1, 3)
 
 
-def _answer(found: tuple[float, int], chain: tuple[int, ...]) -> dict[str, object]:
-    """A range, its wall and, where there is more than that, the walls on the way."""
-    answer: dict[str, object] = {"range": _finite(found[0]), "wall": found[1]}
-    return {**answer, "chain": list(chain)} if len(chain) > 1 else answer
+def resolution(world: World, lrf: LaserRangeFinder) -> float:
+    """Bound on the float32 resolution of positions along a beam [m].
+
+    The ends and the laser are rounded relative to the size of the scene; the direction and each
+    step of the intersection relative to the distance.
+    """
+    size = float(
+        np.linalg.norm(np.append(np.ptp(world.bounds, axis=0), world.heights.max(initial=0)))
+    )
+    return 2.0**-24 * (2.0 * size + 16.0 * min(lrf.range_max, size))
 
 
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+def _explain(
+    world: World, lrf: LaserRangeFinder, poses: Float, beam: Int, ranges: Float, walls: Int,
+    delta: float,
+) -> tuple[Cause, ...]:  # fmt: skip
+    """The causes of the differences of m beams from poses (m, 3)."""
+    beams = np.array([lrf.directions(pose)[i] for pose, i in zip(poses, beam, strict=True)])
+    beams = beams.reshape(-1, 1, 2)
+    # How a beam lies relative to each of the two walls that are named; NaN where there is none.
+    met = walls >= 0
+    ends = np.full((*walls.shape, 2, 2), np.nan)
+    places = np.broadcast_to(poses[:, None, None, :2], ends.shape)
+    ends[met] = world.segments[walls[met]].reshape(-1, 2, 2) - places[met]
+    heights = np.full(walls.shape, np.nan)
+    heights[met] = world.heights[walls[met]]
+
+    def aside(points: Float) -> Float:
+        return np.asarray(np.abs(cross(beams, points)))
+
+    def either(which: Bool) -> Bool:
+        return np.asarray(which.any(axis=1))
+
+    span = ends[:, :, 1] - ends[:, :, 0]
+    length = np.hypot(span[..., 0], span[..., 1])
+    one, other = ranges.T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sine = np.fmin.reduce(np.abs(cross(beams, span)) / length, axis=1)
+        share = np.clip(-np.einsum("...j,...j", ends[:, :, 0], span) / length**2, 0.0, 1.0)
+        nearest = ends[:, :, 0] + share[..., None] * span
+        # The seam rises from the foot of a wall's first end to the top of its second.
+        seam = ends[:, :, 0] + (lrf.height / heights)[..., None] * span
+        at_limit = np.zeros(len(ranges), np.bool_)
+        for a, b in ((one, other), (other, one)):
+            at_limit |= np.isposinf(a) & (np.abs(b - lrf.range_max) <= AGREEMENT)
+            at_limit |= np.isneginf(a) & (np.abs(b - lrf.range_min) <= AGREEMENT)
+        tests = {
+            Cause.RANGE_LIMIT: at_limit,
+            Cause.LASER_AT_WALL: either(np.hypot(nearest[..., 0], nearest[..., 1]) <= delta),
+            Cause.HEIGHT: either(np.abs(heights - lrf.height) <= delta)
+            | (met.any(axis=1) & (lrf.height <= delta)),
+            Cause.GRAZING: sine <= GRAZING,
+            # Shifting a wall by δ across the beam moves the hit by δ / sine along it.
+            Cause.CORNER_TIE: met.all(axis=1)
+            & (walls[:, 0] != walls[:, 1])
+            & (np.abs(one - other) <= AGREEMENT + delta / sine),
+            Cause.WALL_END: either(np.minimum(aside(ends[:, :, 0]), aside(ends[:, :, 1])) <= delta),
+            Cause.SEAM: either(aside(seam) <= delta),
+        }
+    first = np.select(list(tests.values()), list(range(len(tests))), default=len(tests))
+    return tuple([*tests, Cause.UNEXPLAINED][number] for number in first)
+
+
+def _answer(found: list[float]) -> dict[str, object]:
+    """A range and its wall in JSON's types."""
+    return {"range": found[0] if np.isfinite(found[0]) else None, "wall": int(found[1])}

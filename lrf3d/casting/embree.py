@@ -1,26 +1,25 @@
-"""EmbreeCaster: Embree finds the walls, float64 arithmetic proves them, and the ranges are exact.
+"""EmbreeCaster: Embree finds the walls, with the exact ranges of PlanarCaster; and casts in 3D.
 
-Most beams are proved with the wall that Embree reports alone; `embree_walls` gives the argument.
-The few others (near ends and other walls, at grazing incidence) are cast again among the float64
-walls. A mesh is cut by the plane of the beams, and its cuts are treated as walls. Layers and tilted
-lasers are cast in 3D, in float64.
+Level beams among walls are cast by a `WallScene`. A mesh is cut by the plane of the beams, and its
+cuts are treated as walls. Layers and tilted lasers are cast in 3D, in float64.
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.casting.batch_caster import BatchCaster, Kernels, limited
-from lrf3d.casting.exact import RationalCaster
-from lrf3d.casting.kernels.scans import BEYOND_WALLS
+from lrf3d.casting.caster import PlanarCaster
+from lrf3d.casting.kernels.scans import PlainLaser
 from lrf3d.casting.mesh_scene import MeshScene, level_cut
-from lrf3d.casting.wall_scene import WallScene, build_wall_scene
+from lrf3d.casting.triangle_rays import embreex_installed
+from lrf3d.casting.wall_scene import WallScene
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
+from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose
 from lrf3d.world import World
 
@@ -50,13 +49,16 @@ LEVELS = 8
 """Number of laser heights for which the cuts of a mesh are kept."""
 
 
-class EmbreeCaster(BatchCaster):
+class EmbreeCaster(PlanarCaster):
     """Casts scans with Embree; at walls, decisions and ranges are the exact ones of PlanarCaster.
 
     Args:
         world: A world, or a ``trimesh.Trimesh``, whose triangles then stand where a world has
             its walls. Level beams meet the triangles where these meet the plane at their height;
             the ends of such a cut are rounded to float64, but for upright edges, which are exact.
+
+    Raises:
+        InputError: It is neither.
 
     Examples:
         >>> import lrf3d
@@ -69,29 +71,26 @@ class EmbreeCaster(BatchCaster):
     """
 
     def __init__(self, world: Any) -> None:
-        if not (isinstance(world, World) or hasattr(world, "triangles")):
-            raise InputError(f"caster for {shown(world)}: expected a World or a trimesh.Trimesh")
+        self._triangles: Float | None = None
+        if not isinstance(world, World):
+            if not hasattr(world, "triangles"):
+                raise InputError(
+                    f"caster for {shown(world)}: expected a World or a trimesh.Trimesh"
+                )
+            self._triangles = np.asarray(world.triangles, dtype=np.float64).reshape(-1, 3, 3)
+        super().__init__(world if self._triangles is None else World(np.empty((0, 4))))
         self.world = world
-        self._walls = world if isinstance(world, World) else None
-        self._rationals = RationalCaster(World(np.empty((0, 4))) if self._walls is None else world)
-        self._levels = np.empty(0) if self._walls is None else np.unique(self._walls.heights)
-        if self._walls is not None and self._walls.materials:
-            from lrf3d.casting.lighting import Lighting
-            from lrf3d.casting.planar import PlanarCaster
-
-            # Embree finds the first walls; behind mirrors and glass the float64 walls are cast at.
-            self._lights = Lighting(self._walls, PlanarCaster(self._walls).tree)
         self._scenes: dict[tuple[int, int], WallScene] = {}
-        self._mesh: MeshScene | None = None
+        self._solid: MeshScene | None = None
         self._cuts: dict[float, tuple[EmbreeCaster, Int]] = {}
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose; for a mesh, ``walls`` holds indices of triangles."""
-        if self._walls is not None:
+        if self._triangles is None:
             return super().cast(lrf, pose)
-        caster, faces = self._cut(lrf.height)
+        caster, faces = self._cut(self._triangles, lrf.height)
         scan = caster.cast(lrf, pose)
-        return replace(scan, walls=_named(faces, scan.walls))
+        return LaserScan.unchecked(lrf, scan.pose, scan.ranges, _named(faces, scan.walls))
 
     def cast_layers(
         self,
@@ -120,7 +119,7 @@ class EmbreeCaster(BatchCaster):
             Ranges (layers, beams) [m] after REP 117, and the walls or triangles, −1 for none. In
             worlds with materials they are those of `light_layers`.
         """
-        if self._lights is not None:
+        if self._lighting is not None:
             return self.light_layers(lrf, pose, elevations, pitch=pitch, roll=roll)[:2]
         x, y, theta = as_pose(pose)
         level = (np.asarray(elevations, dtype=np.float64) == 0.0) & (pitch == 0.0 == roll)
@@ -131,9 +130,18 @@ class EmbreeCaster(BatchCaster):
             ranges[level], walls[level] = scan.ranges, scan.walls
         if not level.all():
             beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
+            if self._solid is None:
+                triangles = self._triangles
+                self._solid = (
+                    MeshScene.of_world(self.world)
+                    if triangles is None
+                    else MeshScene(triangles, np.arange(len(triangles)))
+                )
             origin = np.array([x, y, lrf.height])
-            distances, faces = self._solid().cast(origin, beams.reshape(-1, 3), lrf.range_max)
-            ranges[~level], walls[~level] = limited(lrf, distances, faces)
+            found, faces = self._solid.cast(origin, beams.reshape(-1, 3), lrf.range_max)
+            found = within_limits(found, lrf.range_min, lrf.range_max)
+            ranges[~level] = found.reshape(-1, lrf.beams)
+            walls[~level] = np.where(np.isfinite(found), faces, -1).reshape(-1, lrf.beams)
         return ranges, walls
 
     def light_layers(
@@ -148,15 +156,8 @@ class EmbreeCaster(BatchCaster):
         """Cast in 3D with the light of each beam: mirrors, glass, intensities and echoes.
 
         Walls are upright, so mirrors turn inclined beams in plan and leave their slope; beams go
-        over what is lower. As in `cast_layers`, level layers are exact and others are cast in
-        float64, from leg to leg.
-
-        Args:
-            lrf: The range finder: its angles, limits, height, and what it makes of the light.
-            pose: Pose x, y [m], theta [rad].
-            elevations: Angles of the layers above the laser's own plane [rad].
-            pitch: Turn about the robot's left [rad].
-            roll: Turn about the robot's ahead [rad].
+        over what is lower. The arguments are those of `cast_layers`. Up to the first mirror or pane
+        level layers are exact; all else is cast in float64.
 
         Raises:
             InputError: The world has no materials.
@@ -172,35 +173,23 @@ class EmbreeCaster(BatchCaster):
             >>> found.chains[1, 0, :3].tolist()
             [0, 1, -1]
         """
-        lights = self._lights
-        if lights is None:
+        if self._lighting is None:
             raise InputError("world without materials: its beams have no intensities")
         x, y, theta = as_pose(pose)
         level = (np.asarray(elevations, dtype=np.float64) == 0.0) & (pitch == 0.0 == roll)
         beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
-        origin = np.array([x, y, lrf.height])
-        lit = lights.light_solid(lrf, self._solid(), origin, beams.reshape(-1, 3))
+        lit = self._lighting.light_layers(lrf, self.tree(-math.inf), (x, y, lrf.height), beams)
         flat = self._lit(
             lrf, np.array([(x, y, theta)] * int(level.any())).reshape(-1, 3), chains=True
         )
         # Each layer is a row of the inclined ones, in their order, or the level scan after these.
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
-        return LayerLight(
-            *(np.concatenate(both)[rows] for both in zip(lit[:6], flat[:6], strict=True))
-        )
+        return LayerLight(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
-    def _solid(self) -> MeshScene:
-        """The 3D scene of the walls or of the mesh, built at its first use."""
-        if self._mesh is None:
-            made = MeshScene.of_mesh if self._walls is None else MeshScene.of_world
-            self._mesh = made(self.world)
-        return self._mesh
-
-    def _cut(self, height: float) -> tuple["EmbreeCaster", Int]:
+    def _cut(self, triangles: Float, height: float) -> tuple["EmbreeCaster", Int]:
         """A caster for the cut of the mesh at a height [m], and the triangle of each wall."""
         found = self._cuts.get(height)
         if found is None:
-            triangles = np.asarray(self.world.triangles, dtype=np.float64).reshape(-1, 3, 3)
             segments, faces = level_cut(triangles, height)
             world = World(segments, heights=np.full(len(segments), max(height, 1.0)))
             found = EmbreeCaster(world), faces
@@ -209,25 +198,23 @@ class EmbreeCaster(BatchCaster):
             self._cuts[height] = found
         return found
 
-    def _scene(self, lrf: LaserRangeFinder) -> WallScene:
-        """The scene for beams of this height and range: built once for each level and range."""
-        assert self._walls is not None
-        level = int(self._levels.searchsorted(lrf.height))
-        key = level, math.frexp(min(lrf.range_max, BEYOND_WALLS))[1]
+    def _fill(
+        self, height: float, laser: PlainLaser, poses: Float, ranges: Float, walls: Int
+    ) -> None:
+        if not embreex_installed():
+            super()._fill(height, laser, poses, ranges, walls)
+            return
+        # A scene is built for ranges up to a power of two.
+        key = bisect_left(self._levels, height), math.frexp(laser[-1])[1]
         if key not in self._scenes:
-            tall = np.flatnonzero(self._walls.heights >= lrf.height).astype(np.int32)
-            segments = self._walls.segments[tall]
-            self._scenes[key] = build_wall_scene(segments, tall, math.ldexp(1.0, key[1]))
-        return self._scenes[key]
+            self._scenes[key] = WallScene(self.tree(height), math.ldexp(1.0, key[1]))
+        self._scenes[key].cast(laser, poses, ranges, walls)
 
-    def _kernels(self, lrf: LaserRangeFinder) -> Kernels:
-        return self._scene(lrf).kernels(lrf)
-
-    def _cast_batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
-        if self._walls is not None:
-            return super()._cast_batch(lrf, poses, walls)
-        caster, faces = self._cut(lrf.height)
-        ranges = caster._cast_batch(lrf, poses, walls)
+    def _batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
+        if self._triangles is None:
+            return super()._batch(lrf, poses, walls)
+        caster, faces = self._cut(self._triangles, lrf.height)
+        ranges = caster._batch(lrf, poses, walls)
         walls[:] = _named(faces, walls)
         return ranges
 

@@ -1,7 +1,5 @@
 """MeshScene: casting at triangles in 3D, in float64, and cutting them by a level plane."""
 
-from typing import Any
-
 import numpy as np
 
 from lrf3d.casting.kernels.solid import cast_solid
@@ -40,12 +38,6 @@ class MeshScene:
         halves = np.stack([p, q, above_q, p, above_q, above_p], axis=1)
         return cls(halves.reshape(-1, 3, 3), np.arange(2 * len(ends)) // 2)
 
-    @classmethod
-    def of_mesh(cls, mesh: Any) -> "MeshScene":
-        """The triangles of a ``trimesh.Trimesh``."""
-        triangles = np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3)
-        return cls(triangles, np.arange(len(triangles)))
-
     def cast(self, origins: Float, directions: Float, reach: float) -> tuple[Float, Int]:
         """Cast rays (n, 3) from origins (n, 3) or from one (3,), no farther than about a reach [m].
 
@@ -54,7 +46,7 @@ class MeshScene:
         """
         distances, hits = np.empty(len(directions)), np.empty(len(directions), np.int64)
         starts = np.atleast_2d(origins)
-        cast_solid(self.tree, self.corners, starts, directions, reach, distances, hits)
+        cast_solid(self.tree[:], self.corners, starts, directions, reach, distances, hits)
         return distances, self.owners[hits]
 
 

@@ -1,20 +1,52 @@
-"""TriangleRays: which triangle a ray meets first; for pictures, float32 is enough."""
+"""TriangleRays: which triangle a ray meets first, by Embree; for pictures, float32 is enough."""
+
+import multiprocessing
+import warnings
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.embree_library import embreex_installed
 from lrf3d.casting.mesh_scene import MeshScene
+from lrf3d.errors import Lrf3dWarning, MissingLibraryError
+from lrf3d.geometry import Single
+
+
+@cache
+def embreex_installed() -> bool:
+    """Whether embreex is installed; if it is not, a warning says once what is done instead."""
+    try:
+        require_embreex("Embree")
+    except MissingLibraryError:
+        # The processes that a program starts would each say the same again.
+        if multiprocessing.parent_process() is None:
+            warnings.warn(
+                "embreex is not installed: beams are cast without Embree, to the same ranges",
+                Lrf3dWarning,
+                stacklevel=2,
+            )
+        return False
+    return True
+
+
+def require_embreex(task: str) -> None:
+    """See that embreex is there for a task that makes no sense without it.
+
+    Raises:
+        MissingLibraryError: It is not.
+    """
+    try:
+        import embreex.rtcore_scene  # noqa: F401
+    except ImportError:
+        raise MissingLibraryError(
+            f"{task} needs Embree: pip install embreex (for Linux on ARM it has no wheel)"
+        ) from None
 
 
 class TriangleRays:
-    """Triangles that rays are sent at: by Embree, or where it is missing by `MeshScene`.
+    """Triangles (t, 3, 3) [m] that rays are sent at; without embreex by `MeshScene`."""
 
-    Args:
-        triangles: (t, 3, 3) their corners [m].
-    """
-
-    def __init__(self, triangles: NDArray[np.float32]) -> None:
+    def __init__(self, triangles: Single) -> None:
         self._triangles = triangles
         self._embree = self._mesh = None
         if not len(triangles):
@@ -31,13 +63,11 @@ class TriangleRays:
         # Embree reads the corners from it for as long as the scene is used.
         self._kept = TriangleMesh(self._embree, corners, numbers)
 
-    def __reduce__(self) -> tuple[type["TriangleRays"], tuple[NDArray[np.float32]]]:
+    def __reduce__(self) -> tuple[type["TriangleRays"], tuple[Single]]:
         # Embree's own structures stay in their process; they are built again within milliseconds.
         return TriangleRays, (self._triangles,)
 
-    def first(
-        self, origins: NDArray[np.float32], directions: NDArray[np.float32]
-    ) -> NDArray[np.int32]:
+    def first(self, origins: Single, directions: Single) -> NDArray[np.int32]:
         """The triangle (n,) that each ray meets first, or −1, for rays (n, 3) from (n, 3)."""
         if self._embree is not None:
             return np.asarray(self._embree.run(origins, directions), np.int32)

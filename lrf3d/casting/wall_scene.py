@@ -1,142 +1,146 @@
-"""WallScene: the walls of a world, in float64 and as triangles for Embree, to cast scans at."""
+"""WallScene: walls as a trimesh in which Embree misses none, and the proof of what it found.
 
-import math
-from functools import partial
-from typing import Protocol
+``mesh.ray.intersects_first`` works in float32: each position may be off by an error ε. Around each
+wall lies its `strip`, all within δ = 2ε of it, squared off. A wall gets three upright triangles:
+
+- its own plane, longer by 3δ at both ends;
+- across each end, δ before it, a cap that reaches 2δ to both sides.
+
+A beam that truly meets the wall, and starts outside its strip, crosses the strip from long side to
+long side, and then float32 has it cross the plane; or it passes a short side, and then float32 has
+it cross a cap. So Embree finds something of the wall, at some place of the beam's way through the
+strip, give or take 5δ. In particular, a beam for which Embree finds nothing meets nothing.
+
+Where Embree names the plane of a wall w, and the beam meets w at a point h under an angle whose
+sine is at least s, Embree's place is within 5δ / s of h. A wall that the beam meets before h would
+then have its strip end no more than (5 + 5 / s) δ before h, and come within (7 + 5 / s) δ of h.
+Where no other wall is that near, w is the one: this part of w is `clear`, for beams of that sine.
+All other beams are in doubt. The planar kernels cast these, and they measure all ranges.
+"""
 
 import numpy as np
-from numpy.typing import NDArray
+import shapely
+import trimesh
 
-from lrf3d.casting.batch_caster import Kernels
-from lrf3d.casting.embree_library import EmbreeLibrary, embree_library, embreex_installed
-from lrf3d.casting.embree_walls import (
-    all_clear_parts,
-    ends_of,
-    float32_error,
-    narrowest_cluster,
-    triangles,
-)
-from lrf3d.casting.kernels.embree_proof import Local, ProvedWalls
-from lrf3d.casting.kernels.embree_scans import cast_scan, cast_scans, prove_scans, send_rays
-from lrf3d.casting.kernels.scans import PlainLaser, laser_of
-from lrf3d.casting.kernels.tree import build_tree
-from lrf3d.casting.planar import planar_kernels
+from lrf3d.casting.kernels.embree import Frame, prove, rays_of
+from lrf3d.casting.kernels.scans import PlainLaser, cast_scans
+from lrf3d.casting.kernels.tree import Tree
 from lrf3d.geometry import Float, Int
-from lrf3d.laser import LaserRangeFinder
+
+FLAT, STEEP = 0.03, 0.25
+"""Sines of the angles between beam and wall for which the clear part of a wall is known: flatter
+than FLAT a beam is in doubt, and from STEEP on more of a wall is clear."""
+
+LONGER, CAP, APEX = 3.0, 2.0, 4.0
+"""In δ: how much longer a plane is, and half a cap. A triangle is APEX times as high above the
+beams as below, where a cap ends at δ."""
 
 POSES_SENT = 64
-"""Poses whose rays are passed to embreex at a time: 600 kB with 181 beams, not a whole batch."""
-
-Faces32 = tuple[NDArray[np.float32], NDArray[np.int32]]
+"""Scans whose rays are passed to trimesh at a time: 600 kB with 181 beams, not a whole batch."""
 
 
-class WallScene(Protocol):
-    """Walls that scans are cast at, exactly."""
+class WallScene:
+    """Walls in a tree, to be cast at for ranges up to a distance [m]."""
 
-    def kernels(self, lrf: LaserRangeFinder) -> Kernels:
-        """The code that casts the scans of a range finder."""
-        ...
+    def __init__(self, tree: Tree, distance: float) -> None:
+        box = tree.boxes[0] if len(tree.walls) else np.zeros(4)
+        # Coordinates are counted from the middle before trimesh rounds them.
+        centre = np.round(0.5 * (box[:2] + box[2:]))
+        # Half as far again: the laser may stand beside the world.
+        radius = 1.5 * float(np.abs(box.reshape(2, 2) - centre).max()) + 1e-30
+        # Both ends of a short wall may round to one point, or to a wall of another direction.
+        walls, along = tree.walls - np.tile(centre, 2), tree.walls[:, 2:] - tree.walls[:, :2]
+        longest = float(np.hypot(along[:, 0], along[:, 1]).max(initial=0.0))
+        delta = 2.0 * float32_error(radius, min(distance + 2.0 * longest, 4.0 * radius))
+        beyond = 8.0 / FLAT * float32_error(radius, 4.0 * radius)
+        self._frame = Frame(float(centre[0]), float(centre[1]), radius, 1.5 * delta, beyond)
+        parts = [clear_parts(walls, along, (7.0 + 5.0 / sine) * delta) for sine in (FLAT, STEEP)]
+        self._tree, self._clear = tree, np.hstack(parts)
+        vertices = triangles(walls, along, delta)
+        faces = np.arange(len(vertices)).reshape(-1, 3)
+        self.mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False)
+        if len(walls):
+            # Embree's scene is built at its first ray; threads that cast share it.
+            self.mesh.ray.intersects_first(np.zeros((1, 3)), np.ones((1, 3)))
 
-
-def build_wall_scene(segments: Float, index: NDArray[np.int32], distance: float) -> WallScene:
-    """The scene of segments (n, 4), with their indices (n,), for ranges up to a distance [m].
-
-    Embree is called from compiled code if its library can be used, and otherwise through embreex.
-    Where that is missing, the walls are searched in their tree; the scans are the same.
-    """
-    if not embreex_installed():
-        return TreeScene(segments, index)
-    prepared = _prepare(segments, index, distance)
-    library = embree_library()
-    return RunScene(*prepared) if library is None else PacketScene(*prepared, library)
-
-
-def _prepare(
-    segments: Float, index: NDArray[np.int32], distance: float
-) -> tuple[ProvedWalls, Faces32]:
-    """The walls as the proof needs them, and the triangles that stand for them in Embree."""
-    tree = build_tree(segments, index)
-    box = tree.boxes[0] if len(segments) else np.zeros(4)
-    centre = np.round(0.5 * (box[:2] + box[2:]))
-    # Half as far again: the laser may stand beside the world.
-    radius = 1.5 * float(np.abs(box.reshape(2, 2) - centre).max()) + 1e-30
-    along = segments[:, 2:] - segments[:, :2]
-    longest = float(np.hypot(along[:, 0], along[:, 1]).max(initial=0.0))
-    delta = 2.0 * float32_error(radius, min(distance + 2.0 * longest, 4.0 * radius))
-    # Embree works in units of about the radius, a power of two that rounds nothing: at any scale
-    # its float32 numbers stay clear of the smallest and of the largest.
-    unit = math.ldexp(1.0, -math.frexp(radius)[1])
-    x, y = float(centre[0]), float(centre[1])
-    ends = ends_of(tree.walls)
-    width = narrowest_cluster(ends)
-    local = Local(x, y, unit, radius, 1.5 * delta, longest + 8.0 * delta, width)
-    vertices, owners = triangles(tree.walls, ends, (x, y), delta, unit)
-    known = ProvedWalls(tree, all_clear_parts(tree, delta), owners, local)
-    return known, (vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
-
-
-class TreeScene:
-    """Casts as `PlanarCaster` does, without Embree."""
-
-    def __init__(self, segments: Float, index: NDArray[np.int32]) -> None:
-        self._tree = build_tree(segments, index)
-
-    def kernels(self, lrf: LaserRangeFinder) -> Kernels:
-        """The code that casts the scans of a range finder."""
-        return planar_kernels(self._tree, lrf)
-
-
-class PacketScene:
-    """Casts by compiled code that calls Embree directly, packet by packet."""
-
-    def __init__(self, known: ProvedWalls, mesh: Faces32, library: EmbreeLibrary) -> None:
-        # The scene is kept here for as long as its address is in use.
-        self._scene = library.build(*mesh)
-        plain = known.tree[:], known.clear, known.owners, known.local[:]
-        self._fixed = self._scene.intersect, self._scene.address, plain
-
-    def kernels(self, lrf: LaserRangeFinder) -> Kernels:
-        """The code that casts the scans of a range finder."""
-        # Bound methods keep this scene, and with it Embree's, while another thread replaces it.
-        laser = laser_of(lrf)
-        return Kernels(partial(self._scan, laser), partial(self._scans, laser))
-
-    def _scan(self, laser: PlainLaser, x: float, y: float, theta: float) -> tuple[Float, Int]:
-        return cast_scan(*self._fixed, laser, x, y, theta)
-
-    def _scans(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
-        cast_scans(*self._fixed, laser, poses, ranges, walls)
-
-
-class RunScene:
-    """Casts through embreex: rays are passed to it, and its answers are proved."""
-
-    def __init__(self, known: ProvedWalls, mesh: Faces32) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        self._known = known
-        self._embree = EmbreeScene()
-        self._kept = TriangleMesh(self._embree, *mesh) if len(known.tree.walls) else None
-
-    def kernels(self, lrf: LaserRangeFinder) -> Kernels:
-        """The code that casts the scans of a range finder."""
-        laser = laser_of(lrf)
-        return Kernels(partial(self._scan, laser), partial(self._scans, laser))
-
-    def _scan(self, laser: PlainLaser, x: float, y: float, theta: float) -> tuple[Float, Int]:
-        beams = laser[0].shape[1]
-        ranges, walls = np.empty((1, beams)), np.empty((1, beams), np.int64)
-        self._scans(laser, np.array([[x, y, theta]]), ranges, walls)
-        return ranges[0], walls[0]
-
-    def _scans(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
-        known = self._known
-        reach = (laser[-1] + known.local.beyond) * known.local.unit
-        for k in range(0, len(poses), POSES_SENT):
+    def cast(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
+        """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty."""
+        hits = walls if len(walls) else np.empty(ranges.shape, np.int64)
+        for k in range(0, len(poses) if len(self.mesh.faces) else 0, POSES_SENT):
             part = slice(k, k + POSES_SENT)
-            found = np.empty(0, dtype=np.int32)
-            if self._kept is not None:
-                rays = send_rays(laser, poses[part], known.local)
-                found = self._embree.run(*rays, reach)
-            prove_scans(known, found, laser, poses[part], ranges[part], walls[part])
+            rays = rays_of(laser, poses[part], self._frame.x, self._frame.y)
+            found = np.asarray(self.mesh.ray.intersects_first(*rays), np.int32)
+            known = self._clear, self._frame[:], (FLAT, STEEP), found
+            prove(self._tree[:], *known, laser, poses[part], hits[part])
+        cast_scans(self._tree[:], laser, poses, ranges, hits, len(self.mesh.faces) > 0)
+
+
+def float32_error(radius: float, distance: float) -> float:
+    """Bound on ε [m], at coordinates up to a radius from the middle.
+
+    Ends and the laser are rounded, the laser twice: seen from the middle, and from a corner of the
+    mesh. In proportion to the distance so are the direction, twice, and each step of the
+    intersection.
+    """
+    return 2.0**-24 * (6.0 * radius + 18.0 * distance)
+
+
+def triangles(walls: Float, along: Float, delta: float) -> Float:
+    """Vertices (9 n, 3) of the plane and the two caps of each of the walls (n, 4).
+
+    Each is about as high as wide, as suits float32, and as wide as it must be at z = 0, where the
+    beams are.
+    """
+    length = np.hypot(along[:, 0], along[:, 1])[:, None]
+    along = along / length
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    start, end = walls[:, :2], walls[:, 2:]
+    middles = np.stack([0.5 * (start + end), start - delta * along, end + delta * along], axis=1)
+    halves = np.full((len(walls), 3, 1), CAP * delta)
+    halves[:, 0] = 0.5 * length + LONGER * delta
+    sides = np.stack([along, across, across], axis=1) * halves
+    # At z = 0 a triangle is APEX / (APEX + 1) as wide as its base.
+    wide = sides * (1.0 + 1.0 / APEX)
+    vertices = np.empty((len(walls), 3, 3, 3))
+    vertices[..., :2] = np.stack([middles - wide, middles + wide, middles], axis=2)
+    vertices[..., 2] = halves * [-2.0 / APEX, -2.0 / APEX, 2.0]
+    return vertices.reshape(-1, 3)
+
+
+def clear_parts(walls: Float, along: Float, reach: float) -> Float:
+    """The longest part (n, 2) of each wall, from 0 to 1, with no other wall within reach [m].
+
+    Where there is none, the first number is above the second.
+    """
+    length = np.hypot(along[:, 0], along[:, 1])
+    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
+    long = np.flatnonzero(length > 2.0 * reach)
+    one, other = shapely.STRtree(lines).query(lines[long], "dwithin", 1.01 * reach)
+    one, other = long[one][long[one] != other], other[long[one] != other]
+    # A part of a wall is near another one if it lies in the rectangle around that one.
+    begin, end = np.zeros(len(one)), np.ones(len(one))
+    unit = along[other] / length[other, None]
+    offset = walls[one, :2] - walls[other, :2]
+    for x, y, size in ((unit[:, 0], unit[:, 1], length[other]), (-unit[:, 1], unit[:, 0], 0.0)):
+        at = offset[:, 0] * x + offset[:, 1] * y + 1.01 * reach
+        step = along[one, 0] * x + along[one, 1] * y
+        step = np.where(abs(step) < 1e-6 * reach, 1e-6 * reach, step)
+        first, second = -at / step, (size + 2.02 * reach - at) / step
+        begin = np.maximum(begin, np.minimum(first, second))
+        end = np.minimum(end, np.maximum(first, second))
+    met, edge, last = begin <= end, reach / length[long], np.full(len(long), 2.0)
+    # Its own ends are left out, too.
+    one = np.concatenate([one[met], long, long])
+    begin = np.concatenate([begin[met], -last, 1.0 - edge])
+    end = np.concatenate([end[met], edge, last])
+    order = np.lexsort([begin, one])
+    one, begin, end = one[order], begin[order], end[order]
+    # The gaps between what is near, wall by wall: from the largest end so far to the next begin.
+    low, high = (np.maximum.accumulate(end + 4.0 * one) - 4.0 * one)[:-1], begin[1:]
+    gap = np.where(one[1:] == one[:-1], high - low, 0.0)
+    rising = np.argsort(gap, kind="stable")
+    rising = rising[gap[rising] > 0.0]
+    clear = np.tile([1.0, 0.0], (len(walls), 1))
+    # Of the gaps of a wall the last, which is the longest, stays.
+    clear[one[rising]] = np.column_stack([low[rising], high[rising]])
+    return clear

@@ -66,15 +66,19 @@ def progress_lines(title: str, clock: Callable[[], float] = monotonic) -> Progre
         clock: Gives the time [s].
     """
     began = last = clock()
+    # The first step may compile for half a minute, so it is not one to go by.
+    first = 0
 
     def report(done: int, total: int) -> None:
-        nonlocal last
+        nonlocal began, first, last
         check()
         now = clock()
-        if now - last < BETWEEN_LINES or not 0 < done < total:
+        if not first:
+            began, first, last = now, done, now
+        if now - last < BETWEEN_LINES or not first < done < total:
             return
         last = now
-        left = (now - began) * (total - done) / done / 60.0
+        left = (now - began) * (total - done) / (done - first) / 60.0
         say(f"{title}: {done:,} of {total:,}, about {max(left, 1.0):.0f} min left")
 
     return report
@@ -124,8 +128,16 @@ def print_json(value: Any) -> None:
 
 
 def json_text(value: Any) -> str:
-    """A value as standard JSON, without NaN and infinity."""
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+    """A value as standard JSON, without NaN and infinity, its numbers to nine digits."""
+    return json.dumps(_rounded(value), indent=2, allow_nan=False) + "\n"
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.9g}")
+    if isinstance(value, dict):
+        return {name: _rounded(each) for name, each in value.items()}
+    return [_rounded(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def print_table(rows: list[tuple[str, str]], width: int = 0) -> None:

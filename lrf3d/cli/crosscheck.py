@@ -1,4 +1,4 @@
-"""``lrf3d crosscheck``: the same beams, cast in the plane and in the 3D mesh."""
+"""``lrf3d crosscheck``: bare Embree on the walls in 3D against the exact plane."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,10 +13,6 @@ if TYPE_CHECKING:
 
 def crosscheck(
     world: options.WorldArgument,
-    raw: Annotated[
-        bool,
-        typer.Option("--raw", help="Also compare Embree's own float32 hits, without the proof."),
-    ] = False,
     figure: Annotated[
         Path | None, typer.Option(help="Draw the beams that differ to this .png.")
     ] = None,
@@ -25,17 +21,18 @@ def crosscheck(
     ignore_collisions: options.IgnoreCollisions = False,
     json: options.Json = False,
 ) -> None:
-    """Cast the beams of a whole drive with both casters, and compare every range and wall.
+    """Compare Embree's own float32 hits with the exact ones, for the beams of a whole drive.
 
     Every difference is classified by its cause. The exit status is 1 if one is unexplained.
     """
     from lrf3d.casting import crosscheck as compare
+    from lrf3d.casting.comparison import Cause
     from lrf3d.cli.console import print_json, print_table, progress_bar, warn
 
     scenario = options.read_drive(world, scale=scale, inside=inside)
     trajectory = scenario.trajectory(on_collision=warn if ignore_collisions else None)
     with progress_bar("crosscheck") as progress:
-        result = compare(scenario.world, scenario.lrf, trajectory.poses, progress, raw=raw)
+        result = compare(scenario.world, scenario.lrf, trajectory.poses, progress)
     report = {"world": scenario.name, "scans": len(trajectory), **result.as_dict()}
     if json:
         print_json(report if figure is None else {**report, "picture": str(figure)})
@@ -46,18 +43,18 @@ def crosscheck(
         from lrf3d.render.crosscheck_figure import draw_crosscheck
 
         draw_crosscheck(scenario.world, scenario.lrf, trajectory.poses, result, figure)
-    if result.unexplained:
+    if Cause.UNEXPLAINED in result.causes:
         raise typer.Exit(1)
 
 
 def _findings(result: "CrossCheck") -> list[tuple[str, str]]:
-    from lrf3d.casting.causes import MEANING
+    from lrf3d.casting.comparison import MEANING, Cause
 
-    agree = result.beams - len(result.differences)
+    agree = result.beams - len(result.causes)
     rows = [("agree", f"{agree}, the largest difference {result.largest_difference:.1e} m")]
-    explained = {cause: n for cause, n in result.causes.items() if cause != "unexplained"}
-    for cause, count in explained.items():
-        rows.append((str(cause), f"{count}: {MEANING[cause]}"))
-    if result.differences:
+    counts = result.counts
+    unexplained = counts.pop(Cause.UNEXPLAINED, 0)
+    rows += [(str(cause), f"{count}: {MEANING[cause]}") for cause, count in counts.items()]
+    if result.causes:
         rows.append(("largest error", f"{result.largest_error:.3g} m, of the beams that differ"))
-    return [*rows, ("unexplained", str(len(result.unexplained)))]
+    return [*rows, ("unexplained", str(unexplained))]

@@ -166,7 +166,7 @@ def _owned(folder: Path, made_by: dict[str, Any]) -> Iterator[None]:
             yield
         finally:
             # Until there is a summary, the lock file records the origin of unfinished results.
-            unfinished = any(entry.name != LOCK for entry in folder.iterdir())
+            unfinished = folder.exists() and any(e.name != LOCK for e in folder.iterdir())
             lock.keep = unfinished and _recorded_origin(folder / SUMMARY) != made_by
 
 

@@ -17,12 +17,12 @@ from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
 from lrf3d.scene.bodies import obstacle_bodies, robot_mesh
 from lrf3d.scene.camera import Look
 from lrf3d.scene.facades import BAYS, BLANK, ROWS, layers
-from lrf3d.scene.ground import KERB_PAINT, MARK_PAINT, Ground, paint_ground
-from lrf3d.scene.light import Light, open_light, screen
-from lrf3d.scene.look import PLASTER, SUN
+from lrf3d.scene.light import open_light, screen
+from lrf3d.scene.look import CLAY, SUN
+from lrf3d.scene.shapes import GroundPicture, Painted
+from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, obstacle_keys
-from lrf3d.scene.walls import Faces, paint_walls
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -30,12 +30,6 @@ if TYPE_CHECKING:
 
 _HORIZON = 800.0
 """How far the ground goes past its picture [m]."""
-
-_OVER_GROUND = 0.008
-"""Height of marks and kerbs over the ground [m]: under the trail."""
-
-_FADE = 0.08
-"""Share of the ground's picture, at its edges, in which it goes over into the land around."""
 
 _PALE = 0.86
 """How bright a bare wall is in textures: what is whiter, such as frames, still stands out."""
@@ -59,33 +53,25 @@ def new_document(name: str, structures: Structures) -> Document:
 
 def add_stage(document: Document, structures: Structures) -> None:
     """Add ground, walls and sun to a document."""
-    faces, light = paint_walls(structures, shadows=False)
-    _add_ground(document, structures, light)
-    _add_walls(document, structures, faces)
+    stage = paint_stage(structures)
+    _add_ground(document, stage.ground)
+    _add_walls(document, structures, stage.walls, stage.roofs)
     _add_sun(document)
 
 
-def _add_ground(document: Document, structures: Structures, light: Light) -> None:
+def _add_ground(document: Document, ground: GroundPicture) -> None:
     """The painted ground, and a plain one round it as far as one sees."""
-    ground = paint_ground(structures, light)
     file = io.BytesIO()
     # In glTF the first row of a picture lies at v = 0, here at the smallest y.
     # Sides that are powers of two spare old graphics cards a copy.
-    height, width = (2 ** round(np.log2(side)) for side in ground.picture.shape[:2])
-    blurred = not len(ground.strips.kerbs)
-    picture = Image.fromarray(ground.coloured(strips=blurred)).resize(
-        (width, height), Image.Resampling.LANCZOS
-    )
-    land = Image.new(
-        "RGB", picture.size, tuple(np.round(255 * np.array(ground.beyond)).astype(int))
-    )
-    picture = Image.composite(picture.convert("RGB"), land, _fading(width, height))
+    size = [2 ** round(np.log2(min(side, 2048))) for side in ground.picture.shape[1::-1]]
+    picture = Image.fromarray(ground.picture).resize((size[0], size[1]), Image.Resampling.LANCZOS)
     picture.save(file, "JPEG", quality=88)
     texture = document.texture("ground", file.getvalue(), "image/jpeg")
     painted = document.material(
         "ground", pbrMetallicRoughness={"baseColorTexture": {"index": texture}, **_DULL}
     )
-    beyond = [*linear(np.array(ground.beyond)).tolist(), 1.0]
+    beyond = [*linear(ground.land).tolist(), 1.0]
     plain = document.material("land", pbrMetallicRoughness={"baseColorFactor": beyond, **_DULL})
     low, high = ground.corner, ground.corner + ground.size
     (x0, y0), (x1, y1) = low - _HORIZON, high + _HORIZON
@@ -110,58 +96,39 @@ def _add_ground(document: Document, structures: Structures, light: Light) -> Non
             attributes["TEXCOORD_0"] = document.array(uv, VERTICES)
         indices = document.array(quad_indices(len(quads) // 4), INDICES)
         parts.append(document.part(material, attributes, indices))
-    parts += _strips(document, ground)
     document.node("ground", document.root, mesh=document.mesh("ground", parts))
-
-
-def _strips(document: Document, ground: Ground) -> list[pygltflib.Primitive]:
-    """Marks and kerbs as shapes a little over the ground: a picture would blur them from near."""
-    corners = np.concatenate([*ground.strips]).reshape(-1, 2)
-    if not len(corners):
-        return []
-    marks = 4 * len(ground.strips.marks)
-    colours = np.concatenate(
-        [ground.lit(corners[:marks], MARK_PAINT), ground.lit(corners[marks:], KERB_PAINT)]
-    )
-    places = np.column_stack([corners, np.full(len(corners), _OVER_GROUND)]).astype(np.float32)
-    attributes = {
-        "POSITION": document.array(places, VERTICES, bounded=True),
-        "NORMAL": document.array(
-            np.tile(np.array([[0, 0, 1]], np.float32), (len(places), 1)), VERTICES
-        ),
-        "COLOR_0": document.array(linear(colours), VERTICES),
-    }
-    material = document.material("strips", pbrMetallicRoughness=_DULL)
-    indices = document.array(quad_indices(len(corners) // 4), INDICES)
-    return [document.part(material, attributes, indices)]
-
-
-def _fading(width: int, height: int) -> Image.Image:
-    """How much of the ground is seen: all of it but at the edges, where it fades."""
-    along, up = (
-        np.clip(np.minimum(places, 1.0 - places) / _FADE, 0.0, 1.0)
-        for places in ((np.arange(side) + 0.5) / side for side in (width, height))
-    )
-    share = np.outer(up, along)
-    smooth = share * share * (3.0 - 2.0 * share)
-    return Image.fromarray(np.round(255.0 * smooth).astype(np.uint8))
 
 
 def _rectangle(x0: float, y0: float, x1: float, y1: float) -> Single:
     return np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]], np.float32)
 
 
-def _add_walls(document: Document, structures: Structures, walls: Faces) -> None:
+def _add_walls(document: Document, structures: Structures, walls: Painted, roofs: Painted) -> None:
     """Walls and roofs: of each layer of the texture that is used, one part of the mesh."""
-    quads = walls.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 19)
-    corners = np.concatenate([quads, walls.roofs])
+    quads = walls._replace(
+        **{
+            name: getattr(walls, name)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)
+            for name in ("places", "normals", "texture", "colours", "shaded")
+        }
+    )
     # Players have a sky that shines on all alike; what of it is hidden darkens the colours.
     full = screen(open_light(indoor=structures.indoor))
-    corners[..., 9:12] *= np.minimum(corners[..., 16:19] / full, 1.0) ** _HIDDEN
+    corners = np.concatenate(
+        [
+            np.concatenate(
+                [
+                    *(each.places, each.normals, each.texture),
+                    each.colours * np.minimum(each.shaded / full, 1.0) ** _HIDDEN,
+                ],
+                axis=2,
+            )
+            for each in (quads, roofs)
+        ]
+    ).astype(np.float32)
     picture = layers(structures.indoor)[0]
     parts = []
     for layer in np.unique(corners[:, 0, 8]).astype(int).tolist():
-        rows = corners[corners[:, 0, 8] == layer].reshape(-1, 19)
+        rows = corners[corners[:, 0, 8] == layer].reshape(-1, 12)
         look: dict[str, Any] = {}
         if layer != BLANK:
             look["baseColorTexture"] = {"index": _layer(document, layer, picture[layer])}
@@ -190,7 +157,7 @@ def _layer(document: Document, layer: int, picture: NDArray[np.uint8]) -> int:
     """A layer of the texture, over a pale wall: a colour laid over it gives a house its own."""
     texels = picture.astype(np.float64)
     # That colour also dims what is painted, such as windows, which is brighter here for it.
-    painted = texels[:, :, :3] * _PALE / PLASTER.mean(axis=0)
+    painted = texels[:, :, :3] * _PALE / CLAY
     seen = np.clip(np.round(painted + _PALE * texels[:, :, 3:]), 0.0, 255.0).astype(np.uint8)
     # Players blur what they magnify: of texels twice as many, only the half.
     file = io.BytesIO()

@@ -8,9 +8,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, numbers
 from lrf3d.gym.task import GOAL_RADIUS, DriveTask
+from lrf3d.pose import as_pose
 from lrf3d.render.window import Window
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
@@ -84,14 +85,20 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         Args:
             seed: The same seed gives the same episodes.
             options: ``pose`` (3,) and ``goal`` (2,) to set instead.
+
+        Raises:
+            InputError: One of the options is not finite numbers of this shape.
         """
         super().reset(seed=seed)
         self.task.place(np.array([0]), self.np_random)
         options = options or {}
         if "pose" in options:
-            self.task.poses[0] = options["pose"]
+            self.task.poses[0] = as_pose(options["pose"])
         if "goal" in options:
-            self.task.goals[0] = options["goal"]
+            goal = numbers(options["goal"], "goal")
+            if goal.shape != (2,) or not np.isfinite(goal).all():
+                raise InputError(f"goal {shown(options['goal'])}: expected x, y [m]")
+            self.task.goals[0] = goal
         self._steps, self._film = 0, []
         observation = self._observe()
         self._show()

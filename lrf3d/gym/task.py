@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lrf3d.geometry import Bool, Float, Int, wrap_angle
+from lrf3d.errors import InputError
+from lrf3d.geometry import Bool, Float, Int, numbers, wrap_angle
 from lrf3d.laser import ProportionalNoise
 from lrf3d.laser.noise import at_sigma
 from lrf3d.robot.collision import CollisionChecker
@@ -105,8 +106,20 @@ class DriveTask:
         Args:
             actions: (k, 2) shares of the scenario's speed and of the fastest turn, left positive;
                 they are clipped to −1 to 1, and held until the next scan.
+
+        Raises:
+            InputError: They are not finite numbers of this shape; no robot moves then.
         """
-        shares = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0)
+        given = numbers(actions, "actions")
+        if given.shape != (self.count, 2):
+            raise InputError(f"actions {given.shape}: expected {(self.count, 2)}")
+        if not (finite := np.isfinite(given).all(axis=1)).all():
+            robot = int(np.argmin(finite))
+            raise InputError(
+                f"action of robot {robot}: {given[robot].tolist()}; expected finite numbers from -1"
+                " to 1"
+            )
+        shares = np.clip(given, -1.0, 1.0)
         v, omega = self.scenario.speed * shares[:, 0], ACTION_TURN_RATE * shares[:, 1]
         before = self.distances()
         moved = arcs(self.poses, v, omega, np.full(self.count, self.dt))

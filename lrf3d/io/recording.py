@@ -119,23 +119,31 @@ def _record(
     total, journal_path = simulation.total, path.with_suffix(JOURNAL)
     if resume:
         _check_same(journal_path, fingerprint)
-    try:
-        columns = columns_of(simulation.world, simulation.lrf)
-        journal = Journal(journal_path, fingerprint, columns, keep=resume)
-        kept = noting(lambda: f"{journal.scans} of {total} scans kept; go on with --resume")
-        with kept, closing(journal):
-            recorder = _Recorder(simulation, journal, SnapshotSchedule(total))
-            if resume:
-                recorder.catch_up()
-            recorder.run(lambda done: progress(done, total))
-            recorder.write(path, json.dumps(fingerprint, sort_keys=True))
-    except OSError as error:
-        if isinstance(error, OutputError) or error.errno is None:
-            raise
-        reason = error.strerror or str(error)
-        raise OutputError(
-            f"{journal_path}: cannot be written: {reason}; make room or choose another place"
-        ) from error
+    journal: Journal | None = None
+
+    def kept() -> str:
+        # If somebody has deleted the folder, nothing is kept.
+        if journal is None or not journal_path.exists():
+            return ""
+        return f"{journal.scans} of {total} scans kept; go on with --resume"
+
+    with noting(kept):
+        try:
+            columns = columns_of(simulation.world, simulation.lrf)
+            journal = Journal(journal_path, fingerprint, columns, keep=resume)
+            with closing(journal):
+                recorder = _Recorder(simulation, journal, SnapshotSchedule(total))
+                if resume:
+                    recorder.catch_up()
+                recorder.run(lambda done: progress(done, total))
+                recorder.write(path, json.dumps(fingerprint, sort_keys=True))
+        except OSError as error:
+            if isinstance(error, OutputError) or error.errno is None:
+                raise
+            reason = error.strerror or str(error)
+            raise OutputError(
+                f"{journal_path}: cannot be written: {reason}; make room or choose another place"
+            ) from error
 
 
 def _check_room(path: Path, size: int) -> None:

@@ -311,14 +311,11 @@ def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
     )
 
 
-def _estimate(arrays: dict[str, Any], scans: int) -> EstimatedTrajectory | None:
+def _estimate(arrays: dict[str, Any]) -> EstimatedTrajectory | None:
     if "estimate_poses" not in arrays:
         return None
     parts = ("poses", "scans", "covariances", "closures", "dropped", "odometry")
-    estimate = EstimatedTrajectory(*(arrays[f"estimate_{part}"] for part in parts))
-    if len(estimate) != scans:
-        raise ValueError(f"estimate_poses of {len(estimate)} scans, expected {scans}")
-    return estimate
+    return EstimatedTrajectory(*(arrays[f"estimate_{part}"] for part in parts))
 
 
 def _receiver(arrays: dict[str, Any]) -> tuple[float, float, str, int]:
@@ -333,17 +330,11 @@ def _run(arrays: dict[str, Any]) -> Run:
         # An empty array may have any kind: NumPy takes an empty list of names for floats.
         if array.size and array.dtype.kind not in DTYPE_KINDS.get(name, "f"):
             raise ValueError(f"{name} holds {array.dtype}, which a run does not")
-    scans = len(arrays["times"]), int(arrays["lrf"][2])
-    if arrays["poses"].shape != (scans[0], 3):
-        raise ValueError(f"poses of shape {arrays['poses'].shape}, expected {(scans[0], 3)}")
-    for name in ("ranges", "truth", "walls"):
-        if arrays[name].shape != scans:
-            raise ValueError(f"{name} of shape {arrays[name].shape}, expected {scans}")
-    light = {name: arrays[name] for name in LIGHT if name in arrays}
-    for name, array in light.items():
-        expected = scans if name == "intensities" else (*scans, *arrays["echoes"].shape[2:3])
-        if array.shape != expected:
-            raise ValueError(f"{name} of shape {array.shape}, expected {expected}")
+    walls, sizes = arrays["walls"], arrays["map_sizes"]
+    if walls.size and not -1 <= walls.min() <= walls.max() < len(arrays["segments"]):
+        raise ValueError(f"walls from {walls.min()} to {walls.max()}, which the world has not")
+    if (sizes < 0).any() or int(sizes.sum()) != len(arrays["map_segments"]):
+        raise ValueError(f"map_sizes do not sum to {len(arrays['map_segments'])} segments")
     world = World(
         arrays["segments"],
         arrays["objects"],
@@ -366,7 +357,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         *_receiver(arrays),
     )
     codes = arrays.get("map_kinds", np.zeros(len(arrays["map_objects"]), np.int64))
-    bounds = np.concatenate([[0], np.cumsum(arrays["map_sizes"])])
+    bounds = np.concatenate([[0], np.cumsum(sizes)])
     maps = tuple(
         LineMap.of_codes(
             arrays["map_segments"][first:last],
@@ -382,11 +373,11 @@ def _run(arrays: dict[str, Any]) -> Run:
         Trajectory(arrays["times"], arrays["poses"]),
         arrays["ranges"],
         arrays["truth"],
-        arrays["walls"],
+        walls,
         tuple(arrays["snapshot_scans"].tolist()),
         maps,
         _obstacles(arrays),
         _film(arrays),
-        _estimate(arrays, scans[0]),
-        **light,
+        _estimate(arrays),
+        **{name: arrays[name] for name in LIGHT if name in arrays},
     )

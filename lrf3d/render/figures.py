@@ -3,42 +3,40 @@
 A run enters; a matplotlib figure leaves, and a picture file where a path is given.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from string import ascii_lowercase
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lrf3d import plot
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
-from lrf3d.render.estimate_marks import draw_estimate
-from lrf3d.render.marks import (
-    PATH,
-    PATH_WIDTH,
-    WIDTH_UNDER,
-    Colour,
-    draw_objects,
-    draw_points,
-    draw_poses,
-    draw_route,
-    draw_scan,
-    draw_walls,
-)
-from lrf3d.render.page import FAINT, INK, Frame, Page
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
-from lrf3d.scene.estimate import BELIEVED, TRUTH
-from lrf3d.scene.look import ESTIMATE_COLOUR
+from lrf3d.scene.estimate import TRUTH
 from lrf3d.scene.structures import Sight
+from lrf3d.sheet import FAINT, INK, MARGIN, add_legend, dressed, plain, save_figure, sheet
 from lrf3d.text import counted
 from lrf3d.world import World
 
-UNDER_MAP = "#c3c8d0"
-"""Colour of true walls under a map."""
+AREA = 54.0
+"""Area of all panels together [square inches], whatever the shape of the world."""
+
+LEAST, MOST = 2.0, 12.0
+"""Sides of a panel [inches]."""
+
+AROUND = np.array([0.9, 1.6])
+"""Room beside and above and below all panels, for labels, headline and legend [inches]."""
+
+HALF = np.array([-0.5, 0.5])
+"""The ends of an axis, from its middle, in its length."""
+
+NARROWEST = 6.0
+"""Least width of a figure, in which a headline is legible [inches]."""
 
 
 def draw_world(
@@ -56,7 +54,7 @@ def draw_world(
         world: The walls.
         path: Where to write the picture; nowhere if not given.
         scan: A scan to draw beam by beam, with the robot at its pose.
-        lrf: The range finder; with it, beams that met nothing are drawn up to its range.
+        lrf: The range finder; with it, beams without return are drawn up to its range.
         route: (n, 2) way-points to join by a line.
         poses: (k, 3) poses; few are drawn as robots by name, many as a path.
 
@@ -66,22 +64,23 @@ def draw_world(
     way = np.empty((0, 2)) if route is None else np.asarray(route, dtype=np.float64)[:, :2]
     stops = np.empty((0, 3)) if poses is None else np.asarray(poses, dtype=np.float64)
     where = np.array([scan.pose]) if scan is not None else np.empty((0, 3))
-    counts = f"{counted(len(world.segments), 'wall')} of {counted(world.object_count, 'object')}"
-    world = Sight.of(world, np.vstack([way, stops[:, :2], where[:, :2]])).world
-    frames = Frame.strips([_ends(world.segments), way, stops[:, :2], where[:, :2]])
+    words = f"{counted(len(world.segments), 'wall')} of {counted(world.object_count, 'object')}"
     if scan is not None:
-        counts += f"  ·  scan of {len(scan.ranges)} beams, {int(scan.hits.sum())} returns"
-    page = Page(frames, title=(world.name or "world", counts))
-    signs: list[Artist] = []
-    for axes, frame in zip(page.axes, frames, strict=True):
-        signs += draw_walls(axes, frame, world, np.vstack([where, stops]), INK, width=1.6)
-        if len(way):
-            signs.append(draw_route(axes, frame, way))
-        if scan is not None:
-            signs += draw_scan(axes, frame, scan, lrf)
-        signs += draw_poses(axes, frame, stops if len(stops) else where)
-    page.legend(signs)
-    return page.save(path)
+        words += f"  ·  scan of {len(scan.ranges)} beams, {int(scan.hits.sum())} returns"
+    title = world.name or "world"
+    world = Sight.of(world, np.vstack([way, stops[:, :2], where[:, :2]])).world
+    robots = np.vstack([where, stops])
+    figure, (ax,) = metre_sheet([_ends(world.segments), way, robots[:, :2]], 1, title, words)
+    plot.world(world, ax, poses=robots, linewidth=1.6)
+    if len(way):
+        ax.plot(
+            *way.T, color=plot.PATH, linewidth=1.2, linestyle=(0.0, (4.0, 2.0)), label="route",
+            zorder=3,
+        )  # fmt: skip
+    if scan is not None:
+        plot.scan(scan, ax, lrf=lrf)
+    plot.trajectory(stops, ax)
+    return finished(figure, [ax], path)
 
 
 def draw_map(
@@ -108,81 +107,100 @@ def draw_map(
     Raises:
         OutputError: The picture cannot be written.
     """
+    objects = None
     if isinstance(source, Run):
         world, poses = Sight.of_run(source).world, source.trajectory.poses
         estimate = source.estimate
         points, line_map = _reflections(source), source.map
-        objects = source.lasting_objects[-1] if source.maps else line_map.objects
+        objects = source.lasting_objects[-1] if source.maps else None
     else:
-        line_map, objects = source, np.unique(source.objects, return_inverse=True)[1]
+        line_map = source
     points = np.empty((0, 2)) if points is None else points
     poses = np.empty((0, 3)) if poses is None else poses
     walls = np.empty((0, 4)) if world is None else world.segments
     estimated = poses if estimate is None else estimate.poses
-    places = [_ends(walls), poses[:, :2], estimated[:, :2], _bulk(points)]
-    frames = Frame.strips([_ends(line_map.segments), *places])
-    counts = [line_map.counts]
-    counts += [counted(len(poses), "scan")] if len(poses) else []
-    counts += [counted(len(points), "point")] if len(points) else []
-    # Of a recorded drive the truth is not known: its poses are the estimate.
-    trail: tuple[str, Colour, float] = "path", PATH, PATH_WIDTH
+    # The truth frames the picture where it is known: images behind mirrors lie far outside.
+    known = [_ends(walls)] if len(walls) else [_ends(line_map.segments), _bulk(points)]
+    words = [line_map.counts]
+    words += [counted(len(poses), "scan")] if len(poses) else []
+    words += [counted(len(points), "point")] if len(points) else []
     if estimate is not None:
-        counts.append(counted(len(estimate.closures), "loop closure"))
-        known = not np.array_equal(poses, estimate.poses)
-        trail = (TRUTH, PATH, WIDTH_UNDER) if known else (BELIEVED, ESTIMATE_COLOUR, PATH_WIDTH)
+        words.append(counted(len(estimate.closures), "loop closure"))
     name = title or (world.name if world is not None else "") or "map"
-    page = Page(frames, title=(name, "  ·  ".join(counts)))
-    signs: list[Artist] = []
-    for axes, frame in zip(page.axes, frames, strict=True):
-        if world is not None:
-            signs += draw_walls(axes, frame, world, poses, UNDER_MAP, width=1.0)
-        signs += draw_points(axes, frame, points)
-        signs += draw_objects(axes, frame, line_map, objects)
-        signs += draw_poses(axes, frame, poses, *trail)
-        if estimate is not None:
-            signs += draw_estimate(axes, frame, estimate)
-    page.legend(signs)
-    return page.save(path)
+    figure, (ax,) = metre_sheet(
+        [*known, poses[:, :2], estimated[:, :2]], 1, name, "  ·  ".join(words)
+    )
+    if world is not None:
+        plot.world(world, ax, poses=poses, color=plot.UNDER_MAP, linewidth=1.0)
+    plot.points(points, ax)
+    plot.map(line_map, ax, objects=objects)
+    if estimate is None:
+        plot.trajectory(poses, ax)
+    else:
+        # Of a recorded drive the truth is not known: its poses are the estimate.
+        if not np.array_equal(poses, estimate.poses):
+            plot.trajectory(poses, ax, linewidth=2.8, label=TRUTH)
+        plot.estimate(estimate, ax)
+    return finished(figure, [ax], path)
 
 
 def draw_noise_levels(
     runs: Sequence[Run], sigmas: Sequence[float], path: str | Path | None = None
 ) -> Figure:
-    """Draw the world with the first scan, and beside it the map at each σ [m] (Fig. 5a–d).
+    """Draw the world with the first scan, and next to it the map at each σ [m] (Fig. 5a–d).
 
     Raises:
         OutputError: The picture cannot be written.
     """
     world, poses = Sight.of_run(runs[0]).world, runs[0].trajectory.poses
-    clouds = [_reflections(run) for run in runs]
-    maps = [_ends(run.map.segments) for run in runs]
-    frame = Frame.around([_ends(world.segments), poses[:, :2], *maps, *map(_bulk, clouds)])
-    page = Page([frame] * (len(runs) + 1))
-    first = runs[0].true_scan(0)
-    signs: list[Artist] = [*draw_walls(page.axes[0], frame, world, poses, INK, width=1.6)]
-    signs += draw_scan(page.axes[0], frame, first, None)
-    signs += draw_poses(page.axes[0], frame, poses)
-    _head(
-        page.axes[0],
-        "a",
-        "the world and the first scan",
-        f"d$_{{max}}$ = {runs[0].lrf.range_max:g} m",
-    )
-    panels = zip(page.axes[1:], runs, clouds, sigmas, strict=True)
-    for letter, (axes, run, cloud, sigma) in zip(ascii_lowercase[1:], panels, strict=False):
-        signs += draw_walls(axes, frame, world, poses, UNDER_MAP, width=1.0)
-        signs += draw_points(axes, frame, cloud)
-        if run.maps:
-            signs += draw_objects(axes, frame, run.map, run.lasting_objects[-1])
-        draw_poses(axes, frame, poses)
-        _head(axes, letter, f"σ = {sigma:g} m", run.map.counts)
-    page.legend(signs)
-    return page.save(path)
+    places = [_ends(world.segments), poses[:, :2]]
+    figure, axes = metre_sheet(places, len(runs) + 1)
+    plot.world(world, axes[0], poses=poses, linewidth=1.6)
+    plot.scan(runs[0].true_scan(0), axes[0])
+    plot.trajectory(poses, axes[0])
+    _head(axes[0], f"(a)  the world and the first scan, $d_{{max}}$ = {runs[0].lrf.range_max:g} m")
+    panels = zip(axes[1:], ascii_lowercase[1:], runs, sigmas, strict=False)
+    for ax, letter, run, sigma in panels:
+        plot.world(world, ax, poses=poses, color=plot.UNDER_MAP, linewidth=1.0)
+        plot.points(_reflections(run), ax)
+        plot.map(run.map, ax, objects=run.lasting_objects[-1] if run.maps else None)
+        plot.trajectory(poses, ax)
+        _head(ax, f"({letter})  σ = {sigma:g} m", run.map.counts)
+    return finished(figure, axes, path)
 
 
-def _head(axes: Axes, letter: str, title: str, counts: str) -> None:
-    axes.set_title(f"({letter})  {title}", loc="left", color=INK, fontsize=11, weight="bold")
-    axes.set_title(counts, loc="right", color=FAINT, fontsize=9)
+def metre_sheet(
+    places: Iterable[Float], panels: int, title: str = "", words: str = ""
+) -> tuple[Figure, list[Axes]]:
+    """A figure of equal panels that show the box around places (n, 2) [m]; a metre without any."""
+    known = [place for place in places if len(place)] or [np.zeros((1, 2))]
+    low = np.min([place.min(axis=0) for place in known], axis=0)
+    high = np.max([place.max(axis=0) for place in known], axis=0)
+    size = np.maximum(high - low, 1.0) * (1.0 + 2.0 * MARGIN)
+    # What has no width, such as a single wall, is shown with something around it.
+    size = np.maximum(size, size.max() / (MOST / LEAST))
+    panel = np.clip(size * np.sqrt(AREA / panels / size.prod()), LEAST, MOST)
+    columns = max(1, min(panels, round(np.sqrt(1.5 * panels * panel[1] / panel[0]))))
+    rows = -(-panels // columns)
+    width, height = panel * [columns, rows] + AROUND * [columns, 1.0]
+    figure = sheet(max(width, NARROWEST), height, title, words)
+    axes = [dressed(figure.add_subplot(rows, columns, 1 + number)) for number in range(panels)]
+    middle = 0.5 * (low + high)
+    for ax in axes:
+        ax.set(xlim=middle[0] + size[0] * HALF, ylim=middle[1] + size[1] * HALF)
+        ax.set_aspect("equal", adjustable="box")
+    return figure, axes
+
+
+def finished(figure: Figure, axes: Sequence[Axes], path: str | Path | None) -> Figure:
+    """Add the legend, and write the figure if there is a path."""
+    add_legend(figure, axes)
+    return save_figure(figure, path)
+
+
+def _head(ax: Axes, title: str, counts: str = "") -> None:
+    ax.set_title(plain(title) if "$" not in title else title, loc="left", color=INK, fontsize=10)
+    ax.set_title(counts, loc="right", color=FAINT, fontsize=8)
 
 
 def _ends(segments: Float) -> Float:

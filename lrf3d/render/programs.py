@@ -12,27 +12,25 @@ import numpy as np
 from lrf3d.geometry import Single
 from lrf3d.render.bindings import GL, rewrite
 from lrf3d.scene import facades, look
+from lrf3d.scene.shapes import Lens
 
 _SHADERS = Path(__file__).parent / "shaders"
 
 _CONSTANTS: dict[str, Any] = {
-    "FAN_COLOUR": look.FAN_COLOUR,
-    "GLOW": look.GLOW,
-    "PAPER": look.PAPER,
+    "BODY_LIGHT": look.BODY_LIGHT,
+    "DASH": look.DASH,
+    "GHOST": (*look.GHOST, look.GHOST_STRENGTH),
+    "LEFT_STANDING": look.LEFT_STANDING,
+    "NOTCH": look.NOTCH,
     "POINT_HALO": look.POINT_HALO,
     "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
     "RIM": look.SHADOW_RIM,
-    "SHADOW_COLOUR": look.SHADOW_COLOUR,
     "SHARPNESS": look.GROUND_SHARPNESS,
     "SIZE": (float(facades.BAYS * facades.TILE), float(facades.ROWS * facades.TILE)),
     "SLANTS": facades.SLANTS,
     "SUN": look.SUN,
     "TILE": float(facades.TILE),
-    "TRAIL_COLOUR": look.TRAIL_COLOUR,
-    "TRAIL_OLD": look.TRAIL_OLD,
     "WINDOWED": facades.WINDOWED,
-    "ZENITH": look.ZENITH,
-    "ZENITH_INDOOR": look.ZENITH_INDOOR,
 }
 """Constants of the look that shaders know by these names."""
 
@@ -43,19 +41,19 @@ class ShaderProgram:
     """A linked pair of a vertex and a fragment shader.
 
     Args:
-        name: The files ``name.vert`` and ``name.frag``; ``common.glsl`` goes before both.
-            What stands after a colon is defined in them.
-        constants: Values that shaders know by name, beside those of the look.
+        name: The file ``name.glsl``, with ``common.glsl`` before it; what stands after a colon is
+            defined in it, and ``VERTEX`` in the vertex shader.
+        constants: Values that shaders know by name, besides those of the look.
     """
 
     def __init__(self, name: str, constants: Mapping[str, Any]) -> None:
         self.name = name
         self._id = GL.glCreateProgram()
-        file, _, defined = name.partition(":")
-        common = f"#define {defined}\n" * bool(defined) + _constants(constants)
+        file, *defined = name.split(":")
+        common = "".join(f"#define {each}\n" for each in defined) + _constants(constants)
         shaders = [
-            _compile(f"{file}.vert", GL.GL_VERTEX_SHADER, common),
-            _compile(f"{file}.frag", GL.GL_FRAGMENT_SHADER, common),
+            _compile(file, GL.GL_VERTEX_SHADER, "#define VERTEX\n" + common),
+            _compile(file, GL.GL_FRAGMENT_SHADER, common),
         ]
         for shader in shaders:
             GL.glAttachShader(self._id, shader)
@@ -125,12 +123,12 @@ class CameraBlock:
         size = self._values.nbytes
         GL.glBufferData(GL.GL_UNIFORM_BUFFER, size, self._values, GL.GL_DYNAMIC_DRAW)
 
-    def fill(self, camera: Mapping[str, Any]) -> None:
-        """Make it the camera of all that is drawn from now on."""
+    def fill(self, lens: Lens, width: int, height: int) -> None:
+        """Make it the camera of all that is drawn from now on, in pixels."""
         values = self._values
-        values[:16] = camera["view_projection"].T.ravel()
-        values[16:19], values[19] = camera["eye"], camera["thick"]
-        values[20:22], values[22] = camera["viewport"], camera["slack"]
+        values[:16] = lens.matrix.T.ravel()
+        values[16:19], values[19] = lens.eye, lens.thick
+        values[20:] = width, height, lens.slack, lens.nearer
         GL.glBindBufferBase(GL.GL_UNIFORM_BUFFER, self.PLACE, self._buffer)
         rewrite(GL.GL_UNIFORM_BUFFER, values)
 
@@ -151,7 +149,7 @@ def _constants(more: Mapping[str, Any]) -> str:
 
 def _compile(file: str, kind: int, common: str) -> int:
     common += (_SHADERS / "common.glsl").read_text()
-    source = (_SHADERS / file).read_text()
+    source = (_SHADERS / f"{file}.glsl").read_text()
     shader: int = GL.glCreateShader(kind)
     GL.glShaderSource(shader, f"#version 330 core\n{common}\n#line 1\n{source}")
     GL.glCompileShader(shader)

@@ -1,80 +1,128 @@
-"""The lean renderer: pyrender's scenes, drawn with few calls and read back once, right side up."""
+"""The OpenGL renderer: draws what is to be seen with few calls, and reads it back once.
+
+pyrender's own passes sort, light and read back for any scene; for a film with known layers they
+cost ten times what the drawing does.
+"""
 
 import ctypes
-from collections.abc import Mapping
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import MissingLibraryError
-from lrf3d.geometry import Float
-from lrf3d.render.bindings import GL, pyrender
-from lrf3d.render.gl import INSTALL_LINE
+from lrf3d.geometry import Single
+from lrf3d.render.bindings import GL
+from lrf3d.render.buffers import Buffer, Texture, make_current
+from lrf3d.render.packing import (
+    FACE_SIZES,
+    WALL_SIZES,
+    faces_of,
+    land_of,
+    mark_of,
+    mesh,
+    rectangle,
+    walls_of,
+)
+from lrf3d.render.parts import Parts
 from lrf3d.render.pictures import Picture
-from lrf3d.render.primitives import Primitive
 from lrf3d.render.programs import CameraBlock, ShaderProgram, Uniform
+from lrf3d.scene import look
+from lrf3d.scene.facades import layers
+from lrf3d.scene.shapes import Lines, Mark, Plan, Points, Seen
+from lrf3d.scene.stage import Stage
 
 
-@cache
-def context() -> Any:
-    """The one OpenGL context of this process, current in the thread that asks first.
-
-    It is pyrender's, and stays: deleting one of them would end every other in the process.
-
-    Raises:
-        MissingLibraryError: The libraries are there, but no driver that they could start.
-    """
-    try:
-        return pyrender.OffscreenRenderer(16, 16)
-    except Exception as error:
-        # pyrender asserts what EGL answers, so that any failure may come as anything.
-        raise MissingLibraryError(
-            f"OpenGL cannot start ({error!r}); install its software driver: {INSTALL_LINE}"
-        ) from error
-
-
-class Renderer(pyrender.Renderer):  # type: ignore[misc]
-    """Draws scenes of :class:`Primitive` into RGBA pictures.
-
-    pyrender's own passes sort, light and read back for any scene; for a film with known layers
-    they cost ten times what the drawing does.
+class Renderer:
+    """Draws what is to be seen of a stage into RGBA pictures.
 
     Args:
-        width: Width of the pictures [pixels].
-        height: Height [pixels].
+        stage: What stands in the world.
+        size: Width and height of the pictures [pixels].
         samples: Samples a pixel against jagged edges: 4, or 0 for none.
     """
 
-    def __init__(self, width: int, height: int, samples: int) -> None:
-        self._context = context()
-        self._context._platform.make_current()
-        super().__init__(width, height)
-        self._samples = samples
-        self._meshes: set[Any] = set()
-        self._scene: Any = None
-        self._main_fb: int | None = None
-        self._main_fb_ms: int | None = None
-        self._buffers: list[int] = []
+    def __init__(self, stage: Stage, size: tuple[int, int], samples: int) -> None:
+        make_current()
+        self._size = size
+        indoor = stage.structures.indoor
+        self._buffers: dict[str, Buffer] = {}
+        # With samples there is a second pair of targets, whose depth a shader can read.
+        self._frame, self._targets = _framebuffer(size)
+        self._sampled: int | None = None
         self._samples_taken: list[int] = []
-        self._constants: Mapping[str, Any] = {}
+        if samples:
+            self._sampled, self._samples_taken = _sampled_framebuffer(size, samples)
+            corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
+            self._resolving = self._static("resolve", (2,), corners)
+        self._constants = {
+            "HAZE": look.HAZE_INDOOR if indoor else look.HAZE,
+            "ZENITH": look.ZENITH_INDOOR if indoor else look.ZENITH,
+            "GLOW": (0.0, 0.0, 0.0) if indoor else look.GLOW,
+        }
         self._programs: dict[str, ShaderProgram] = {}
-        self._camera: CameraBlock | None = None
-        self._picture: Picture = np.zeros((height, width, 4), np.uint8)
+        self._picture: Picture = np.zeros((size[1], size[0], 4), np.uint8)
+        self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
+        self._camera = CameraBlock()
+        self._parts = Parts(stage.walls, stage.roofs)
+        self._chosen = np.zeros(0, np.int64)
+        self._textured = 0
+        self._walls = self._static("walls", WALL_SIZES, walls_of(stage.walls, stage.roofs))
+        ground = stage.ground
+        corners = rectangle(ground.corner, ground.corner + ground.size)
+        self._ground = self._static("ground", (2,), corners)
+        self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
+        self._land = self._static("land", FACE_SIZES, land_of(ground))
+        self._sky = self._static("sky", (2,), mesh(10, 10))
+        self._painted = Texture(layers(indoor))
+        self._pavement = Texture((ground.picture,))
 
-    def know(self, constants: Mapping[str, Any]) -> None:
-        """Make the programs with these constants, which shaders know by name."""
-        self._constants = constants
+    def draw(self, seen: Seen) -> Picture:
+        """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
+        self._begin()
+        self._camera.fill(seen.lens, *self._size)
+        for name, body in seen.bodies:
+            buffer = self._buffer(name, FACE_SIZES, GL.GL_TRIANGLES)
+            if buffer.shown is not body.faces:
+                buffer.shown = body.faces
+                buffer.fill(faces_of(body.faces))
+            self._paint("faces", buffer, cull=True, pose=body.pose)
+        if seen.ghost == 0.0:
+            self._draw_walls(seen)
+        self._pavement.bind()
+        self._paint("ground", self._ground, area=self._area)
+        self._paint("faces", self._land, pose=np.eye(4))
+        if seen.sky_below > -1.0:
+            ray = np.linalg.inv(seen.lens.matrix)
+            self._paint("sky", self._sky, below=seen.sky_below, ray_from_corner=ray)
+        if seen.ghost > 0.0:
+            # Houses become glass over what stands in them: near ones first, which hide others.
+            self._draw_walls(seen)
+        self._flatten()
+        for name, mark in seen.marks:
+            self._draw_mark(name, mark, seen.lens.focus)
+        if seen.plan is not None:
+            self._draw_plan(seen.plan)
+        return self._finish()
 
-    def begin(self, scene: Any) -> None:
-        """Start a picture: free what has left the scene, clear and set up."""
-        self._context._platform.make_current()
-        self._free_all_but(scene.meshes)
-        self._scene = scene
-        self._configure_main_framebuffer()
-        target = self._main_fb_ms if self._samples else self._main_fb
-        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, target)
-        GL.glViewport(0, 0, self.viewport_width, self.viewport_height)
+    def close(self) -> None:
+        """Free what the driver holds; the context stays."""
+        for program in self._programs.values():
+            program.delete()
+        for buffer in self._buffers.values():
+            buffer.delete()
+        for texture in (self._painted, self._pavement):
+            texture.delete()
+        self._camera.delete()
+        frames = [each for each in (self._frame, self._sampled) if each is not None]
+        GL.glDeleteFramebuffers(len(frames), frames)
+        GL.glDeleteRenderbuffers(len(self._targets), self._targets)
+        if self._samples_taken:
+            GL.glDeleteTextures(self._samples_taken)
+
+    def _begin(self) -> None:
+        """Clear and set up."""
+        make_current()
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._sampled or self._frame)
+        GL.glViewport(0, 0, *self._size)
         GL.glDepthMask(GL.GL_TRUE)
         # The sky covers what nothing else does, so that only the depth needs clearing.
         GL.glClear(GL.GL_DEPTH_BUFFER_BIT)
@@ -82,129 +130,135 @@ class Renderer(pyrender.Renderer):  # type: ignore[misc]
         GL.glDepthFunc(GL.GL_LEQUAL)
         GL.glBlendFunc(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA)
         GL.glEnable(GL.GL_PROGRAM_POINT_SIZE)
-        # Turning the picture over turns the sense of its triangles too.
+        # The picture is drawn turned over, which turns the sense of its triangles too.
         GL.glFrontFace(GL.GL_CW)
 
-    def camera_matrices(self, scene: Any) -> tuple[Float, Float]:
-        """Matrix (4, 4) from the scene to the picture turned over, and the eye (3,)."""
-        view, projection = self._get_camera_matrices(scene)
-        # Row 0 of what OpenGL gives back is the lowest; so the picture is drawn upside down.
-        projection = projection.copy()
-        projection[1] *= -1.0
-        return projection @ view, scene.get_pose(scene.main_camera_node)[:3, 3]
+    def _static(self, name: str, sizes: tuple[int, ...], rows: Single) -> Buffer:
+        buffer = self._buffer(name, sizes, GL.GL_TRIANGLES)
+        buffer.fill(rows)
+        return buffer
 
-    def look_through(self, camera: Mapping[str, Any]) -> None:
-        """Draw what comes as a camera sees it."""
-        if self._camera is None:
-            self._camera = CameraBlock()
-        self._camera.fill(camera)
+    def _buffer(self, name: str, sizes: tuple[int, ...], mode: int) -> Buffer:
+        if name not in self._buffers:
+            self._buffers[name] = Buffer(sizes, mode)
+        return self._buffers[name]
 
-    def draw(self, primitive: Primitive, uniforms: Mapping[str, Uniform]) -> None:
-        """Draw a primitive with uniforms for its program."""
-        if not primitive.count:
+    def _paint(
+        self,
+        program: str,
+        buffer: Buffer,
+        *,
+        blend: bool = False,
+        cull: bool = False,
+        solid: bool = True,
+        span: tuple[int, int] | None = None,
+        **uniforms: Uniform,
+    ) -> None:
+        """Draw a buffer, or a span of it, with a program and its uniforms."""
+        first, count = span or (0, buffer.count)
+        if not count:
             return
-        if not primitive._in_context():
-            primitive._add_to_context()
-        _switch(GL.GL_BLEND, primitive.blend)
-        _switch(GL.GL_CULL_FACE, primitive.cull)
-        GL.glDepthMask(not primitive.blend)
-        if primitive.texture is not None:
-            primitive.texture.bind()
-        for name, first, count in primitive.spans:
-            if count:
-                self._program(name).use(uniforms)
-                primitive.draw(first, count)
+        _switch(GL.GL_BLEND, blend)
+        _switch(GL.GL_CULL_FACE, cull)
+        GL.glDepthMask(solid)
+        if program not in self._programs:
+            self._programs[program] = ShaderProgram(program, self._constants)
+        self._programs[program].use(uniforms)
+        buffer.draw(first, count)
 
-    def _program(self, name: str) -> ShaderProgram:
-        if name not in self._programs:
-            self._programs[name] = ShaderProgram(name, self._constants)
-        return self._programs[name]
+    def _draw_walls(self, seen: Seen) -> None:
+        parts = self._parts.seen(seen.lens.matrix, seen.lens.eye)
+        if not np.array_equal(parts, self._chosen):
+            self._chosen = parts
+            indices, self._textured = self._parts.choose(parts)
+            self._walls.choose(indices)
+        cut, defined = seen.cut, "" if seen.cut is None else ":CUT"
+        uniforms: dict[str, Any] = {
+            "ghost": float(seen.ghost),
+            "slope": 0.0 if cut is None else cut.slope,
+            "cut": (0.0, 0.0, 0.0, 0.0) if cut is None else (*cut.robot, *cut.toward),
+        }
+        self._painted.bind()
+        # Those that cost more come last, so that fewer of them are drawn where others hide them.
+        plain = self._textured, self._walls.count - self._textured
+        for program, span in (("walls:PLAIN", plain), ("walls", (0, self._textured))):
+            self._paint(
+                program + defined,
+                self._walls,
+                blend=seen.ghost > 0.0,
+                cull=True,
+                span=span,
+                **uniforms,
+            )
 
-    def flatten(self) -> None:
+    def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
+        mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES
+        if name not in self._buffers or self._buffers[name].shown is not mark:
+            packed = mark_of(mark)
+            buffer = self._buffer(name, packed.sizes, mode)
+            buffer.shown = mark
+            buffer.fill(packed.rows)
+        buffer = self._buffers[name]
+        if isinstance(mark, Points):
+            sizes = (mark.size * focus, *(self._scale * size for size in mark.pixels))
+            program = "points:GLOW_ROUND" if mark.glows else "points"
+            self._paint(program, buffer, blend=True, solid=False, sizes=sizes)
+        elif isinstance(mark, Lines):
+            GL.glDepthFunc(GL.GL_GREATER if mark.hidden else GL.GL_LEQUAL)
+            program = "lines:DASHED" if mark.hidden else "lines"
+            width = mark.width * self._scale
+            self._paint(program, buffer, blend=True, solid=False, width=width)
+            GL.glDepthFunc(GL.GL_LEQUAL)
+        else:
+            self._paint("soft", buffer, blend=True, solid=False)
+
+    def _draw_plan(self, plan: Plan) -> None:
+        """The map in its corner, on a dark ground."""
+        left, top, side = plan.box
+        self._overlay((left, top, side, side))
+        GL.glClearColor(*(part / 255.0 for part in look.PLAN_BACK), 1.0)
+        GL.glClear(GL.GL_COLOR_BUFFER_BIT)
+        self._camera.fill(plan.lens, side, side)
+        for name, mark in plan.marks:
+            self._draw_mark(name, mark, plan.lens.focus)
+
+    def _flatten(self) -> None:
         """Have all so far drawn, and go on with one sample a pixel: what comes has soft edges.
 
-        Translucent layers and panels cost some times as much on several samples a pixel. With one
-        sample nothing is sent off here: software OpenGL would write all pixels and read them
-        again, which takes a tenth of the time of a frame.
+        Translucent layers cost some times as much on several samples a pixel. With one sample
+        nothing is sent off here: software OpenGL would write all pixels and read them again, which
+        takes a tenth of the time of a frame.
         """
-        if not self._samples:
+        if self._sampled is None:
             return
         # One pass over both colours and depths takes three quarters of the time of blitting them.
-        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._main_fb)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
         for unit, texture in enumerate(self._samples_taken):
             GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
             GL.glBindTexture(GL.GL_TEXTURE_2D_MULTISAMPLE, texture)
         GL.glActiveTexture(GL.GL_TEXTURE0)
         GL.glDepthFunc(GL.GL_ALWAYS)
-        self.draw(self._resolving, {"colours": 0, "depths": 1})
+        self._paint("resolve", self._resolving, colours=0, depths=1)
         GL.glDepthFunc(GL.GL_LEQUAL)
 
-    def overlay(self, box: tuple[int, int, int, int] | None) -> None:
+    def _overlay(self, box: tuple[int, int, int, int] | None) -> None:
         """Go on without depth, in a box left, top, width, height [pixels] or in the whole."""
         GL.glDisable(GL.GL_DEPTH_TEST)
         if box is None:
             GL.glDisable(GL.GL_SCISSOR_TEST)
-            GL.glViewport(0, 0, self.viewport_width, self.viewport_height)
+            GL.glViewport(0, 0, *self._size)
         else:
             GL.glEnable(GL.GL_SCISSOR_TEST)
             GL.glScissor(*box)
             GL.glViewport(*box)
 
-    def finish(self) -> Picture:
-        """The picture (h, w, 4) uint8; it is written over by the next one."""
-        self.overlay(None)
-        width, height = self.viewport_width, self.viewport_height
-        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
+    def _finish(self) -> Picture:
+        self._overlay(None)
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._frame)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         place = ctypes.c_void_p(self._picture.ctypes.data)
-        GL.glReadPixels(0, 0, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
+        GL.glReadPixels(0, 0, *self._size, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
         return self._picture
-
-    def delete(self) -> None:
-        """Free what the driver holds; the context stays."""
-        for program in self._programs.values():
-            program.delete()
-        self._programs = {}
-        if self._camera is not None:
-            self._camera.delete()
-            self._camera = None
-        # What was first drawn in the last picture is known to the scene alone.
-        self._meshes = self._meshes if self._scene is None else self._scene.meshes
-        for mesh in self._meshes:
-            for primitive in mesh.primitives:
-                if primitive.texture is not None:
-                    primitive.texture.delete()
-        super().delete()
-
-    def _free_all_but(self, meshes: set[Any]) -> None:
-        """Free the primitives of meshes that are no longer in the scene."""
-        for mesh in self._meshes - meshes:
-            for primitive in mesh.primitives:
-                primitive.delete()
-        self._meshes = meshes
-
-    def _configure_main_framebuffer(self) -> None:
-        """Make the buffers to draw in: with samples a second pair, depth only where drawn."""
-        if self._main_fb is not None:
-            return
-        size = (self.viewport_width, self.viewport_height)
-        self._main_fb_dims = size
-        self._main_fb, self._buffers = _framebuffer(size)
-        if self._samples:
-            self._main_fb_ms, self._samples_taken = _sampled_framebuffer(size, self._samples)
-            corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
-            self._resolving = Primitive("resolve", (2,), corners)
-
-    def _delete_main_framebuffer(self) -> None:
-        frames = [each for each in (self._main_fb, self._main_fb_ms) if each is not None]
-        if frames:
-            GL.glDeleteFramebuffers(len(frames), frames)
-            GL.glDeleteRenderbuffers(len(self._buffers), self._buffers)
-        if self._samples_taken:
-            GL.glDeleteTextures(self._samples_taken)
-            self._resolving.delete()
-        self._main_fb = self._main_fb_ms = None
-        self._buffers, self._samples_taken = [], []
 
 
 _ATTACHMENTS = (

@@ -12,11 +12,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
-from lrf3d.render.chart import HEAD, MODE_COLOURS, Sheet
-from lrf3d.render.page import FAINT, INK
+from lrf3d.sheet import FAINT, INK, MODE_COLOURS, add_legend, quiet, save_figure, sheet
 
 PANELS = (
     ("length_f1", "length F1", 1.0),
@@ -37,14 +35,8 @@ RATIOS = ("segment_ratio", "object_ratio")
 PALEST = 0.6
 """How far the last of several curves of one mode is mixed with white."""
 
-COLUMNS, WIDE, TALL = 3, 3.1, 2.3
-"""Panels of a row, and the size of each [inches]."""
-
-LEFT, RIGHT, ACROSS, BELOW, BETWEEN = 0.55, 0.2, 0.5, 0.9, 0.7
-"""Room left of, right of and between the panels, below all and between the rows [inches]."""
-
-LEGEND_ROW = 0.22
-"""Height of a row of the legend [inches]."""
+COLUMNS, WIDE, TALL = 3, 3.6, 3.0
+"""Panels of a row, and the room of each [inches]."""
 
 LEAST_APART = 0.1
 """Labels of values nearer to the next than this part of an axis would run into each other."""
@@ -88,56 +80,35 @@ def draw_sweep(
         OutputError: The picture cannot be written.
     """
     rows = -(-len(PANELS) // COLUMNS)
-    width = LEFT + COLUMNS * WIDE + (COLUMNS - 1) * ACROSS + RIGHT
-    below = BELOW + LEGEND_ROW * (_legend_rows(curves) - 1)
-    height = below + rows * TALL + (rows - 1) * BETWEEN + 0.45 + HEAD
-    sheet = Sheet(width, height, titles)
+    figure = sheet(COLUMNS * WIDE, rows * TALL + 1.0, *titles)
+    panels = [quiet(figure.add_subplot(rows, COLUMNS, 1 + k)) for k in range(len(PANELS))]
     colours = _colours(curves)
-    for number, (measure, name, factor) in enumerate(PANELS):
-        row, column = divmod(number, COLUMNS)
-        left = LEFT + column * (WIDE + ACROSS)
-        axes = sheet.panel(left, below + (rows - 1 - row) * (TALL + BETWEEN), WIDE, TALL)
+    for number, (axes, (measure, name, factor)) in enumerate(zip(panels, PANELS, strict=True)):
         axes.set_title(name, loc="left", color=INK, fontsize=11, weight="bold")
-        # The strongest colours lie on top.
-        for curve, colour in reversed(list(zip(curves, colours, strict=True))):
-            _curve(axes, curve, measure, factor, colour)
+        # The strongest colours lie on top, and the legend has them first.
+        for height, (curve, colour) in enumerate(zip(curves, colours, strict=True)):
+            _curve(axes, curve, measure, factor, colour, zorder=5.0 - 0.01 * height)
         _scales(axes, curves, measure)
-        if row == rows - 1:
+        if number >= len(PANELS) - COLUMNS:
             axes.set_xlabel(axis, color=FAINT, fontsize=9)
-    _legend(sheet, curves, colours)
-    return sheet.save(path)
+    add_legend(figure, panels)
+    return save_figure(figure, path)
 
 
-def _legend(sheet: Sheet, curves: Sequence[Curve], colours: Sequence[str]) -> None:
-    """Say what the colours mean, a row for each mode where there are several curves of it."""
-    signs = [
-        Line2D([], [], color=colour, lw=1.8, marker="o", ms=5.0, mec="white", mew=0.8,
-               label=curve.mode + (f", {curve.choice}" if curve.choice else ""))
-        for curve, colour in zip(curves, colours, strict=True)
-    ]  # fmt: skip
-    rows = _legend_rows(curves)
-    # Legends are filled column by column.
-    each = -(-len(signs) // rows)
-    ordered = [signs[row * each + k] for k in range(each) for row in range(rows)]
-    sheet.figure.legend(
-        handles=ordered, loc="lower center", bbox_to_anchor=(0.5, 0.1 / sheet.size[1]),
-        frameon=False, ncols=each, fontsize=9, labelcolor=INK, borderaxespad=0.0,
-    )  # fmt: skip
-
-
-def _legend_rows(curves: Sequence[Curve]) -> int:
-    modes = len({curve.mode for curve in curves})
-    return modes if len(curves) > modes else 1
-
-
-def _curve(axes: Axes, curve: Curve, measure: str, factor: float, colour: str) -> None:
+def _curve(
+    axes: Axes, curve: Curve, measure: str, factor: float, colour: str, *, zorder: float
+) -> None:
     """A curve with the band that holds the mean."""
     x = np.array(curve.x)
     mean = factor * np.array(curve.means[measure])
     half = factor * np.nan_to_num(np.array(curve.halves[measure]))
+    label = curve.mode + (f", {curve.choice}" if curve.choice else "")
     axes.fill_between(x, mean - half, mean + half, color=colour, alpha=0.16, lw=0, zorder=3)
     axes.errorbar(x, mean, half, color=colour, lw=0, elinewidth=1.0, capsize=2.0, zorder=4)
-    axes.plot(x, mean, color=colour, lw=1.8, marker="o", ms=5.0, mec="white", mew=0.8, zorder=5)
+    axes.plot(
+        x, mean, color=colour, lw=1.8, marker="o", ms=5.0, mec="white", mew=0.8, zorder=zorder,
+        label=label,
+    )  # fmt: skip
 
 
 def _scales(axes: Axes, curves: Sequence[Curve], measure: str) -> None:

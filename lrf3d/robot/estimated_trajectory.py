@@ -95,6 +95,12 @@ class EstimatedTrajectory(Value):
     def __len__(self) -> int:
         return len(self.poses)
 
+    def __repr__(self) -> str:
+        return (
+            f"EstimatedTrajectory({len(self)} poses, {len(self.known_scans)} covariances,"
+            f" {len(self.closures)} loop closures)"
+        )
+
     @property
     def ellipses(self) -> Float:
         """Matrices (m, 2, 2) [m] that turn the unit circle into the ellipses of 95 % probability.

@@ -16,16 +16,23 @@ from lrf3d.scene.look import (
     BEAM_REACH_INDOOR,
     BEAM_SHARE_INDOOR,
     BEAM_STRENGTH,
+    BEAM_WIDTH,
     BEAMS_DRAWN,
+    FAN_COLOUR,
     FAN_END_SHARE,
     FAN_ENDS,
+    FAN_REACH,
+    FAN_SHARE_AT_ROBOT,
+    FAN_STRENGTH,
+    FAN_STRENGTH_INDOOR,
     FARTHEST_COLOUR,
     INTENSITY_COLOURS,
+    POINT_PIXELS,
+    POINT_SIZE,
     RANGE_COLOURS,
-    TRACE_COLOUR,
-    TRACE_STRENGTH,
     TURNED_SHARE,
 )
+from lrf3d.scene.shapes import Lines, Points, Soft, single
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.turns import Turns, WallOptics
 
@@ -34,12 +41,6 @@ _JOINED_GAP = 0.6
 
 _WEDGE = 0.1
 """Widest triangle of the fan [rad]: its chord is off the circle by a thousandth of the range."""
-
-LINE_SIZES = (3, 3, 1, 4, 2)
-"""Floats of a corner of a line: here, there, turn, colour, side of the wall."""
-
-POINT_SIZES = (3, 3, 2)
-"""Floats of a hit point: position, colour, side of the wall."""
 
 Carry = Callable[[Float, Bool, float], Float]
 """Moves ends (beams, 2), of which some are loose (beams,), since a time [s] to where they are."""
@@ -168,48 +169,49 @@ class DrawnBeams:
         """What of the opacity of each beam (beams,) is left towards the ends of the fan."""
         return fading_ends(len(self.ends), self.beam_angle)
 
-    def lines(self, height: float, reach: float) -> Single:
-        """Single beams as line quads, paler with the range [m] and gone at the reach [m]."""
+    def glow(self, height: float, *, indoor: bool) -> Soft:
+        """The glow of the beams near the robot."""
+        rows = self.fan(height).reshape(-1, 3, 5)
+        left = np.minimum(1.0, FAN_REACH / np.maximum(rows[..., 3:4], 1e-9))
+        corners = rows[:, :1, :3] + left * (rows[..., :3] - rows[:, :1, :3])
+        near = 1.0 - np.minimum(rows[..., 3], FAN_REACH) / FAN_REACH
+        strength = FAN_STRENGTH_INDOOR if indoor else FAN_STRENGTH
+        colours = np.empty((*near.shape, 4))
+        colours[..., :3] = FAN_COLOUR
+        colours[..., 3] = strength * rows[..., 4] * near
+        # Over the robot itself it is pale: its colours stay its own.
+        colours[:, 0, 3] *= FAN_SHARE_AT_ROBOT
+        return Soft(single(corners), single(colours))
+
+    def single(self, height: float, reach: float) -> Lines:
+        """A few beams, paler with the range [m] and gone at the reach [m]."""
         chosen = drawn_beams(len(self.ends))
         ranges = np.minimum(self.ranges[chosen], reach)
         ends = self._at(self.ends[chosen], ranges[:, None], self.ranges[chosen])
-        start = np.broadcast_to(self.apex, ends.shape)
-        alpha = np.column_stack(
-            [np.full(len(ends), BEAM_STRENGTH), BEAM_STRENGTH * (1.0 - ranges / reach)]
-        )
-        alpha *= self.shares[chosen, None]
+        starts = np.broadcast_to(self.apex, ends.shape)
+        left = np.column_stack([np.ones(len(ends)), 1.0 - ranges / reach])
+        opacities = BEAM_STRENGTH * self.shares[chosen, None] * left
         legs = np.isin(self.leg_beams, chosen)
-        if legs.any():
-            start = np.concatenate([start, self.legs[legs, :2]])
-            ends = np.concatenate([ends, self.legs[legs, 2:]])
-            faint = np.full((np.count_nonzero(legs), 2), TURNED_SHARE * BEAM_STRENGTH)
-            alpha = np.concatenate([alpha, faint])
-        return line_quads(start, ends, np.full((len(ends), 3), BEAM_COLOUR), alpha, height)
+        starts = np.concatenate([starts, self.legs[legs, :2]])
+        ends = np.concatenate([ends, self.legs[legs, 2:]])
+        faint = np.full((np.count_nonzero(legs), 2), TURNED_SHARE * BEAM_STRENGTH)
+        opacities = np.concatenate([opacities, faint])
+        colours = np.full((len(ends), 3), BEAM_COLOUR)
+        return lines_at(height, starts, ends, colours, opacities, BEAM_WIDTH)
 
-    def trace(self, height: float) -> Single:
-        """The line on the walls where the scan hit them, as line quads."""
-        index = np.cumsum(self.hits) - 1
-        first = np.flatnonzero(self.joined)
-        start, end = self.points[index[first]], self.points[index[first + 1]]
-        colours = np.full((len(start), 3), TRACE_COLOUR)
-        opaque = np.full((len(start), 2), TRACE_STRENGTH)
-        return line_quads(start, end, colours, opaque, height, self.sides[index[first]])
-
-    def dots(self, height: float, range_max: float, *, by: str = "range") -> Single:
-        """Hit points (hits, 8): position [m], colour by range or intensity, side of the wall."""
+    def hit_points(self, height: float, range_max: float, *, by: str = "range") -> Points:
+        """The hit points, coloured by their ranges or their intensities."""
         share = np.clip(self.point_ranges / min(range_max, FARTHEST_COLOUR), 0.0, 1.0)
         if by == "intensity" and self.point_lights is not None:
             share = darkness(self.point_lights)
         place = share * (len(RANGE_COLOURS) - 1)
-        rows = np.zeros((len(self.points), 8), np.float32)
-        rows[:, :2] = self.points
-        rows[:, 2] = height
-        rows[:, 6:8] = self.sides
+        colours = np.ones((len(self.points), 4))
         for channel in range(3):
-            rows[:, 3 + channel] = np.interp(
+            colours[:, channel] = np.interp(
                 place, np.arange(len(RANGE_COLOURS)), RANGE_COLOURS[:, channel]
             )
-        return rows
+        places = np.column_stack([self.points, np.full(len(self.points), height)])
+        return Points(single(places), single(colours), single(self.sides), POINT_SIZE, POINT_PIXELS)
 
     def _at(self, ends: Float, wanted: Float, ranges: Float) -> Float:
         """Points at wanted ranges (n, 1) on the way from the apex to ends (n, 2)."""
@@ -249,33 +251,27 @@ def drawn_beams(count: int) -> Int:
     return np.arange((count - 1) % step // 2, count, step)
 
 
-def line_quads(
-    start: Float,
-    end: Float,
-    colours: Float,
-    alpha: Float,
+def lines_at(
     height: float,
-    sides: Float | None = None,
-) -> Single:
-    """Lines (n, 2) to (n, 2) as two triangles (6 · n, 13) each: here, there, turn, colour, side.
-
-    A line as wide as some pixels has soft edges also where a picture is not smoothed. ``alpha``
-    (n, 2) is the opacity at both ends; ``sides`` (n, 2) is where the faces look that lines lie on.
-    """
-    rows = np.zeros((len(start), 6, 13), np.float32)
-    # Corner, whether at the end, and the side seen on the way from there to the other end.
-    for corner, (at_end, turn) in enumerate([(0, 1), (0, -1), (1, 1), (0, 1), (1, 1), (1, -1)]):
-        here, there = (end, start) if at_end else (start, end)
-        rows[:, corner, 0:2] = here
-        rows[:, corner, 3:5] = there
-        rows[:, corner, 6] = turn * (1 + at_end)
-        rows[:, corner, 10] = alpha[:, at_end]
-    rows[:, :, 2] = height
-    rows[:, :, 5] = height
-    rows[:, :, 7:10] = colours[:, None, :]
-    if sides is not None:
-        rows[:, :, 11:13] = sides[:, None, :]
-    return rows.reshape(-1, 13)
+    starts: Float,
+    ends: Float,
+    colours: Float,
+    opacities: Float,
+    width: float,
+    *,
+    hidden: bool = False,
+) -> Lines:
+    """Lines from (n, 2) to (n, 2) at a height [m]."""
+    level = np.full((len(starts), 1), height)
+    return Lines(
+        single(np.concatenate([starts, level], axis=1)),
+        single(np.concatenate([ends, level], axis=1)),
+        single(colours),
+        single(opacities),
+        np.zeros((len(starts), 2), np.float32),
+        width,
+        hidden,
+    )
 
 
 def _wedges(kind: Int, beam_angle: float) -> Int:

@@ -17,7 +17,9 @@ from lrf3d.scene.look import (
     ROBOT,
     ROBOT_RIM,
     SHADOW_COLOUR,
+    SUN,
 )
+from lrf3d.scene.shapes import Faces, Soft, single
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -57,30 +59,60 @@ def world_from_robot(pose: Float) -> Float:
     return matrix
 
 
-def robot_arrow() -> Single:
-    """The robot as an arrow head along x with a dark rim: triangles (v, 6), place and colour."""
+def faces_of(rows: Single) -> Faces:
+    """Faces of the rows (3 t, 9) of a body: position, normal, colour."""
+    parts = rows.reshape(-1, 3, 9)
+    return Faces(*(single(parts[..., first : first + 3]) for first in (0, 3, 6)))
+
+
+def robot_body(laser_height: float) -> Faces:
+    """The robot, with its laser at a height [m]."""
+    rows, indices = robot_mesh(laser_height)
+    return faces_of(rows[indices])
+
+
+def flat_dart(pose: Float, size: float, height: float) -> Soft:
+    """The robot as a dart with a dark rim, of a size at a pose, seen from above."""
     head = DART[[0, 1, 2, 0, 2, 3]]
-    rim = np.concatenate([head * 1.4, np.tile((*ROBOT_RIM, 1.0), (6, 1))], axis=1)
-    return np.concatenate(
-        [rim, np.concatenate([head, np.tile((*ROBOT, 1.0), (6, 1))], axis=1)]
-    ).astype(np.float32)
+    outline = placed(size * np.concatenate([1.4 * head, head]), pose)
+    corners = np.column_stack([outline, np.full(12, height)]).reshape(-1, 3, 3)
+    colours = np.repeat([(*ROBOT_RIM, 1.0), (*ROBOT, 1.0)], 6, axis=0).reshape(-1, 3, 4)
+    return Soft(single(corners), single(colours))
 
 
-_RING, _RING_CORNERS = 0.86, 48
-"""Inner radius of a goal's ring, in outer ones, and the number of its corners."""
+_RING, _RING_CORNERS, _GOAL_HEIGHT = 0.86, 48, 0.04
+"""Inner radius of a goal's ring, in outer ones; its number of corners; height over the ground [m].
+"""
 
 
-def goal_disc() -> Single:
-    """A goal of radius 1 on the ground: triangles (v, 6), place and colour with opacity."""
+def goal_disc(goal: Float) -> Soft:
+    """A goal (3,), x, y and radius [m], on the ground: a ring and a pale disc."""
     turns = np.linspace(0.0, 2.0 * np.pi, _RING_CORNERS + 1)
     rim = np.column_stack([np.cos(turns), np.sin(turns)])
     outer, inner, middle = rim, _RING * rim, np.zeros((_RING_CORNERS, 2))
     ring = [outer[:-1], outer[1:], inner[1:], outer[:-1], inner[1:], inner[:-1]]
-    rows = []
-    for corners, opacity in zip((ring, [middle, inner[:-1], inner[1:]]), GOAL_OPACITY, strict=True):
-        places = np.stack(corners, axis=1).reshape(-1, 2)
-        rows.append(np.column_stack([places, np.tile((*GOAL, opacity), (len(places), 1))]))
-    return np.concatenate(rows).astype(np.float32)
+    corners, colours = [], []
+    for shape, opacity in zip((ring, [middle, inner[:-1], inner[1:]]), GOAL_OPACITY, strict=True):
+        places = goal[:2] + goal[2] * np.stack(shape, axis=1).reshape(-1, 2)
+        corners.append(np.column_stack([places, np.full(len(places), _GOAL_HEIGHT)]))
+        colours.append(np.tile((*GOAL, opacity), (len(places), 1)))
+    return Soft(
+        single(np.concatenate(corners).reshape(-1, 3, 3)),
+        single(np.concatenate(colours).reshape(-1, 3, 4)),
+    )
+
+
+_BLOB, _BLOB_FRINGE, _BLOB_DARKNESS, _BLOB_SHIFT = 0.24, 0.28, 0.55, 0.16
+"""Radius of the robot's shadow and of its soft rim [m], its darkness, and how far it lies from the
+robot where the sun shines, as a part of the level way to the sun."""
+
+
+def robot_shadow(pose: Float, *, indoor: bool) -> Soft:
+    """The shadow of the robot at a pose."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    middle = pose[:2] - (0.0 if indoor else _BLOB_SHIFT) * SUN[:2]
+    rim = middle + _BLOB * np.column_stack([np.cos(turns), np.sin(turns)])
+    return soft_shadow(rim, _BLOB_FRINGE, _BLOB_DARKNESS, 0.0)
 
 
 _BASE, _BEVEL = 0.10, 0.06
@@ -164,7 +196,7 @@ def _body(outline: Float, height: float, colour: Float) -> Single:
             faces[:, corner, 5] = rise
             faces[:, corner, 6:9] = paint
         rows.append(faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 9))
-    rows.append(_level(_triangles(inner), height, 0.55 + 0.45 * colour))
+    rows.append(_level(outline_triangles(inner).reshape(-1, 2), height, 0.55 + 0.45 * colour))
     # A dart on the top says which way is ahead.
     reach = 0.55 * float(np.abs(inner).max(axis=0).min())
     dart = 0.9 * reach * DART[[0, 1, 2, 0, 2, 3]]
@@ -182,23 +214,16 @@ def _level(corners: Float, height: float, colour: Float) -> Single:
     return rows
 
 
-def _triangles(outline: Float) -> Float:
-    """Corners (v, 2) of counter-clockwise triangles of an outline's inside."""
+def outline_triangles(outline: Float) -> Float:
+    """Corners (t, 3, 2) of counter-clockwise triangles of an outline's inside."""
     shape = shapely.make_valid(shapely.Polygon(outline))
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
     corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    return np.concatenate([counter_clockwise(each) for each in corners])
+    return np.stack([counter_clockwise(each) for each in corners])
 
 
-def ground_plan(outline: Float, colour: Float) -> Single:
-    """Triangles (v, 6) of a body from above."""
-    corners = _triangles(outline)
-    paint = np.tile([*colour, 1.0], (len(corners), 1))
-    return np.concatenate([corners, paint], axis=1).astype(np.float32)
-
-
-def soft_shadow(corners: Float, fringe: float, dark: float) -> Single:
-    """Triangles (v, 6) of the hull of corners (n, 2): dark inside, fading out over a fringe [m]."""
+def soft_shadow(corners: Float, fringe: float, dark: float, height: float) -> Soft:
+    """The hull of corners (n, 2) at a height [m]: dark inside, fading out over a fringe [m]."""
     hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(corners)))[:-1]
     hull = counter_clockwise(hull)
     outer = hull + fringe * _outward(hull)[1]
@@ -207,9 +232,9 @@ def soft_shadow(corners: Float, fringe: float, dark: float) -> Single:
     places = np.stack(
         [middle, hull, following, hull, outer, outer_following, hull, outer_following, following],
         axis=1,
-    )
-    rows = np.zeros((len(hull), 9, 6), np.float32)
-    rows[:, :, :2] = places
-    rows[:, :, 2:5] = SHADOW_COLOUR
-    rows[:, :, 5] = dark * np.array([1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
-    return rows.reshape(-1, 6)
+    ).reshape(-1, 3, 2)
+    levels = np.full((len(places), 3, 1), height)
+    colours = np.empty((len(hull), 9, 4))
+    colours[..., :3] = SHADOW_COLOUR
+    colours[..., 3] = dark * np.array([1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+    return Soft(single(np.concatenate([places, levels], axis=2)), single(colours.reshape(-1, 3, 4)))

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.scene.camera import Camera, Chase, First, Look, Orbit, SmoothPath, Top
-from lrf3d.scene.overview import CLOSING, OPENING, Overview, Story
+from lrf3d.scene.camera import Camera, Look, SmoothPath
+from lrf3d.scene.following import Chase, First, Orbit
+from lrf3d.scene.story import CLOSING, OPENING, Story
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
+from lrf3d.scene.whole import Overview, Top
 from lrf3d.world.cameras import FixedCamera, check_view
 
 CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
@@ -45,7 +47,8 @@ class Fixed:
         # Straight down or up there is no side that is up but the north.
         level = np.hypot(ahead[0], ahead[1]) > 1e-6 * abs(ahead[2])
         up = (0.0, 0.0, 1.0) if level else (0.0, 1.0, 0.0)
-        self._look = Look(eye, target, float(np.radians(camera.field_deg)), up=up)
+        field = float(np.radians(camera.field_deg))
+        self._look = Look(eye, target, field, up=up, shot=camera.name)
         self._path = SmoothPath(timeline) if camera.track else None
 
     def look(self, time: float, aspect: float) -> Look:
@@ -57,28 +60,14 @@ class Fixed:
         return replace(self._look, target=target, field=self._look.field * float(narrow))
 
 
-def make_camera(
-    view: str,
-    timeline: Timeline,
-    structures: Structures,
-    covered: tuple[float, float] = (0.0, 0.0),
-) -> Camera:
-    """Make the camera of a name.
-
-    Args:
-        view: The name.
-        timeline: The run.
-        structures: What stands in its world.
-        covered: Width and height of the upper left corner that a panel covers, in heights of the
-            picture: from above, the world is shown beside it.
+def make_camera(view: str, timeline: Timeline, structures: Structures) -> Camera:
+    """Make the camera of a name for a run, and what stands in its world.
 
     Raises:
         InputError: There is no camera of that name.
     """
     world = timeline.run.world
     check_view(view, world.cameras)
-    if view == "top":
-        return Top(timeline, structures, covered)
     if view in CAMERAS:
         return CAMERAS[view](timeline, structures)
     return Fixed(next(c for c in world.cameras if c.name == view), timeline)

@@ -11,6 +11,9 @@ import numpy as np
 from lrf3d.geometry import Float, Int
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
+from lrf3d.scene.beams import lines_at
+from lrf3d.scene.look import ESTIMATE_COLOUR, ESTIMATE_FADED, TRAIL_HEIGHT, TRAIL_WIDTH_PIXELS
+from lrf3d.scene.shapes import Lines
 from lrf3d.scene.timeline import Timeline
 
 MOST_KEPT = 40
@@ -18,6 +21,9 @@ MOST_KEPT = 40
 
 CORNERS = 48
 """Corners of an ellipse, as it is drawn."""
+
+_RING_WIDTH = 1.6
+"""Width of the outline of an ellipse [pixels of 720 lines]."""
 
 TRUTH, BELIEVED = "truth", "estimate, 95 %"
 """What legends call the two trails."""
@@ -70,9 +76,22 @@ class DrawnEstimate:
             return np.zeros((2, 2))
         return np.reshape([np.interp(time, self.ellipse_times, part) for part in flat.T], (2, 2))
 
-    def kept_before(self, time: float) -> int:
-        """How many of the ellipses that stay there are by a time [s]."""
-        return int(np.searchsorted(self.ellipse_times[self.kept], time, side="right"))
+    def trail(self, time: float) -> Lines:
+        """The estimated trail up to a time from the start of the run on [s]."""
+        done = max(0, int(np.searchsorted(self.times, time, side="right")) - 1)
+        # The leg that is being driven ends where the robot is estimated to be now.
+        places = np.concatenate([self.places[: done + 1], self.place(time)[None]])
+        return _lines(places[:-1], places[1:], 1.0, TRAIL_WIDTH_PIXELS)
+
+    def rings(self, time: float) -> Lines:
+        """The ellipses that stay by a time, faded, and the one that is known now."""
+        kept = int(np.searchsorted(self.ellipse_times[self.kept], time, side="right"))
+        now = outlines(self.place(time)[None], self.shape(time)[None])
+        rings = np.concatenate([self.outlines()[:kept], now])
+        alpha = np.full(len(rings) * CORNERS, ESTIMATE_FADED)
+        alpha[-CORNERS:] = 1.0
+        following = np.roll(rings, -1, axis=1)
+        return _lines(rings.reshape(-1, 2), following.reshape(-1, 2), alpha, _RING_WIDTH)
 
     def outlines(self) -> Float:
         """Outlines (n, CORNERS, 2) of the ellipses that stay [m]."""
@@ -84,6 +103,12 @@ def outlines(middles: Float, shapes: Float) -> Float:
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     return np.asarray(middles[:, None] + np.einsum("nij,cj->nci", shapes, circle))
+
+
+def _lines(starts: Float, ends: Float, alpha: Float | float, width: float) -> Lines:
+    colours = np.tile(ESTIMATE_COLOUR, (len(starts), 1))
+    opacities = np.broadcast_to(np.reshape(alpha, (-1, 1)), (len(starts), 2))
+    return lines_at(TRAIL_HEIGHT, starts, ends, colours, opacities, width)
 
 
 def ring_quads(rings: Float, width: float) -> Float:

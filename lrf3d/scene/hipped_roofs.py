@@ -34,8 +34,8 @@ _RIGHT = 0.985
 _SHARE = 0.75
 """Share of such houses that have one."""
 
-_TILES = np.array([[0.56, 0.34, 0.27], [0.45, 0.32, 0.28], [0.38, 0.40, 0.43], [0.58, 0.40, 0.31]])
-"""Colours of tiles: clay and slate."""
+_TILES = np.array([[0.70, 0.60, 0.55], [0.64, 0.58, 0.55], [0.60, 0.61, 0.62], [0.71, 0.63, 0.57]])
+"""Colours of tiles: pale clay and slate."""
 
 
 class HippedRoofs(NamedTuple):

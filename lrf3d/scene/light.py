@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.embree_library import embreex_installed
-from lrf3d.casting.triangle_rays import TriangleRays
+from lrf3d.casting.triangle_rays import TriangleRays, embreex_installed
 from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
 from lrf3d.progress import Progress, silent
 from lrf3d.scene.facades import layers

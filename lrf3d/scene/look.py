@@ -24,20 +24,9 @@ SKYSHINE_INDOOR = np.array([1.12, 1.105, 1.08])
 GROUND_ALBEDO, GROUND_ALBEDO_INDOOR = np.array([0.17, 0.168, 0.162]), np.array([0.50, 0.46, 0.40])
 """What share of light the ground sends on to houses and walls, linear."""
 
-PLASTER = np.array(
-    [
-        [0.80, 0.74, 0.62],
-        [0.70, 0.50, 0.43],
-        [0.74, 0.77, 0.74],
-        [0.78, 0.66, 0.50],
-        [0.62, 0.68, 0.74],
-        [0.84, 0.80, 0.73],
-        [0.65, 0.60, 0.53],
-        [0.76, 0.58, 0.46],
-        [0.68, 0.74, 0.68],
-    ]
-)
-"""Façades of a town: warm plasters, bricks and two cool greys, none next to its like."""
+CLAY, OWN_SHARE = np.array([0.90, 0.885, 0.86]), 0.25
+"""Colour of the houses of a town, and the share that the colours of their own have in theirs: off-
+white clay, so that strong colours belong to the laser and the map."""
 
 PAINT = np.array(
     [
@@ -59,6 +48,21 @@ ZENITH, ZENITH_INDOOR = (0.33, 0.53, 0.85), (0.60, 0.66, 0.74)
 GLOW = (1.0, 0.93, 0.80)
 """Colours of the sky overhead, and of the air round the sun."""
 
+BODY_LIGHT = (0.56, 0.36, 0.06)
+"""How bright a body is everywhere, how much brighter in the sun, and on what looks up."""
+
+GHOST, GHOST_STRENGTH = (0.95, 0.96, 0.98), 0.80
+"""Colour of houses that have faded to ghosts, and what of their opacity they have lost."""
+
+LEFT_STANDING = (0.04, 1.2)
+"""Least and largest height [m] of what is left of walls in rooms that would hide the robot."""
+
+NOTCH = (0.8, 1.5)
+"""Half the width [m] of the notch that is cut into walls, and how steeply its sides rise [m/m]."""
+
+DASH = 0.8
+"""Length of a dash with its gap [m]."""
+
 SHADOW_RIM = 0.04
 """Width of the rim of the sun's light on a wall [m]."""
 
@@ -71,8 +75,8 @@ SHADOW_COLOUR = (0.02, 0.03, 0.05)
 BEAMS_DRAWN = 30
 """About how many single beams are drawn: more would run into one red."""
 
-BEAM_COLOUR, BEAM_STRENGTH = (1.0, 0.36, 0.26), 0.55
-"""Colour of a single beam, and its opacity at the robot."""
+BEAM_COLOUR, BEAM_STRENGTH, BEAM_WIDTH = (1.0, 0.36, 0.26), 0.55, 1.1
+"""Colour of a single beam, its opacity at the robot, and its width [pixels of 720 lines]."""
 
 TURNED_SHARE = 0.7
 """Opacity of beams that a mirror has turned, beside that of others."""
@@ -81,6 +85,12 @@ FAN_COLOUR, FAN_CURVE = (1.00, 0.30, 0.20), 1.5
 FAN_STRENGTH, FAN_STRENGTH_INDOOR = 0.20, 0.17
 """Colour of the fan of beams, the power of what is left of its reach that it fades with, and its
 opacity at the robot."""
+
+FAN_REACH = 4.0
+"""Range [m] at which the glow of the beams has faded: beyond, the hits say what the robot sees."""
+
+FAN_SHARE_AT_ROBOT = 0.45
+"""What is left of its opacity over the robot."""
 
 FAN_SHARE_AHEAD = 0.12
 """How much of that opacity is left where the robot's eyes look through the fan."""
@@ -113,6 +123,10 @@ FARTHEST_COLOUR = 30.0
 POINT_SIZE, POINT_PIXELS = 0.08, (2.6, 8.0)
 """Diameter of a hit point [m], and the smallest and largest in a picture of 720 lines [pixels]."""
 
+HITS_FADE, HITS_STRENGTH, HIT_SIZE, HIT_PIXELS = 2.5, 0.8, 0.05, (2.0, 4.0)
+"""Time of the film [s] in which hits fade, their opacity at first, and their size like that of
+hit points."""
+
 POINT_HALO, POINT_HALO_STRENGTH = 2.6, 0.34
 """Size of the bloom round a hit point, in its diameters, and its opacity at the point."""
 
@@ -124,6 +138,9 @@ TRACE_HEIGHT, TRACE_GAP = 0.06, 0.02
 
 TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.045, 0.015
 """Colour of the robot's trail, and its width and height over the ground [m]."""
+
+TRAIL_WIDTH_PIXELS = 3.4
+"""Its width where it is drawn as a line [pixels of 720 lines]."""
 
 TRAIL_FADE, TRAIL_OLD = 15.0, 0.35
 """Time of the film [s] in which the trail fades to what is left of its opacity."""
@@ -140,8 +157,19 @@ stands out of its line to both sides, so that no wall hides it."""
 BAND_PIXELS = 5.0
 """Least height of that band in a picture of 720 lines [pixels]: it shows from far away, too."""
 
-GLOW_REACH, GLOW_STRENGTH = 0.14, 0.40
-"""How far the glow of the band reaches on its wall [m], and its opacity at the band."""
+MAP_STANDING = 2.5
+"""Height [m] of a mapped wall that stands up where the world has none there."""
+
+MAP_LINE_WIDTH, HIDDEN_WIDTH, HIDDEN_STRENGTH = 4.0, 2.6, 0.25
+"""Width of the map as lines from above, and of what of its bands is hidden [pixels of 720 lines],
+and the opacity of that."""
+
+LEAST_SCALE = 0.62
+"""Lines and points are at least so many times their size at 720 lines."""
+
+PLAN_BACK, PLAN_LINE_WIDTH, DART_SHARE = (24, 28, 36), 2.6, 0.034
+"""Colour of the inset where nothing is known, 0…255, the width of the map in it [pixels of 720
+lines], and the size of the robot's dart as a share of what is shown."""
 
 PAPER, STONE = (0.965, 0.970, 0.980), (0.70, 0.725, 0.76)
 ROBOT, ROBOT_RIM = (0.98, 0.46, 0.06), (0.12, 0.14, 0.18)
@@ -218,17 +246,18 @@ def material_colour(material: Material | None) -> tuple[float, float, float] | N
 
 def object_colours(world: World, *, indoor: bool) -> Float:
     """Colours (objects, 3) of a world's objects: their own, their material's, or from a palette."""
-    palette = PAINT if indoor else PLASTER
     numbers = np.arange(world.object_count)
-    chosen = palette[numbers % len(palette)].copy()
+    chosen = PAINT[numbers % len(PAINT)] if indoor else np.tile(CLAY, (len(numbers), 1))
     # A slow drift in brightness keeps two houses of one colour from looking the same.
     chosen *= (0.94 + 0.10 * np.modf(numbers * _HUE_STEP)[0])[:, None]
-    for number, material in enumerate(world.materials):
-        if (colour := material_colour(material)) is not None:
-            chosen[number] = colour
     given = np.full((world.object_count, 3), np.nan)
     rows = min(len(world.colours), world.object_count)
     given[:rows] = world.colours[:rows]
+    if not indoor:
+        given = chosen + OWN_SHARE * (given - CLAY)
+    for number, material in enumerate(world.materials):
+        if (colour := material_colour(material)) is not None:
+            chosen[number] = colour
     return np.clip(np.where(np.isnan(given), chosen, given), 0.0, 1.0)
 
 

@@ -104,6 +104,13 @@ def _cut(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:
 INDOOR_HEIGHT = 3.5
 """Walls up to here [m] are those of rooms: a storey; they get no windows and no sun."""
 
+_WINDOWLESS = {"dark cloth", "glass", "metal", "mirror", "retro-reflector"}
+"""Materials of walls that have no windows and no doors, however high they are."""
+
+_DOOR, _ENCLOSED, _AS_HIGH = 2.0, 0.9, 0.4
+"""Half the width of openings in the walls of a hall [m], the share of all walls that lie within
+them, and how high they are, beside the highest wall, at the least."""
+
 _RECORDED_HEIGHT = 1.2
 """Height [m] of walls in recorded drives, of which scans say nothing: these hide neither the robot
 nor the map from an eye behind it."""
@@ -123,6 +130,7 @@ class Structures:
         colours: (n, 3) red, green, blue in 0…1.
         seeds: (n,) a number in 0…1 for each wall, the same for all walls of an object.
         closed: (n,) whether the wall belongs to a solid and so has one visible side.
+        smooth: (n,) whether it is of a material that has no windows, such as metal.
         solids: (k,) polygons of the solids.
         solid_objects: (k,) the object that each solid is.
         solid_heights: (k,) heights of their roofs [m].
@@ -141,6 +149,7 @@ class Structures:
     colours: Float
     seeds: Float
     closed: Bool
+    smooth: Bool
     solids: NDArray[Any]
     solid_objects: Int
     solid_heights: Float
@@ -172,7 +181,6 @@ class Structures:
         world, origin = sight.world, sight.origin
         segments = world.segments - np.tile(origin, 2)
         path = np.zeros((0, 2)) if path is None else path - origin
-        indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT)
         areas = _areas(segments, world.objects, world.object_count)
         tops = np.zeros(world.object_count)
         np.maximum.at(tops, world.objects, world.heights)
@@ -190,6 +198,9 @@ class Structures:
             closed[walls] = left != right
             turned = walls[right & ~left]
             facing[turned] = segments[turned][:, [2, 3, 0, 1]]
+        indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT) or _enclosed(
+            segments, world.heights, closed, path
+        )
         colours = object_colours(world, indoor=indoor)
         found = np.flatnonzero(~shapely.is_missing(areas))
         built = ~np.isin(world.objects, grown)
@@ -201,6 +212,7 @@ class Structures:
             colours=colours[objects].reshape(-1, 3),
             seeds=spread(objects, 0.11),
             closed=closed[built],
+            smooth=_without_windows(world)[objects],
             solids=areas[found],
             solid_objects=found,
             solid_heights=tops[found],
@@ -228,34 +240,31 @@ class Structures:
         """The crowns of the trees."""
         return Crowns.of(self.trees, self.solids)
 
-    def within(self, low: Float, high: Float) -> "Structures":
-        """The walls and solids that reach into a box from low (2,) to high (2,) [m]."""
-        least = np.minimum(self.segments[:, :2], self.segments[:, 2:])
-        most = np.maximum(self.segments[:, :2], self.segments[:, 2:])
-        walls = ((least <= high) & (most >= low)).all(axis=1)
-        bounds = shapely.bounds(self.solids).reshape(-1, 4)
-        solids = ((bounds[:, :2] <= high) & (bounds[:, 2:] >= low)).all(axis=1)
-        reach = self.trees[:, 3:]
-        trees = ((self.trees[:, :2] + reach >= low) & (self.trees[:, :2] - reach <= high)).all(
-            axis=1
-        )
-        return Structures(
-            segments=self.segments[walls],
-            objects=self.objects[walls],
-            heights=self.heights[walls],
-            colours=self.colours[walls],
-            seeds=self.seeds[walls],
-            closed=self.closed[walls],
-            solids=self.solids[solids],
-            solid_objects=self.solid_objects[solids],
-            solid_heights=self.solid_heights[solids],
-            solid_colours=self.solid_colours[solids],
-            trees=self.trees[trees],
-            tree_objects=self.tree_objects[trees],
-            indoor=self.indoor,
-            origin=self.origin,
-            path=self.path,
-        )
+
+def _without_windows(world: World) -> Bool:
+    """Which objects (k,) of a world are of a material that has no windows."""
+    found = np.zeros(world.object_count, dtype=bool)
+    for number, material in enumerate(world.materials):
+        found[number] = material is not None and material.name in _WINDOWLESS
+    return found
+
+
+def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:
+    """Whether walls that stand free enclose the rest and the path: a hall or a flat, no town."""
+    free = ~closed
+    if not free.any() or not len(path):
+        return False
+    if float(np.median(heights[free])) < _AS_HIGH * float(heights.max()):
+        return False
+    walls = shapely.buffer(shapely.linestrings(segments[free].reshape(-1, 2, 2)), _DOOR)
+    parts = shapely.get_parts(shapely.union_all(walls))
+    filled = shapely.polygons(shapely.get_exterior_ring(parts))
+    hall = shapely.simplify(filled[int(np.argmax(shapely.area(filled)))], 0.1)
+    shapely.prepare(hall)
+    middles = 0.5 * (segments[:, :2] + segments[:, 2:])
+    within = shapely.contains_xy(hall, middles[:, 0], middles[:, 1]) * lengths(segments)
+    inside = shapely.contains_xy(shapely.buffer(hall, -_DOOR), path[:, 0], path[:, 1])
+    return bool(inside.all() and within.sum() >= _ENCLOSED * lengths(segments).sum())
 
 
 def _areas(segments: Float, objects: NDArray[Any], count: int) -> NDArray[Any]:

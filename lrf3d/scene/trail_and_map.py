@@ -13,16 +13,18 @@ import numpy as np
 from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.mapping import LineMap
 from lrf3d.run import Run
-from lrf3d.scene.beams import line_quads
-from lrf3d.scene.look import MAP_BAND, MAP_WIDTH, object_tints
-from lrf3d.scene.map_bands import Bands, WallTops, map_bands
+from lrf3d.scene.beams import lines_at
+from lrf3d.scene.look import (
+    MAP_BAND,
+    MAP_WIDTH,
+    TRAIL_COLOUR,
+    TRAIL_HEIGHT,
+    TRAIL_OLD,
+    TRAIL_WIDTH_PIXELS,
+    object_tints,
+)
+from lrf3d.scene.shapes import Lines
 from lrf3d.scene.timeline import DriveKeys
-
-RIBBON_SIZES = (2, 2, 1)
-"""Floats of a corner of the trail: its place, the way to its side, the time when it is driven."""
-
-_SHARPEST = -0.2
-"""Cosine of the sharpest bend of the trail that is mitred: beyond, the tip would be long."""
 
 _PIECE_ERROR = 0.03
 """How far a straight piece of the trail may be off [m], in place and along the way."""
@@ -53,18 +55,20 @@ class TrailPiece(NamedTuple):
     way: Float
 
 
-def trail_ribbon(keys: DriveKeys) -> Single:
-    """The whole trail, as two triangles a leg: corners (6 · legs, 5) of :data:`RIBBON_SIZES`."""
-    places = keys.poses[:, :2]
-    sides = _sides(places, keys.set_down)
-    count = len(places) - 1
-    rows = np.zeros((count, 6, 5), np.float32)
-    for corner, (end, turn) in enumerate([(0, 1), (0, -1), (1, -1), (0, 1), (1, -1), (1, 1)]):
-        rows[:, corner, :2] = places[end : count + end]
-        rows[:, corner, 2:4] = turn * sides[:, end]
-        rows[:, corner, 4] = keys.times[end : count + end]
-    rows[keys.set_down, :, 2:4] = 0.0
-    return rows.reshape(-1, 5)
+def trail_lines(keys: DriveKeys, now: float, fade: float) -> Lines:
+    """The trail up to a time [s]; what is older is paler, after a time of fading [s]."""
+    begun = legs_begun(keys, now)
+    places, times = keys.poses[: begun + 1, :2].copy(), keys.times[: begun + 1]
+    if begun and times[-1] > now:
+        share = (now - times[-2]) / max(times[-1] - times[-2], 1e-12)
+        places[-1] = places[-2] + share * (places[-1] - places[-2])
+    old = np.clip((now - times) / fade, 0.0, 1.0)
+    left = 0.95 + (TRAIL_OLD - 0.95) * old * (2.0 - old)
+    driven = ~keys.set_down[:begun]
+    ends = np.column_stack([left[:-1], left[1:]])[driven]
+    colours = np.tile(TRAIL_COLOUR, (len(ends), 1))
+    starts, stops = places[:-1][driven], places[1:][driven]
+    return lines_at(TRAIL_HEIGHT, starts, stops, colours, ends, TRAIL_WIDTH_PIXELS)
 
 
 def smoothed(keys: DriveKeys) -> DriveKeys:
@@ -167,15 +171,11 @@ class DrawnMap:
         """Colours (m, 3) in 0…255."""
         return np.round(255.0 * self.colours).astype(np.int64)
 
-    def bands_from(self, before: "DrawnMap", tops: WallTops) -> Bands:
-        """The bands along walls as high as given, grown from those of the map before."""
-        return map_bands(self.segments, self.colours, tops.of(self.segments), before.segments)
-
-    def lines(self, height: float) -> Single:
-        """Lines at a height [m], as :func:`~lrf3d.scene.beams.line_quads`."""
-        opaque = np.ones((len(self.segments), 2))
+    def lines(self, height: float, width: float, opacity: float, *, hidden: bool = False) -> Lines:
+        """Its segments as lines at a height [m], of a width [pixels] and an opacity."""
+        opacities = np.full((len(self.segments), 2), opacity)
         start, end = self.segments[:, :2], self.segments[:, 2:]
-        return line_quads(start, end, self.colours, opaque, height)
+        return lines_at(height, start, end, self.colours, opacities, width, hidden=hidden)
 
     def bands(self, tops: Float | None = None) -> Single:
         """Corners (3 · m, 4, 3) of bands along the walls: both sides and the top of each.
@@ -206,22 +206,3 @@ def _is_straight(times: Float, places: Float, first: int, last: int) -> bool:
     share = (times[first : last + 1] - times[first]) / (times[last] - times[first])
     even = places[first] + share[:, None] * (places[last] - places[first])
     return bool(np.abs(places[first : last + 1] - even).max() < _PIECE_ERROR)
-
-
-def _sides(places: Float, set_down: Bool) -> Float:
-    """To the left of each leg at its start and its end (k − 1, 2, 2), mitred with its neighbours.
-
-    A robot that turns where it stands, and one that was set down elsewhere, begins a new ribbon.
-    """
-    way = np.diff(places, axis=0)
-    length = np.hypot(way[:, 0], way[:, 1])
-    side = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
-    sides = np.repeat(side[:, None], 2, axis=1)
-    before, after = side[:-1], side[1:]
-    bend = np.einsum("ij,ij->i", before, after)
-    moves = (length > 1e-6) & ~set_down
-    joined = moves[:-1] & moves[1:] & (bend > _SHARPEST)
-    mitre = (before + after) / (1.0 + np.maximum(bend, _SHARPEST))[:, None]
-    sides[:-1, 1][joined] = mitre[joined]
-    sides[1:, 0][joined] = mitre[joined]
-    return sides

@@ -11,8 +11,8 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Bool, Float, is_finite, numbers, sealed
 from lrf3d.pose import as_pose
 
-MOST_SIDE, MOST_CELLS = 100_000, 1_000_000_000
-"""Largest number of rows or columns, and of cells, of a grid in a file: a gigabyte of memory."""
+MOST_SIDE, MOST_CELLS = 100_000, 1 << 26
+"""Largest number of rows or columns, and of cells, of a grid in a file, as in a ROS map: 64 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +44,10 @@ class FreeCells:
         object.__setattr__(self, "cells", sealed(cells))
         object.__setattr__(self, "resolution", float(self.resolution))
         object.__setattr__(self, "origin", tuple(origin))
+
+    def __repr__(self) -> str:
+        rows, columns = self.cells.shape
+        return f"FreeCells({rows} x {columns} cells of {self.resolution:g} m)"
 
     def contain(self, points: Float) -> Bool:
         """Which of the points (k, 2) [m] lie in a free cell; points outside the grid do not."""
@@ -98,7 +102,9 @@ class FreeCells:
                 raise InputError(expected)
         columns = {sum(row) for row in rows}
         if len(columns) != 1 or max(columns) > MOST_SIDE or max(columns) * len(rows) > MOST_CELLS:
-            raise InputError(f"{expected}; rows of equal length, at most {MOST_SIDE:,}")
+            raise InputError(
+                f"{expected}; rows of equal length, at most {MOST_SIDE:,}, and {MOST_CELLS:,} cells"
+            )
         cells = np.zeros((len(rows), columns.pop()), dtype=np.bool_)
         for row, lengths in zip(cells, rows, strict=True):
             ends = np.cumsum([0, *lengths])

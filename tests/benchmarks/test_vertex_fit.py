@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.score.vertex_fit import _squared_errors, fit_vertices
+from benchmarks.vertex_fit import _squared_errors, fit_vertices
 from lrf3d import LaserRangeFinder, LaserScan, PlanarCaster, World
 
 CIRCLE = LaserRangeFinder(-np.pi, np.pi - 2 * np.pi / 180, beams=180, range_max=30.0)

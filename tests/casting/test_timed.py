@@ -2,13 +2,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from rational import ExactWorld
 
 import lrf3d
 from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world, simulate
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.casting.exact import ExactWorld
-from lrf3d.casting.timed import ObstacleCaster, StillCaster, SweepCaster, timed
+from lrf3d.casting.timed import ObstacleCaster, SweepCaster, timed
 from lrf3d.errors import InputError
 from lrf3d.fleet import simulate_fleet
 from lrf3d.laser import LaserScan
@@ -21,6 +21,11 @@ DRIVE = Trajectory([0.0, 0.5, 1.0], [(50, 31, 0.1), (51.5, 31.2, 0.4), (53, 32.5
 SQUARE = [(-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)]
 
 
+def still(caster):
+    """The caster as a timed one."""
+    return timed(caster, LaserRangeFinder(), None)
+
+
 class Mapless:
     def update(self, scan):
         return None
@@ -31,7 +36,7 @@ def test_a_robot_that_stands_has_the_scan_of_one_moment_to_the_last_bit(make):
     pose = np.array([50.1, 30.7, 7.3])
     stand = Trajectory([3.0, 4.0], [pose, pose])
     caster = make(CITY)
-    swept = SweepCaster(StillCaster(caster), stand).cast_at(TURNING, pose, 3.0)
+    swept = SweepCaster(still(caster), stand)(TURNING, pose, 3.0)
     plain = caster.cast(TURNING, pose)
     assert np.array_equal(swept.ranges, plain.ranges)
     assert np.array_equal(swept.walls, plain.walls)
@@ -40,7 +45,7 @@ def test_a_robot_that_stands_has_the_scan_of_one_moment_to_the_last_bit(make):
 
 @CASTERS
 def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make):
-    swept = SweepCaster(StillCaster(make(CITY)), DRIVE).cast_at(TURNING, DRIVE.poses[1], 0.5)
+    swept = SweepCaster(still(make(CITY)), DRIVE)(TURNING, DRIVE.poses[1], 0.5)
     times = 0.5 + TURNING.time_increment * np.arange(45)
     poses = DRIVE.at(times)
     assert (np.diff(poses[:, 0]) > 0.0).all()
@@ -56,12 +61,12 @@ def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make
 
 
 def test_what_is_off_is_not_there():
-    still, among = LaserRangeFinder(), [DynamicObstacle(SQUARE, DRIVE)]
+    at_once, among = LaserRangeFinder(), [DynamicObstacle(SQUARE, DRIVE)]
     caster = PlanarCaster(CITY)
-    assert timed(caster, still, DRIVE) == StillCaster(caster)
-    assert isinstance(timed(caster, still, DRIVE, among), ObstacleCaster)
+    assert not isinstance(timed(caster, at_once, DRIVE), ObstacleCaster | SweepCaster)
+    assert isinstance(timed(caster, at_once, DRIVE, among), ObstacleCaster)
     assert isinstance(timed(caster, TURNING, DRIVE), SweepCaster)
-    assert isinstance(timed(caster, TURNING, DRIVE, among).caster, ObstacleCaster)
+    assert isinstance(timed(caster, TURNING, DRIVE, among).cast, ObstacleCaster)
 
 
 def test_a_scan_that_takes_longer_than_the_time_to_the_next_is_refused():
@@ -87,7 +92,7 @@ def test_obstacles_are_cast_as_exactly_as_walls(make):
         DynamicObstacle(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])),
     )
     lrf, pose = LaserRangeFinder(-np.pi, np.pi, 361), np.array([49.0, 32.0, 0.2])
-    scan = ObstacleCaster(StillCaster(make(CITY)), obstacles).cast_at(lrf, pose, 0.75)
+    scan = ObstacleCaster(still(make(CITY)), obstacles)(lrf, pose, 0.75)
     sides = np.concatenate([obstacle.walls(0.75) for obstacle in obstacles])
     together = PlanarCaster(World(np.concatenate([CITY.segments, sides]))).cast(lrf, pose)
     assert np.array_equal(scan.ranges, together.ranges)
@@ -101,8 +106,7 @@ def test_an_obstacle_lower_than_the_beams_is_not_seen():
     low, high = (DynamicObstacle(SQUARE, DRIVE, height) for height in (0.4, 0.6))
     plain = PlanarCaster(CITY).cast(lrf, pose)
     seen = [
-        ObstacleCaster(StillCaster(PlanarCaster(CITY)), (each,)).cast_at(lrf, pose, 0.0)
-        for each in (low, high)
+        ObstacleCaster(still(PlanarCaster(CITY)), (each,))(lrf, pose, 0.0) for each in (low, high)
     ]
     assert np.array_equal(seen[0].ranges, plain.ranges)
     assert (seen[1].ranges < plain.ranges).sum() > 5
@@ -112,14 +116,14 @@ def test_what_is_too_near_is_told_so_whoever_it_is():
     lrf = LaserRangeFinder(0.0, 0.0, 1, range_min=2.0, range_max=20.0)
     world = World([[10.0, -5, 10, 5], [-1.0, -5, -1, 5]])
     near = DynamicObstacle(SQUARE, Trajectory([0.0], [(1.0, 0, 0)]))
-    caster = ObstacleCaster(StillCaster(PlanarCaster(world)), (near,))
-    assert caster.cast_at(lrf, np.array([0.0, 0, 0]), 0.0).ranges[0] == -np.inf
-    assert caster.cast_at(lrf, np.array([0.0, 0, np.pi]), 0.0).ranges[0] == -np.inf
+    caster = ObstacleCaster(still(PlanarCaster(world)), (near,))
+    assert caster(lrf, np.array([0.0, 0, 0]), 0.0).ranges[0] == -np.inf
+    assert caster(lrf, np.array([0.0, 0, np.pi]), 0.0).ranges[0] == -np.inf
     far = ObstacleCaster(
-        StillCaster(PlanarCaster(world)),
+        still(PlanarCaster(world)),
         (DynamicObstacle(SQUARE, Trajectory([0.0], [(5.0, 0, 0)])),),
     )
-    scan = far.cast_at(lrf, np.array([0.0, 0, 0]), 0.0)
+    scan = far(lrf, np.array([0.0, 0, 0]), 0.0)
     assert scan.ranges[0] == 4.6 and scan.walls[0] == -1
 
 
@@ -133,7 +137,7 @@ def test_obstacles_move_while_the_beams_of_a_sweep_turn():
     stand = Trajectory([0.0, 2.0], np.zeros((2, 3)))
     world = World([[20.0, -40, 20, 40]])
     caster = timed(PlanarCaster(world), lrf, stand, [DynamicObstacle(SQUARE, path)])
-    assert caster.cast_at(lrf, stand.poses[0], 0.0).ranges == pytest.approx(np.full(21, 7.6))
+    assert caster(lrf, stand.poses[0], 0.0).ranges == pytest.approx(np.full(21, 7.6))
 
 
 def test_a_simulation_sweeps_and_sees_obstacles():
@@ -183,7 +187,7 @@ def test_an_obstacle_without_an_area_is_refused(outline):
 def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
     rng = np.random.default_rng(seed)
     lrf, world = LaserRangeFinder(-0.7, 1.1, 61, range_max=12.0), World([[90.0, 90, 91, 90]])
-    still = StillCaster(PlanarCaster(world))
+    alone = still(PlanarCaster(world))
     seen = 0
     for _ in range(150):
         place = Trajectory([0.0], [(*rng.uniform(-15, 15, 2), rng.uniform(-9, 9))])
@@ -192,7 +196,7 @@ def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
             np.array([*rng.uniform(-2, 2, 2), rng.uniform(-9, 9)]),
         )
         met = PlanarCaster(World(obstacle.walls(0.0))).cast(lrf, pose).ranges
-        scan = ObstacleCaster(still, (obstacle,)).cast_at(lrf, pose, 0.0)
+        scan = ObstacleCaster(alone, (obstacle,))(lrf, pose, 0.0)
         assert np.array_equal(scan.ranges, met)
         seen += bool(np.isfinite(met).any())
         assert obstacle.may_meet(lrf, pose, 0.0) or not np.isfinite(met).any()
@@ -202,10 +206,10 @@ def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
 def test_mirrors_show_obstacles_and_intensities_are_those_of_them():
     mirror = lrf3d.World([[4, -3, 4, 3], [-9, -9, -9, 9]], [0, 1], materials=["mirror", "brick"])
     lrf = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1)
-    still = lrf3d.Trajectory([0.0], [(-2.0, 0.0, 0.0)])
-    behind = lrf3d.DynamicObstacle([[-1, -1], [1, -1], [1, 1], [-1, 1]], still, 2.0)
+    rests = lrf3d.Trajectory([0.0], [(-2.0, 0.0, 0.0)])
+    behind = lrf3d.DynamicObstacle([[-1, -1], [1, -1], [1, 1], [-1, 1]], rests, 2.0)
     cast = timed(lrf3d.PlanarCaster(mirror), lrf, None, [behind])
-    scan = cast.cast_at(lrf, np.array([0.0, 0.0, 0.0]), 3.0)
+    scan = cast(lrf, np.array([0.0, 0.0, 0.0]), 3.0)
     # The mirror at 4 m shows the obstacle's side at x = -1, on the way to the wall at x = -9.
     assert scan.ranges.tolist() == [9.0] and scan.walls.tolist() == [-1] and scan.time == 3.0
     assert scan.intensities == pytest.approx([0.05 * 0.95**2 / 81], rel=1e-12)
@@ -216,7 +220,7 @@ def test_a_scan_of_beams_one_by_one_has_their_intensities_and_echoes():
     lrf = lrf3d.LaserRangeFinder(beams=31, scan_duration=0.1, echoes=2)
     caster = lrf3d.PlanarCaster(world)
     path = lrf3d.Trajectory([0.0, 1.0, 2.0], np.zeros((3, 3)))
-    swept = timed(caster, lrf, path).cast_at(lrf, np.zeros(3), 0.0)
+    swept = timed(caster, lrf, path)(lrf, np.zeros(3), 0.0)
     whole = caster.cast(lrf, (0, 0, 0))
     for name in ("ranges", "walls", "intensities", "echoes", "echo_intensities"):
         assert (getattr(swept, name) == getattr(whole, name)).all()

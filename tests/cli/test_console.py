@@ -12,6 +12,15 @@ def test_without_a_terminal_long_work_says_now_and_then_how_far_it_is(capsys):
     assert len(lines) == 9
 
 
+def test_the_first_step_which_may_compile_is_not_one_to_go_by(capsys):
+    time = [0.0]
+    report = progress_lines("scans", lambda: time[0])
+    for done in range(1, 51):
+        time[0] = 200.0 + done
+        report(done, 50)
+    assert capsys.readouterr().err == "lrf3d: scans: 31 of 50, about 1 min left\n"
+
+
 def test_without_a_terminal_short_work_says_nothing(capsys):
     with progress_bar("scans") as progress:
         for done in range(100):

@@ -117,6 +117,20 @@ def test_a_robot_that_runs_into_a_wall_stands_before_it():
     assert 0.25 < info["pose"][1] < 0.55
 
 
+def test_an_action_that_is_no_number_is_refused_and_the_next_ones_drive_on():
+    envs = DriveVectorEnv(3, CORRIDOR)
+    envs.reset(seed=0)
+    with pytest.raises(lrf3d.InputError, match=r"action of robot 1: \[nan, 0\.0\]"):
+        envs.step(np.array([[0.5, 0.0], [np.nan, 0.0], [0.5, 0.0]]))
+    for _ in range(3):
+        _, rewards, *_ = envs.step(np.full((3, 2), 0.2))
+        assert np.isfinite(rewards).all() and np.isfinite(envs.task.poses).all()
+    env = DriveEnv(CORRIDOR)
+    for name, value in (("goal", (np.nan, 1.0)), ("goal", (1.0,)), ("pose", (0.0, np.inf, 0.0))):
+        with pytest.raises(lrf3d.InputError, match=name):
+            env.reset(seed=0, options={name: value})
+
+
 def test_episodes_are_cut_off_and_robots_set_down_anew_in_the_next_step():
     envs = DriveVectorEnv(4, CORRIDOR, max_steps=3)
     envs.reset(seed=1)
@@ -218,14 +232,6 @@ def test_each_step_is_shown_in_a_window(monkeypatch):
     assert env.render() is None
     env.close()
     assert shown == ["lrf3d", *[((90, 160, 3), env.task.dt)] * 2, "closed"]
-
-
-def test_the_benchmark_of_robots_tells_its_rate():
-    from benchmarks.robots import bench_robots
-
-    result = bench_robots("corridor", robots=16, seconds=0.2).as_dict()
-    assert result["steps"] > 0 and result["beams"] == 361
-    assert result["beams_a_second"] == pytest.approx(361 * result["robot_steps_a_second"])
 
 
 def test_without_gymnasium_the_line_to_run_is_told(monkeypatch):

@@ -1,18 +1,87 @@
-"""One beam by rational numbers."""
+"""Beams by rational numbers: the definition of a range, which casters are measured against.
 
-from collections.abc import Sequence
+Float64 numbers are fractions whose denominator is a power of two, so for every world and beam the
+least t ≥ 0 with o + t·d on a wall is a fraction, too. It is computed without any rounding.
+"""
+
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
-from lrf3d.casting.exact import ExactWorld
 from lrf3d.geometry import Float
 
 
-def cast_exact(
-    segments: Float, origin: Sequence[float], direction: Sequence[float]
-) -> tuple[int, Fraction | None]:
-    """Cast one beam against segments (n, 4); of segments at equal t the lowest index counts.
+class ExactWorld:
+    """Walls (n, 4) and origins (k, 2) of beams on one integer grid: beams are cast in integers."""
 
-    Returns:
-        The wall and t in units of the direction's length, or −1 and None where nothing is hit.
-    """
-    return ExactWorld(segments, [origin]).cast(0, direction)
+    def __init__(self, segments: Float, origins: Sequence[Sequence[float]] | Float) -> None:
+        flat = [float(value) for row in segments for value in row]
+        places = [float(value) for row in origins for value in row[:2]]
+        whole, self.unit = integers(flat + places)
+        count = len(flat) // 4
+        self.walls = [tuple(whole[4 * i : 4 * i + 4]) for i in range(count)]
+        self.origins = [
+            (whole[4 * count + 2 * i], whole[4 * count + 2 * i + 1])
+            for i in range(len(places) // 2)
+        ]
+
+    def hits(self, origin: int, direction: Sequence[float] | Float) -> list[tuple[int, Fraction]]:
+        """Every wall (index, t) that the beam from one of the origins meets."""
+        (dx, dy), unit = integers(direction)
+        x, y = self.origins[origin]
+        found = []
+        for wall, (x1, y1, x2, y2) in enumerate(self.walls):
+            t = meet(x1 - x, y1 - y, x2 - x, y2 - y, dx, dy)
+            if t is not None:
+                found.append((wall, Fraction(t[0] * unit, t[1] * self.unit)))
+        return found
+
+    def cast(self, origin: int, direction: Sequence[float] | Float) -> tuple[int, Fraction | None]:
+        """The nearest wall and t of a beam, of equal t the first wall; −1 and None for a miss."""
+        (dx, dy), unit = integers(direction)
+        x, y = self.origins[origin]
+        wall, above, below = -1, 0, 0
+        for number, (x1, y1, x2, y2) in enumerate(self.walls):
+            t = meet(x1 - x, y1 - y, x2 - x, y2 - y, dx, dy)
+            if t is not None and (wall < 0 or t[0] * below < above * t[1]):
+                wall, (above, below) = number, t
+        return wall, None if wall < 0 else Fraction(above * unit, below * self.unit)
+
+
+def cast_exact(
+    segments: Float, origin: Sequence[float] | Float, direction: Sequence[float] | Float
+) -> tuple[int, Fraction | None]:
+    """Cast one beam against segments (n, 4)."""
+    return ExactWorld(segments, [list(origin)]).cast(0, direction)
+
+
+def integers(values: Iterable[float]) -> tuple[list[int], int]:
+    """Values as integers over one common denominator, a power of two."""
+    ratios = [float(value).as_integer_ratio() for value in values]
+    unit = max((below for _, below in ratios), default=1)
+    return [above * (unit // below) for above, below in ratios], unit
+
+
+def meet(ax: int, ay: int, bx: int, by: int, dx: int, dy: int) -> tuple[int, int] | None:
+    """Least t ≥ 0, as numerator and denominator > 0, with t·d on the segment from a to b."""
+    area = ax * by - ay * bx
+    if area == 0:
+        return _meet_in_line(ax, ay, bx, by, dx, dy)
+    side_a = dx * ay - dy * ax
+    side_b = dx * by - dy * bx
+    if area < 0:
+        area, side_a, side_b = -area, -side_a, -side_b
+    # Seen from the origin, b is counter-clockwise of a by less than half a turn. So the beam meets
+    # the segment if and only if a is not on its left and b is not on its right.
+    if side_a > 0 or side_b < 0:
+        return None
+    return area, side_b - side_a
+
+
+def _meet_in_line(ax: int, ay: int, bx: int, by: int, dx: int, dy: int) -> tuple[int, int] | None:
+    """The same for a segment whose line goes through the origin."""
+    if ax * bx + ay * by <= 0:
+        return 0, 1
+    if dx * ay != dy * ax or dx * ax + dy * ay < 0:
+        return None
+    above_a, above_b, below = (ax, bx, dx) if dx else (ay, by, dy)
+    return min(abs(above_a), abs(above_b)), abs(below)

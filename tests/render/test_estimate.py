@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 from test_render import city_run, needs_gl, room_run
 
-from lrf3d.render.estimate_marks import CLOSED, DROPPED
+from lrf3d.plot import CLOSED, DROPPED
 from lrf3d.render.figures import draw_map
 from lrf3d.render.film import Film
 from lrf3d.scene.look import ESTIMATE_COLOUR

@@ -137,7 +137,7 @@ def test_a_wall_has_its_colour_where_the_projection_puts_it():
 def test_a_world_far_from_the_origin_looks_the_same():
     from lrf3d.render.film import Film
 
-    layers = ("shadow", "trail", "fan", "beams", "trace", "points", "inset")
+    layers = ("shadow", "trail", "fan", "beams", "points", "inset")
     pictures = []
     for offset in ((0.0, 0.0), (85_000.0, 447_500.0)):
         film = Film(city_run(offset), size=SIZE, view="chase", samples=0, layers=layers)
@@ -165,7 +165,7 @@ def test_hit_points_do_not_show_through_a_thin_wall():
 
     run = room_run()
     seen = []
-    for layers in (("points", "trace"), ()):
+    for layers in (("points",), ()):
         film = Film(run, size=SIZE, view="first", samples=0, layers=layers)
         # From outside, at the wall that the robot looks at from inside.
         film.camera = Outside(run.world.origin)
@@ -185,18 +185,38 @@ class Outside:
         return Look(eye, eye - [5.0, 0.0, 0.1], 1.0)
 
 
+@pytest.mark.parametrize("renderer", [pytest.param("gl", marks=needs_gl), "embree"])
+def test_a_wall_of_a_room_does_not_hide_the_robot_that_the_eye_follows(renderer):
+    from lrf3d.render.film import Film
+
+    # The robot drives away from a wall that stands between it and the eye.
+    wall, room = [[1.4, 0.5, 1.4, 5.5]], box(0, 0, 8, 6)
+    poses = np.column_stack([np.linspace(1.9, 2.6, 12), np.full(12, 3.0), np.zeros(12)])
+    counts = []
+    for walls in (room, room + wall):
+        world = World(walls, [0, 0, 0, 0, 1][: len(walls)], np.full(len(walls), 2.5))
+        run = run_of(world, 0.25 * np.arange(12), poses)
+        shape = {"size": SIZE, "view": "chase", "samples": 0, "renderer": renderer}
+        film = Film(run, layers=(), **shape)
+        picture = film.draw(0.0)[:, :, :3].astype(int)
+        film.close()
+        orange = (picture[:, :, 0] > picture[:, :, 2] + 90) & (picture[:, :, 0] > 150)
+        counts.append(orange.sum())
+    assert counts[1] > 0.8 * counts[0] > 20
+
+
 @needs_gl
 def test_layers_that_are_off_are_not_drawn():
     from lrf3d.render.film import Film
 
     run = room_run()
     red = []
-    for layers in (("fan", "beams", "trace", "points"), ()):
+    for layers in (("fan", "beams", "points"), ()):
         film = Film(run, size=SIZE, view="top", samples=0, layers=layers)
         picture = film.draw(1.0).astype(int)
         red.append((picture[:, :, 0] > picture[:, :, 2] + 60).mean())
         film.close()
-    assert red[0] > 0.05 and red[1] < 0.01
+    assert red[0] > 0.02 and red[1] < 0.01
 
 
 @needs_gl
@@ -205,9 +225,9 @@ def test_the_panels_keep_their_place_at_any_size(size):
     from lrf3d.render.video import frame
 
     picture = frame(room_run(), 0.5, size=size, samples=0).astype(int)
-    side = 0.36 * size[1]
-    paper = picture[round(0.2 * side), round(size[0] - 0.2 * side)]
-    assert paper.min() > 200
+    side = 0.3 * size[1]
+    unknown = picture[round(0.3 * side), round(size[0] - 0.3 * side)]
+    assert unknown.max() < 60
     panel = picture[round(0.03 * size[1]) : round(0.15 * size[1]), round(0.03 * size[0]) :][:, :150]
     assert panel.max() > 200 and np.median(panel) < 110
 
@@ -243,33 +263,8 @@ def test_hit_points_lie_on_their_walls_and_beams_end_before_walls():
 
 
 @needs_gl
-def test_the_chase_camera_looks_over_the_walls_of_rooms():
-    from lrf3d.scene.camera import Chase
-    from lrf3d.scene.structures import Structures
-
-    segments = np.array([*box(0, 0, 8, 6), [3.0, 0.0, 3.0, 2.4], [3.0, 3.6, 3.0, 6.0]])
-    world = World(segments, np.array([0, 0, 0, 0, 1, 1]), name="doors")
-    times = np.arange(0.0, 12.0, 0.1)
-    turn = 2.0 * math.pi * times / 12.0
-    poses = np.column_stack([4.0 + 3.0 * np.cos(turn), 3.0 + 0.4 * np.sin(turn), turn])
-    run = run_of(world, times, poses)
-    timeline = Timeline(run)
-    camera = Chase(timeline, Structures.from_run(run))
-    for time in np.arange(0.0, 11.9, 0.17):
-        look = camera.look(time, 16 / 9)
-        eye, height = look.eye[:2] + world.origin, look.eye[2]
-        robot = timeline.poses(np.array([time]))[0, :2]
-        lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=100.0)
-        way = eye - robot
-        free, _ = ranges_of(world, lrf, np.array([*robot, math.atan2(way[1], way[0])]))
-        # Where the eye is behind a wall, it sees the robot's middle over the top of it.
-        share = free[0] / np.hypot(*way)
-        assert share > 1.0 or 0.3 + share * (height - 0.3) > 2.5
-
-
-@needs_gl
 def test_the_orbit_camera_sees_the_robot_over_the_roofs():
-    from lrf3d.scene.camera import Orbit
+    from lrf3d.scene.following import Orbit
     from lrf3d.scene.structures import Structures
 
     run = city_run(seconds=12.0)
@@ -289,7 +284,7 @@ def test_the_orbit_camera_sees_the_robot_over_the_roofs():
 
 @needs_gl
 def test_the_chase_camera_comes_nearer_where_a_house_is_behind_the_robot():
-    from lrf3d.scene.camera import Chase
+    from lrf3d.scene.following import Chase
     from lrf3d.scene.structures import Structures
 
     run = city_run()

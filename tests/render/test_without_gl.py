@@ -14,6 +14,7 @@ from test_render import box, city_run, needs_gl, room_run, run_of
 from lrf3d.io import save_run
 from lrf3d.render.film import Film
 from lrf3d.world import World
+from lrf3d.world.cameras import FilmPlan
 
 SIZE = (256, 144)
 NO_GL = """
@@ -39,17 +40,6 @@ def without_gl(tmp_path):
     return {**os.environ, "PYTHONPATH": path}
 
 
-def wide_run():
-    """A world so large that the ground round the eye is painted more finely than the rest."""
-    run = city_run()
-    far = np.array([*box(200, 0, 12, 10), *box(-240, 30, 12, 10)])
-    segments = np.concatenate([run.world.segments, far])
-    count = run.world.object_count
-    objects = np.concatenate([run.world.objects, np.repeat([count, count + 1], 4)])
-    heights = np.concatenate([run.world.heights, np.full(8, 9.0)])
-    return replace(run, world=World(segments, objects, heights, "wide"))
-
-
 def drawn(run, time=1.0, *, renderer="embree", view="chase", samples=0, size=SIZE, **options):
     film = Film(run, size=size, view=view, samples=samples, renderer=renderer, **options)
     picture = film.draw(time)[:, :, :3].astype(int)
@@ -58,28 +48,23 @@ def drawn(run, time=1.0, *, renderer="embree", view="chase", samples=0, size=SIZ
 
 
 @needs_gl
-@pytest.mark.parametrize("samples", [0, pytest.param(4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("view", ["chase", "first", "orbit", "top"])
-@pytest.mark.parametrize("make", [city_run, room_run, wide_run])
-def test_both_renderers_draw_the_same_picture(make, view, samples):
-    run = make()
-    pictures = [
-        drawn(run, 2.0, renderer=name, view=view, samples=samples) for name in ("gl", "embree")
-    ]
+@pytest.mark.parametrize("make", [city_run, room_run])
+def test_both_renderers_draw_much_the_same_picture(make, view):
+    pictures = [drawn(make(), 2.0, renderer=name, view=view) for name in ("gl", "embree")]
     apart = np.abs(pictures[0] - pictures[1]).max(axis=2)
-    assert apart.mean() < 1.0
-    # Where edges, lines and points lie half a pixel off.
-    assert (apart > 48).mean() < 0.005
+    # Lines have soft edges in one of them only, and copies of textures are chosen otherwise.
+    assert apart.mean() < 8.0 and (apart > 80).mean() < 0.03
 
 
-def test_smooth_edges_are_those_of_a_picture_four_times_as_fine():
-    run = city_run()
-    layers = {"layers": (), "view": "overview"}
-    fine = drawn(run, size=(4 * SIZE[0], 4 * SIZE[1]), **layers)
-    fine = fine.reshape(SIZE[1], 4, SIZE[0], 4, 3).mean(axis=(1, 3))
-    hard, smooth = (drawn(run, samples=samples, **layers) for samples in (0, 4))
-    errors = [np.sqrt(((picture - fine) ** 2).mean()) for picture in (hard, smooth)]
-    assert errors[1] < 0.75 * errors[0]
+@needs_gl
+def test_both_renderers_let_houses_fade_and_the_map_stand_up():
+    run = replace(city_run(), film=FilmPlan("story", 1.0))
+    pictures = [drawn(run, 9.5, renderer=name, view="story") for name in ("gl", "embree")]
+    apart = np.abs(pictures[0] - pictures[1]).max(axis=2)
+    assert apart.mean() < 8.0 and (apart > 80).mean() < 0.03
+    # Strong colours are those of the map.
+    assert (np.ptp(pictures[1], axis=2) > 60).mean() > 0.02
 
 
 def test_hit_points_do_not_show_through_a_wall_and_do_in_front_of_it():

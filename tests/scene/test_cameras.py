@@ -1,107 +1,90 @@
-"""Cameras that tell a story: the whole, the way down to the robot, and cameras that turn."""
+"""Cameras: the whole world, the shots of a story, and cameras that follow the robot."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from test_render import city_run, room_run
 
-from lrf3d.robot import Trajectory
-from lrf3d.scene.camera import Chase, Orbit
+from lrf3d.scene.camera import Look
 from lrf3d.scene.cameras import Fixed, margins
-from lrf3d.scene.overview import CLOSING, OPENING, Overview, Story
+from lrf3d.scene.following import Chase, Orbit
+from lrf3d.scene.story import CLOSING, HELD, OPENING, Story
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
+from lrf3d.scene.whole import Overview, Top, corners_of
 from lrf3d.world.cameras import FixedCamera
 
 
 def seen(look, points, aspect):
-    """Where points (n, 3) are in a picture, −1…1 to the right and up."""
-    local = np.column_stack([points, np.ones(len(points))]) @ np.linalg.inv(look.pose).T
-    focus = 1.0 / np.tan(0.5 * look.field)
-    return focus * local[:, :2] / -local[:, 2:3] / [aspect, 1.0]
+    """Where points (n, 3) are in a picture, −1…1 to the right and down."""
+    clip = np.column_stack([points, np.ones(len(points))]) @ look.matrix(aspect, 4000.0).T
+    return clip[:, :2] / clip[:, 3:]
+
+
+def level(places):
+    return np.column_stack([places, np.zeros(len(places))])
 
 
 @pytest.mark.parametrize("aspect", [16 / 9, 1.0, 9 / 16])
+@pytest.mark.parametrize("camera", [Overview, Top])
 @pytest.mark.parametrize("make", [city_run, room_run])
-def test_the_overview_shows_all_of_the_path_and_fills_the_picture(make, aspect):
+def test_the_whole_world_is_shown_below_the_panel(make, camera, aspect):
     timeline = Timeline(make(), playback=1.0)
     structures = Structures.from_run(timeline.run)
-    camera = Overview(timeline, structures)
+    whole = camera(timeline, structures)
     for time in (0.0, 1.3, timeline.end):
-        look = camera.look(time, aspect)
-        path = timeline.run.trajectory.poses[:, :2] - timeline.origin
-        assert (np.abs(seen(look, np.column_stack([path, 0 * path[:, 0]]), aspect)) < 1.0).all()
-        corners = seen(look, camera._corners, aspect)
-        assert np.abs(corners).max() == pytest.approx(Overview.FILL, abs=0.02)
-        # The middle of what is shown is the middle of the picture.
-        assert corners.max(axis=0) == pytest.approx(-corners.min(axis=0), abs=0.03)
+        places = seen(whole.look(time, aspect), level(structures.places), aspect)
+        assert (np.abs(places) < 1.0).all()
+        # The upper tenth of the picture is the panel's.
+        assert places[:, 1].min() > -0.8
+        assert max(np.ptp(places[:, 0]), np.ptp(places[:, 1])) > 1.1
 
 
-@pytest.mark.parametrize("aspect", [16 / 9, 9 / 16])
-def test_the_overview_shows_all_of_a_world_that_stands_askew(aspect):
-    # The long sides of such a world are not those of a box around it.
-    turn = np.array([[np.cos(0.6), np.sin(0.6)], [-np.sin(0.6), np.cos(0.6)]])
-    run = city_run()
-    ends = run.world.segments.reshape(-1, 2)
-    poses = run.trajectory.poses.copy()
-    low, high = ends.min(axis=0), ends.max(axis=0)
-    poses[:, :2] = (low + np.linspace(0.25, 0.75, len(poses))[:, None] * (high - low)) @ turn
-    ends = ends @ turn
-    world = replace(run.world, segments=ends.reshape(-1, 4))
-    run = replace(run, world=world, trajectory=Trajectory(run.trajectory.times, poses))
-    timeline = Timeline(run, playback=1.0)
-    structures = Structures.from_run(run)
-    look = Overview(timeline, structures).look(0.0, aspect)
-    walls = structures.segments.reshape(-1, 2)
-    assert (np.abs(seen(look, np.column_stack([walls, 0 * walls[:, 0]]), aspect)) < 1.0).all()
-
-
-def test_in_a_tall_picture_the_overview_is_not_smaller_than_it_must_be():
+def test_the_overview_fills_what_is_free_of_the_picture():
     timeline = Timeline(city_run(), playback=1.0)
-    camera = Overview(timeline, Structures.from_run(timeline.run))
-    upright = camera.look(0.0, 9 / 16)
-    others = []
-    for side in camera.SIDES:
-        camera._sides[9 / 16] = side, camera.STEEP
-        others.append(camera.look(0.0, 9 / 16))
-    away = [float(np.linalg.norm(look.eye - look.target)) for look in (upright, *others)]
-    assert away[0] <= min(away[1:]) * 1.02
+    structures = Structures.from_run(timeline.run)
+    look = Overview(timeline, structures).look(0.0, 16 / 9)
+    places = seen(look, corners_of(timeline, structures), 16 / 9)
+    assert np.ptp(places[:, 1]) == pytest.approx(2.0 * 0.94 * 0.84, abs=0.05) or np.ptp(
+        places[:, 0]
+    ) == pytest.approx(2.0 * 0.94, abs=0.05)
+    # The middle of what is shown is the middle of what is free.
+    assert places.max(axis=0) + places.min(axis=0) == pytest.approx([0.0, 0.2], abs=0.08)
 
 
-def test_the_overview_of_a_low_and_narrow_town_is_steeper_and_a_full_picture_is_not():
-    timeline = Timeline(city_run(), playback=1.0)
-    camera = Overview(timeline, Structures.from_run(timeline.run))
-    full, wide = camera._side(1.0)[1], camera._side(6.0)[1]
-    assert full == pytest.approx(camera.STEEP) and wide == pytest.approx(camera.STEEP)
-    camera.FULL = 1.1
-    camera._sides.clear()
-    assert camera._side(1.0)[1] == pytest.approx(camera.STEEPER)
-
-
-def test_a_story_begins_and_ends_with_the_whole_and_follows_the_robot_between():
-    timeline = Timeline(city_run(), playback=2.0)
+def test_a_story_begins_with_the_whole_and_ends_with_the_walls_of_the_map():
+    timeline = Timeline(city_run(seconds=60.0), playback=2.0)
     structures = Structures.from_run(timeline.run)
     story = Story(timeline, structures)
-    whole, chase = Overview(timeline, structures), Chase(timeline, structures)
-    first, last = timeline.start - 2.0 * OPENING, timeline.end + 2.0 * CLOSING
-    for camera, time in ((whole, first), (chase, 0.0), (chase, 2.2), (whole, last)):
-        look, other = story.look(time, 1.5), camera.look(time, 1.5)
-        assert look.eye == pytest.approx(other.eye, abs=1e-6) and look.field == other.field
-        assert look.pose == pytest.approx(other.pose, abs=1e-6)
-        # The whole shows its map through houses, and so the film opens and ends with it.
-        assert look.through == other.through == float(camera is whole)
+    first = story.look(timeline.start - 2.0 * OPENING, 1.5)
+    assert first.shot == "unknown" and first.raised == first.ghost == 0.0
+    places = seen(first, level(structures.places), 1.5)
+    assert (np.abs(places) < 1.0).all()
+    held = [story.look(timeline.end + 2.0 * (CLOSING - before), 1.5) for before in (HELD, 0.1)]
+    assert all(look.shot == "end" for look in held)
+    assert [look.raised for look in held] == pytest.approx([1.0, 1.0])
+    assert (np.abs(seen(held[1], level(structures.places), 1.5)) < 1.0).all()
 
 
-def test_the_way_down_is_smooth_and_keeps_the_robot_in_the_picture():
+def test_the_shots_of_a_story_are_of_some_seconds_and_show_all_that_there_is():
+    timeline = Timeline(city_run(seconds=80.0), playback=4.0)
+    story = Story(timeline, Structures.from_run(timeline.run))
+    shots = [story.look(timeline.start + 4.0 * t, 1.5).shot for t in np.arange(-2.9, 25.9, 0.1)]
+    changes = np.flatnonzero([a != b for a, b in pairwise(shots)])
+    assert list(dict.fromkeys(shots)) == ["unknown", "chase", "rise", "close", "high", "end"]
+    lengths = 0.1 * np.diff(changes)
+    assert (lengths > 3.9).all() and (lengths < 6.5).all()
+
+
+def test_the_eye_goes_down_smoothly():
     timeline = Timeline(city_run(), playback=1.0)
     story = Story(timeline, Structures.from_run(timeline.run))
-    times = np.linspace(-OPENING, 0.2, 80)
-    looks = [story.look(float(time), 16 / 9) for time in times]
-    robot = np.array([[*(timeline.poses(np.zeros(1))[0, :2] - timeline.origin), 0.3]])
-    assert all((np.abs(seen(look, robot, 16 / 9)) < 1.0).all() for look in looks)
-    away = np.array([np.linalg.norm(look.eye - robot[0]) for look in looks])
-    assert (np.abs(np.diff(np.log(away))) < 0.12).all()
+    looks = [story.look(float(time), 16 / 9) for time in np.linspace(-OPENING, 1.4, 120)]
+    robot = np.array([*(timeline.poses(np.zeros(1))[0, :2] - timeline.origin), 0.3])
+    away = np.array([np.linalg.norm(look.eye - robot) for look in looks])
+    assert (np.abs(np.diff(np.log(away))) < 0.2).all()
 
 
 def test_a_film_of_a_story_goes_on_while_the_run_stands_still():
@@ -141,3 +124,19 @@ def test_in_a_fast_film_the_robot_stays_as_near_to_the_middle(playback):
             robot = timeline.poses(np.array([time]))[0, :2] - timeline.origin
             place = seen(look(time, 1.0), np.array([[*robot, 0.4]]), 1.0)
             assert np.abs(place).max() < 0.35
+
+
+def test_in_rooms_the_chase_looks_ahead_and_not_down_on_the_robot():
+    timeline = Timeline(room_run(), playback=1.0)
+    look = Chase(timeline, Structures.from_run(timeline.run)).look(1.0, 16 / 9)
+    ahead = look.target - look.eye
+    assert look.cuts and -ahead[2] < np.hypot(*ahead[:2])
+
+
+def test_a_look_and_its_matrix_agree():
+    look = Look(np.array([1.0, 2.0, 3.0]), np.array([4.0, 2.0, 1.0]), 0.8, shift=0.2)
+    # What it looks at is in the middle, moved up by the shift.
+    assert seen(look, look.target[None], 1.5)[0] == pytest.approx([0.0, -0.2])
+    right = look.pose[:3, 0] + look.target
+    assert seen(look, right[None], 1.5)[0, 0] > 0.1
+    assert replace(look, eye=look.eye + 1.0).key != look.key

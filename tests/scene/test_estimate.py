@@ -47,8 +47,9 @@ def test_ellipses_that_stay_are_few_come_in_time_and_do_not_cover_each_other():
     sizes = np.linalg.norm(drawn.shapes[drawn.kept], axis=(1, 2))
     apart = np.hypot(*np.diff(drawn.middles[drawn.kept], axis=0).T)
     assert (apart >= sizes[1:] - 1e-9).all() and sizes.min() > 0.0
-    counts = [drawn.kept_before(time) for time in np.linspace(-1.0, 41.0, 60)]
-    assert counts[0] == 0 and counts[-1] == len(drawn.kept) and (np.diff(counts) >= 0).all()
+    rings = [len(drawn.rings(time).starts) // CORNERS for time in np.linspace(0.0, 41.0, 60)]
+    # The last one is that of the robot now.
+    assert rings[0] == 1 and rings[-1] == len(drawn.kept) + 1 and (np.diff(rings) >= 0).all()
 
 
 def test_rings_run_around_their_ellipses():

@@ -4,20 +4,18 @@ import numpy as np
 import pytest
 from test_render import box
 
-from lrf3d.scene import hipped_roofs, roof_boxes, roofs, walls
+from lrf3d.scene import shadows, walls
 from lrf3d.scene.facades import BAYS, BLANK, NARROW, PLINTH, SLANTS, TILE, WINDOWED, layers
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import paint_walls, wall_faces
-from lrf3d.world import World, load_world
+from lrf3d.scene.walls import paint_walls, wall_quads
+from lrf3d.world import World
 
 
 @pytest.fixture(autouse=True)
 def whole_walls(monkeypatch):
-    """Walls are cut by their pattern alone: neither for their light nor by parapets."""
+    """Walls are cut by their pattern alone: neither for their light nor where shadows end."""
     monkeypatch.setattr(walls, "_STEP", 1e6)
-    monkeypatch.setattr(roofs, "_LOWEST", 1e6)
-    monkeypatch.setattr(roof_boxes, "_LOWEST", 1e6)
-    monkeypatch.setattr(hipped_roofs, "_LOWEST", 1e6)
+    monkeypatch.setattr(shadows, "_MOST_WALLS", 0)
 
 
 def town():
@@ -55,22 +53,22 @@ def test_coarser_copies_keep_the_mean_of_a_wall():
 
 def test_pieces_of_walls_cover_what_the_walls_did():
     structures = town()
-    faces, painted = wall_faces(structures), paint_walls(structures, shadows=False).faces
+    (quads, objects), painted = wall_quads(structures), paint_walls(structures).walls
 
     def area(quads):
         side, up = quads[:, 1, :3] - quads[:, 0, :3], quads[:, 3, :3] - quads[:, 0, :3]
         return np.linalg.norm(np.cross(side, up), axis=1)
 
     count = len(structures.solids)
-    whole = np.bincount(faces.objects, area(faces.quads), count)
-    cut = np.bincount(painted.objects, area(painted.quads), count)
+    whole = np.bincount(objects, area(quads), count)
+    cut = np.bincount(painted.objects, area(painted.places), count)
     assert np.allclose(whole, cut, rtol=1e-5)
 
 
 def test_a_house_has_one_door_in_a_face_of_some_bays():
-    quads = paint_walls(town(), shadows=False).faces.quads
-    ground = quads[(quads[:, 0, 8] > PLINTH) & (quads[:, 0, 2] == 0.0)]
-    start, end = ground[:, 0, 6], ground[:, 1, 6]
+    painted = paint_walls(town()).walls
+    ground = (painted.texture[:, 0, 2] > PLINTH) & (painted.places[:, 0, 2] == 0.0)
+    start, end = painted.texture[ground, 0, 0], painted.texture[ground, 1, 0]
     # The door stands in the first of the bays that repeat.
     doors = np.ceil(end / BAYS - 1e-4) - np.ceil(start / BAYS - 1e-4)
     bays = np.round(end - start)
@@ -81,18 +79,16 @@ def test_a_house_has_one_door_in_a_face_of_some_bays():
 
 def test_narrow_faces_have_no_window():
     world = World(box(0.0, 0.0, 20.0, 0.9 * NARROW), np.zeros(4, int), np.full(4, 9.0))
-    quads = paint_walls(Structures.from_world(world), shadows=False).faces.quads
-    width = np.linalg.norm(quads[:, 1, :3] - quads[:, 0, :3], axis=1)
-    assert set(quads[width < NARROW, 0, 8]) == {BLANK, PLINTH}
-    assert (quads[width > 10.0, 0, 8] >= WINDOWED).any()
+    painted = paint_walls(Structures.from_world(world)).walls
+    width = np.linalg.norm(painted.places[:, 1] - painted.places[:, 0], axis=1)
+    layer = painted.texture[:, 0, 2]
+    assert set(layer[width < NARROW]) == {BLANK, PLINTH}
+    assert (layer[width > 10.0] >= WINDOWED).any()
 
 
-def test_shadows_only_cut_walls_and_leave_their_pattern():
-    structures = Structures.from_world(load_world("city"))
-    plain, cut = (paint_walls(structures, shadows=shadows).faces for shadows in (False, True))
-    assert len(cut.quads) > len(plain.quads)
-    # Each place of a wall has the same place on the texture, whether the wall is cut or not.
-    rows = plain.quads.reshape(-1, 19)[:, [0, 1, 2, 3, 4, 6, 7, 8]]
-    known = {tuple(row) for row in np.round(rows, 3).tolist()}
-    corners = np.round(cut.quads.reshape(-1, 19)[:, [0, 1, 2, 3, 4, 6, 7, 8]], 3)
-    assert len(known & {tuple(row) for row in corners.tolist()}) > 0.95 * len(known)
+@pytest.mark.parametrize(("material", "windows"), [("plaster", True), ("metal", False)])
+def test_there_are_no_windows_in_metal(material, windows):
+    heights = np.full(4, 9.0)
+    world = World(box(0.0, 0.0, 20.0, 8.0), np.zeros(4, int), heights, materials=(material,))
+    layer = paint_walls(Structures.from_world(world)).walls.texture[:, 0, 2]
+    assert (layer >= WINDOWED).any() == windows

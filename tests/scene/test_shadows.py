@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 import shapely
-from test_render import box, city_run, room_run
+from test_render import box, room_run
 
-from lrf3d.render.parts import build_walls
 from lrf3d.scene.look import SUN
 from lrf3d.scene.shadows import LIT, shade_quads, shade_roofs
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import paint_walls, wall_faces
+from lrf3d.scene.walls import wall_quads
 from lrf3d.world import World
 
 
@@ -58,7 +57,7 @@ def judged(structures, points):
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_walls_are_shaded_where_a_ray_to_the_sun_is_stopped(seed):
     structures = Structures.from_world(crowded_world(seed))
-    quads = wall_faces(structures).quads
+    quads = wall_quads(structures)[0]
     faces, _ = shade_quads(structures, quads)
     upright = (faces[:, 0, 5] == 0.0) & (faces[:, 0, 3:5] @ SUN[:2] > 0.05)
     faces = faces[upright].astype(float)
@@ -78,7 +77,7 @@ def test_walls_are_shaded_where_a_ray_to_the_sun_is_stopped(seed):
 
 def test_cut_walls_cover_what_they_did():
     structures = Structures.from_world(crowded_world(4))
-    quads = wall_faces(structures).quads
+    quads = wall_quads(structures)[0]
     faces, origin = shade_quads(structures, quads)
     assert len(faces) > len(quads)
     lengths = np.hypot(*(faces[:, 1, :2] - faces[:, 0, :2]).astype(float).T)
@@ -117,11 +116,5 @@ def test_roofs_are_shaded_where_a_ray_to_the_sun_is_stopped(seed):
 
 def test_indoors_there_is_no_sun():
     structures = Structures.from_run(room_run())
-    faces, _ = shade_quads(structures, wall_faces(structures).quads)
+    faces, _ = shade_quads(structures, wall_quads(structures)[0])
     assert (faces[:, :, 14] == LIT).all()
-
-
-def test_shaded_walls_are_parts_of_their_objects():
-    structures = Structures.from_run(city_run())
-    walls = build_walls(structures, paint_walls(structures))
-    assert walls.faces.vertices.shape[1] == 16

@@ -10,7 +10,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.scene.ground import paint_ground, paint_tile
+from lrf3d.scene.ground import paint_ground
 from lrf3d.scene.structures import SIGHT_DISTANCE, Sight, Structures
 from lrf3d.scene.walls import paint_walls
 from lrf3d.view.page_data import make_scene, pack_run
@@ -84,12 +84,31 @@ def ground_of(structures):
 
 
 def test_ground_without_a_house_near_is_painted():
-    houses = WORLDS["two houses far apart"]
-    structures = Structures.from_world(houses)
-    light = paint_walls(structures).light
-    tile = paint_tile(structures, light, np.array([120.0, -240.0]), 80.0)
-    assert tile.picture.std(axis=(0, 1)).max() < 20.0
     assert ground_of(Structures.from_world(WORLDS["no wall"])).picture.size
+
+
+@pytest.mark.parametrize("heights", [2.5, 8.0])
+def test_a_large_hall_has_one_floor_and_neither_street_nor_lawn(heights):
+    corners = np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 25.0], [0.0, 25.0]])
+    walls = np.column_stack([corners, np.roll(corners, -1, axis=0)])
+    # A rack in it is no house.
+    rack = np.array([[10.0, 10.0], [40.0, 10.0], [40.0, 11.0], [10.0, 11.0]])
+    walls = np.concatenate([walls, np.column_stack([rack, np.roll(rack, -1, axis=0)])])
+    world = World(walls, np.repeat([0, 1], 4), np.full(8, heights))
+    structures = Structures.from_world(world, np.array([[5.0, 5.0], [55.0, 5.0]]))
+    assert structures.indoor
+    ground = ground_of(structures)
+    pixel = ground.size[0] / ground.picture.shape[1]
+    places = np.stack(np.meshgrid(np.linspace(4.3, 55.7, 40), [4.4, 17.6, 20.3]), axis=-1)
+    column, row = (
+        ((places - structures.origin - ground.corner) / pixel).astype(int).reshape(-1, 2).T
+    )
+    seen = ground.picture[row, column].astype(int)
+    assert np.ptp(seen, axis=0).max() < 35
+
+
+def test_walls_that_enclose_nothing_do_not_make_a_hall():
+    assert not Structures.from_world(tall(HOUSE), np.array([[-9.0, 0.0], [-9.0, 5.0]])).indoor
 
 
 @pytest.mark.parametrize("name", [name for name in WORLDS if "all" in name or "end" in name])

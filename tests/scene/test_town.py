@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import shapely
 
-from lrf3d.scene.streets import kerb_pieces, mark_pieces
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.town import KERB, PAVEMENT, STREET, plan_town
+from lrf3d.scene.town import PAVEMENT, STREET, plan_town
 from lrf3d.world import World, load_world
 
 
@@ -68,22 +67,3 @@ def test_a_world_without_houses_has_just_the_street_that_is_driven():
     plan = plan_town(town)
     assert shapely.is_empty(plan.blocks)
     assert shapely.contains(plan.streets, shapely.linestrings(path - town.origin))
-
-
-def test_kerbs_in_pieces_lie_along_their_streets_without_a_gap_and_look_up():
-    streets = plan_town(houses((0, 0, 10, 10), (25, 3, 35, 13))).streets
-    pieces = kerb_pieces(streets)
-    shapes = shapely.polygons(pieces)
-    whole = shapely.difference(shapely.buffer(streets, KERB), streets)
-    assert shapely.area(shapely.union_all(shapes)) == pytest.approx(shapely.area(whole), rel=0.03)
-    assert shapely.hausdorff_distance(shapely.union_all(shapes), whole) < 0.1
-    assert shapely.is_ccw(shapely.get_exterior_ring(shapes)).all()
-    assert not len(kerb_pieces(shapely.Polygon()))
-
-
-def test_marks_in_pieces_are_as_long_and_wide_as_the_marks():
-    marks = np.array([[0.0, 0.0, 2.0, 0.0], [5.0, 1.0, 5.0, 4.0]])
-    shapes = shapely.polygons(mark_pieces(marks, 0.2))
-    assert shapely.area(shapes).sum() == pytest.approx(0.2 * 5.0)
-    assert shapely.bounds(shapely.union_all(shapes[4:])) == pytest.approx([4.9, 1.0, 5.1, 4.0])
-    assert shapely.is_ccw(shapely.get_exterior_ring(shapes)).all()

@@ -9,25 +9,7 @@ from test_render import room_run
 from lrf3d.robot import Trajectory
 from lrf3d.scene.look import MAP_BAND
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys
-from lrf3d.scene.trail_and_map import DrawnMap, _sides, straight_pieces, thinned, trail_ribbon
-
-
-def test_the_trail_has_no_gaps_where_the_robot_turns():
-    turns = np.array([0.0, 0.4, -0.7, 0.9, 0.0])
-    places = np.cumsum(np.column_stack([np.cos(turns), np.sin(turns)]), axis=0)
-    sides = _sides(places, np.zeros(len(places) - 1, dtype=bool))
-    # The ends of one leg are the starts of the next, and both edges lie a width off their legs.
-    assert sides[:-1, 1] == pytest.approx(sides[1:, 0])
-    along = np.diff(places, axis=0)
-    for end in range(2):
-        across = along[:, 0] * sides[:, end, 1] - along[:, 1] * sides[:, end, 0]
-        assert across == pytest.approx(np.ones(len(along)))
-    jumps = np.array([False, True, False, False])
-    apart = _sides(places, jumps)
-    assert not np.allclose(apart[0, 1], apart[1, 0])
-    # A robot that turns back on its way has no long tip.
-    back = _sides(np.array([[0.0, 0], [1, 0], [0, 0.01], [0, 0.01]]), np.zeros(3, dtype=bool))
-    assert np.hypot(*np.moveaxis(back, -1, 0)).max() < 1.5
+from lrf3d.scene.trail_and_map import DrawnMap, straight_pieces, thinned, trail_lines
 
 
 def test_the_trail_is_one_in_all_pictures_and_leaves_out_where_the_robot_was_set_down():
@@ -39,10 +21,20 @@ def test_the_trail_is_one_in_all_pictures_and_leaves_out_where_the_robot_was_set
     poses = timeline.poses(keys.times + timeline.start) - [*timeline.origin, 0.0]
     np.testing.assert_allclose(keys.poses[:, :2], poses[:, :2])
     assert keys.set_down.sum() == 2 and np.diff(keys.times)[keys.set_down].max() < 0.01
-    ribbon = trail_ribbon(keys).reshape(-1, 6, 5)
-    assert (ribbon[keys.set_down, :, 2:4] == 0.0).all()
+    lines = trail_lines(keys, float(keys.times[-1]), 1e9)
+    assert len(lines.starts) == len(keys.set_down) - 2
     driven = sum(np.hypot(*piece.way) for piece in straight_pieces(keys))
     assert driven == pytest.approx(np.hypot(*np.diff(run.trajectory.poses[:2, :2], axis=0)[0]))
+
+
+def test_the_trail_ends_at_the_robot_and_pales_with_its_age():
+    times = np.arange(5.0)
+    keys = DriveKeys(times, np.column_stack([times, 0 * times, 0 * times]), np.zeros(4, bool))
+    lines = trail_lines(keys, 2.5, 2.0)
+    assert lines.ends[-1, 0] == pytest.approx(2.5) and len(lines.starts) == 3
+    assert (np.diff(lines.opacities[:, 0]) >= 0.0).all()
+    assert lines.opacities[0, 0] < lines.opacities[-1, 1]
+    assert not len(trail_lines(keys, 0.0, 2.0).starts)
 
 
 def test_keys_go_only_where_the_robot_drives_evenly():

@@ -54,7 +54,7 @@ def test_crowns_stand_over_their_trunks_above_beams_and_beside_houses():
 def test_low_trunks_are_posts_without_a_crown():
     structures = Structures.from_world(town((15, 4), height=1.2))
     assert len(structures.trees) == 1 and not len(structures.crowns.trees)
-    assert len(paint_walls(structures).faces.quads) > 6
+    assert len(paint_walls(structures).walls.places) > 6
 
 
 def test_triangles_of_crowns_look_outward():

@@ -53,22 +53,24 @@ def test_points_lie_on_the_walls_that_mirrors_show():
     assert whole[scan.hits] == pytest.approx(scan.ranges[scan.hits], abs=1e-9)
     assert np.bincount(beams.leg_beams).max() >= 3
     straight = drawn(hall("plaster", "plaster", "plaster", "plaster", "brick"))[1]
-    assert len(beams.lines(0.5, 80.0)) > len(straight.lines(0.5, 80.0))
-    assert len(beams.fan(0.5)) and len(beams.trace(0.5))
+    assert len(beams.single(0.5, 80.0).starts) > len(straight.single(0.5, 80.0).starts)
+    assert len(beams.fan(0.5))
 
 
 def test_points_are_coloured_by_their_intensity_if_asked():
     scan, beams = drawn(hall("plaster", "mirror", "retro-reflector", "dark cloth", "brick"))
-    by_range, by_light = (beams.dots(0.5, 80.0, by=by) for by in ("range", "intensity"))
-    assert (by_range[:, :3] == by_light[:, :3]).all() and (by_range[:, 6:] == by_light[:, 6:]).all()
-    lights = scan.intensities[scan.hits]
-    assert (by_light[lights >= 1.0, 3:6] == RANGE_COLOURS[0].astype(np.float32)).all()
-    assert lights.max() > 1.0 and len(np.unique(by_light[:, 3:6], axis=0)) > 50
+    by_range, by_light = (beams.hit_points(0.5, 80.0, by=by) for by in ("range", "intensity"))
+    assert np.array_equal(by_range.places, by_light.places)
+    assert np.array_equal(by_range.sides, by_light.sides)
+    lights, colours = scan.intensities[scan.hits], by_light.colours[:, :3]
+    assert (colours[lights >= 1.0] == RANGE_COLOURS[0].astype(np.float32)).all()
+    assert lights.max() > 1.0 and len(np.unique(colours, axis=0)) > 50
     # From yellow to purple the green of the colours falls all the way to red.
-    green = by_light[np.argsort(-lights), 4]
-    assert (np.diff(green[lights[np.argsort(-lights)] > 1e-3]) <= 1e-6).all()
+    order = np.argsort(-lights)
+    assert (np.diff(colours[order, 1][lights[order] > 1e-3]) <= 1e-6).all()
     bare = drawn(lrf3d.World(WALLS, range(5)))[1]
-    assert bare.dots(0.5, 80.0, by="intensity").tobytes() == bare.dots(0.5, 80.0).tobytes()
+    one, other = (bare.hit_points(0.5, 80.0, by=by) for by in ("intensity", "range"))
+    assert np.array_equal(one.colours, other.colours)
 
 
 def test_a_leg_begins_where_the_one_before_ends():

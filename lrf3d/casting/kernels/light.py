@@ -1,9 +1,10 @@
-"""Light of scans, compiled: beams behind mirrors and glass, their echoes and intensities.
+"""Light of beams, compiled: followed in float64 behind mirrors and glass, to their echoes.
 
-A scan among the walls comes in, as `scans` casts it. Beams that end on an opaque wall keep their
-range, and get an intensity. The others are followed leg by leg: along a leg the light passes panes
-up to the first wall that lets nothing through, and each wall that mirrors begins another leg. What
-float64 cannot decide is marked as open.
+Walls are upright, so all beams are followed in plan, and an inclined one keeps its slope: mirrors
+turn it in plan alone. A ray that a wall mirrors or lets through goes on from the rounded place
+where it met it. There it meets another wall, at a corner or where two walls are drawn over each
+other, if it would cross to that wall's other side: so a beam into a corner of two mirrors is
+turned by both, and one onto a mirror on a wall by the mirror alone.
 """
 
 import math
@@ -11,38 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.casting.kernels.echoes import (
-    MOST_ECHOES,
-    MOST_WALLS,
-    NEAR_LIMIT,
-    Lit,
-    PlainLit,
-    PlainReceiver,
-    Receiver,
-    at_limit,
-    keep,
-    report,
-)
-from lrf3d.casting.kernels.predicates import wall_at
-from lrf3d.casting.kernels.rays import (
-    CERTAIN,
-    MOST_MET,
-    OPEN,
-    RAY,
-    Met,
-    Ray,
-    arrive,
-    distance_to,
-    met_at,
-    plus,
-    ray_of,
-    turned_by,
-    walls_along,
-)
+from lrf3d.casting.kernels.buffer import ROOM
+from lrf3d.casting.kernels.echoes import MOST_ECHOES, MOST_WALLS, Lit, Receiver, keep, report
 from lrf3d.casting.kernels.scans import PADDING, Laser, PlainLaser, aim
+from lrf3d.casting.kernels.solid import near_box
 from lrf3d.casting.kernels.tree import STACK, PlainTree, Tree
-from lrf3d.compiling import borrower, compiled
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry import Float, Int
 from lrf3d.laser import light
 from lrf3d.laser.light import CLOSEST, LEAST_SHARE
 
@@ -53,8 +29,15 @@ intensity = borrower(light.intensity)
 MOST_TURNS = 8
 """How often mirrors turn a beam; at the next one it ends."""
 
-MOST_RAYS = 64
-"""Rays of one beam that may wait to be followed."""
+NEAR, NEAR_SHARE = 1e-9, 2.0**-50
+"""Walls so near [m] to the place from which a ray goes on, or so near in parts of its coordinates,
+count as holding it: more than rounding, less than any gap."""
+
+X, Y, Z, DX, DY, DZ, CAME_X, CAME_Y, WAY, GAIN, TURNS, COUNT, HERE, PASSED, SIZE = range(15)
+"""Columns of a ray that waits: its place, in plan seen from the laser so that no digits are lost
+far from the origin, and its direction; the direction in plan with which it arrived there, the way
+so far [m], its share of the light, its turns, its walls, how many of these it met at this very
+place, and as bits which it passed through; and the number of columns."""
 
 
 class Optics(NamedTuple):
@@ -62,115 +45,89 @@ class Optics(NamedTuple):
 
     Attributes:
         segments: (n, 4) ends of the walls of the world [m].
+        heights: (n,) their heights [m].
         kinds: (n,) row of each wall's material.
-        table: (m, 8) diffuse, specular, lobe [rad], transmission, index, retro, and whether beams
-            go on mirrored and straight on, 0 or 1.
+        table: (m, 7) diffuse, specular, lobe [rad], transmission, index, retro, and whether beams
+            go on mirrored, 0 or 1.
         dull: (n, 2) along each wall that only scatters light, as long as that is bright [m]; NaN
             for all others.
-        places: (n,) row of each wall in the tree, or −1.
-        solid: Which walls of the tree, row by row, let nothing pass.
     """
 
     segments: Float
+    heights: Float
     kinds: Int
     table: Float
     dull: Float
-    places: Int
-    solid: Bool
 
 
-PlainOptics = tuple[Float, Int, Float, Float, Int, Bool]
+Vector = tuple[float, float]
+PlainOptics = tuple[Float, Float, Int, Float, Float]
+PlainReceiver = tuple[float, float, int, float]
+PlainLit = tuple[Float, Int, Float, Float, Float, Int]
 
 
 class Room(NamedTuple):
-    """Room to work in: beams of a scan, rays that wait and echoes of a beam, with their walls."""
+    """Room to work in: rays that wait and echoes of a beam, with their walls; boxes that wait."""
 
-    rest: Int
-    met: Met
     rays: Float
     ways: Int
     chain: Int
     echoes: Float
     echo_ways: Int
-
-
-GAIN, TURNS, COUNT = RAY, RAY + 1, RAY + 2
-"""Columns after those of a ray: its share of the light, its turns, and its walls."""
+    stack: Int
+    nears: Float
 
 
 @compiled
 def light_scans(
-    plain_tree: PlainTree,
-    plain_optics: PlainOptics,
-    plain_receiver: PlainReceiver,
-    plain_laser: PlainLaser,
-    poses: Float,
-    lit: PlainLit,
-) -> None:
-    """Light scans at poses (k, 3); each of the arrays to fill has k rows."""
+    plain_tree: PlainTree, plain_optics: PlainOptics, plain_receiver: PlainReceiver,
+    plain_laser: PlainLaser, poses: Float, lit: PlainLit,
+) -> None:  # fmt: skip
+    """Light level scans at poses (k, 3); the arrays to fill have k rows, with walls and ranges."""
     tree, optics = Tree(*plain_tree), Optics(*plain_optics)
-    receiver, laser = Receiver(*plain_receiver), Laser(*plain_laser)
-    ranges, walls, intensities, echo_ranges, echo_intensities, chains, undecided = lit
-    beams = laser.fan.shape[1]
+    receiver, laser, room = Receiver(*plain_receiver), Laser(*plain_laser), _room()
+    beams, rays = laser.fan.shape[1], room.rays
     dx, dy = np.zeros(beams + PADDING), np.zeros(beams + PADDING)
-    met = Met(
-        np.empty(MOST_MET, np.int64), np.empty((MOST_MET, 2)),
-        np.empty(STACK, np.int64), np.empty(STACK),
-    )  # fmt: skip
-    room = Room(
-        np.empty(beams, np.int64),
-        met,
-        np.empty((MOST_RAYS, RAY + 3)),
-        np.empty((MOST_RAYS, MOST_WALLS), np.int64),
+    rest = np.empty(beams, np.int64)
+    for k in range(len(poses)):
+        aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
+        one = Lit(lit[0][k], lit[1][k], lit[2][k], lit[3][k], lit[4][k], lit[5][k])
+        for j in range(_light_dull(optics, receiver, dx, dy, one, rest)):
+            i = rest[j]
+            rays[0, Z], rays[0, DX], rays[0, DY], rays[0, DZ] = 0.0, dx[i], dy[i], 0.0
+            place, start = (poses[k, 0], poses[k, 1]), (one.ranges[i], one.walls[i])
+            count = _follow(tree, optics, receiver, laser.range_max, place, start, room)
+            report(room.echoes, room.echo_ways, count, receiver, i, one)
+
+
+@compiled
+def light_beams(
+    plain_tree: PlainTree, plain_optics: PlainOptics, plain_receiver: PlainReceiver,
+    range_max: float, origin: tuple[float, float, float], beams: Float, plain_lit: PlainLit,
+) -> None:  # fmt: skip
+    """Light beams (n, 3) of unit length from an origin; the arrays to fill have n rows."""
+    tree, optics, room = Tree(*plain_tree), Optics(*plain_optics), _room()
+    receiver, lit, rays = Receiver(*plain_receiver), Lit(*plain_lit), room.rays
+    for i in range(len(beams)):
+        rays[0, Z], rays[0, DX], rays[0, DY] = origin[2], beams[i, 0], beams[i, 1]
+        rays[0, DZ] = beams[i, 2]
+        place = origin[0], origin[1]
+        count = _follow(tree, optics, receiver, range_max, place, (0.0, -1), room)
+        report(room.echoes, room.echo_ways, count, receiver, i, lit)
+
+
+@inner
+def _room() -> Room:
+    # A ray that is taken makes room for one of the two that it leaves, so no more ever wait.
+    return Room(
+        np.empty((MOST_WALLS + 1, SIZE)),
+        np.empty((MOST_WALLS + 1, MOST_WALLS), np.int64),
         np.empty(MOST_WALLS, np.int64),
         np.empty((MOST_ECHOES, 3)),
         np.empty((MOST_ECHOES, MOST_WALLS), np.int64),
+        np.empty(STACK, np.int64),
+        np.empty(STACK),
     )
-    for k in range(len(poses)):
-        x, y = poses[k, 0], poses[k, 1]
-        aim(laser, x, y, poses[k, 2], dx, dy)
-        one = Lit(
-            ranges[k], walls[k], intensities[k], echo_ranges[k], echo_intensities[k],
-            chains[k], undecided[k],
-        )  # fmt: skip
-        _light_scan(tree, optics, receiver, laser.range_max, x, y, dx, dy, one, room)
-
-
-@borrower
-def _light_scan(
-    tree: Tree,
-    optics: Optics,
-    receiver: Receiver,
-    range_max: float,
-    x: float,
-    y: float,
-    dx: Float,
-    dy: Float,
-    lit: Lit,
-    room: Room,
-) -> None:
-    """Light one scan from x, y [m] in the directions dx, dy."""
-    ranges, walls, undecided = lit.ranges, lit.walls, lit.undecided
-    segments, kinds, table = optics.segments, optics.kinds, optics.table
-    for k in range(_light_dull(optics, receiver, dx, dy, lit, room.rest)):
-        i = room.rest[k]
-        wall = walls[i]
-        kind = kinds[wall]
-        if table[kind, 6] == 0.0 and table[kind, 7] == 0.0:
-            # The range among the walls stands, to the last bit.
-            bright = _surface(segments, table, wall, kind, dx[i], dy[i])[0]
-            back = intensity(bright, ranges[i], receiver.near_field)
-            count = 0
-            if back > 0.0 and back >= receiver.threshold:
-                room.chain[0] = wall
-                count = keep(room.echoes, room.echo_ways, 0, ranges[i], back, room.chain, 1)
-        else:
-            ray = ray_of(x, y, dx[i], dy[i])
-            count = _follow(tree, optics, receiver, range_max, ray, ranges[i], wall, room)
-        if count == OPEN or at_limit(room.echoes, count, receiver.range_min):
-            undecided[i] = True
-        else:
-            report(room.echoes, room.echo_ways, count, receiver, i, lit)
 
 
 @borrower
@@ -179,7 +136,7 @@ def _light_dull(
 ) -> int:
     """Intensities of the beams that need no more; the others fill `rest`. The number of those."""
     ranges, walls, intensities, dull = lit.ranges, lit.walls, lit.intensities, optics.dull
-    threshold, near = receiver.threshold, receiver.range_min * NEAR_LIMIT
+    threshold, near = receiver.threshold, receiver.range_min
     short = receiver.near_field == 0.0 and lit.echo_ranges.shape[1] == 0 and len(lit.chains) == 0
     left = 0
     for i in range(len(ranges)):
@@ -188,7 +145,7 @@ def _light_dull(
             continue
         away = ranges[i] if ranges[i] > CLOSEST else CLOSEST
         back = abs(dx[i] * dull[wall, 1] - dy[i] * dull[wall, 0]) / (away * away)
-        if short and back > 0.0 and back >= threshold and ranges[i] > near:
+        if short and back > 0.0 and back >= threshold and ranges[i] >= near:
             intensities[i] = back
         else:
             rest[left] = i
@@ -198,99 +155,153 @@ def _light_dull(
 
 @borrower
 def _follow(
-    tree: Tree,
-    optics: Optics,
-    receiver: Receiver,
-    range_max: float,
-    leg: Ray,
-    way: float,
-    wall: int,
-    room: Room,
-) -> int:
-    """Follow a beam from the first wall that it meets, at a way; the number of its echoes, or OPEN.
+    tree: Tree, optics: Optics, receiver: Receiver, range_max: float, place: Vector,
+    start: tuple[float, int], room: Room,
+) -> int:  # fmt: skip
+    """Follow the beam in row 0 of the rays from a place, and all that it leaves, to its echoes.
 
-    A wall is met at `way`; `met` holds those that come after it on the leg, once these were looked
-    for, and `at` is which of them is the next.
+    The way to its first wall [m] and this wall are known, unless the wall is −1. Returns the number
+    of echoes.
     """
-    segments, kinds, table, _, places, solid = optics
-    walls, rows, met, chain = tree.walls, tree.rows, room.met, room.chain
-    rays, ways, threshold = room.rays, room.ways, receiver.threshold
-    echoes, waiting, gain, turns, count = 0, 0, 1.0, 0, 0
-    row, searched, at, found, doubt, reach = places[wall], False, 0, 0, np.inf, range_max
-    while True:
-        name = rows[row]
+    segments, table = optics.segments, optics.table
+    rays, ways, chain, threshold = room.rays, room.ways, room.chain, receiver.threshold
+    rays[0, WAY], rays[0, GAIN], rays[0, TURNS], rays[0, COUNT] = 0.0, 1.0, 0.0, 0.0
+    rays[0, X], rays[0, Y], rays[0, HERE], rays[0, PASSED] = 0.0, 0.0, 0.0, 0.0
+    way, name = start
+    waiting, echoes, known = 1, 0, name >= 0
+    while waiting > 0:
+        waiting -= 1
+        ray = rays[waiting]
+        x, y, dx, dy, dz, gain = ray[X], ray[Y], ray[DX], ray[DY], ray[DZ], ray[GAIN]
+        came_x, came_y = ray[CAME_X], ray[CAME_Y]
+        turns, count, here = int(ray[TURNS]), int(ray[COUNT]), int(ray[HERE])
+        passes = int(ray[PASSED])
+        for k in range(count):
+            chain[k] = ways[waiting, k]
+        t = way
+        if not known:
+            t, name = _next_wall(tree, optics, place, ray, chain, range_max - ray[WAY], room)
+            way = ray[WAY] + t
+        known = False
+        if name < 0 or way > range_max:
+            continue
         chain[count] = name
         count += 1
-        bright, mirrored, passed = _surface(segments, table, name, kinds[name], leg.dx, leg.dy)
-        light_back = intensity(gain * bright, way, receiver.near_field)
-        if light_back > 0.0 and light_back >= threshold:
-            echoes = keep(room.echoes, room.echo_ways, echoes, way, light_back, chain, count)
-        left = gain * mirrored * mirrored
-        if left >= LEAST_SHARE and count < MOST_WALLS and turns < MOST_TURNS:
-            there = arrive(leg, wall_at(walls, row))
-            if waiting == MOST_RAYS or not there.way_error <= CERTAIN * there.way:
-                return OPEN
-            _put(rays, waiting, turned_by(there, wall_at(walls, row)))
-            rays[waiting, GAIN], rays[waiting, TURNS] = left, turns + 1
-            rays[waiting, COUNT] = count
-            for k in range(count):
-                ways[waiting, k] = chain[k]
+        ex, ey = segments[name, 2] - segments[name, 0], segments[name, 3] - segments[name, 1]
+        square, slope = ex * ex + ey * ey, dx * ey - dy * ex
+        size = math.sqrt(square)
+        along = math.sqrt(((dx * ex + dy * ey) / size) ** 2 + dz * dz)
+        kind = optics.kinds[name]
+        bright, mirrored, passed = _surface_light(table, kind, abs(slope) / size, along)
+        back = intensity(gain * bright, way, receiver.near_field)
+        if back > 0.0 and back >= threshold:
+            echoes = keep(room.echoes, room.echo_ways, echoes, way, back, chain, count)
+        if count == MOST_WALLS:
+            continue
+        still = here > 0 and t == 0.0
+        if not still:
+            came_x, came_y, here = dx, dy, 0
+        z = ray[Z] + t * dz
+        for k in range(2):
+            share = gain * (passed * passed if k == 0 else mirrored * mirrored)
+            if share < LEAST_SHARE or (k == 1 and turns == MOST_TURNS):
+                continue
+            twice = 0.0 if k == 0 else 2.0 * slope / square
+            left = rays[waiting]
+            left[X], left[Y], left[Z] = x + t * dx, y + t * dy, z
+            left[DX], left[DY], left[DZ] = dx - twice * ey, dy + twice * ex, dz
+            left[CAME_X], left[CAME_Y], left[WAY], left[GAIN] = came_x, came_y, way, share
+            left[TURNS], left[COUNT], left[HERE] = turns + k, count, here + 1
+            left[PASSED] = passes + (1 - k) * (1 << (count - 1))
+            for j in range(count):
+                ways[waiting, j] = chain[j]
             waiting += 1
-        gain *= passed * passed
-        ends = gain < LEAST_SHARE or count == MOST_WALLS
-        last, since = row, way
-        while True:
-            if ends:
-                if waiting == 0:
-                    return echoes
-                waiting -= 1
-                leg = _taken(rays, waiting)
-                gain, turns = rays[waiting, GAIN], int(rays[waiting, TURNS])
-                count = int(rays[waiting, COUNT])
-                for k in range(count):
-                    chain[k] = ways[waiting, k]
-                last, since, searched = places[chain[count - 1]], 0.0, False
-            if not searched:
-                reach = range_max - leg.way
-                found, doubt = walls_along(tree, solid, leg, last, since, reach, met)
-                searched, at = True, 0
-            row = met_at(tree, solid, met, at, found, doubt, reach)
-            at += 1
-            if row == OPEN:
-                return OPEN
-            if row >= 0:
-                t, t_low, error = distance_to(leg, wall_at(walls, row))
-                way, way_low = plus(leg.way, leg.way_low, t, t_low)
-                error += leg.way_error
-                beyond = (way - range_max) + way_low
-                if not error <= CERTAIN * way or abs(beyond) <= error + CERTAIN * way:
-                    return OPEN
-                if beyond < 0.0:
-                    break
-            ends = True
+    return echoes
 
 
 @borrower
-def _surface(
-    segments: Float, table: Float, name: int, kind: int, dx: float, dy: float
-) -> tuple[float, float, float]:
-    """Brightness of a wall for a ray, and the shares of its light that go on mirrored and pass."""
-    ex = segments[name, 2] - segments[name, 0]
-    ey = segments[name, 3] - segments[name, 1]
-    return surface_light(table, kind, abs(dx * ey - dy * ex), abs(dx * ex + dy * ey))
+def _next_wall(
+    tree: Tree, optics: Optics, place: Vector, ray: Float, chain: Int, reach: float, room: Room
+) -> tuple[float, int]:
+    """How far away a ray meets its next wall [m], and the wall; infinity and −1 for none."""
+    boxes, links, walls, rows = tree
+    stack, nears = room.stack, room.nears
+    x, y, dx, dy, passed = ray[X], ray[Y], ray[DX], ray[DY], int(ray[PASSED])
+    count, here = int(ray[COUNT]), int(ray[HERE])
+    ox, oy = place
+    near_by = NEAR + NEAR_SHARE * (abs(x) + abs(y))
+    best, hit, limit = np.inf, -1, reach * ROOM
+    stack[0], nears[0] = 0, 0.0
+    top = 1 if len(walls) > 0 else 0
+    while top > 0:
+        top -= 1
+        if nears[top] > limit:
+            continue
+        first, many = links[stack[top], 0], links[stack[top], 1]
+        for k in range(first, first - many):
+            near = near_box(boxes[k], ox, oy, x, y, dx, dy)
+            if near <= limit:
+                stack[top], nears[top] = k, near
+                top += 1
+        for k in range(first, first + many):
+            name = rows[k]
+            holds, sense = False, 1.0
+            for j in range(count - here, count):
+                if chain[j] == name:
+                    holds = True
+                    # It stands on the other side of what it passed through.
+                    sense = -sense if passed >> j & 1 else sense
+            t = _meet(walls[k], place, ray, holds, sense, near_by if here > 0 else -1.0)
+            # Of walls that are drawn over each other the first is met, however t is rounded.
+            if not (t < best - near_by or (t <= best + near_by and name < hit)):
+                continue
+            # Inclined beams pass over a wall that is lower, and end at the ground.
+            z = ray[Z] + t * ray[DZ]
+            if ray[DZ] == 0.0 or 0.0 <= z <= optics.heights[name]:
+                best, hit, limit = t, name, min(limit, t * ROOM + near_by)
+    return best, hit
 
 
 @borrower
-def surface_light(
+def _meet(
+    wall: Float, place: Vector, ray: Float, holds: bool, sense: float, near_by: float
+) -> float:
+    """How far away [m] a ray meets a wall in plan, infinite where it does not.
+
+    Which side of an end it passes is one number for all walls that have the end, so no ray passes
+    between two. A wall that holds the start, or lies within `near_by` [m] of it, is met there if
+    the ray crosses it in the sense in which it arrived.
+    """
+    x, y, dx, dy = ray[X], ray[Y], ray[DX], ray[DY]
+    (ox, oy), dz = place, ray[DZ]
+    ax, ay, bx, by = wall[0] - ox - x, wall[1] - oy - y, wall[2] - ox - x, wall[3] - oy - y
+    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+    area, slope = ax * ey - ay * ex, dx * ey - dy * ex
+    size, twice = math.sqrt(ex * ex + ey * ey), (ax + bx) * ex + (ay + by) * ey
+    if holds or (abs(area) <= near_by * size and abs(twice) <= size * (size + 2.0 * near_by)):
+        came = ray[CAME_X] * ey - ray[CAME_Y] * ex
+        return 0.0 if sense * came * slope > 0.0 else np.inf
+    side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
+    if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0):
+        return np.inf
+    square = dx * dx + dy * dy
+    at_a, at_b = (dx * ax + dy * ay) / square, (dx * bx + dy * by) / square
+    near, far = min(at_a, at_b), max(at_a, at_b)
+    if slope == 0.0:
+        # Along the wall its nearest point counts; inclined beams meet what stands there across.
+        return max(near, 0.0) if dz == 0.0 and far >= 0.0 else np.inf
+    # What is met lies between the ends, however flat.
+    t = min(max(area / slope, near), far)
+    return t if t >= 0.0 else np.inf
+
+
+@borrower
+def _surface_light(
     table: Float, kind: int, across: float, along: float
 ) -> tuple[float, float, float]:
     """Brightness of a material, and the shares of light that go on mirrored and pass.
 
-    Args:
-        table: The materials, as `Optics` has them.
-        kind: Row of the material.
-        across: Part of the ray's direction along the normal, not negative.
-        along: The rest of it, across the normal, in the same unit.
+    `across` is the part of the ray's direction along the normal, `along` the rest of it.
     """
     size = math.sqrt(across * across + along * along)
     cos, sin = across / size, along / size
@@ -298,22 +309,3 @@ def surface_light(
     mirrored, passed = shares(cos, diffuse, table[kind, 1], table[kind, 3], table[kind, 4])
     bright = brightness(cos, sin, diffuse, table[kind, 5], mirrored, table[kind, 2])
     return bright, mirrored * table[kind, 6], passed
-
-
-@borrower
-def _put(rows: Float, row: int, ray: Ray) -> None:
-    """Write a ray into a row."""
-    rows[row, 0], rows[row, 1], rows[row, 2], rows[row, 3] = ray.x, ray.x_low, ray.y, ray.y_low
-    rows[row, 4], rows[row, 5], rows[row, 6] = ray.dx, ray.dx_low, ray.dy
-    rows[row, 7], rows[row, 8], rows[row, 9] = ray.dy_low, ray.way, ray.way_low
-    rows[row, 10], rows[row, 11], rows[row, 12] = ray.place_error, ray.turn_error, ray.way_error
-
-
-@borrower
-def _taken(rows: Float, row: int) -> Ray:
-    """The ray of a row."""
-    return Ray(
-        rows[row, 0], rows[row, 1], rows[row, 2], rows[row, 3], rows[row, 4], rows[row, 5],
-        rows[row, 6], rows[row, 7], rows[row, 8], rows[row, 9], rows[row, 10], rows[row, 11],
-        rows[row, 12],
-    )  # fmt: skip

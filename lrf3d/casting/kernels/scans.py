@@ -49,35 +49,25 @@ PlainLaser = tuple[Float, float, float, float, float]
 """A laser as Python passes it: numba needs ten times as long to find the type of a named tuple."""
 
 
-BEYOND_WALLS = 1e50
-"""A distance [m] that is beyond every wall that compiled casting takes."""
+def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> PlainLaser:
+    """A range finder for kernels, perhaps with another range_min."""
+    near = lrf.range_min if range_min is None else range_min
+    return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
 
 
-def laser_of(lrf: LaserRangeFinder) -> PlainLaser:
-    """A range finder for kernels, with a range_max whose products do not overflow."""
-    return lrf.fan, *lrf.spread, float(lrf.range_min), float(min(lrf.range_max, BEYOND_WALLS))
-
-
-@compiled
-def cast_scan(
-    plain_tree: PlainTree, plain_laser: PlainLaser, x: float, y: float, theta: float
-) -> tuple[Float, Int]:
-    """Cast one scan; the ranges and walls, one of each for a beam."""
-    tree, laser = Tree(*plain_tree), Laser(*plain_laser)
-    beams = laser.fan.shape[1]
-    ranges, hit = np.empty(beams), np.empty(beams, np.int64)
-    dx, dy = np.zeros(beams + PADDING), np.zeros(beams + PADDING)
-    fan = aim(laser, x, y, theta, dx, dy)
-    trace(tree, fan, laser.range_max, hit)
-    measure(tree, fan, laser, ranges, hit)
-    return ranges, hit
+UNSURE, ALL_UNSURE = -2, -3
+"""Mark a beam in doubt, in place of the row of its wall; and in that of the first beam, all."""
 
 
 @compiled
 def cast_scans(
-    plain_tree: PlainTree, plain_laser: PlainLaser, poses: Float, ranges: Float, hits: Int
-) -> None:
-    """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty."""
+    plain_tree: PlainTree, plain_laser: PlainLaser, poses: Float, ranges: Float, hits: Int,
+    known: bool,
+) -> None:  # fmt: skip
+    """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty.
+
+    Where much is `known`, hits hold the rows that beams meet, −1 for none, and marks of doubt.
+    """
     tree, laser = Tree(*plain_tree), Laser(*plain_laser)
     beams = laser.fan.shape[1]
     own = np.empty(beams, np.int64)
@@ -85,7 +75,14 @@ def cast_scans(
     for k in range(len(poses)):
         hit = hits[k] if len(hits) > 0 else own
         fan = aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
-        trace(tree, fan, laser.range_max, hit)
+        whole = not known or hit[0] == ALL_UNSURE
+        # A beam in doubt is a fan of one.
+        for i in range(1 if whole else beams):
+            if whole:
+                trace(tree, fan, laser.range_max, hit)
+            elif hit[i] == UNSURE:
+                part = dx[i : i + 1], dy[i : i + 1], dx[i], dy[i]
+                trace(tree, Fan(fan.x, fan.y, *part, 0.0, 0.0), laser.range_max, hit[i : i + 1])
         measure(tree, fan, laser, ranges[k], hit)
 
 

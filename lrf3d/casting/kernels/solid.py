@@ -10,7 +10,7 @@ that pass edges by more than about 1e-15 rad.
 import numpy as np
 
 from lrf3d.casting.kernels.buffer import ROOM
-from lrf3d.casting.kernels.tree import STACK, Tree
+from lrf3d.casting.kernels.tree import STACK, PlainTree, Tree
 from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Int
 
@@ -19,7 +19,7 @@ Vector = tuple[float, float, float]
 
 @compiled
 def cast_solid(
-    tree: Tree,
+    plain_tree: PlainTree,
     corners: Float,
     origins: Float,
     beams: Float,
@@ -33,38 +33,22 @@ def cast_solid(
     Corners (m, 3, 3) are those of the triangles, in the order of the tree that stands over them in
     plan. Of triangles at the same distance it is the first. Some may be found beyond reach [m].
     """
-    stack, nears, none = np.empty(STACK, np.int64), np.empty(STACK), np.empty(0, np.int64)
+    tree = Tree(*plain_tree)
+    stack, nears = np.empty(STACK, np.int64), np.empty(STACK)
     for i in range(len(beams)):
         origin = origins[min(i, len(origins) - 1)]
         turn = beams[i, 0], beams[i, 1], beams[i, 2]
-        found = first_met(tree, corners, none, -1, origin, turn, reach, stack, nears)
+        found = _first_met(tree, corners, origin, turn, reach, stack, nears)
         distances[i], hits[i] = found
 
 
 @borrower
-def first_met(
-    tree: Tree,
-    corners: Float,
-    owners: Int,
-    left: int,
-    origin: Float,
-    turn: Vector,
-    reach: float,
-    stack: Int,
-    nears: Float,
+def _first_met(
+    tree: Tree, corners: Float, origin: Float, turn: Vector, reach: float, stack: Int, nears: Float
 ) -> tuple[float, int]:
-    """The distance and the number of the triangle that a ray meets first; infinity and −1 for none.
+    """The distance and the triangle that a ray meets first; infinity and −1 for none.
 
-    Args:
-        tree: The tree over the triangles.
-        corners: (m, 3, 3) their corners.
-        owners: (m,) the wall of each triangle, by its number; unused where none is left.
-        left: The wall that the ray comes from, which it does not meet; −1 for none.
-        origin: (3,) where it starts.
-        turn: Its direction.
-        reach: Distance [m] from which on nothing needs to be found.
-        stack: Room for boxes that wait.
-        nears: Room for their distances.
+    Nothing needs to be found beyond reach [m]; stack and nears are room for boxes that wait.
     """
     boxes, links, _, rows = tree
     dx, dy, dz = turn
@@ -81,7 +65,7 @@ def first_met(
         # Boxes below this one wait with the nearest on top.
         bottom = top
         for k in range(first, first - count):
-            near = _near(boxes[k], origin[0], origin[1], dx, dy)
+            near = near_box(boxes[k], origin[0], origin[1], 0.0, 0.0, dx, dy)
             if not near <= limit:
                 continue
             place = top
@@ -91,8 +75,6 @@ def first_met(
             stack[place], nears[place] = k, near
             top += 1
         for k in range(first, first + count):
-            if left >= 0 and owners[rows[k]] == left:
-                continue
             t = _meet(corners[k], origin, dx, dy, dz)
             if t < best or (t == best and rows[k] < hit):
                 best, hit = t, rows[k]
@@ -101,12 +83,12 @@ def first_met(
 
 
 @borrower
-def _near(box: Float, x: float, y: float, dx: float, dy: float) -> float:
-    """How far away at least a beam meets a box in plan, or infinity where it passes by."""
+def near_box(box: Float, ox: float, oy: float, x: float, y: float, dx: float, dy: float) -> float:
+    """How far away at least a beam from (ox + x, oy + y) meets a box in plan; infinite if not."""
     near, far = 0.0, np.inf
     for axis in range(2):
-        o, d = (x, dx) if axis == 0 else (y, dy)
-        low, high = box[axis] - o, box[axis + 2] - o
+        o, from_o, d = (ox, x, dx) if axis == 0 else (oy, y, dy)
+        low, high = (box[axis] - o) - from_o, (box[axis + 2] - o) - from_o
         if d == 0.0:
             if low > 0.0 or high < 0.0:
                 return np.inf

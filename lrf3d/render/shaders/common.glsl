@@ -5,7 +5,8 @@ layout(std140) uniform Camera {
     vec3 eye;
     float thick;        // one over the distance [m] at which half is haze
     vec2 viewport;      // [pixels]
-    float slack;        // how much the depth of raised things gains with their distance
+    float slack;        // how much the depth of marks gains with their distance
+    float nearer;       // how much nearer to the eye the depth of marks is [m]
 };
 
 // A colour seen over a way from the eye, which is in units of the haze.
@@ -27,6 +28,6 @@ vec4 raised(vec3 place, float metres) {
 }
 
 // Whether what lies on a thin wall is seen: from the side that it faces, or from far above.
-bool shown(vec3 place, vec2 side, float metres) {
-    return metres > 1e3 || dot(eye.xy - place.xy, side) >= 0.0;
+bool shown(vec3 place, vec2 side) {
+    return nearer > 1e3 || dot(eye.xy - place.xy, side) >= 0.0;
 }

@@ -1,1 +1,0 @@
-"""Maps: their error, and what they cost to make, keep and look up."""

@@ -1,0 +1,308 @@
+"""How long does a scan take, and how far is its worst range off the exact one?
+
+lrf3d's casters, bare Embree, and the peers that are installed cast the same scans in cities of one
+density. The exact ranges are PlanarCaster's, which the stress tests compare with fractions. Beams
+of plain scans hardly ever come near what is hard, so as many again are aimed at corners.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from importlib import import_module
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import trimesh
+import typer
+
+from benchmarks.report import Figure, Report, numbers, scatter
+from benchmarks.timing import take_turns
+from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.geometry import Float
+from lrf3d.laser import LaserRangeFinder, ProportionalNoise
+from lrf3d.world import World
+from lrf3d.world.generators import city_crossings, generate_city
+
+LRF = LaserRangeFinder()
+
+BEAM = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1)
+"""One beam ahead: its direction is that of the pose."""
+
+DRIVE, BATCH = 64, 4000
+"""Poses that single scans are timed at, and poses of a batch."""
+
+CORNERS = 20_000
+"""Beams aimed within 1e-9 to 1e-5 rad of corners."""
+
+GROSS = 0.01
+"""A range is grossly wrong when it is off by more than this [m]: lasers err by as much."""
+
+MOST_PAIRS = 200_000_000
+"""Pairs of beams and walls up to which NumPy is asked: more take too long."""
+
+Cast = Callable[[LaserRangeFinder, Float], Float]
+
+
+class Method(NamedTuple):
+    """A way to cast: its name, what casts scans from poses (k, 3), and what casts one from a pose.
+
+    What goes into a single scan is made ready beforehand, as users of a library would do it.
+    """
+
+    name: str
+    ranges: Cast
+    ready: Callable[[Float], Callable[[], object]]
+
+
+def methods(world: World) -> Iterator[Callable[[], Method]]:
+    """What builds each method for a world; it raises ImportError where a library is missing."""
+
+    def own(kind: Any) -> Method:
+        caster = kind(world)
+        return Method(
+            kind.__name__,
+            caster.cast_batch,
+            lambda pose: partial(caster.cast, LRF, tuple(pose.tolist())),
+        )
+
+    def plain(name: str, cast: Cast) -> Method:
+        return Method(name, cast, lambda pose: partial(cast, LRF, pose[None]))
+
+    yield partial(own, PlanarCaster)
+    yield partial(own, EmbreeCaster)
+    yield lambda: bare_embree(world)
+    yield lambda: plain("NumPy determinants", partial(determinants, world.segments))
+    yield lambda: plain("Open3D", open3d_ranges(world))
+    yield lambda: plain("MuJoCo", mujoco_ranges(world))
+
+
+def bench(
+    walls: Annotated[str, typer.Option(metavar="N,N,…", help="Sizes of the cities [walls].")] = (
+        "40,400,10000,100000"
+    ),
+    seconds: Annotated[float, typer.Option(min=1.0, help="Time for each city [s].")] = 10.0,
+    figure: Figure = None,
+) -> Report:
+    """Cast scans with lrf3d and with its peers: run time against error.
+
+    Open3D and MuJoCo take part where they are installed: .venv/bin/pip install -e '.[bench]'.
+    """
+    report = Report(__doc__.splitlines()[0])
+    for count in numbers("--walls", walls, least=4):
+        measure(report, count, seconds)
+    savings(report, seconds)
+    report.notes.append(
+        f"scan: {LRF.beams} beams, range_max {LRF.range_max:g} m, the median. error: the largest of"
+        " all beams.\nover 1 cm: of beams aimed within 1e-9 to 1e-5 rad of corners. batch: of"
+        f" {BATCH:,} scans, a beam."
+    )
+    if figure is not None:
+        labels = "time of a scan [s]", "largest error [m]"
+        scatter(figure, report.tables["ranges"], "scan_s", "error_m", "method", labels, "walls")
+    return report
+
+
+def measure(report: Report, count: int, seconds: float) -> None:
+    """Time and judge all methods in one city."""
+    world = generate_city(count)
+    exact = PlanarCaster(world)
+    poses = city_crossings(count, DRIVE, spread=3)
+    many = city_crossings(count, BATCH, seed=2)
+    corners = corner_poses(exact, world, city_crossings(count, CORNERS, seed=1))
+    built: list[tuple[Method, float]] = []
+    for make in methods(world):
+        begin = time.perf_counter()
+        try:
+            method = make()
+            method.ready(poses[0])()
+        except ImportError as error:
+            report.notes.append(f"left out: {error}")
+            continue
+        built.append((method, time.perf_counter() - begin))
+    if DRIVE * LRF.beams * count > MOST_PAIRS:
+        built = [each for each in built if each[0].name != "NumPy determinants"]
+    singles = take_turns(
+        {each.name: partial(_scan, list(map(each.ready, poses))) for each, _ in built},
+        seconds=seconds / 2,
+    )
+    quick = [each for each, _ in built if each.name not in ("NumPy determinants", "MuJoCo")]
+    batches = take_turns(
+        {each.name: partial(_batch, each, many) for each in quick}, seconds=seconds / 2
+    )
+    for method, took in built:
+        plain, at_corners = (
+            errors(method.ranges(lrf, where), exact.cast_batch(lrf, where), lrf)
+            for lrf, where in ((LRF, poses), (BEAM, corners))
+        )
+        batch = batches.get(method.name)
+        report.add(
+            "ranges",
+            method=method.name,
+            walls=len(world.segments),
+            build_s=took,
+            scan_s=singles[method.name].median,
+            error_m=max(plain.max(), at_corners.max()),
+            over_1_cm_share=float((at_corners > GROSS).mean()),
+            batch_s=batch and batch.median / (BATCH * LRF.beams),
+        )
+
+
+def _scan(calls: Sequence[Callable[[], object]], turn: int) -> object:
+    return calls[turn % len(calls)]()
+
+
+def _batch(method: Method, poses: Float, turn: int) -> object:
+    return method.ranges(LRF, poses)
+
+
+def corner_poses(caster: PlanarCaster, world: World, poses: Float, *, seed: int = 0) -> Float:
+    """Poses whose beam ahead passes right beside one end of the wall that it sees."""
+    rng = np.random.default_rng(seed)
+    seen = caster.scan_batch(BEAM, poses)[1][:, 0]
+    poses, seen = poses[seen >= 0].copy(), seen[seen >= 0]
+    ends = world.segments[seen].reshape(-1, 2, 2)[
+        np.arange(len(seen)), rng.integers(0, 2, len(seen))
+    ]
+    aside = rng.choice([-1.0, 1.0], len(seen)) * 10.0 ** rng.uniform(-9.0, -5.0, len(seen))
+    to_end = ends - poses[:, :2]
+    poses[:, 2] = np.arctan2(to_end[:, 1], to_end[:, 0]) + aside
+    return poses
+
+
+def errors(ranges: Float, exact: Float, lrf: LaserRangeFinder) -> Float:
+    """How far ranges are off [m]; a beam without return counts as one of range_max."""
+    off: Float = np.abs(np.clip(ranges, 0.0, lrf.range_max) - np.clip(exact, 0.0, lrf.range_max))
+    return off
+
+
+def determinants(segments: Float, lrf: LaserRangeFinder, poses: Float) -> Float:
+    """Section 2.3 of Teslić et al. to the letter: every beam against every wall, in NumPy."""
+    found = []
+    for pose in poses:
+        beams = np.asarray(lrf.directions(pose))
+        starts, spans = segments[:, :2] - pose[:2], segments[:, 2:] - segments[:, :2]
+        across = np.outer(beams[:, 0], spans[:, 1]) - np.outer(beams[:, 1], spans[:, 0])
+        ahead = starts[:, 0] * spans[:, 1] - starts[:, 1] * spans[:, 0]
+        aside = np.outer(beams[:, 1], starts[:, 0]) - np.outer(beams[:, 0], starts[:, 1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance, place = ahead / across, aside / across
+        distance[~((distance >= 0.0) & (place >= 0.0) & (place <= 1.0))] = np.inf
+        found.append(distance.min(axis=1))
+    return limited(np.array(found), lrf)
+
+
+def limited(distances: Float, lrf: LaserRangeFinder) -> Float:
+    """Ranges after REP 117."""
+    far = np.where(distances > lrf.range_max, np.inf, distances)
+    ranges: Float = np.where(far < lrf.range_min, -np.inf, far)
+    return ranges
+
+
+def mesh_of(world: World) -> trimesh.Trimesh:
+    """The extruded walls around the origin, two triangles a wall."""
+    walls = world.segments - np.tile(world.origin, 2)
+    corners = np.zeros((len(walls), 4, 3))
+    corners[:, [0, 3], :2], corners[:, [1, 2], :2] = walls[:, None, :2], walls[:, None, 2:]
+    corners[:, 2:, 2] = 3.0
+    faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(walls))[:, None, None]
+    return trimesh.Trimesh(corners.reshape(-1, 3), faces.reshape(-1, 3), process=False)
+
+
+def rays(world: World, lrf: LaserRangeFinder, poses: Float) -> tuple[Any, Any]:
+    """Origins and directions (k beams, 3) in float32 of scans at poses (k, 3)."""
+    directions = np.concatenate([np.asarray(lrf.directions(pose)) for pose in poses])
+    origins = np.repeat(poses[:, :2] - world.origin, lrf.beams, axis=0)
+    level = np.ones((len(origins), 1))
+    return (
+        np.hstack([origins, level]).astype(np.float32),
+        np.hstack([directions, 0.0 * level]).astype(np.float32),
+    )
+
+
+def bare_embree(world: World) -> Method:
+    """``EmbreeScene.run`` of embreex: the bare float32 library."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    mesh, scene = mesh_of(world), EmbreeScene()
+    held = TriangleMesh(scene, mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
+
+    def cast(lrf: LaserRangeFinder, poses: Float) -> Float:
+        assert held is not None
+        found = scene.run(*rays(world, lrf, poses), output=1)
+        distances = np.where(found["primID"] >= 0, found["tfar"].astype(np.float64), np.inf)
+        return limited(distances.reshape(len(poses), lrf.beams), lrf)
+
+    return Method(
+        "bare Embree", cast, lambda pose: partial(scene.run, *rays(world, LRF, pose[None]))
+    )
+
+
+def open3d_ranges(world: World) -> Cast:
+    """Open3D's ``RaycastingScene``: Embree on all cores."""
+    library: Any = import_module("open3d")
+    mesh, scene = mesh_of(world), library.t.geometry.RaycastingScene()
+    scene.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+
+    def cast(lrf: LaserRangeFinder, poses: Float) -> Float:
+        found = scene.cast_rays(library.core.Tensor(np.hstack(rays(world, lrf, poses))))
+        distances = found["t_hit"].numpy().astype(np.float64)
+        return limited(distances.reshape(len(poses), lrf.beams), lrf)
+
+    return cast
+
+
+def mujoco_ranges(world: World) -> Cast:
+    """MuJoCo's ``mj_multiRay`` at one mesh of all walls, scan after scan."""
+    library: Any = import_module("mujoco")
+    walls, spec = mesh_of(world), library.MjSpec()
+    vertices, faces = walls.vertices.astype(np.float32), walls.faces.astype(np.int32)
+    mesh = spec.add_mesh(name="walls", uservert=vertices.ravel(), userface=faces.ravel())
+    # Walls enclose no volume, which a mesh must unless it is a shell.
+    mesh.inertia = library.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    spec.worldbody.add_geom(type=library.mjtGeom.mjGEOM_MESH, meshname="walls")
+    model = spec.compile()
+    data = library.MjData(model)
+    library.mj_forward(model, data)
+
+    def cast(lrf: LaserRangeFinder, poses: Float) -> Float:
+        distances = np.empty((len(poses), lrf.beams, 1))
+        met = np.zeros((lrf.beams, 1), np.int32)
+        for pose, out in zip(poses, distances, strict=True):
+            origins, directions = (each.astype(np.float64) for each in rays(world, lrf, pose[None]))
+            library.mj_multiRay(
+                model, data, origins[0], directions.reshape(-1, 1), None, 1, -1, met, out, None,
+                lrf.beams, lrf.range_max,
+            )  # fmt: skip
+        return limited(np.where(distances < 0.0, np.inf, distances)[..., 0], lrf)
+
+    return cast
+
+
+def savings(report: Report, seconds: float) -> None:
+    """Pieces of work that casting skips, each timed with it skipped and with it done."""
+    town, quarter = generate_city(10_000), generate_city(400)
+    planar, poses = PlanarCaster(quarter), city_crossings(400, DRIVE)
+    near, all_walls = PlanarCaster(town), LaserRangeFinder(range_max=1e6)
+    short, origin = LaserRangeFinder(range_max=10.0), (0.0, 0.0, 0.0)
+    scan, rng = planar.cast(LRF, (10.0, 10.0, 0.0)), np.random.default_rng(0)
+    still, noisy = ProportionalNoise(0.0), ProportionalNoise(0.04)
+    places = [tuple(pose) for pose in poses.tolist()]
+    for work, without, done in (
+        ("walls beyond 10 m among 10,000, a scan",
+         lambda turn: near.cast(short, places[turn % DRIVE]),
+         lambda turn: near.cast(all_walls, places[turn % DRIVE])),
+        ("walls that no beam comes near, among 400, a scan",
+         lambda turn: planar.cast(LRF, places[turn % DRIVE]),
+         lambda turn: determinants(quarter.segments, LRF, poses[turn % DRIVE][None])),
+        ("building the 400 static walls for every scan",
+         lambda turn: planar.cast(LRF, places[turn % DRIVE]),
+         lambda turn: PlanarCaster(quarter).cast(LRF, places[turn % DRIVE])),
+        ("the mesh of 10,000 walls for a planar cast",
+         lambda _: PlanarCaster(town).cast(LRF, origin),
+         lambda _: EmbreeCaster(town).cast(LRF, origin)),
+        ("drawing noise at σ = 0, a scan",
+         lambda _: still(scan, rng), lambda _: noisy(scan, rng)),
+    ):  # fmt: skip
+        timed = take_turns({"without": without, "done": done}, seconds=seconds / 10)
+        report.save(work, timed["without"].median, timed["done"].median)

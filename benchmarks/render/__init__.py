@@ -1,1 +1,0 @@
-"""Films: what a frame costs, beside stock pyrender, and how clean it is."""

@@ -1,0 +1,181 @@
+"""Reports: what a benchmark measured, as rows of named figures, in tables for eyes and as JSON.
+
+A row is a dict. The ending of a name is the unit of its figure: ``_s`` [s], ``_m`` [m], ``_share``
+of 1, ``_bytes``. Tables on the terminal and JSON are made of the same rows.
+"""
+
+import inspect
+import math
+import os
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from lrf3d.cores import core_count
+from lrf3d.text import table
+
+Row = dict[str, Any]
+
+UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
+"""Units of time [s]."""
+
+BUSY = 0.5
+"""Processes of others, on average, above which figures of all cores are too low to be trusted."""
+
+
+@dataclass
+class Report:
+    """What one benchmark measured.
+
+    Args:
+        question: What it asks.
+        tables: The rows of each table, in the order in which they are printed.
+        notes: What else a reader needs to know, a line each.
+        load: Processes of others before the start, on average.
+    """
+
+    question: str
+    tables: dict[str, list[Row]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    load: float = field(default_factory=lambda: getattr(os, "getloadavg", lambda: [0.0])()[0])
+
+    def add(self, name: str, **figures: Any) -> None:
+        """Add a row to a table."""
+        self.tables.setdefault(name, []).append(figures)
+
+    def save(self, work: str, without: float, done: float) -> None:
+        """Add what skipping a piece of work saves: the time without it and with it [s]."""
+        self.add("skipped work", work=work, skipped_s=without, done_s=done, saves=done / without)
+
+    def as_dict(self) -> Row:
+        """The report in JSON's types."""
+        machine = {"system": platform.platform(), "cores": core_count(), "load": self.load,
+                   "python": platform.python_version(), "numpy": np.__version__}  # fmt: skip
+        plain: Row = as_json({"question": self.question, "machine": machine, **self.tables})
+        return {**plain, "notes": self.notes}
+
+    def text(self) -> str:
+        """The report for people."""
+        parts = [self.question]
+        parts += [f"{name}\n{rows_text(rows)}" for name, rows in self.tables.items() if rows]
+        notes = list(self.notes)
+        if self.load > BUSY:
+            notes.append(f"Others used this machine (load {self.load:.1f}): times are too long.")
+        return "\n\n".join([*parts, *(["\n".join(notes)] if notes else [])])
+
+
+def rows_text(rows: Sequence[Row]) -> str:
+    """Rows as a table; columns without a figure are left out."""
+    names = [name for name in rows[0] if any(row.get(name) is not None for row in rows)]
+    cells = [[written(name, row.get(name)) for name in names] for row in rows]
+    words = {k for k, name in enumerate(names) if isinstance(rows[0].get(name), str)}
+    return table([head(name) for name in names], cells, left=words)
+
+
+def head(name: str) -> str:
+    """The heading of a column: its name without the unit."""
+    stem, _, unit = name.rpartition("_")
+    return (stem if unit in ("s", "m", "share", "bytes") else name).replace("_", " ")
+
+
+def written(name: str, value: Any) -> str:
+    """A figure with the unit that its name ends with."""
+    if value is None:
+        return ""
+    if isinstance(value, str | bool | int):
+        return f"{value:,}" if type(value) is int else str(value)
+    unit = name.rpartition("_")[2]
+    if unit == "s":
+        return duration(value)
+    if unit == "m":
+        return "exact" if value == 0.0 else f"{value:.2g} m"
+    if unit == "share":
+        return f"{100.0 * value:.4g} %"
+    return f"{value / 1e6:.1f} MB" if unit == "bytes" else f"{value:,.3f}".rstrip("0").rstrip(".")
+
+
+def duration(seconds: float, digits: int = 3) -> str:
+    """A time with some digits, in the unit that suits it."""
+    unit, name = next((u for u in UNITS if seconds >= u[0]), UNITS[-1])
+    value = seconds / unit
+    # Rounded by hand: %g would write 480 with two digits as 4.8e+02.
+    value = round(value, digits - 1 - math.floor(math.log10(value))) if value > 0.0 else value
+    return f"{value:g} {name}"
+
+
+def as_json(value: Any) -> Any:
+    """A value in JSON's types; None where NaN or infinity stands."""
+    if isinstance(value, Mapping):
+        return {name: as_json(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(each) for each in value]
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+Figure = Annotated[Path | None, typer.Option(help="Draw the result to this .png.")]
+
+
+def command(bench: Callable[..., Report]) -> Callable[..., None]:
+    """A benchmark as a command that prints its report, with ``--json`` as one JSON value."""
+
+    def run(json: bool = False, **options: Any) -> None:
+        from lrf3d.cli.console import print_json
+
+        report = bench(**options)
+        print_json(report.as_dict()) if json else print(report.text(), flush=True)
+
+    own = inspect.signature(bench).parameters.values()
+    asked = Annotated[bool, typer.Option("--json", help="Print one JSON value.")]
+    flag = inspect.Parameter(
+        "json", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=asked
+    )
+    run.__signature__ = inspect.Signature([*own, flag])  # type: ignore[attr-defined]
+    run.__doc__ = bench.__doc__
+    return run
+
+
+def numbers(option: str, text: str, *, least: int = 1) -> list[int]:
+    """Whole numbers from a text with commas between them."""
+    from lrf3d.errors import InputError
+
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isdecimal() and int(part) >= least for part in parts):
+        raise InputError(f"{option} {text}: expected whole numbers from {least}, such as 400,10000")
+    return [int(part) for part in parts]
+
+
+def scatter(
+    path: Path,
+    rows: Sequence[Row],
+    x: str,
+    y: str,
+    by: str,
+    labels: tuple[str, str],
+    note: str = "",
+) -> None:
+    """Draw rows as points of time and error on logarithmic axes, a line for each method."""
+    from matplotlib.figure import Figure as Sheet
+
+    from lrf3d.output import replacing
+
+    figure = Sheet(figsize=(8, 5), layout="constrained")
+    axes = figure.subplots()
+    least = min((row[y] for row in rows if row[y] and row[y] > 0.0), default=1e-16)
+    for name in dict.fromkeys(row[by] for row in rows):
+        mine = [row for row in rows if row[by] == name and row[y] is not None]
+        # What is exact stands at the lower edge.
+        axes.loglog([row[x] for row in mine], [max(row[y], 0.1 * least) for row in mine], "o-",
+                    label=name)  # fmt: skip
+        for row in mine if note else ():
+            axes.annotate(str(row[note]), (row[x], max(row[y], 0.1 * least)), fontsize=7)
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside right upper", frameon=False)
+    with replacing(path) as unfinished:
+        figure.savefig(unfinished, dpi=120)

@@ -1,1 +1,0 @@
-"""Scans: run time and error of the casters, compared with other methods."""

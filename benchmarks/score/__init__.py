@@ -1,1 +1,0 @@
-"""Scores of maps of a world, of a log and of single scans."""

@@ -1,0 +1,207 @@
+"""PlanarCaster: exact ranges among the walls of a world, in the plane (section 2.3)."""
+
+import os
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrf3d.casting.kernels.scans import PlainLaser, cast_scans, laser_of
+from lrf3d.casting.kernels.tree import Tree, build_tree
+from lrf3d.cores import core_count
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.pose import as_pose, as_poses
+from lrf3d.world import World
+
+if TYPE_CHECKING:
+    from lrf3d.casting.kernels.echoes import Lit
+    from lrf3d.casting.light import Lighting
+
+PIECES_A_CORE = 8
+"""Pieces of work for each core: with fewer the slowest core decides, with more Python's lock
+does."""
+
+LEAST_PIECE = 8
+"""Least number of items in a piece."""
+
+
+class PlanarCaster:
+    """Casts scans at the walls of a world that reach up to the height of the beams.
+
+    For the float64 pose, directions and walls the wall that a beam hits is exact; of walls at the
+    same distance it is the first. The range is that distance, to within half a unit in its last
+    place. Behind mirrors and through glass beams are followed in float64.
+
+    Raises:
+        InputError: The world is not a World.
+
+    Examples:
+        >>> import lrf3d
+        >>> caster = lrf3d.PlanarCaster(lrf3d.World([[3, -5, 3, 5]]))
+        >>> scan = caster.cast(lrf3d.LaserRangeFinder(beams=3), (1, 0, 0))
+        >>> scan.ranges.tolist(), scan.walls.tolist()
+        ([inf, 2.0, inf], [-1, 0, -1])
+    """
+
+    _lighting: "Lighting | None" = None
+
+    def __init__(self, world: World) -> None:
+        if not isinstance(world, World):
+            raise InputError(f"caster for {shown(world)}: expected a World")
+        self.world = world
+        self._levels: list[float] = np.unique(world.heights).tolist()
+        self._trees: dict[int, Tree] = {}
+        if world.materials:
+            from lrf3d.casting.light import Lighting
+
+            self._lighting = Lighting(world)
+
+    def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
+        """The true scan from a pose."""
+        pose = as_pose(pose)
+        poses = np.array([pose])
+        if self._lighting is not None:
+            lit = self._lit(lrf, poses)
+            echoes = (lit.echo_ranges[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
+            return LaserScan.unchecked(
+                lrf, pose, lit.ranges[0], lit.walls[0], lit.intensities[0], *echoes
+            )
+        ranges, walls = np.empty(lrf.beams), np.empty(lrf.beams, np.int64)
+        self._fill(lrf.height, laser_of(lrf), poses, ranges[None], walls[None])
+        return LaserScan.unchecked(lrf, pose, ranges, walls)
+
+    def cast_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> Float:
+        """Ranges (k, beams) from poses (k, 3), on all cores."""
+        return self._batch(lrf, as_poses(poses), np.empty((0, lrf.beams), np.int64))
+
+    def scan_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> tuple[Float, Int]:
+        """Ranges and walls (k, beams) from poses (k, 3), on all cores."""
+        poses = as_poses(poses)
+        walls = np.empty((len(poses), lrf.beams), np.int64)
+        return self._batch(lrf, poses, walls), walls
+
+    def chains(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Int:
+        """The walls (beams, k) on the way of each beam of a scan: mirrors, glass, and the last.
+
+        −1 stands after the last; without a range all are −1. k is the longest way.
+
+        Examples:
+            >>> import lrf3d
+            >>> walls = [[2, -1, 4, 1], [0, 3, 6, 3]]
+            >>> world = lrf3d.World(walls, objects=[0, 1], materials=["mirror", "plaster"])
+            >>> caster = lrf3d.PlanarCaster(world)
+            >>> ahead = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1)
+            >>> caster.chains(ahead, (0, 0, 0)).tolist()
+            [[0, 1]]
+            >>> caster.cast(ahead, (0, 0, 0)).ranges.tolist()
+            [6.0]
+        """
+        if self._lighting is None:
+            return self.scan_batch(lrf, [as_pose(pose)])[1].T
+        chains = self._lit(lrf, np.array([as_pose(pose)]), chains=True).chains[0]
+        longest = max(1, int((chains >= 0).sum(axis=1).max(initial=0)))
+        found: Int = chains[:, :longest]
+        return found
+
+    def light_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> tuple[Float, Int, Float]:
+        """Ranges, walls and intensities (k, beams) from poses (k, 3), on all cores.
+
+        Raises:
+            InputError: The world has no materials.
+        """
+        if self._lighting is None:
+            raise InputError("world without materials: its scans have no intensities")
+        lit = self._lit(lrf, as_poses(poses))
+        return lit.ranges, lit.walls, lit.intensities
+
+    def tree(self, height: float) -> Tree:
+        """The tree over the walls that reach up to a height [m]; built once for each level."""
+        level = bisect_left(self._levels, height)
+        if level not in self._trees:
+            tall = np.flatnonzero(self.world.heights >= height).astype(np.int32)
+            self._trees[level] = build_tree(self.world.segments[tall], tall)
+        return self._trees[level]
+
+    def _fill(
+        self, height: float, laser: PlainLaser, poses: Float, ranges: Float, walls: Int
+    ) -> None:
+        """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty; on one core.
+
+        Beams end at the first wall, also at mirrors and glass.
+        """
+        cast_scans(self.tree(height)[:], laser, poses, ranges, walls, False)
+
+    def _batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
+        poses = np.ascontiguousarray(poses)
+        if self._lighting is not None:
+            lit = self._lit(lrf, poses)
+            walls[:] = lit.walls[: len(walls)]
+            return lit.ranges
+        ranges, laser = np.empty((len(poses), lrf.beams)), laser_of(lrf)
+        # A batch of none builds what all threads need.
+        self._fill(lrf.height, laser, poses[:0], ranges[:0], walls[:0])
+
+        def work(start: int, stop: int) -> None:
+            part = slice(start, stop)
+            self._fill(lrf.height, laser, poses[part], ranges[part], walls[part])
+
+        share(work, len(poses))
+        return ranges
+
+    def _lit(self, lrf: LaserRangeFinder, poses: Float, *, chains: bool = False) -> "Lit":
+        """The light of scans from poses (k, 3), on all cores."""
+        lighting = self._lighting
+        assert lighting is not None
+        lit = lighting.empty(lrf, len(poses), chains=chains)
+        # Mirrors may be nearer than range_min, and what they show beyond it.
+        laser, tree = laser_of(lrf, range_min=0.0), self.tree(lrf.height)
+        self._fill(lrf.height, laser, poses[:0], lit.ranges[:0], lit.walls[:0])
+
+        def work(start: int, stop: int) -> None:
+            part = slice(start, stop)
+            self._fill(lrf.height, laser, poses[part], lit.ranges[part], lit.walls[part])
+            lighting.light(lrf, tree, poses, lit, part)
+
+        share(work, len(poses))
+        return lit
+
+
+def share(work: Callable[[int, int], None], count: int) -> None:
+    """Call work(start, stop) for pieces of range(count), in one thread for each core."""
+    cores = core_count()
+    size = max(LEAST_PIECE, -(-count // (PIECES_A_CORE * cores)))
+    starts = range(0, count, size)
+    if len(starts) < 2 or cores < 2:
+        work(0, count)
+        return
+    # Advancing the iterator holds Python's lock, so each piece goes to exactly one thread.
+    rest = iter(starts)
+
+    def work_on() -> None:
+        for start in rest:
+            work(start, min(start + size, count))
+
+    others = [_pool(cores - 1).submit(work_on) for _ in range(min(cores, len(starts)) - 1)]
+    try:
+        work_on()
+    finally:
+        wait(others)
+    for other in others:
+        other.result()
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Threads that are kept: starting new ones for each batch would cost a sixth of its time."""
+    return ThreadPoolExecutor(threads, thread_name_prefix="lrf3d")
+
+
+if hasattr(os, "register_at_fork"):  # pragma: no branch - Windows has no fork
+    # The threads of its parent do not exist in a forked process.
+    os.register_at_fork(after_in_child=_pool.cache_clear)

@@ -1,0 +1,156 @@
+"""Compiled loops of the plain renderer: what rays see, and triangles and discs over that."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Single
+from lrf3d.scene.facades import BAY, TILE
+from lrf3d.scene.look import SHADOW_RIM
+
+_SLANT = 0.35
+"""How coarse copies of the ground's picture are, in lengths of a pixel: it is seen at a slant."""
+
+
+class Surfaces(NamedTuple):
+    """What rays see: triangles, two textures and the sky."""
+
+    corners: Single
+    """(t, 3, 16) place, texture, colour, light in the sun and without it, and under its shadow."""
+    painted: NDArray[np.uint8]
+    painted_levels: NDArray[np.int64]
+    """Texels of the walls' texture, and (n, 3) where each level starts, its width and height."""
+    ground: NDArray[np.uint8]
+    ground_levels: NDArray[np.int64]
+    """The same of the ground's picture."""
+    area: Float
+    """(7,) corner and size of that picture [m], and the colour of the land around."""
+    sky: Float
+    """(6,) colours of the haze and of the sky overhead."""
+
+
+@inner
+def level_of(texels: float, levels: NDArray[np.int64]) -> int:
+    """The level of a texture whose texels are as large as a pixel, which is so many texels."""
+    return min(max(int(math.log2(max(texels, 1.0)) + 0.5), 0), len(levels) - 1)
+
+
+@inner
+def cross_dot(a: Float, b: Float, c: Float) -> float:
+    """The volume a × b · c that three directions span."""
+    x, y = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]
+    return float(x * c[0] + y * c[1] + (a[0] * b[1] - a[1] * b[0]) * c[2])
+
+
+@compiled
+def shade(
+    ways: Single, hits: NDArray[np.int32], fixed: Float, surfaces: Surfaces
+) -> tuple[Single, Single]:
+    """Colours (n, 3), and one over the depth, of what rays of directions (n, 3) from an eye see.
+
+    They meet triangles by number (n,), or −1. Fixed are the eye, the pixels of a metre at a
+    distance of one, and the air.
+    """
+    corners, painted, painted_levels, ground, ground_levels, area, sky = surfaces
+    eye, focus, thick = fixed[:3], fixed[3], fixed[4]
+    colours, near = np.empty((len(ways), 3), np.float32), np.zeros(len(ways), np.float32)
+    value, way = np.empty(16), np.empty(3)
+    first, second, start = np.empty(3), np.empty(3), np.empty(3)
+    for n in range(len(ways)):
+        seen, hit = colours[n], hits[n]
+        way[:] = ways[n]
+        if hit >= 0:
+            a, b, c = corners[hit, 0], corners[hit, 1], corners[hit, 2]
+            first[:], second[:], start[:] = b[:3] - a[:3], c[:3] - a[:3], eye - a[:3]
+            # The way of Möller and Trumbore (1997).
+            volume = cross_dot(way, second, first)
+            u, v = cross_dot(way, second, start) / volume, cross_dot(start, first, way) / volume
+            away = cross_dot(start, first, second) / volume
+            for k in range(3, 16):
+                value[k] = a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k])
+            level = level_of(away * TILE / (BAY * focus), painted_levels)
+            begin, wide, high = painted_levels[level]
+            column = math.floor(value[3] * TILE / 2.0**level) % wide
+            row = math.floor(value[4] * TILE / 2.0**level) % high
+            texel = begin + 4 * ((int(a[5]) * high + row) * wide + column)
+            shadowed = min(max(value[15] / (away / focus + SHADOW_RIM) + 0.5, 0.0), 1.0)
+            for k in range(3):
+                light = value[9 + k] + shadowed * (value[12 + k] - value[9 + k])
+                seen[k] = (value[6 + k] * painted[texel + 3] + painted[texel + k]) / 255.0 * light
+        elif way[2] < 0.0:
+            away = -eye[2] / way[2]
+            x = (eye[0] + away * way[0] - area[0]) / area[2]
+            y = (eye[1] + away * way[1] - area[1]) / area[3]
+            seen[:] = area[4:]
+            if 0.0 <= x < 1.0 and 0.0 <= y < 1.0:
+                long = _SLANT * away * max(away / eye[2], 1.0) / focus
+                level = level_of(long * ground_levels[0, 1] / area[2], ground_levels)
+                begin, wide, high = ground_levels[level]
+                texel = begin + 3 * (int(y * high) * wide + int(x * wide))
+                for k in range(3):
+                    seen[k] = ground[texel + k] / 255.0
+        else:
+            rise = way[2] / math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
+            seen[:] = sky[:3] + (1.0 - (1.0 - rise) ** 2.6) * (sky[3:] - sky[:3])
+            continue
+        near[n] = 1.0 / max(away, 1e-6)
+        far = (away * thick) ** 2 * (way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
+        for k in range(3):
+            seen[k] += far / (1.0 + far) * (sky[k] - seen[k])
+    return colours, near
+
+
+@compiled
+def fill_triangles(rows: Float, test: int, solid: bool, colours: Single, near: Single) -> None:
+    """Fill triangles (t, 3, 7): x, y [pixels], one over the depth, colour and opacity.
+
+    A test of 1 draws what is nearer than what is there, 2 what is behind it. What is solid hides
+    what comes later.
+    """
+    height, width = near.shape
+    for t in range(len(rows)):
+        a, b, c = rows[t, 0], rows[t, 1], rows[t, 2]
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if abs(area) < 1e-9:
+            continue
+        low, high = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
+        for row in range(max(int(low - 0.5), 0), min(int(high + 1.5), height)):
+            y = row + 0.5
+            left, right = float(width), 0.0
+            # Where the row crosses the sides of the triangle.
+            for p, q in ((a, b), (b, c), (c, a)):
+                if (p[1] <= y) != (q[1] <= y):
+                    x = p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0])
+                    left, right = min(left, x), max(right, x)
+            begin, end = max(left - 0.5, 0.0), min(right - 0.5, float(width))
+            for column in range(math.ceil(begin), math.ceil(end)):
+                x = column + 0.5
+                u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
+                v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
+                at = a + u * (b - a) + v * (c - a)
+                there = near[row, column]
+                if (at[2] < there) if test == 1 else (at[2] > there):
+                    continue
+                for k in range(3):
+                    colours[row, column, k] += at[6] * (at[3 + k] - colours[row, column, k])
+                if solid:
+                    near[row, column] = at[2]
+
+
+@compiled
+def fill_discs(rows: Float, colours: Single, near: Single) -> None:
+    """Draw soft discs (n, 8): x, y, one over the depth, diameter [pixels], colour and opacity."""
+    height, width = near.shape
+    for n in range(len(rows)):
+        x, y, depth, reach = rows[n, 0], rows[n, 1], rows[n, 2], 0.5 * rows[n, 3] + 0.5
+        for row in range(max(int(y - reach), 0), min(int(y + reach) + 1, height)):
+            for column in range(max(int(x - reach), 0), min(int(x + reach) + 1, width)):
+                away = math.hypot(column + 0.5 - x, row + 0.5 - y)
+                cover = min(max(reach - away, 0.0), 1.0) * rows[n, 7]
+                if depth >= near[row, column]:
+                    for k in range(3):
+                        under = colours[row, column, k]
+                        colours[row, column, k] = under + cover * (rows[n, 4 + k] - under)

@@ -1,0 +1,250 @@
+"""The plain renderer, for machines without OpenGL: rays by Embree, and triangles over them.
+
+It draws the same values as OpenGL does, with one sample a pixel, colours as they were baked, and
+nothing of what shaders add to them, such as shine.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lrf3d.casting.triangle_rays import TriangleRays
+from lrf3d.geometry import Float, Single, cross
+from lrf3d.render.fill import Surfaces, fill_discs, fill_triangles, shade
+from lrf3d.render.pictures import Picture
+from lrf3d.scene import look
+from lrf3d.scene.facades import layers
+from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Painted, Points, Seen, Soft, single
+from lrf3d.scene.stage import Stage
+
+_MOST_CUT, _PAST = 4, 1e-3
+"""Walls that a ray goes on behind, where they are cut off, at the most, and how far past them [m].
+"""
+
+_LIFTED = 0.02
+"""How much nearer to the eye translucent faces are than what they lie on [m]."""
+
+_NEAR = 0.2
+"""Depth [m] before which lines are cut and other marks are left out."""
+
+_NEARER, _BEHIND = 1, 2
+"""What is drawn of a triangle: what is nearer than what is there, or what is behind it."""
+
+
+class _Canvas(NamedTuple):
+    """Colours (h, w, 3), and one over the depth (h, w) of what is there."""
+
+    colours: Single
+    near: Single
+
+
+class PlainRenderer:
+    """Draws what is to be seen of a stage into RGBA pictures of a size [pixels]."""
+
+    def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
+        self._size = size
+        self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
+        self._corners = np.concatenate([_triangles(stage.walls), _triangles(stage.roofs)])
+        self._rays = TriangleRays(single(self._corners[..., :3]))
+        indoor, ground = stage.structures.indoor, stage.ground
+        haze, zenith = (
+            (look.HAZE_INDOOR, look.ZENITH_INDOOR) if indoor else (look.HAZE, look.ZENITH)
+        )
+        self._surfaces = Surfaces(
+            single(self._corners),
+            *_texels(layers(indoor)),
+            *_texels(_halved(ground.picture)),
+            np.array([*ground.corner, *ground.size, *ground.land]),
+            np.array([*haze, *zenith]),
+        )
+        self._picture: Picture = np.full((size[1], size[0], 4), 255, np.uint8)
+
+    def draw(self, seen: Seen) -> Picture:
+        """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
+        width, height = self._size
+        lens, ghost = seen.lens, seen.ghost
+        ways = _ways(lens, self._size)
+        hits = self._met(ways, lens.eye, seen.cut)
+        none = np.full(len(ways), -1, np.int32)
+        colours, near = shade(ways, none if ghost else hits, _fixed(lens), self._surfaces)
+        canvas = _Canvas(colours.reshape(height, width, 3), near.reshape(height, width))
+        for _, body in seen.bodies:
+            self._draw_body(canvas, lens, body)
+        if ghost:
+            # Walls that fade are laid over all that stands in them.
+            walls, depth = shade(ways, hits, _fixed(lens), self._surfaces)
+            walls += ghost * (np.array(look.GHOST, np.float32) - walls)
+            shown = (hits >= 0) & (depth > near)
+            colours[shown] += (1.0 - ghost * look.GHOST_STRENGTH) * (walls - colours)[shown]
+        for _, mark in seen.marks:
+            self._draw_mark(canvas, lens, mark)
+        if seen.plan is not None:
+            left, top, side = seen.plan.box
+            part = canvas.colours[top : top + side, left : left + side]
+            part[:] = np.array(look.PLAN_BACK) / 255.0
+            inset = _Canvas(part, np.zeros(part.shape[:2], np.float32))
+            for _, mark in seen.plan.marks:
+                self._draw_mark(inset, seen.plan.lens, mark)
+        self._picture[..., :3] = 255.0 * np.clip(canvas.colours, 0.0, 1.0) + 0.5
+        return self._picture
+
+    def close(self) -> None:
+        """Nothing is held that needs to be freed."""
+
+    def _met(self, ways: Single, eye: Float, cut: Cut | None) -> NDArray[np.int32]:
+        """The triangle (n,) that each ray from the eye meets, or −1; cut walls are passed."""
+        starts = np.tile(single(eye), (len(ways), 1))
+        hits = self._rays.first(starts, ways)
+        left = np.arange(len(ways))
+        for _ in range(_MOST_CUT if cut is not None else 0):
+            assert cut is not None
+            left = left[hits[left] >= 0]
+            a, b, c = np.moveaxis(self._corners[hits[left], :, :3], 1, 0)
+            normal = np.cross(b - a, c - a)
+            reach = ((a - starts[left]) * normal).sum(axis=1) / (ways[left] * normal).sum(axis=1)
+            place = starts[left] + reach[:, None] * ways[left]
+            off = place[:, :2] - cut.robot
+            toward, aside = off @ cut.toward, np.abs(cross(off, cut.toward[None]))
+            high = np.clip(look.LEFT_STANDING[0] + cut.slope * toward, *look.LEFT_STANDING)
+            high += look.NOTCH[1] * np.maximum(aside - look.NOTCH[0], 0.0)
+            gone = (toward > 0.0) & (place[:, 2] > high)
+            left = left[gone]
+            starts[left] = place[gone] + _PAST * ways[left]
+            hits[left] = self._rays.first(starts[left], ways[left])
+        return hits
+
+    def _draw_body(self, canvas: _Canvas, lens: Lens, body: Body) -> None:
+        faces, turn = body.faces, body.pose[:3, :3]
+        normals = faces.normals @ turn.T
+        everywhere, sunny, upward = look.BODY_LIGHT
+        lit = everywhere + sunny * np.maximum(normals @ look.SUN, 0.0) + upward * normals[..., 2]
+        lit = np.where((normals == 0.0).all(axis=2), 1.0, lit)[..., None]
+        colours = np.concatenate([faces.colours * lit, np.ones_like(lit)], axis=2)
+        self._fill(canvas, lens, faces.corners @ turn.T + body.pose[:3, 3], colours, 0.0, True)
+
+    def _draw_mark(self, canvas: _Canvas, lens: Lens, mark: Mark) -> None:
+        if isinstance(mark, Soft):
+            nearer = lens.nearer if lens.nearer > 1.0 else _LIFTED
+            self._fill(canvas, lens, mark.corners, mark.colours, nearer, False)
+        elif isinstance(mark, Points):
+            self._draw_points(canvas, lens, mark)
+        else:
+            self._draw_lines(canvas, lens, mark)
+
+    def _fill(
+        self,
+        canvas: _Canvas,
+        lens: Lens,
+        corners: Any,
+        colours: Any,
+        nearer: float,
+        solid: bool,
+    ) -> None:
+        """Fill triangles (t, 3, 3) with colours and opacities (t, 3, 4)."""
+        clip, near = _projected(corners.reshape(-1, 3), lens, nearer, canvas)
+        rows = np.column_stack([clip[:, :2], near, colours.reshape(-1, 4)]).reshape(-1, 3, 7)
+        before = (clip[:, 2] > _NEAR).reshape(-1, 3).all(axis=1)
+        fill_triangles(rows[before], _NEARER, solid, canvas.colours, canvas.near)
+
+    def _draw_points(self, canvas: _Canvas, lens: Lens, points: Points) -> None:
+        clip, near = _projected(points.places, lens, lens.nearer, canvas)
+        low, high = (self._scale * size for size in points.pixels)
+        size = np.clip(points.size * lens.focus / np.maximum(clip[:, 2], _NEAR), low, high)
+        rows = np.column_stack([clip[:, :2], near, size, points.colours])
+        shown = (clip[:, 2] > _NEAR) & _faces(points.places, points.sides, lens)
+        fill_discs(rows[shown], canvas.colours, canvas.near)
+
+    def _draw_lines(self, canvas: _Canvas, lens: Lens, lines: Lines) -> None:
+        starts, ends = lines.starts.astype(float), lines.ends.astype(float)
+        first, last = (_projected(each, lens, 0.0, canvas)[0][:, 2] for each in (starts, ends))
+        # What lies behind the eye is cut off.
+        share = (1.01 * _NEAR - first) / np.where(last == first, 1.0, last - first)
+        cut = starts + share[:, None] * (ends - starts)
+        starts, ends = (
+            np.where((depth < _NEAR)[:, None], cut, each)
+            for depth, each in ((first, starts), (last, ends))
+        )
+        (a, a_near), (b, b_near) = (
+            _projected(each, lens, lens.nearer, canvas) for each in (starts, ends)
+        )
+        way = b[:, :2] - a[:, :2]
+        across = np.column_stack([-way[:, 1], way[:, 0]])
+        across *= (
+            0.5 * max(lines.width * self._scale, 1.0) / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+        )
+        rows = np.empty((len(a), 6, 7))
+        for corner, (at_end, side) in enumerate(
+            [(0, 1), (1, 1), (1, -1), (0, 1), (1, -1), (0, -1)]
+        ):
+            rows[:, corner, :2] = (b if at_end else a)[:, :2] + side * across
+            rows[:, corner, 2] = b_near if at_end else a_near
+            rows[:, corner, 3:6], rows[:, corner, 6] = lines.colours, lines.opacities[:, at_end]
+        rows = rows[(np.maximum(first, last) > _NEAR) & _faces(lines.starts, lines.sides, lens)]
+        test = _BEHIND if lines.hidden else _NEARER
+        fill_triangles(rows.reshape(-1, 3, 7), test, False, canvas.colours, canvas.near)
+
+
+def _fixed(lens: Lens) -> Float:
+    """The camera as :func:`~lrf3d.render.fill.shade` takes it."""
+    return np.array([*lens.eye, lens.focus, lens.thick])
+
+
+def _faces(places: Single, sides: Single, lens: Lens) -> NDArray[np.bool_]:
+    """Whether what lies on thin walls is seen (n,): from their sides, or from far above."""
+    seen = ((lens.eye - places)[:, :2] * sides).sum(axis=1) >= 0.0
+    return np.asarray(seen | (lens.nearer > 1e3))
+
+
+def _ways(lens: Lens, size: tuple[int, int]) -> Single:
+    """Directions (n, 3) through all pixels of a picture, as long as a depth of 1 m."""
+    inverse = np.linalg.inv(lens.matrix)
+
+    def ray(x: float, y: float) -> Float:
+        far = inverse @ np.array([x, y, 1.0, 1.0])
+        way = far[:3] / far[3] - lens.eye
+        return np.asarray(way / (lens.matrix[3, :3] @ way), np.float32)
+
+    corner = ray(-1.0, -1.0)
+    across, down = (ray(1.0, -1.0) - corner) / size[0], (ray(-1.0, 1.0) - corner) / size[1]
+    rows, columns = (np.arange(side, dtype=np.float32) + 0.5 for side in size[::-1])
+    ways = corner + columns[:, None] * across + (rows[:, None] * down)[:, None]
+    return single(ways.reshape(-1, 3))
+
+
+def _projected(places: Any, lens: Lens, nearer: float, canvas: _Canvas) -> tuple[Float, Float]:
+    """x, y [pixels] and depth [m] (n, 3) of places (n, 3), and one over the depth to test (n,).
+
+    That is the depth of points which are nearer to the eye by a distance [m].
+    """
+    height, width = canvas.near.shape
+    clip = places @ lens.matrix[[0, 1, 3], :3].T + lens.matrix[[0, 1, 3], 3]
+    clip[:, :2] = (0.5 + 0.5 * clip[:, :2] / np.maximum(clip[:, 2:], 1e-3)) * [width, height]
+    ray = lens.eye - places
+    away = np.linalg.norm(ray, axis=1)
+    step = np.minimum(nearer + lens.slack * away, 0.5 * away) / np.maximum(away, 1e-9)
+    depth = clip[:, 2] + step * (ray @ lens.matrix[3, :3])
+    return clip, 1.0 / np.maximum(depth, 1e-3)
+
+
+def _triangles(painted: Painted) -> Single:
+    """Corners (t, 3, 16) of faces: place, texture, colour, light in the sun, without, under."""
+    rows = np.concatenate([*painted[:1], *painted[2:6], painted.under[..., None]], axis=2)
+    return rows if rows.shape[1] == 3 else rows[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16)
+
+
+def _halved(picture: Picture) -> tuple[Picture, ...]:
+    """A picture and copies of it, each half as wide and high as the one before."""
+    levels = [picture]
+    while min(levels[-1].shape[:2]) > 2:
+        levels.append(np.asarray(Image.fromarray(levels[-1]).reduce(2)))
+    return tuple(levels)
+
+
+def _texels(levels: tuple[Picture, ...]) -> tuple[Picture, NDArray[np.int64]]:
+    """All texels of levels one after the other, and start, width and height (n, 3) of each."""
+    sizes = np.array([level.size for level in levels])
+    sides = np.array([level.shape[-2:-4:-1] for level in levels])
+    table = np.column_stack([np.cumsum(sizes) - sizes, sides])
+    return np.concatenate([level.ravel() for level in levels]), table

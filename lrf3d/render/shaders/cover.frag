@@ -1,4 +1,0 @@
-out vec4 colour;
-void main() {
-    colour = vec4(PAPER, 1.0);
-}

@@ -1,0 +1,43 @@
+// Lines of even width with soft edges, of two triangles each; DASHED ones have gaps.
+uniform float width;    // [pixels]
+#ifdef VERTEX
+layout(location = 0) in vec3 here;
+layout(location = 1) in vec3 there;
+layout(location = 2) in float turn;     // 1 to the left of the way there, -1 to the right; twice that at the end
+layout(location = 3) in vec4 tint;
+layout(location = 4) in vec2 side;      // where the wall's face looks, or 0
+out vec4 paint;
+out float along;                // way from the start [m]
+noperspective out float off;    // from the middle of the line [pixels]
+const float NEAR = 0.25;        // no less than that of the camera [m]
+void main() {
+    // What lies behind the eye is cut off before the division turns it round.
+    float w = (view_projection * vec4(here, 1.0)).w;
+    vec4 b = view_projection * vec4(there, 1.0);
+    bool crosses = w < NEAR && b.w > NEAR;
+    vec4 a = raised(crosses ? mix(here, there, (NEAR - w) / (b.w - w)) : here, nearer);
+    if (b.w < NEAR && a.w > NEAR) b = mix(b, a, (NEAR - b.w) / (a.w - b.w));
+    vec2 way = (b.xy / b.w - a.xy / a.w) * viewport;
+    vec2 across = normalize(vec2(-way.y, way.x) + vec2(1e-9, 0.0)) * sign(turn);
+    float half_width = 0.5 * width + 0.75;
+    a.xy += across * half_width * 2.0 / viewport * a.w;
+    // Seen from the end, left and right have changed places.
+    off = sign(turn) * half_width * (abs(turn) > 1.5 ? -1.0 : 1.0);
+    along = abs(turn) > 1.5 ? length(there - here) : 0.0;
+    paint = tint;
+    if (!shown(here, side)) a.z = 2.0 * a.w;
+    gl_Position = a;
+}
+#else
+in vec4 paint;
+in float along;
+noperspective in float off;
+out vec4 colour;
+void main() {
+#ifdef DASHED
+    if (fract(along / DASH) > 0.6) discard;
+#endif
+    float cover = clamp(0.5 * width + 0.5 - abs(off), 0.0, 1.0);
+    colour = vec4(paint.rgb, paint.a * cover);
+}
+#endif

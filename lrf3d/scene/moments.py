@@ -1,0 +1,311 @@
+"""The scene of a run at a moment, as a value: see :mod:`lrf3d.scene.shapes`.
+
+A moment of the run and a look enter; what is to be seen leaves. What has not changed since the
+moment before is the same object again, so that nothing is made or sent twice.
+"""
+
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry import Float
+from lrf3d.scene import look
+from lrf3d.scene.beams import DrawnBeams, beam_reach
+from lrf3d.scene.bodies import flat_dart, goal_disc, robot_body, robot_shadow, world_from_robot
+from lrf3d.scene.camera import Look
+from lrf3d.scene.estimate import DrawnEstimate
+from lrf3d.scene.map_bands import WallTops, bands
+from lrf3d.scene.obstacles import Obstacles
+from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Plan, Points, Seen, Soft
+from lrf3d.scene.stage import Stage, stage_of
+from lrf3d.scene.structures import SIGHT_DISTANCE
+from lrf3d.scene.timeline import Moment, Timeline, drive_keys
+from lrf3d.scene.trail_and_map import DrawnMap, smoothed, thinned, trail_lines
+from lrf3d.scene.turns import WallOptics
+
+LAYERS = (
+    "shadow", "goal", "trail", "estimate", "fan", "beams", "map", "points", "marker", "inset",
+    "hud",
+)  # fmt: skip
+"""What can be left out of a picture; what is left out costs nothing."""
+
+Goal = tuple[float, float, float]
+"""Where a robot is to arrive: x, y and radius [m]."""
+
+_ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
+"""Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
+is the third [pixels at 720 lines]."""
+
+_MARKER_NEARER = 0.3
+"""Share of the way from the eye to the robot at which that arrow is drawn: nothing hides it."""
+
+_WALL_NEARER, _ON_TOP = 0.12, 1e6
+"""How much nearer to the eye marks are than walls [m]; from straight above, tops of walls would
+hide them."""
+
+_SLACK = 0.002
+"""By how much the depth of marks gains with their distance [m/m], as depths are coarser far away;
+but not for an eye that looks from far on purpose."""
+
+_PAST_GROUND = 3.0
+"""How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
+
+_OLD_SCANS = 12
+"""Earlier scans whose hits are still shown, at the most."""
+
+_REAR = 0.3
+"""How far from its middle the robot ends [m], where it stands on the ground: so much of it is to be
+seen over walls that are cut."""
+
+
+class Scene:
+    """All that can be seen of a run.
+
+    Args:
+        timeline: The run, as time goes by in its film.
+        goal: A goal to be marked on the ground.
+        stage: What stands in the run's world, if it has been painted already.
+
+    Attributes:
+        stage: What stands in the run's world, which never changes.
+    """
+
+    def __init__(
+        self, timeline: Timeline, goal: Goal | None = None, stage: Stage | None = None
+    ) -> None:
+        run = self.run = timeline.run
+        self.timeline = timeline
+        self.stage = stage or stage_of(run)
+        structures = self.structures = self.stage.structures
+        self.origin = structures.origin
+        self.obstacles = Obstacles(run.obstacles, self.origin, indoor=structures.indoor)
+        self.tops = WallTops(structures.segments, structures.heights)
+        self._robot = robot_body(run.lrf.height)
+        self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
+        self._optics = WallOptics.of(run.world)
+        self._walls = run.world.segments - np.tile(self.origin, 2)
+        self._keys = thinned(smoothed(drive_keys(timeline)))
+        self._estimate = DrawnEstimate.from_timeline(timeline)
+        self._reach = beam_reach(run.lrf.range_max, structures)
+        self._fade = look.TRAIL_FADE * timeline.playback
+        self._recent = look.HITS_FADE * timeline.playback
+        self._kept: dict[str, tuple[Any, Any]] = {}
+        self._hits: dict[int, Points] = {}
+
+    def seen(
+        self, moment: Moment, view: Look, size: tuple[int, int], layers: Collection[str] = LAYERS
+    ) -> Seen:
+        """What is to be seen at a moment through a look, in a picture of a size [pixels]."""
+        pose = moment.pose - [*self.origin, 0.0]
+        lens = self._lens(view, size)
+        bodies = [("robot", Body(self._robot, world_from_robot(pose)))]
+        bodies += self.obstacles.bodies(moment.time)
+        if "map" in layers and not view.shows_map:
+            drawn = self.drawn_map(moment.scan)
+            least = 0.5 * look.BAND_PIXELS * min(size) / 720.0 / lens.focus
+            standing = bands(drawn, self.tops, lens.eye, least=least, raised=view.raised)
+            bodies.append(("map", Body(standing, np.eye(4))))
+        marks = tuple(
+            (name, mark)
+            for layer, name, mark in self._marks(moment, pose, view, lens, size)
+            if layer in layers and mark is not None
+        )
+        cut = None
+        if view.cuts and self.structures.indoor:
+            away = lens.eye[:2] - pose[:2]
+            level = max(float(np.hypot(*away)), 2.0 * _REAR)
+            toward = away / level
+            cut = Cut(pose[:2] + _REAR * toward, toward, float(lens.eye[2]) / (level - _REAR))
+        return Seen(lens, tuple(bodies), marks, view.sky_below, view.ghost, cut)
+
+    def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
+        far = max(SIGHT_DISTANCE, _PAST_GROUND * float(view.eye[2]))
+        half = look.HALF_HAZE_INDOOR if self.structures.indoor else look.HALF_HAZE
+        return Lens(
+            matrix=view.matrix(size[0] / size[1], far),
+            eye=view.eye,
+            focus=float(0.5 * size[1] / np.tan(0.5 * view.field)),
+            thick=0.0 if view.clear else min(1.0 / half, 1.0 / max(view.air, 1e-9)),
+            slack=0.0 if view.clear else _SLACK,
+            nearer=_ON_TOP if view.shows_map else _WALL_NEARER,
+        )
+
+    def _marks(
+        self, moment: Moment, pose: Float, view: Look, lens: Lens, size: tuple[int, int]
+    ) -> Iterator[tuple[str, str, Mark | None]]:
+        """Layer, name and mark, in the order in which they are drawn."""
+        height = self.run.lrf.height
+        yield "shadow", "shadow", robot_shadow(pose, indoor=self.structures.indoor)
+        yield "shadow", "shadows", self.obstacles.shadows(moment.time)
+        yield "goal", "goal", self._goal
+        yield "trail", "trail", self._trail(moment)
+        for name, line in self._estimated(moment):
+            yield "estimate", name, line
+        beams = self._beams(moment, pose[:2])
+        if beams is not None:
+            glow, single, hits = beams
+            if view.fan != 1.0:
+                colours = glow.colours * np.array([1.0, 1.0, 1.0, view.fan], np.float32)
+                glow = glow._replace(colours=colours)
+            yield "fan", "fan", glow
+            yield "beams", "beams", single
+        stage = self.run.snapshot_after(moment.scan)
+        if view.shows_map:
+            yield "map", "map lines", self._same("map", stage, self._map_lines, moment.scan, False)
+        elif view.raised == 0.0:
+            yield "map", "hidden", self._same("hidden", stage, self._map_lines, moment.scan, True)
+        yield "points", "recent", self._recent_hits(moment)
+        if beams is not None:
+            yield "points", "points", hits
+        yield "marker", "marker", self._marker(pose, view, lens, size, height)
+
+    def _same(self, name: str, key: Any, make: Any, *arguments: Any) -> Any:
+        """What was made for this key the last time, or made now."""
+        kept = self._kept.get(name)
+        if kept is None or kept[0] != key:
+            kept = self._kept[name] = key, make(*arguments)
+        return kept[1]
+
+    def drawn_map(self, scan: int) -> DrawnMap:
+        """The map after a scan."""
+        stage = self.run.snapshot_after(scan)
+        made: DrawnMap = self._same(
+            "drawn", stage, DrawnMap.from_snapshot, self.run, stage, self.origin
+        )
+        return made
+
+    def _map_lines(self, scan: int, hidden: bool) -> Lines:
+        drawn = self.drawn_map(scan)
+        height = float(np.mean(look.MAP_BAND)) if hidden else self.run.lrf.height
+        width = look.HIDDEN_WIDTH if hidden else look.MAP_LINE_WIDTH
+        opacity = look.HIDDEN_STRENGTH if hidden else 1.0
+        return drawn.lines(height, width, opacity, hidden=hidden)
+
+    def _trail(self, moment: Moment) -> Lines | None:
+        # Of a recorded drive only the estimate is known, which is drawn as such.
+        if not self.run.knows_truth:
+            return None
+        now = moment.time - self.timeline.start
+        return trail_lines(self._keys, now, self._fade)
+
+    def _estimated(self, moment: Moment) -> Iterator[tuple[str, Lines]]:
+        if self._estimate is not None:
+            now = moment.time - self.timeline.start
+            yield "estimate", self._estimate.trail(now)
+            yield "ellipses", self._estimate.rings(now)
+
+    def _beams(self, moment: Moment, place: Float) -> tuple[Soft, Lines, Points] | None:
+        if not moment.scanning:
+            return None
+        moved = self.obstacles.poses(moment.time).tobytes()
+        key = (moment.scan, *place.tolist(), moved)
+        found: tuple[Soft, Lines, Points] = self._same(
+            "beams", key, self._drawn_beams, moment, place
+        )
+        return found
+
+    def _drawn_beams(self, moment: Moment, place: Float) -> tuple[Soft, Lines, Points]:
+        run, height = self.run, self.run.lrf.height
+        scan = run.scan(moment.scan)
+        local = replace(scan, pose=np.array(scan.pose) - [*self.origin, 0.0])
+        carry = self.obstacles.carrying(moment.time)
+        drawn = DrawnBeams.from_scan(
+            local, self._walls, run.world.objects, place, carry, self._optics
+        )
+        return (
+            drawn.glow(height, indoor=self.structures.indoor),
+            drawn.single(height, self._reach),
+            drawn.hit_points(height, run.lrf.range_max, by=run.film.points_by),
+        )
+
+    def _recent_hits(self, moment: Moment) -> Points:
+        """The hits of the last seconds, which fade."""
+        times = self.run.trajectory.times
+        first = int(np.searchsorted(times, moment.time - self._recent))
+        last = moment.scan if moment.scanning else moment.scan + 1
+        step = 1 + (last - first) // _OLD_SCANS
+        chosen = [number for number in range(first, last) if number % step == 0]
+        found: Points = self._same("recent", chosen, self._old_hits, chosen)
+        ages = moment.time - times[chosen]
+        left = np.clip(1.0 - ages / self._recent, 0.0, 1.0) * look.HITS_STRENGTH
+        counts = [len(self._hits[number].places) for number in chosen]
+        colours = found.colours.copy()
+        colours[:, 3] = np.repeat(left, counts)
+        return found._replace(colours=colours)
+
+    def _old_hits(self, chosen: list[int]) -> Points:
+        self._hits = {
+            number: self._hits[number] if number in self._hits else self._hits_of(number)
+            for number in chosen
+        }
+        empty = [np.zeros((0, size), np.float32) for size in (3, 4, 2)]
+        none = Points(empty[0], empty[1], empty[2], look.HIT_SIZE, look.HIT_PIXELS)
+        each = [none, *self._hits.values()]
+        places = np.concatenate([points.places for points in each])
+        colours = np.concatenate([points.colours for points in each])
+        sides = np.concatenate([points.sides for points in each])
+        return Points(places, colours, sides, look.HIT_SIZE, look.HIT_PIXELS, glows=False)
+
+    def _hits_of(self, number: int) -> Points:
+        scan = self.run.scan(number)
+        place = np.array(scan.pose) - [*self.origin, 0.0]
+        drawn = DrawnBeams.from_scan(
+            replace(scan, pose=place),
+            self._walls,
+            self.run.world.objects,
+            place[:2],
+            optics=self._optics,
+        )
+        by = self.run.film.points_by
+        return drawn.hit_points(self.run.lrf.height, self.run.lrf.range_max, by=by)
+
+    def _marker(
+        self, pose: Float, view: Look, lens: Lens, size: tuple[int, int], height: float
+    ) -> Soft | None:
+        """An arrow over a robot that is too small to be seen."""
+        place = np.array([*pose[:2], height])
+        away = float(np.linalg.norm(place - lens.eye))
+        pixel = min(size) / 720.0 * away / lens.focus
+        if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
+            return None
+        dart = flat_dart(pose, _MARKER * pixel, height)
+        # Seen from the eye, what is drawn smaller and nearer is the same.
+        share = max(_MARKER_NEARER, 1.5 * view.near / away)
+        return dart._replace(
+            corners=(lens.eye + share * (dart.corners - lens.eye)).astype(np.float32)
+        )
+
+    def plan(
+        self, moment: Moment, box: tuple[int, int, int], middle: Float | None, window: float
+    ) -> Plan:
+        """The map so far from straight above, on nothing: what is not known yet is empty.
+
+        The box is its left, top and side [pixels]; it shows a window [m] round a middle (2,), or
+        round the robot.
+        """
+        pose = moment.pose - [*self.origin, 0.0]
+        x, y = pose[:2] if middle is None else middle
+        zoom = 2.0 / window
+        matrix = np.diag([zoom, -zoom, 0.0, 1.0])
+        matrix[:2, 3] = -zoom * x, zoom * y
+        lens = Lens(matrix, np.array([x, y, _ON_TOP]), 1.0, 0.0, 0.0, _ON_TOP)
+        stage = self.run.snapshot_after(moment.scan)
+        lines = self._same("plan", stage, self._plan_lines, moment.scan)
+        beams = self._beams(moment, pose[:2])
+        marks: list[tuple[str, Mark | None]] = [("plan map", lines)]
+        if beams is not None:
+            marks.append(("plan points", beams[2]._replace(glows=False)))
+        marks.append(("plan trail", self._trail(moment)))
+        marks += [(f"plan {name}", line) for name, line in self._estimated(moment)]
+        marks.append(("plan obstacles", self.obstacles.plans(moment.time, window / box[2])))
+        marks.append(("plan robot", flat_dart(pose, look.DART_SHARE * window, 0.0)))
+        shown = tuple((name, mark) for name, mark in marks if mark is not None)
+        return Plan(box, lens, shown)
+
+    def _plan_lines(self, scan: int) -> Lines:
+        drawn = self.drawn_map(scan)
+        # On a dark ground, paler colours are seen more easily.
+        pale = drawn.colours + 0.35 * (1.0 - drawn.colours)
+        return replace(drawn, colours=pale).lines(0.0, look.PLAN_LINE_WIDTH, 1.0)

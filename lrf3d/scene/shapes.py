@@ -1,0 +1,192 @@
+"""What pictures are made of: faces, lines, points, translucent faces and labels, as plain arrays.
+
+A scene at a moment is a value of these (:class:`Seen`). OpenGL and the plain renderer draw it, glTF
+writes it, and the browser's page is sent it: each kind of geometry is drawn once in each, and a new
+mark in a scene needs no new code there. An array that is the same object as before has not changed.
+All places are in the film's frame [m], all colours are red, green, blue in 0…1.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.geometry import Float, Single
+
+Pixels = NDArray[np.uint8]
+
+
+class Painted(NamedTuple):
+    """Walls and roofs with what is painted on them and the light baked into them.
+
+    All have n faces of c corners: quads, or triangles.
+    """
+
+    places: Single
+    """(n, c, 3) corners, counter-clockwise from outside."""
+    normals: Single
+    """(n, c, 3) unit normals."""
+    texture: Single
+    """(n, c, 3) bays along and storeys up the texture of :mod:`lrf3d.scene.facades`; its layer."""
+    colours: Single
+    """(n, c, 3) colour of the wall itself."""
+    lit: Single
+    """(n, c, 3) factor of a screen's colours in the sun."""
+    shaded: Single
+    """(n, c, 3) the same where the sun is hidden."""
+    under: Single
+    """(n, c) how far under the edge of its shadow a corner lies [m]; negative in the sun."""
+    objects: NDArray[np.int64]
+    """(n,) the object of each."""
+
+
+class GroundPicture(NamedTuple):
+    """The ground in its light."""
+
+    picture: Pixels
+    """(h, w, 3) its picture, which ends in the colour of the land; row 0 at the smallest y."""
+    corner: Float
+    """(2,) its lower left corner."""
+    size: Float
+    """(2,) its width and height [m]."""
+    land: Float
+    """(3,) colour of the land around it, in its light."""
+
+
+class Faces(NamedTuple):
+    """Opaque triangles."""
+
+    corners: Single
+    """(t, 3, 3) corners."""
+    normals: Single
+    """(t, 3, 3) normals, by which a body is lit; 0 where the colours are as they are."""
+    colours: Single
+    """(t, 3, 3) colours."""
+
+
+class Body(NamedTuple):
+    """Faces at a place of their own: the robot, a dynamic obstacle."""
+
+    faces: Faces
+    pose: Float
+    """(4, 4) the matrix from the body's frame to the film's."""
+
+
+class Soft(NamedTuple):
+    """Translucent triangles: shadows on the ground, the glow of the beams, a goal."""
+
+    corners: Single
+    """(t, 3, 3) corners."""
+    colours: Single
+    """(t, 3, 4) colours and opacities."""
+
+
+class Lines(NamedTuple):
+    """Lines of even width in the picture."""
+
+    starts: Single
+    """(n, 3) first ends."""
+    ends: Single
+    """(n, 3) second ends."""
+    colours: Single
+    """(n, 3) colours."""
+    opacities: Single
+    """(n, 2) opacities at both ends."""
+    sides: Single
+    """(n, 2) where the wall looks that each lies on: from behind it is not seen; 0 for none."""
+    width: float
+    """Width [pixels of 720 lines]."""
+    hidden: bool = False
+    """Whether only what lies behind something else is drawn, dashed."""
+
+
+class Points(NamedTuple):
+    """Round points."""
+
+    places: Single
+    """(n, 3) places."""
+    colours: Single
+    """(n, 4) colours and opacities."""
+    sides: Single
+    """(n, 2) where the wall looks that each lies on; 0 for none."""
+    size: float
+    """Diameter [m]."""
+    pixels: tuple[float, float]
+    """The smallest and the largest diameter [pixels of 720 lines]."""
+    glows: bool = True
+    """Whether light blooms round them."""
+
+
+class Label(NamedTuple):
+    """Lines of text in a panel."""
+
+    text: tuple[str, ...]
+    """Its lines."""
+    colours: tuple[tuple[int, int, int], ...]
+    """The colour of each, 0…255."""
+    size: float
+    """Height of letters [pixels of 720 lines]."""
+    place: str
+    """Where it goes: ``top`` for the upper left corner, ``middle`` for the middle below."""
+
+
+Mark = Soft | Lines | Points
+
+
+class Lens(NamedTuple):
+    """How places become pixels."""
+
+    matrix: Float
+    """(4, 4) from the film's frame to −1…1 of the picture, whose first row is the upper one."""
+    eye: Float
+    """(3,) where the eye is."""
+    focus: float
+    """Pixels that a metre takes at a distance of one metre."""
+    thick: float
+    """One over the distance at which half of what is seen is haze [1/m]."""
+    slack: float
+    """By how much the depth of marks gains with their distance [m/m]."""
+    nearer: float
+    """How much nearer to the eye marks are than what they lie on [m]."""
+
+
+class Plan(NamedTuple):
+    """A map in a corner of the picture, seen from straight above."""
+
+    box: tuple[int, int, int]
+    """Left, top and side [pixels]."""
+    lens: Lens
+    marks: tuple[tuple[str, Mark], ...]
+
+
+class Cut(NamedTuple):
+    """Walls between the eye and the robot are cut off where they would hide it."""
+
+    robot: Float
+    """(2,) where the robot ends towards the eye."""
+    toward: Float
+    """(2,) level direction from it to the eye, of unit length."""
+    slope: float
+    """Rise of the line of sight from it to the eye [m/m]."""
+
+
+class Seen(NamedTuple):
+    """All that is to be seen in one picture."""
+
+    lens: Lens
+    bodies: tuple[tuple[str, Body], ...]
+    """Opaque bodies by name."""
+    marks: tuple[tuple[str, Mark], ...]
+    """Marks by name, in the order in which they are drawn."""
+    sky_below: float
+    """Row of the picture, −1…1 from the top, down to which there may be sky; −1 for none."""
+    ghost: float = 0.0
+    """How far houses have faded to pale ghosts, 0…1."""
+    cut: Cut | None = None
+    plan: Plan | None = None
+    labels: tuple[Label, ...] = ()
+
+
+def single(values: Any) -> Single:
+    """Values as a contiguous array of float32."""
+    return np.ascontiguousarray(values, np.float32)
