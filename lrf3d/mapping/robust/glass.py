@@ -8,7 +8,7 @@ show a line of glass. It is glass as far as beams pass it from a flash on.
 import numpy as np
 
 from lrf3d.compiling import compiled
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Bool, Float, Int, cross
 from lrf3d.mapping.robust.lit_scans import (
     BRIGHT,
     DEVIATION,
@@ -153,8 +153,14 @@ class Glass:
         tolerance = ON_LINE + DEVIATIONS * rays[peaks, DEVIATION, None]
         on = beside & (rays[:, RANGE] > 0.0) & (np.abs(rays[:, RANGE] - way) * cos < tolerance)
         dim = on & (bright < DIM)
-        shown = (dim | (beside & (rays[:, FREE] > way + tolerance + PASSED))).sum(axis=1)
-        glass = (shown >= LEAST_SHOWN) & ((on & ~dim).sum(axis=1) < MOST_OPAQUE * shown)
+        passed = beside & (rays[:, FREE] > way + tolerance + PASSED)
+        glass = np.zeros(len(peaks), np.bool_)
+        # One side is enough: at the end of a pane a wall may follow.
+        left = cross(units[peaks][:, None], units[None]) > 0.0
+        for side in (left, ~left):
+            shown = ((dim | passed) & side).sum(axis=1)
+            opaque = (on & ~dim & side).sum(axis=1)
+            glass |= (shown >= LEAST_SHOWN) & (opaque < MOST_OPAQUE * shown)
         for row in peaks[glass].tolist():
             self._add(np.array([*scan.ends[row], *units[row], rays[row, DEVIATION]]))
 
@@ -227,6 +233,11 @@ class Glass:
         pieces, reach = np.zeros((PIECES, 5)), np.full((PIECES, 2), (np.inf, -np.inf))
         count_at_line(scans.places, scans.rays, point, unit, mirrors, pieces, reach)
         flashed = (self._flashes[self._line_of == number, :2] - point) @ unit
+        # Scans that were not kept may have shown the flashes that reach farthest.
+        places = np.floor(flashed / PIECE).astype(np.int64) + PIECES // 2
+        inside = (places >= 0) & (places < PIECES)
+        np.minimum.at(reach[:, 0], places[inside], flashed[inside])
+        np.maximum.at(reach[:, 1], places[inside], flashed[inside])
         found = glass_pieces(pieces, flashed, frames(point, unit, walls))
         former = self._panes.get(number, np.empty((0, 4)))
         beams = pieces.sum(axis=1)
@@ -254,8 +265,8 @@ def glass_pieces(pieces: Float, flashed: Float, ends: Float) -> Bool:
     part, found = np.cumsum(barriers), np.zeros(PIECES, np.bool_)
     for number in np.unique(part[good]).tolist():
         for first, last in runs(good & (part == number)):
-            lit = first + np.flatnonzero(shown[first:last] > 0)
-            if not seeds[first:last].any() or not len(lit):
+            lit = first + np.flatnonzero((shown > 0)[first:last] | seeds[first:last])
+            if not seeds[first:last].any():
                 continue
             own = slice(lit[0], lit[-1] + 1)
             if (passed[own] > 0).mean() >= PASSED_SHARE and passed[own].sum() >= LEAST_SHOWN:

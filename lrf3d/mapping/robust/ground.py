@@ -22,8 +22,9 @@ what is there; or an image."""
 SAMPLE = 0.1
 """[m] Steps in which segments are searched for images."""
 
-LEAST_LEFT = 3
-"""[samples] What is left of a segment beside its images stays from so many on that are seen."""
+LEAST_LEFT, RIM = 5, 2
+"""[samples] What is left of a segment beside its images stays from so many on that are seen; by so
+many it is cut where an image begins."""
 
 
 @inner
@@ -112,10 +113,11 @@ def find_real_parts(keys: Int, values: Float, segments: Float, parts: Float) -> 
                     continue
             whole = begin == 0 and sample == count
             if (whole or seen >= LEAST_LEFT) and found < len(parts):
-                # A part reaches as far as it is seen, but the segment's own ends stay.
+                # A part reaches as far as it is seen, but the segment's own ends stay. The cells
+                # around a sample reach farther than itself.
                 parts[found, 0] = row
-                parts[found, 1] = 0.0 if begin == 0 else first / count
-                parts[found, 2] = 1.0 if sample == count else last / count
+                parts[found, 1] = 0.0 if begin == 0 else (first + RIM) / count
+                parts[found, 2] = 1.0 if sample == count else (last - RIM) / count
                 found += 1
             begin, seen = sample + 1, 0
     return found
