@@ -36,7 +36,7 @@ class RobustMapper:
         self._grid = EvidenceGrid()
         self._noise = NoiseEstimate(extract.floor)
         self._refined = MapRefinement(rule, least)
-        self._optics = Optics(extract)
+        self._optics = Optics()
         self._last_scan: int | None = None
         self._frame: Frame | None = None
         self._map: LineMap | None = None
@@ -56,19 +56,14 @@ class RobustMapper:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
-        seen = self._optics.look(scan, place, heading, noise)
-        if seen is not None:
-            scan = seen.scan
-        beams = Beams.of(scan, heading, noise)
-        if seen is not None:
-            beams = beams.limited(seen.limits)
-        fresh = self._add_beams(beams, place)
+        scan, lit = self._optics.look(scan, place, heading, noise)
+        fresh = self._add_beams(Beams.of(scan, heading, noise), place)
         ends, moments, labels = self._extract.walls(scan, heading, noise)
         widen(moments, scan)
         self._walls.add(ends, moments, labels[:, 0], place)
         self._refine(fresh, noise)
-        if seen is not None:
-            self._optics.update(seen, heading, noise, ends, self._refined.ends)
+        if lit is not None:
+            self._optics.update(lit, ends, self._refined.ends)
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
 
@@ -117,6 +112,5 @@ class RobustMapper:
         if self._frame is None:
             return LineMap.empty()
         if self._map is None:
-            shown = self._refined.in_world(self._frame)
-            self._map = self._optics.show(shown, self._frame, self._refined.ends)
+            self._map = self._optics.show(self._refined.in_world(self._frame), self._frame)
         return self._map
