@@ -75,6 +75,12 @@ class Frame(NamedTuple):
         placed: Float = (segments.reshape(-1, 2) - SHIFT) @ turn + [self.x, self.y]
         return placed.reshape(-1, 4)
 
+    def of_world(self, points: Float) -> Float:
+        """Points (n, 2) of the world in this frame."""
+        cos, sin = np.cos(self.theta), np.sin(self.theta)
+        moved: Float = (points - (self.x, self.y)) @ np.array([[cos, -sin], [sin, cos]]) + SHIFT
+        return moved
+
 
 class Beams(NamedTuple):
     """The beams of a scan in the map's frame.
@@ -101,11 +107,6 @@ class Beams(NamedTuple):
         np.sin(headings, out=beams.units[:, 1])
         measure_beams(plain(measured), float(scan.range_max), noise, pose_spread(scan), beams)
         return beams
-
-    def limited(self, limits: Float) -> "Beams":
-        """The beams, free no farther than limits (n,) [m], at which those went on elsewhere."""
-        turned = np.isfinite(limits)
-        return self._replace(ranges=np.where(turned, -limits, self.ranges))
 
 
 def in_order(scan: LaserScan) -> tuple[Float, Float]:

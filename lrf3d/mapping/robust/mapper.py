@@ -37,7 +37,7 @@ class RobustMapper:
 
     def __init__(self, extract: LikelihoodExtractor, rule: Rule, least: int) -> None:
         self._extract, self._rule, self._least = extract, rule, least
-        self._noise, self._optics = NoiseEstimate(extract.floor), Optics(extract)
+        self._noise, self._optics = NoiseEstimate(extract.floor), Optics()
         self._cells = Cells.of_size(LEAST)
         self._walls, self._grid = Walls.of_size(LEAST), Grid.of_size(4 * LEAST, LEAST)
         self._links = Links.of_size(LEAST)
@@ -57,19 +57,14 @@ class RobustMapper:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
-        seen = self._optics.look(scan, place, heading, noise)
-        if seen is not None:
-            scan = seen.scan
+        scan, lit = self._optics.look(scan, place, heading, noise)
         found = self._extract.walls(scan, heading, noise)
         widen(found.moments, scan)
-        beams = Beams.of(scan, heading, noise)
-        if seen is not None:
-            beams = beams.limited(seen.limits)
-        fresh = self._judge_beams(beams, place, len(found.ends))
+        fresh = self._judge_beams(Beams.of(scan, heading, noise), place, len(found.ends))
         changed, gone = self._merge_walls(found, place)
         self._link_walls(self._refit_walls(changed, gone, fresh))
-        if seen is not None:
-            self._optics.update(seen, heading, noise, found.ends, self._walls.ends[self._rows()])
+        if lit is not None:
+            self._optics.update(lit, found.ends, self._walls.ends[self._rows()])
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
 
