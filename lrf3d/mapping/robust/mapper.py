@@ -128,5 +128,5 @@ class RobustMapper:
             objects = find_objects(self._links, self._walls, rows)
             ends: Float = close_corners(self._walls.ends[rows], objects)
             shown = solid_map(self._frame.in_world(ends), objects, self._walls.points[rows])
-            self._map = self._optics.show(shown, self._frame, ends)
+            self._map = self._optics.show(shown, self._frame)
         return self._map
