@@ -41,6 +41,10 @@ FALSE_PLACE, FALSE_TURN = 0.5, 0.2
 """A closure that is off by more than this [m], [rad] is false."""
 
 
+LEAST_INFORMATION = 1.0
+"""Information [1/m²] of a direction that a closure fixes: a deviation of a metre at most."""
+
+
 class _NoMap:
     """The map of the simulation itself is not looked at."""
 
@@ -125,9 +129,20 @@ def simulated(world: str, seed: int) -> Drive:
     false = 0
     for closure in slam.closures:
         off = between(closure.relative, between(keys[closure.old], keys[closure.new]))
+        off = fixed_part(off, closure.information)
         false += bool(np.hypot(off[0], off[1]) > FALSE_PLACE or abs(off[2]) > FALSE_TURN)
     marked = np.array(errors), np.array(covariances), float(np.mean(weak))
     return Drive(*marked, len(slam.closures), false)
+
+
+def fixed_part(off: Float, information: Float) -> Float:
+    """The part of an error (3,) in the directions that a closure fixes.
+
+    Along a corridor it may say nothing, and so cannot be false there: see `LEAST_INFORMATION`.
+    """
+    values, vectors = np.linalg.eigh(information)
+    vectors = vectors[:, values > LEAST_INFORMATION]
+    return np.asarray(vectors @ (vectors.T @ off), dtype=np.float64)
 
 
 def consistency(drives: list[Drive]) -> dict[str, float]:

@@ -52,8 +52,6 @@ CELL = 0.3
 MOST_CELLS = 4_000_000
 """Cells that a grid has at most; if there were more, they are made larger."""
 
-CLUTTER = 0
-
 LEAST_NOISE = 0.01
 """Noise of a usual range [m]; that of a scan is never taken for less."""
 
@@ -129,12 +127,6 @@ def surface_of(points: Float, laser: Float, step: float, noise: float) -> Float:
             or across > 0.1 * along
             or abs(facing) < FLATTEST * away
         ):
-            # No wall: once against the beam, and once to its left.
-            for turn in range(CLUTTER):
-                found[kept, 0], found[kept, 1] = points[i, 0], points[i, 1]
-                found[kept, 2] = -beam_x / away if turn == 0 else -beam_y / away
-                found[kept, 3] = -beam_y / away if turn == 0 else beam_x / away
-                kept += 1
             continue
         if facing < 0.0:
             nx, ny = -nx, -ny

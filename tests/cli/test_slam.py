@@ -172,7 +172,8 @@ def test_known_errors_are_one_line(log, tmp_path):
 
 @pytest.mark.parametrize("before", ["", "import lrf3d.slam.odometry; "])
 def test_slam_is_a_package_and_nothing_else(before):
-    code = f"{before}import lrf3d, lrf3d.slam.slam as s; print(callable(lrf3d.slam), s.Slam is lrf3d.Slam)"
+    code = f"{before}import lrf3d, lrf3d.slam.slam as s; print(callable(lrf3d.slam), s.Slam is"
+    code += " lrf3d.Slam)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False True\n"
 
