@@ -1,7 +1,8 @@
 """Grid: a hashed grid of square cells that finds which segments come near which.
 
-Each cell holds a linked list of the segments that pass through it. Nothing but the arrays of one
-:class:`Grid` is written, so that inserting and asking run in compiled loops without Python.
+Each slot of a hash table holds a linked list of the rows whose segments pass through the cells that
+share it: a search may find rows that are far away, and never misses one that is near. Only the
+arrays of one :class:`Grid` are written, so that everything runs in compiled loops without Python.
 """
 
 from typing import NamedTuple
@@ -11,143 +12,122 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
 
-EMPTY = -(2**62)
-"""Key of a slot that no cell has taken."""
+GRID_CELL = 4.0
+"""[m] Side of a cell: a few times what is searched around a wall, and a fraction of most walls. It
+changes speed only."""
+
+TAKEN, FREE, FULL, SEARCHES = range(4)
+"""What `Grid.used` counts: entries ever taken, the first that was given back (−1 for none), whether
+an entry was wanted when there was none, and searches."""
 
 
 class Grid(NamedTuple):
-    """A hash table of cells, each with a list of rows.
+    """Where the rows of a table of segments are.
 
     Args:
-        keys: (slots,) the cell that has each slot; slots is a power of two.
-        heads: (slots,) the first entry of each cell's list, −1 where it is empty.
+        heads: (slots,) the first entry of each slot's list, −1 where it is empty; slots is a power
+            of two.
         rows: (entries,) the row of each entry.
-        following: (entries,) the next entry of the same cell, −1 at the end.
-        used: (3,) entries and slots that were taken, and the first entry that was given back.
+        following: (entries,) the next entry of the same list, −1 at the end.
+        stamps: (all rows,) the last search that met each row.
+        found: (all rows,) the rows that the last search met.
+        used: (4,) see `TAKEN`.
     """
 
-    keys: Int
     heads: Int
     rows: Int
     following: Int
+    stamps: Int
+    found: Int
     used: Int
 
     @classmethod
-    def of_size(cls, entries: int) -> "Grid":
-        """An empty grid with room for some entries (a power of two)."""
+    def of_size(cls, entries: int, rows: int) -> "Grid":
+        """An empty grid with some entries (a power of two), for a table of some rows."""
         return cls(
-            np.full(2 * entries, EMPTY),
-            np.full(2 * entries, -1),
-            np.empty(entries, np.int64),
-            np.empty(entries, np.int64),
-            np.array([0, 0, -1]),
-        )
+            np.full(entries, -1), np.empty(entries, np.int64), np.empty(entries, np.int64),
+            np.zeros(rows, np.int64), np.empty(rows, np.int64), np.array([0, -1, 0, 0]),
+        )  # fmt: skip
+
+    @property
+    def is_full(self) -> bool:
+        """Whether an entry was missing: rows may be found too seldom until it is filled again."""
+        return bool(self.used[FULL])
 
 
-class Search(NamedTuple):
-    """What searches of a grid need.
-
-    Args:
-        number: (1,) number of the last one.
-        stamps: (rows,) the last one that met each row.
-        found: (rows,) room for the rows that are found.
-    """
-
-    number: Int
-    stamps: Int
-    found: Int
-
-    @classmethod
-    def of_size(cls, rows: int) -> "Search":
-        """No search yet."""
-        return cls(np.zeros(1, np.int64), np.zeros(rows, np.int64), np.empty(rows, np.int64))
+def filled(segments: Float, points: Int, entries: int) -> Grid:
+    """A grid of all rows of segments (rows, 4) that have points, with this many entries or more."""
+    while True:
+        grid = Grid.of_size(entries, len(points))
+        insert_rows(grid, np.flatnonzero(points), segments)
+        if not grid.is_full:
+            return grid
+        entries *= 2
 
 
 @inner
-def slot_of(keys: Int, x: int, y: int) -> int:
-    """The slot of a cell in a hash table of cells, or the free one that it would take."""
-    key = (x << 31) + y
-    mask = len(keys) - 1
-    mixed = key * 0x9E3779B97F4A7C1
-    slot = (mixed ^ (mixed >> 29)) & mask
-    while keys[slot] != key and keys[slot] != EMPTY:
-        slot = (slot + 1) & mask
-    return slot
+def _slot_of(grid: Grid, x: int, y: int) -> int:
+    """The slot of a cell."""
+    mixed = ((x << 31) + y) * 0x9E3779B97F4A7C1
+    return (mixed ^ (mixed >> 29)) & (len(grid.heads) - 1)
 
 
 @inner
-def _steps(segment: Float, cell: float) -> int:
-    """The number of parts of a segment (4,) that are no longer than a cell [m] along an axis."""
-    return int(max(abs(segment[2] - segment[0]), abs(segment[3] - segment[1])) / cell) + 1
+def _steps(segment: Float) -> int:
+    """The number of parts of a segment (4,) that are no longer than a cell along an axis."""
+    return int(max(abs(segment[2] - segment[0]), abs(segment[3] - segment[1])) / GRID_CELL) + 1
 
 
 @inner
-def _box(
-    segment: Float, begin: float, end: float, reach: float, cell: float
-) -> tuple[int, int, int, int]:
-    """The first and last column, and the first and last row, of the cells near a part of a segment.
-
-    Args:
-        segment: (4,) the segment [m].
-        begin: Where the part begins, as a share of the segment.
-        end: Where it ends.
-        reach: How far from it cells count as near [m].
-        cell: Size of a cell [m].
-    """
+def _box(segment: Float, step: int, steps: int, reach: float) -> tuple[int, int, int, int]:
+    """First and last column, first and last row of the cells within a reach [m] of one part."""
     x, y = segment[0], segment[1]
-    dx, dy = segment[2] - x, segment[3] - y
-    left, right = min(begin * dx, end * dx) - reach, max(begin * dx, end * dx) + reach
-    low, high = min(begin * dy, end * dy) - reach, max(begin * dy, end * dy) + reach
+    dx, dy = (segment[2] - x) / steps, (segment[3] - y) / steps
+    left, right = min(step * dx, (step + 1) * dx) - reach, max(step * dx, (step + 1) * dx) + reach
+    low, high = min(step * dy, (step + 1) * dy) - reach, max(step * dy, (step + 1) * dy) + reach
     return (
-        int(np.floor((x + left) / cell)), int(np.floor((x + right) / cell)),
-        int(np.floor((y + low) / cell)), int(np.floor((y + high) / cell)),
+        int(np.floor((x + left) / GRID_CELL)), int(np.floor((x + right) / GRID_CELL)),
+        int(np.floor((y + low) / GRID_CELL)), int(np.floor((y + high) / GRID_CELL)),
     )  # fmt: skip
 
 
-@compiled
-def insert(grid: Grid, row: int, segment: Float, cell: float) -> bool:
-    """Put a row's segment (4,) into the cells [m] it passes through; False where room ran out.
-
-    Cells that hold the row already are passed over, so that a segment that grew can be put in
-    again.
-    """
-    steps = _steps(segment, cell)
+@inner
+def insert(grid: Grid, row: int, segment: Float) -> None:
+    """Put a row's segment (4,) into the cells that it passes through; notes where room ran out."""
+    steps = _steps(segment)
     for step in range(steps):
-        left, right, low, high = _box(segment, step / steps, (step + 1) / steps, 0.0, cell)
+        left, right, low, high = _box(segment, step, steps, 0.0)
         for x in range(left, right + 1):
             for y in range(low, high + 1):
-                slot = slot_of(grid.keys, x, y)
+                slot = _slot_of(grid, x, y)
                 entry = grid.heads[slot]
                 while entry >= 0 and grid.rows[entry] != row:
                     entry = grid.following[entry]
                 if entry >= 0:
                     continue
-                entry = grid.used[2]
+                entry = grid.used[FREE]
                 if entry >= 0:
-                    grid.used[2] = grid.following[entry]
-                elif grid.used[0] < len(grid.rows) and grid.used[1] < len(grid.rows):
-                    entry = grid.used[0]
-                    grid.used[0] += 1
+                    grid.used[FREE] = grid.following[entry]
+                elif grid.used[TAKEN] < len(grid.rows):
+                    entry = grid.used[TAKEN]
+                    grid.used[TAKEN] += 1
                 else:
-                    return False
-                if grid.keys[slot] == EMPTY:
-                    grid.keys[slot] = (x << 31) + y
-                    grid.used[1] += 1
+                    grid.used[FULL] = 1
+                    return
                 grid.rows[entry] = row
                 grid.following[entry] = grid.heads[slot]
                 grid.heads[slot] = entry
-    return True
 
 
-@compiled
-def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:
-    """Take a row out of the cells [m] that its segment (4,) passes through."""
-    steps = _steps(segment, cell)
+@inner
+def remove(grid: Grid, row: int, segment: Float) -> None:
+    """Take a row out of the cells that its segment (4,) passes through."""
+    steps = _steps(segment)
     for step in range(steps):
-        left, right, low, high = _box(segment, step / steps, (step + 1) / steps, 0.0, cell)
+        left, right, low, high = _box(segment, step, steps, 0.0)
         for x in range(left, right + 1):
             for y in range(low, high + 1):
-                slot = slot_of(grid.keys, x, y)
+                slot = _slot_of(grid, x, y)
                 before, entry = -1, grid.heads[slot]
                 while entry >= 0 and grid.rows[entry] != row:
                     before, entry = entry, grid.following[entry]
@@ -157,57 +137,36 @@ def remove(grid: Grid, row: int, segment: Float, cell: float) -> None:
                     grid.heads[slot] = grid.following[entry]
                 else:
                     grid.following[before] = grid.following[entry]
-                grid.following[entry] = grid.used[2]
-                grid.used[2] = entry
+                grid.following[entry] = grid.used[FREE]
+                grid.used[FREE] = entry
 
 
 @compiled
-def insert_rows(grid: Grid, rows: Int, begin: int, segments: Float, cell: float) -> int:
-    """Put rows (n,) of segments into the grid, from one on; returns the first without room."""
-    for k in range(begin, len(rows)):
-        if not insert(grid, rows[k], segments[rows[k]], cell):
-            return k
-    return len(rows)
-
-
-@compiled
-def find(
-    grid: Grid, segment: Float, reach: float, cell: float, stamps: Int, stamp: int, found: Int
-) -> int:
-    """The same as `near`, for Python to call."""
-    return near(grid, segment, reach, cell, stamps, stamp, found)
+def insert_rows(grid: Grid, rows: Int, segments: Float) -> None:
+    """Put rows (n,) of segments into a grid."""
+    for k in range(len(rows)):
+        insert(grid, rows[k], segments[rows[k]])
 
 
 @inner
-def near(
-    grid: Grid, segment: Float, reach: float, cell: float, stamps: Int, stamp: int, found: Int
-) -> int:
-    """Collect every row with a segment within reach [m] of a segment (4,), each once.
+def near(grid: Grid, segment: Float, reach: float) -> int:
+    """Collect in `found` every row within reach [m] of a segment (4,), each once, and count them.
 
-    Args:
-        grid: The grid.
-        segment: (4,) the segment.
-        reach: How far others may lie [m].
-        cell: Size of a cell [m].
-        stamps: (rows,) the last search that met each row; is written.
-        stamp: The number of this search.
-        found: (rows,) is filled with the rows; some may lie farther off, and some may be gone.
-
-    Returns:
-        How many there are.
+    Some may lie farther off.
     """
-    count = 0
-    steps = _steps(segment, cell)
+    grid.used[SEARCHES] += 1
+    count, stamp = 0, grid.used[SEARCHES]
+    steps = _steps(segment)
     for step in range(steps):
-        left, right, low, high = _box(segment, step / steps, (step + 1) / steps, reach, cell)
+        left, right, low, high = _box(segment, step, steps, reach)
         for x in range(left, right + 1):
             for y in range(low, high + 1):
-                entry = grid.heads[slot_of(grid.keys, x, y)]
+                entry = grid.heads[_slot_of(grid, x, y)]
                 while entry >= 0:
                     row = grid.rows[entry]
-                    if stamps[row] != stamp:
-                        stamps[row] = stamp
-                        found[count] = row
+                    if grid.stamps[row] != stamp:
+                        grid.stamps[row] = stamp
+                        grid.found[count] = row
                         count += 1
                     entry = grid.following[entry]
     return count

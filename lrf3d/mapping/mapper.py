@@ -8,7 +8,6 @@ from lrf3d.laser import LaserScan
 from lrf3d.laser.noise import FLOOR, SIGMA
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.paper import PaperMapper, SplitMergeExtractor
-from lrf3d.mapping.robust.constants import BEND, MOST_EXPLAINED
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.mapper import RobustMapper
 from lrf3d.mapping.robust.walls import Rule
@@ -112,8 +111,7 @@ class LineMapper:
         else:
             # Compiled code is made for floats alone.
             self._extract = LikelihoodExtractor(float(gap), sigma, floor)
-            length, distance = float(length), float(distance)
-            rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
+            rule = Rule.of(float(length), float(distance))
             self._mapper = RobustMapper(self._extract, rule, least)
 
     def __repr__(self) -> str:

@@ -89,10 +89,11 @@ def lay_labels(picture: Picture, labels: tuple[Label, ...], taken: int) -> None:
 
 def lay_over(picture: Picture, panel: Picture, left: int, top: int) -> None:
     """Lay a panel (h, w, 4) over a picture, by its opacity."""
-    under = picture[top : top + panel.shape[0], left : left + panel.shape[1], :3]
-    share = panel[..., 3:].astype(np.uint16)
-    over = panel[..., :3] * share + under * (255 - share)
-    under[:] = ((over + 127) // 255).astype(np.uint8)
+    box = (left, top, left + panel.shape[1], top + panel.shape[0])
+    under = Image.fromarray(picture[box[1] : box[3], box[0] : box[2], :3])
+    over = Image.fromarray(panel)
+    under.paste(over, mask=over.getchannel("A"))
+    picture[box[1] : box[3], box[0] : box[2], :3] = np.asarray(under)
 
 
 @cache

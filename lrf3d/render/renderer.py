@@ -172,7 +172,8 @@ class Renderer:
             self._chosen = parts
             indices, self._textured = self._parts.choose(parts)
             self._walls.choose(indices)
-        cut, defined = seen.cut, "" if seen.cut is None else ":CUT"
+        cut = seen.cut
+        defined = ":CUT" * (cut is not None) + ":FADED" * (seen.ghost > 0.0)
         uniforms: dict[str, Any] = {
             "ghost": float(seen.ghost),
             "slope": 0.0 if cut is None else cut.slope,

@@ -67,13 +67,14 @@ class WallTops:
         return np.asarray(np.minimum(np.where(tops < _TALL, tops, np.inf), MAP_BAND[1]))
 
 
-def bands(drawn: "DrawnMap", tops: WallTops, eye: Float, *, least: float, raised: float) -> Faces:
-    """The bands of a map for an eye (3,), at least so high [m] for each metre that it is away.
+def bands(drawn: "DrawnMap", walls: Float, eye: Float, *, least: float, raised: float) -> Faces:
+    """The bands of a map on walls of heights (m,) [m], for an eye (3,).
+
+    They are at least so high [m] for each metre that they are away from the eye.
 
     Raised by a share 0…1 they stand up to the tops of their walls.
     """
     ends = drawn.segments.reshape(-1, 2, 2)
-    walls = tops.of(drawn.segments)
     top = np.minimum(walls, MAP_BAND[1])
     half = 0.5 * (MAP_BAND[1] - MAP_BAND[0])
     middle = top - half

@@ -105,7 +105,9 @@ class Scene:
         if "map" in layers and not view.shows_map:
             drawn = self.drawn_map(moment.scan)
             least = 0.5 * look.BAND_PIXELS * min(size) / 720.0 / lens.focus
-            standing = bands(drawn, self.tops, lens.eye, least=least, raised=view.raised)
+            stage = self.run.snapshot_after(moment.scan)
+            tops = self._same("tops", stage, self.tops.of, drawn.segments)
+            standing = bands(drawn, tops, lens.eye, least=least, raised=view.raised)
             bodies.append(("map", Body(standing, np.eye(4))))
         marks = tuple(
             (name, mark)

@@ -3,18 +3,37 @@
 import numpy as np
 
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.object_groups import ObjectGroups
-from lrf3d.mapping.robust.segment_pool import Change, NewSegments, SegmentPool
+from lrf3d.mapping.grid import filled
+from lrf3d.mapping.robust.beams import Beams
+from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, open_squares
+from lrf3d.mapping.robust.judging import add_beams
+from lrf3d.mapping.robust.objects import Links, find_objects, link_walls
+from lrf3d.mapping.robust.walls import Walls
 
 
-def objects_of(walls, cells):
+def objects_of(ends, cells):
     """The object (n,) of each of some walls (n, 4)."""
-    walls = np.array(walls, dtype=np.float64)
-    count = len(walls)
-    pool, groups = SegmentPool(), ObjectGroups()
-    points = np.full(count, 9)
-    new = NewSegments(walls, np.ones((count, 6)), points, np.arange(count))
-    rows = pool.add(new, count)
-    change = Change(rows[:0], rows, rows[:0], rows[:0])
-    groups.update(pool, change, cells, RangeNoise(0.01, 0.0))
-    return groups.labels[rows]
+    walls, rows = Walls.of_size(256), np.arange(len(ends))
+    walls.ends[rows], walls.points[rows], walls.real[rows] = ends, 9, True
+    walls.used[0] = len(ends)
+    links, grid = Links.of_size(256), filled(walls.ends, walls.points, 1024)
+    link_walls(links, walls, grid, cells, rows)
+    return find_objects(links, walls, rows)
+
+
+def cells_of(scans, floor=1e-4, cells=None):
+    """The cells of some scans, with or after those of others."""
+    cells = Cells.of_size(LEAST) if cells is None else cells
+    for scan in scans:
+        beams = Beams.of(scan, float(scan.pose.theta), RangeNoise(floor, 0.0))
+        place, count = (float(scan.pose.x), float(scan.pose.y)), len(beams.ranges)
+        fresh = NewEvidence(
+            np.ones(1, np.int32), np.zeros(1), np.zeros(1, np.int64), np.zeros(1, np.int64),
+            np.empty(count, np.int64), np.zeros(3, np.int64),
+        )  # fmt: skip
+        while not open_squares(cells, place, beams):
+            cells = cells.doubled()
+        done = 0
+        while (done := add_beams(cells, done, place, beams, fresh)) < count:
+            cells = cells.doubled()
+    return cells

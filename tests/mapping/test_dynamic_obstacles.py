@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from map_objects import cells_of
 
 from lrf3d import (
     DynamicObstacle,
@@ -14,10 +15,7 @@ from lrf3d import (
     simulate,
 )
 from lrf3d.casting.dynamic_obstacle import round_outline
-from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.constants import LEAST_HITS
-from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
+from lrf3d.mapping.robust.cells import LEAST_HITS
 from lrf3d.mapping.robust.refitting import violation_weight
 from lrf3d.scoring.matching import sample_offsets
 
@@ -94,19 +92,16 @@ def test_beams_through_what_one_scan_hit_weigh_more_than_through_what_many_did()
 
 
 def test_what_all_beams_go_through_leaves_the_cells():
-    grid, noise = EvidenceGrid(), RangeNoise(0.01, 0.0)
+    cells = None
     box = World(np.array([[5, -1, 5, 1.0]]))
     for world, times in ((box, 3), (World(np.array([[9, -4, 9, 4.0]])), 90)):
-        scan = PlanarCaster(world).cast(LRF, (0, 0, 0))
-        for _ in range(times):
-            grid.add(Beams.of(scan, 0.0, noise), (0.03, 0.04))
-    cells = grid.cells
-    used = cells.moments[: cells.used[0]]
+        scan = PlanarCaster(world).cast(LRF, (0.03, 0.04, 0))
+        cells = cells_of([scan] * times, 0.01, cells)
+    used = cells.moments[: cells.used[2]]
     left = used[used[:, 0] > 0.0]
     # Halved again and again, what is left became so small that sums with it took ten times as long.
     assert (left[:, 0] >= LEAST_HITS).all() and (left[:, 2] > 8.9).all()
     # What they took up is used again.
-    taken = int(cells.used[0])
-    scan = PlanarCaster(box).cast(LRF, (0, 0, 0))
-    grid.add(Beams.of(scan, 0.0, noise), (0.03, 0.04))
-    assert cells.used[0] == taken and (grid.cells.heads >= 0).sum() >= 2
+    taken = int(cells.used[2])
+    cells = cells_of([PlanarCaster(box).cast(LRF, (0.03, 0.04, 0))], 0.01, cells)
+    assert cells.used[2] == taken and (cells.heads > 0).sum() >= 2

@@ -3,8 +3,7 @@ import pytest
 
 from lrf3d import LaserScan
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.constants import END_DEVIATIONS
-from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+from lrf3d.mapping.robust.extraction import END_DEVIATIONS, LikelihoodExtractor
 from lrf3d.mapping.robust.segmentation import fit_wall
 
 

@@ -8,17 +8,6 @@ import pytest
 import lrf3d
 from lrf3d import LaserRangeFinder, LineMap, LineMapper, ProportionalNoise, World
 from lrf3d.errors import InputError
-from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.extraction import LikelihoodExtractor
-from lrf3d.mapping.robust.mirrors import (
-    Reflectance,
-    images,
-    mirror_lines,
-    mirrored,
-    without_images,
-)
-from lrf3d.mapping.robust.optics import Optics
-from lrf3d.mapping.robust.pane_stretches import frames, stretches
 from lrf3d.world import Material
 
 LRF = LaserRangeFinder(-np.pi, np.pi, beams=361, range_max=40.0)
@@ -184,92 +173,6 @@ def test_kinds_are_kept_by_maps_runs_and_recordings(tmp_path):
     assert np.array_equal(kept.map.kinds, run.map.kinds)
     lrf3d.save_run(run, tmp_path / "saved.npz")
     assert np.array_equal(lrf3d.load_run(tmp_path / "saved.npz").map.kinds, run.map.kinds)
-
-
-def test_walls_and_their_images_give_the_mirror():
-    rng = np.random.default_rng(1)
-    for _ in range(50):
-        angle, place = rng.uniform(-np.pi, np.pi), rng.uniform(-3, 3, 2)
-        normal = np.array([np.cos(angle), np.sin(angle)])
-        line = np.array([*normal, normal @ place - 3.0])
-        real = place + rng.uniform(-2, 2, (2, 2))
-        if abs((real[1] - real[0]) @ normal) < 0.3 * np.hypot(*(real[1] - real[0])):
-            continue
-        image = mirrored(real, line)[::-1]
-        lines = mirror_lines(place, image.reshape(1, 4), real.reshape(1, 4))
-        assert len(lines) <= 1
-        if np.hypot(*(real[1] - real[0])) > 0.1 and len(lines):
-            assert lines[0] == pytest.approx(line, abs=1e-9)
-
-
-def test_images_are_taken_off_walls_that_go_on_in_them():
-    walls = np.array([[0, 0, 24, 0], [24, 0, 24, 8], [24, 8, 0, 8], [0, 8, 0, 0], [13, 3, 15, 4.0]])
-    left, rows = without_images(walls, np.array([[-1.0, 0.0, -12.0]]), walls)
-    assert rows.tolist() == [0, 2, 3, 4]
-    assert left[0] == pytest.approx([0, 0, 12, 0], abs=0.3)
-    assert left[1] == pytest.approx([12, 8, 0, 8], abs=0.3)
-
-
-def test_what_a_mirror_leaves_of_an_image_is_kept_if_it_is_long_enough():
-    walls = np.array([[0, 0, 12, 0], [11.9, 0, 24, 0], [11, 0, 24, 0.0]])
-    _, rows = without_images(walls, np.array([[-1.0, 0.0, -12.0]]), walls[:1])
-    assert rows.tolist() == [0, 2]
-
-
-def test_images_are_recognised_by_walls_whose_brightness_is_known():
-    world, line = mirror_hall(), np.array([-1.0, 0.0, -12.0])
-    real = world.segments[[kind.name != "mirror" for kind in world.materials]]
-    noise, found = RangeNoise(0.02, 0.0), 0
-    for scan in lrf3d.simulate(world, round_trip(12), LRF, caster="planar", rng=0).scans:
-        optics = Optics(LikelihoodExtractor(2.5, 0.04, 0.01))
-        beams = optics.look(scan, tuple(scan.pose[:2]), scan.pose.theta, noise).beams
-        optics.mirrors.update(beams, np.empty((0, 4)), real)
-        found += images(beams, line, real, optics.mirrors.known) is not None
-        assert images(beams, line, real, Reflectance()) is None
-    assert found > 3
-
-
-def test_glass_ends_where_beams_end_on_something_opaque_or_would_have_flashed():
-    pieces, reach = np.zeros((20, 5), np.int64), np.full((20, 2), (np.inf, -np.inf))
-    for row in (1, 2, 5, 6, 9, 10, 11, 15, 16, 17):
-        pieces[row], reach[row] = (1, 1, 4, 0, 0), (0.25 * row, 0.25 * row + 0.2)
-    pieces[3:5, 2] = 5
-    pieces[7:9, 3] = 5
-    pieces[12:15, [2, 4]] = 5
-    want = np.array([[0.25, 1.7], [2.25, 2.95], [3.75, 4.45]])
-    assert np.array(stretches(pieces, reach, np.empty(0))) == pytest.approx(want)
-    pieces[:, 3] += 9
-    assert stretches(pieces, reach, np.empty(0)) == []
-
-
-def test_glass_goes_on_where_beams_pass_until_a_wall_meets_it():
-    pieces, reach = np.zeros((80, 5), np.int64), np.full((80, 2), (np.inf, -np.inf))
-    pieces[:, 2] = 6
-    for row in (4, 5, 70, 71):
-        pieces[row, :2], reach[row] = 2, (0.25 * row, 0.25 * row + 0.2)
-    whole = [(pytest.approx(1.0), pytest.approx(17.95))]
-    # A single beam that ends in front of it is no wall, nor is a wall where the glass ends.
-    pieces[30, 2:4] = 1
-    assert stretches(pieces, reach, np.array([0.9, 18.1, 1.2])) == whole
-    assert stretches(pieces, reach, np.array([9.0])) == []
-    pieces[40:44, 3] = 4
-    assert stretches(pieces, reach, np.empty(0)) == []
-
-
-def test_walls_meet_a_line_where_they_end_on_it_or_cross_it():
-    walls = np.array([[2, 0.1, 2, 5], [4, -3, 6, 3], [7, 2, 7, 9], [8, 0.05, 11, 0.1]])
-    found = frames(np.array([1.0, 0.0]), np.array([1.0, 0.0]), walls)
-    assert found.tolist() == pytest.approx([1.0, 4.0])
-
-
-def test_reflectance_is_the_mean_in_a_cell():
-    known = Reflectance()
-    assert np.isnan(known.at(np.zeros((1, 2)))).all()
-    known.add(np.array([[0.1, 0.1], [5.1, -3.1], [0.2, 0.2]]), np.array([0.2, 0.5, 0.4]))
-    known.add(np.array([[-7.1, 0.1]]), np.array([0.9]))
-    places = np.array([[0.05, 0.05], [5.2, -3.2], [-7.05, 0.2], [9.0, 9.0]])
-    assert known.at(places)[:3] == pytest.approx([0.3, 0.5, 0.9])
-    assert np.isnan(known.at(places)[3])
 
 
 def test_a_mirror_that_reflects_all_light_is_taken_for_a_room():

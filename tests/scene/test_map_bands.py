@@ -16,7 +16,7 @@ def levels(heights, *, eye=EYE, least=0.0, raised=0.0):
     """The lowest and highest corner (2, 2) of the band of each of two walls."""
     faces = bands(
         DrawnMap(WALLS, COLOURS),
-        WallTops(WALLS, np.array(heights)),
+        WallTops(WALLS, np.array(heights)).of(WALLS),
         eye,
         least=least,
         raised=raised,
@@ -41,13 +41,13 @@ def test_raised_bands_stand_up_to_the_tops_of_their_walls():
     standing = levels([1.5, 8.0], raised=1.0)
     assert standing[:, 1] == pytest.approx([1.5, 8.0]) and (standing[:, 0] < 0.05).all()
     alone = DrawnMap(WALLS + 50.0, COLOURS)
-    faces = bands(alone, WallTops(WALLS, np.ones(2)), EYE, least=0.0, raised=1.0)
+    faces = bands(alone, WallTops(WALLS, np.ones(2)).of(WALLS + 50.0), EYE, least=0.0, raised=1.0)
     assert faces.corners[..., 2].max() == pytest.approx(MAP_STANDING)
 
 
 def test_faces_of_bands_look_outward():
     drawn = DrawnMap(WALLS[:1], COLOURS[:1])
-    faces = bands(drawn, WallTops(WALLS, np.full(2, 2.5)), EYE, least=0.0, raised=1.0)
+    faces = bands(drawn, np.full(1, 2.5), EYE, least=0.0, raised=1.0)
     a, b, c = np.moveaxis(faces.corners.astype(float), 1, 0)
     out = faces.corners.mean(axis=1) - [3.0, 0.0, 1.25]
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), out) > 0.0).all()
@@ -57,5 +57,5 @@ def test_faces_of_bands_look_outward():
 def test_a_map_of_nothing_has_no_band():
     nothing = np.zeros((0, 4))
     tops = WallTops(nothing, np.zeros(0))
-    found = bands(DrawnMap(nothing, np.zeros((0, 3))), tops, EYE, least=0.1, raised=0.0)
+    found = bands(DrawnMap(nothing, np.zeros((0, 3))), np.zeros(0), EYE, least=0.1, raised=0.0)
     assert len(found.corners) == 0 and len(tops.of(WALLS)) == 2

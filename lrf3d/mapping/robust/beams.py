@@ -12,7 +12,18 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.robust.constants import CELL, LEAST_LOST, LOSS_ODDS, MOST_LOST
+
+CELL = 0.1
+"""[m] Size of a cell. What is kept of the ground grows with its square; at 0.2 the purity of the
+objects of a town falls by 0.05."""
+
+LOSS_ODDS = 0.01
+"""[odds] A gap in a scan that lost beams leave by no more than such a chance is a real one."""
+
+LEAST_LOST, MOST_LOST = 2, 8
+"""[beams] How many beams beside each other may be lost at least, also where hardly any are, and at
+most. More forgets what is seen through narrow gaps, less takes lost beams for gaps of walls."""
+
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
 """[m] Where the first scan was taken in the map's frame: off the edges of the cells, on which
@@ -64,6 +75,12 @@ class Frame(NamedTuple):
         placed: Float = (segments.reshape(-1, 2) - SHIFT) @ turn + [self.x, self.y]
         return placed.reshape(-1, 4)
 
+    def of_world(self, points: Float) -> Float:
+        """Points (n, 2) of the world in this frame."""
+        cos, sin = np.cos(self.theta), np.sin(self.theta)
+        moved: Float = (points - (self.x, self.y)) @ np.array([[cos, -sin], [sin, cos]]) + SHIFT
+        return moved
+
 
 class Beams(NamedTuple):
     """The beams of a scan in the map's frame.
@@ -90,11 +107,6 @@ class Beams(NamedTuple):
         np.sin(headings, out=beams.units[:, 1])
         measure_beams(plain(measured), float(scan.range_max), noise, pose_spread(scan), beams)
         return beams
-
-    def limited(self, limits: Float) -> "Beams":
-        """The beams, free no farther than limits (n,) [m], at which those went on elsewhere."""
-        turned = np.isfinite(limits)
-        return self._replace(ranges=np.where(turned, -limits, self.ranges))
 
 
 def in_order(scan: LaserScan) -> tuple[Float, Float]:

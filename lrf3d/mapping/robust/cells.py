@@ -1,396 +1,256 @@
-"""Cells: what beams have shown of the ground, and how each beam adds to it, compiled.
+"""Cells: what all beams have shown of the ground, each beam judged once.
 
-A return adds to the moments of the returns in its cell that came the same way; each cell that a
-beam goes through counts it as a pass, by the beam's direction. Sums do not depend on the order of
-the scans. What beams go through, where others ended before, is forgotten bit by bit.
+A return adds to the moments of the returns in its cell that came the same way, a cluster; each cell
+that a beam goes through counts it as a pass, by the beam's direction. Sums do not depend on the
+order of the scans. What beams go through, where others ended before, is forgotten bit by bit.
+
+The ground is divided into squares, which a hash table finds. Only squares in which something was
+hit, and those around them, have cells: memory grows with what was hit, not with how far beams go.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.blocks import (
-    ROW_BITS,
-    SIDE,
-    SIDE_BITS,
-    Blocks,
-    block_at,
-    enter_cells,
-    take_block,
-    unpacked,
-)
-from lrf3d.mapping.robust.constants import (
-    CELL,
-    FREE_DEPTH,
-    GONE_AFTER,
-    HIT_DEVIATIONS,
-    HIT_DIRECTIONS,
-    LEAST_HITS,
-    MOST_HITS,
-    MOST_PASSES,
-    OPEN_WEIGHT,
-    PASS_DIRECTIONS,
-    SAME_WAY,
-)
+from lrf3d.mapping.robust.beams import CELL, Beams
 
-SOLID = np.uint8(128)
-"""Bit of the numbers of passes of a cell in which beams ended."""
+SIDE_BITS = 4
+SIDE = 1 << SIDE_BITS
+"""Cells along the side of a block, whose numbers lie together."""
 
-REACH_BITS = 52
-"""A beam's way through the cells is measured in so small parts of its reach."""
+SQUARE_BITS = SIDE_BITS + 3
+"""A square has eight blocks along a side, 12.8 m: no place on the longest line by which two walls
+are compared is farther than half of its 15 m from one of them."""
+
+PASS_DIRECTIONS = 16
+"""[directions] By how many directions the beams through a cell are told apart: those that run
+along a wall do not violate it. Eight serve as well but for narrow lanes."""
+
+HIT_DIRECTIONS = 8
+"""[directions] By how many directions returns are told apart: thin walls are seen from both sides,
+and at a corner two walls share a cell."""
+
+MOST_PASSES, SOLID = 127, np.uint8(128)
+"""[beams] When more have gone through a cell one way, all that is kept of the cell is halved: what
+came later counts more, so that a wall that goes away, or comes, is noticed after some hundred
+beams whatever was before. Seven bits: the eighth marks cells with returns."""
+
+MOST_HITS = 255.0
+"""[beams] The same for the returns in a cell from one direction."""
+
+GONE_AFTER = 20
+"""[beams] When so many have gone on where others ended, the same way and without a hit between
+them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
+
+LEAST_HITS = 0.5
+"""[beams] What fewer hits than this are left of is forgotten altogether."""
+
+SAME_WAY = 0.7
+"""[cosine] Angle between beams that go the same way."""
+
+FREE_DEPTH = 0.2
+"""[m] A beam that goes no farther than this behind a wall is no free-space violation: poses and
+edges are a little wrong."""
+
+HIT_DEVIATIONS = 3.0
+"""[deviations] What the noise adds to how far a return may lie off a wall that its beam hit, and
+how far a beam must go on behind a wall to violate it."""
+
+OPEN_WEIGHT = 0.5
+"""[hits] What a free-space violation weighs at a piece of a wall without hits, and as new evidence
+of a wall."""
+
+EMPTY = -(2**62)
+"""Key of a slot that no square has taken."""
+
+ROW_BITS, FIRST_COLUMN = 32, 1 << 31
+"""A packed cell is its row, and its column counted from the first below the row's bits."""
+
+REACH_BITS, FARTHEST = 52, 1 << 54
+"""A beam's way through the cells is measured in so small parts of its reach; a distance that it
+does not get to."""
 
 ROW_MASK = (SIDE - 1) << SIDE_BITS
 LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
 """The bits of a packed cell that change when a step leaves a block."""
 
+LEAST = 256
+"""Squares and walls that there is room for at first; four times as many blocks."""
+
 
 class Cells(NamedTuple):
-    """The cells, as compiled code takes them.
+    """The cells, as compiled code takes them. Blocks and clusters are counted from 1; 0 is none.
 
     Args:
-        open: The blocks of cells that beams went through.
-        planes: (blocks, directions) which plane counts the beams of each direction; 0 where none
-            went.
-        passes: (planes, cells) numbers of beams that went through each; plane 0 stays empty.
+        keys: (slots,) the square that has each slot of the hash table; slots is a power of two.
+        squares: (slots,) its number.
+        blocks: (squares, 64) the block of cells at each place of a square.
+        passes: (blocks, directions, cells) numbers of beams that went through each.
         passed: (blocks, cells) in which directions any of them went, each a bit.
-        solid: The blocks of cells that beams ended in.
-        heads: (blocks, cells) the first cluster of returns in each cell, −1 where there is none.
-        following: (clusters,) the next of the same cell, or of those given back; −1 at the end.
+        heads: (blocks, cells) the first cluster of returns in each cell.
+        following: (clusters,) the next of the same cell, or of those given back.
         ways: (clusters,) which way its beams came.
         moments: (clusters, 13) number of returns, weight 1/variance [1/m²] of their ranges, mean
             x, y [m], scatter xx, xy, yy about it, mean direction x, y of the beams, number of
             scans that they are from, and of beams that went through between them; beams that had
             gone through the cell before its first return, and the scan of that.
         seen: (clusters,) the last of these scans.
-        owners: (clusters, 2) the wall that each hit, in the first round of the refinement and in
-            the second; −1 where none.
-        owner_stamps: (clusters, 2) the owner's stamp when it took the cluster, which is free where
-            the owner has another stamp by now.
-        apart: (clusters, 2) how far each lies off its owner [m].
+        owners: (clusters,) the wall that each hit.
+        stamps: (clusters,) the owner's stamp when it took the cluster, which is free where the
+            owner has another stamp by now.
+        apart: (clusters,) how far each lies off its owner [m].
+        pieces: (clusters,) the piece of its owner, while that is refit.
         misses: (clusters,) beams that went on the way that its beams came, since the last hit.
-        used: (4,) clusters that were taken, the first that was given back, scans, and planes that
-            were taken.
+        used: (5,) squares, blocks and clusters that were taken, the first cluster that was given
+            back, and scans.
         widest: (1,) greatest deviation [m] of a return.
     """
 
-    open: Blocks
-    planes: NDArray[np.int32]
+    keys: Int
+    squares: Int
+    blocks: NDArray[np.int32]
     passes: NDArray[np.uint8]
     passed: NDArray[np.uint16]
-    solid: Blocks
     heads: NDArray[np.int32]
     following: NDArray[np.int32]
     ways: NDArray[np.int8]
     moments: Float
     seen: NDArray[np.int32]
     owners: NDArray[np.int32]
-    owner_stamps: NDArray[np.int32]
+    stamps: NDArray[np.int32]
     apart: Float
+    pieces: NDArray[np.int32]
     misses: NDArray[np.int32]
     used: Int
     widest: Float
+
+    @classmethod
+    def of_size(cls, size: int) -> "Cells":
+        """No cells, with room for this number of squares, and more of blocks and clusters."""
+        blocks, clusters, cells = 4 * size, 16 * size, SIDE * SIDE
+        return cls(
+            np.full(2 * size, EMPTY), np.zeros(2 * size, np.int64),
+            np.zeros((size, 64), np.int32), np.zeros((blocks, PASS_DIRECTIONS, cells), np.uint8),
+            np.zeros((blocks, cells), np.uint16), np.zeros((blocks, cells), np.int32),
+            np.zeros(clusters, np.int32), np.zeros(clusters, np.int8), np.zeros((clusters, 13)),
+            np.zeros(clusters, np.int32), np.zeros(clusters, np.int32),
+            np.zeros(clusters, np.int32), np.zeros(clusters), np.zeros(clusters, np.int32),
+            np.zeros(clusters, np.int32), np.array([0, 1, 1, 0, 0]), np.zeros(1),
+        )  # fmt: skip
+
+    def doubled(self) -> "Cells":
+        """The same with room for twice as many."""
+        grown = Cells.of_size(2 * len(self.blocks))
+        columns: list[NDArray[Any]] = list(self)
+        for place, column in enumerate(columns[2:], 2):
+            # What is zero takes no memory until it is written.
+            used = self.used[0 if place == 2 else 1 if place < 6 else 2]
+            grown[place][: used if place < 15 else None] = column[: used if place < 15 else None]
+        move_squares(self, grown)
+        return grown
 
 
 class NewEvidence(NamedTuple):
     """What the beams of a scan have added to the evidence of which walls.
 
     Args:
-        stamps: (walls,) the stamp of each wall.
-        counts: (walls,) what is new of each wall since it was refit [hits].
-        walls: (walls,) these walls, each once.
-        last_scans: (walls,) the last scan that added to the evidence of each wall.
+        stamps: (rows,) the stamp of each wall.
+        counts: (rows,) what is new of each wall since it was refit [hits].
+        last_scans: (rows,) the last scan that added to the evidence of each wall.
+        walls: (rows,) the walls that this scan added to, each once.
         unowned: (≥ beams,) clusters that are hits of no wall and grew.
         numbers: (3,) how many walls and clusters, and the number of the scan.
     """
 
     stamps: NDArray[np.int32]
     counts: Float
-    walls: Int
     last_scans: Int
+    walls: Int
     unowned: Int
     numbers: Int
 
-    @classmethod
-    def of_no_walls(cls, beams: int) -> "NewEvidence":
-        """No walls, for a scan of some beams."""
-        none = np.zeros(0, np.int64)
-        return cls(
-            np.zeros(0, np.int32), np.zeros(0), none, none, np.empty(beams, np.int64),
-            np.zeros(3, np.int64),
-        )  # fmt: skip
+
+@borrower
+def _slot_of(keys: Int, x: int, y: int) -> int:
+    """The slot of a square in the hash table, or the free one that it would take."""
+    key, mask = (x << 31) + y, len(keys) - 1
+    mixed = key * 0x9E3779B97F4A7C1
+    slot = (mixed ^ (mixed >> 29)) & mask
+    while keys[slot] != key and keys[slot] != EMPTY:
+        slot = (slot + 1) & mask
+    return slot
 
 
 @compiled
-def add_beams(
-    cells: Cells,
-    begin: int,
-    place: tuple[float, float],
-    beams: Beams,
-    fresh: NewEvidence,
-) -> tuple[int, int]:
-    """Add the beams of a scan, from one on.
+def move_squares(cells: Cells, grown: Cells) -> None:
+    """Put the squares into a larger hash table."""
+    for old in range(len(cells.keys)):
+        key = cells.keys[old]
+        if key != EMPTY:
+            y = ((key + (1 << 30)) & ((1 << 31) - 1)) - (1 << 30)
+            slot = _slot_of(grown.keys, (key - y) >> 31, y)
+            grown.keys[slot], grown.squares[slot] = key, cells.squares[old]
 
-    Args:
-        cells: The cells; are written.
-        begin: The first of the beams that are not added yet.
-        place: Where the laser is [m].
-        beams: The beams.
-        fresh: Is written.
 
-    Returns:
-        The first beam that there is no room for, and what is too small for it: the open blocks (0),
-        the solid ones (1), the clusters (2) or the planes (3).
-    """
-    x, y = place
-    units, ranges, deviations = beams
-    blocks, solid, planes = cells.open, cells.solid, cells.planes
-    passes, directions = cells.passes, cells.passed
-    if begin == 0:
-        cells.used[2] += 1
-    for beam in range(begin, len(ranges)):
-        reading = ranges[beam]
-        if reading == 0.0:
+@borrower
+def block_at(cells: Cells, column: int, row: int) -> int:
+    """The block of a cell; 0 where there is none."""
+    slot = _slot_of(cells.keys, column >> SQUARE_BITS, row >> SQUARE_BITS)
+    if cells.keys[slot] == EMPTY:
+        return 0
+    block: int = cells.blocks[cells.squares[slot], _place_of(column, row)]
+    return block
+
+
+@borrower
+def cell_in(column: int, row: int) -> int:
+    """The place of a cell in its block."""
+    return ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
+
+
+@borrower
+def _place_of(column: int, row: int) -> int:
+    """The place of a cell's block in its square."""
+    return (((row >> SIDE_BITS) & 7) << 3) + ((column >> SIDE_BITS) & 7)
+
+
+@borrower
+def take_block(cells: Cells, column: int, row: int) -> int:
+    """The block of a cell, which is made where there is none; −1 outside of all squares."""
+    slot = _slot_of(cells.keys, column >> SQUARE_BITS, row >> SQUARE_BITS)
+    if cells.keys[slot] == EMPTY:
+        return -1
+    square, place = cells.squares[slot], _place_of(column, row)
+    if cells.blocks[square, place] == 0:
+        cells.blocks[square, place] = cells.used[1]
+        cells.used[1] += 1
+    block: int = cells.blocks[square, place]
+    return block
+
+
+@compiled
+def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool:
+    """Make the squares around all hits of a scan from a place [m]; False where room ran out."""
+    side, before_x, before_y = CELL * (1 << SQUARE_BITS), 1 << 40, 0
+    for beam in range(len(beams.ranges)):
+        reach = beams.ranges[beam]
+        if reach <= 0.0:
             continue
-        dx, dy = units[beam, 0], units[beam, 1]
-        most = int(abs(reading) * (abs(dx) + abs(dy)) / (CELL * SIDE)) + 4
-        if 2 * (blocks.used[0] + most) > len(blocks.keys):
-            return beam, 0
-        if 2 * solid.used[0] == len(solid.keys):
-            return beam, 1
-        if cells.used[1] < 0 and cells.used[0] == len(cells.moments):
-            return beam, 2
-        if cells.used[3] + most > len(passes):
-            return beam, 3
-        turn = np.arctan2(dy, dx) / (2.0 * np.pi)
-        free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
-        way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
-        scale = (1 << REACH_BITS) / (abs(reading) / CELL + 2.0)
-        cell, right, ahead, wide, high, across, up = enter_cells(x, y, dx, dy, scale)
-        entered, left, last = 0, min(across, up), int(2.0 * free * scale)
-        block, plane, inside, bit = 0, 0, cell ^ LEAVES, np.uint16(1 << way)
-        # The middle of the beam's way through a cell decides.
-        while entered + left <= last:
-            if (cell ^ inside) & LEAVES:
-                inside = cell
-                at_x, at_y = unpacked(cell, SIDE_BITS)
-                block = take_block(blocks, at_x, at_y)
-                # What beams of one direction count lies together.
-                plane = planes[block, way]
-                if plane == 0:
-                    plane = _take_plane(cells, block, way, block_at(solid, at_x, at_y))
-            at = ((cell >> (ROW_BITS - SIDE_BITS)) & ROW_MASK) | (cell & (SIDE - 1))
-            passed = passes[plane, at]
-            if passed & MOST_PASSES == 0:
-                directions[block, at] |= bit
-            if passed & SOLID:
-                _contradict(cells, plane, cell, dx, dy, fresh)
-            elif passed < MOST_PASSES:
-                passes[plane, at] = passed + 1
-            entered = left
-            # Choices instead of a branch, which no processor could predict.
-            crosses = across < up
-            cell += right if crosses else ahead
-            across += wide if crosses else 0
-            up += 0 if crosses else high
-            left = min(across, up)
-        if reading > 0.0:
-            way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
-            cells.widest[0] = max(cells.widest[0], deviations[beam])
-            _add_hit(
-                cells, x + reading * dx, y + reading * dy, dx, dy, deviations[beam], way, fresh
-            )
-    return len(ranges), -1
-
-
-@inner
-def _take_plane(cells: Cells, block: int, way: int, solid: int) -> int:
-    """A new plane for the beams of a direction in an open block, which may be a solid one too."""
-    plane: int = cells.used[3]
-    cells.used[3] += 1
-    cells.planes[block, way] = plane
-    if solid >= 0:
-        for cell in range(SIDE * SIDE):
-            if cells.heads[solid, cell] >= 0:
-                cells.passes[plane, cell] = SOLID
-    return plane
-
-
-@inner
-def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:
-    """Add a beam of a weight [hits] to the new evidence of a wall."""
-    fresh.counts[wall] += weight
-    if fresh.last_scans[wall] != fresh.numbers[2]:
-        fresh.last_scans[wall] = fresh.numbers[2]
-        fresh.walls[fresh.numbers[0]] = wall
-        fresh.numbers[0] += 1
-
-
-@inner
-def _contradict(
-    cells: Cells,
-    plane: int,
-    packed_cell: int,
-    dx: float,
-    dy: float,
-    fresh: NewEvidence,
-) -> None:
-    """Count a beam that goes on through a cell where others ended."""
-    column, row = unpacked(packed_cell, 0)
-    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    if cells.passes[plane, cell] < SOLID + MOST_PASSES:
-        cells.passes[plane, cell] += 1
-    else:
-        _forget(cells, column, row)
-    # Only cells with clusters are marked SOLID, and blocks once taken stay.
-    solid = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
-    moments, misses = cells.moments, cells.misses
-    before, cluster = -1, cells.heads[solid, cell]
-    while cluster >= 0:
-        weight = OPEN_WEIGHT
-        if cells.seen[cluster] != cells.used[2] and (
-            dx * moments[cluster, 7] + dy * moments[cluster, 8] > SAME_WAY
-        ):
-            misses[cluster] += 1
-            if misses[cluster] >= GONE_AFTER:
-                # What beams hit there is gone: each further few halve what is left of it.
-                misses[cluster] -= GONE_AFTER // 4
-                weight += 0.5 * moments[cluster, 0]
-                for k in (0, 1, 4, 5, 6, 9, 10):
-                    moments[cluster, k] *= 0.5
-        owner = cells.owners[cluster, 0]
-        if owner >= 0 and fresh.stamps[owner] == cells.owner_stamps[cluster, 0]:
-            count_evidence(fresh, owner, weight)
-        after = cells.following[cluster]
-        if moments[cluster, 0] < LEAST_HITS:
-            _give_back(cells, solid, cell, before, cluster)
-        else:
-            before = cluster
-        cluster = after
-    if before < 0:
-        block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
-        for way in range(PASS_DIRECTIONS):
-            cells.passes[cells.planes[block, way], cell] &= MOST_PASSES
-
-
-@inner
-def _give_back(cells: Cells, solid: int, cell: int, before: int, cluster: int) -> None:
-    """Take a cluster out of the list of its cell, where another may be before it."""
-    after = cells.following[cluster]
-    if before < 0:
-        cells.heads[solid, cell] = after
-    else:
-        cells.following[before] = after
-    cells.following[cluster] = cells.used[1]
-    cells.used[1] = cluster
-    cells.misses[cluster] = 0
-    for k in range(2):
-        cells.owners[cluster, k] = -1
-    cells.seen[cluster] = 0
-    for k in range(13):
-        cells.moments[cluster, k] = 0.0
-
-
-@inner
-def _forget(cells: Cells, column: int, row: int) -> None:
-    """Halve the hits and the passes of a cell that has clusters.
-
-    Their proportion stays, and what comes counts twice as much as what was.
-    """
-    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    # The first hit in a cell takes an open block, too.
-    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
-    for way in range(PASS_DIRECTIONS):
-        plane = cells.planes[block, way]
-        passed = cells.passes[plane, cell]
-        cells.passes[plane, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
-        if passed & MOST_PASSES == 1:
-            cells.passed[block, cell] ^= np.uint16(1 << way)
-    solid = block_at(cells.solid, column >> SIDE_BITS, row >> SIDE_BITS)
-    cluster = cells.heads[solid, cell]
-    while cluster >= 0:
-        for k in (0, 1, 4, 5, 6, 9, 10, 11):
-            cells.moments[cluster, k] *= 0.5
-        cluster = cells.following[cluster]
-
-
-@inner
-def _passes_of(cells: Cells, column: int, row: int) -> float:
-    """How many beams have gone through a cell of an open block, whichever way."""
-    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    block = block_at(cells.open, column >> SIDE_BITS, row >> SIDE_BITS)
-    passed = 0.0
-    for way in range(PASS_DIRECTIONS):
-        passed += cells.passes[cells.planes[block, way], cell] & MOST_PASSES
-    return passed
-
-
-@inner
-def _add_hit(
-    cells: Cells,
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
-    deviation: float,
-    way: int,
-    fresh: NewEvidence,
-) -> None:
-    """Add a return at a place [m] to the moments of its cell."""
-    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-    at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-    block = take_block(cells.solid, at_x, at_y)
-    cell = ((row & (SIDE - 1)) << SIDE_BITS) + (column & (SIDE - 1))
-    if cells.heads[block, cell] < 0:
-        open_block = take_block(cells.open, at_x, at_y)
-        for passed in range(PASS_DIRECTIONS):
-            plane = cells.planes[open_block, passed]
-            if plane > 0:
-                cells.passes[plane, cell] |= SOLID
-    cluster = cells.heads[block, cell]
-    while cluster >= 0 and cells.ways[cluster] != way:
-        cluster = cells.following[cluster]
-    if cluster < 0:
-        cluster = cells.used[1]
-        if cluster >= 0:
-            cells.used[1] = cells.following[cluster]
-        else:
-            cluster = cells.used[0]
-            cells.used[0] += 1
-        cells.ways[cluster] = way
-        moments, other = cells.moments, cells.heads[block, cell]
-        moments[cluster, 11] = moments[other, 11] if other >= 0 else _passes_of(cells, column, row)
-        moments[cluster, 12] = moments[other, 12] if other >= 0 else cells.used[2]
-        cells.following[cluster] = other
-        cells.heads[block, cell] = cluster
-    total = cells.moments[cluster]
-    if total[0] >= MOST_HITS:
-        _forget(cells, column, row)
-    if cells.seen[cluster] != cells.used[2]:
-        if total[9] > 0.0:
-            total[10] += cells.misses[cluster]
-        cells.seen[cluster] = cells.used[2]
-        total[9] += 1.0
-    cells.misses[cluster] = 0
-    weight = 1.0 / (deviation * deviation)
-    total[0] += 1.0
-    total[1] += weight
-    share = weight / total[1]
-    ox, oy = x - total[2], y - total[3]
-    total[2] += share * ox
-    total[3] += share * oy
-    spread = weight * (1.0 - share)
-    total[4] += spread * ox * ox
-    total[5] += spread * ox * oy
-    total[6] += spread * oy * oy
-    total[7] += (dx - total[7]) / total[0]
-    total[8] += (dy - total[8]) / total[0]
-    owner = cells.owners[cluster, 0]
-    if owner >= 0 and fresh.stamps[owner] == cells.owner_stamps[cluster, 0]:
-        count_evidence(fresh, owner, 1.0)
-    else:
-        fresh.unowned[fresh.numbers[1]] = cluster
-        fresh.numbers[1] += 1
+        x = int(np.floor((place[0] + reach * beams.units[beam, 0]) / side))
+        y = int(np.floor((place[1] + reach * beams.units[beam, 1]) / side))
+        if x == before_x and y == before_y:
+            continue
+        before_x, before_y = x, y
+        if cells.used[0] + 9 > len(cells.blocks):
+            return False
+        for near_x in range(x - 1, x + 2):
+            for near_y in range(y - 1, y + 2):
+                slot = _slot_of(cells.keys, near_x, near_y)
+                if cells.keys[slot] == EMPTY:
+                    cells.keys[slot] = (near_x << 31) + near_y
+                    cells.squares[slot] = cells.used[0]
+                    cells.used[0] += 1
+    return True

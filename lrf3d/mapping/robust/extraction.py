@@ -17,20 +17,39 @@ from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.mapping.grid import order_of
 from lrf3d.mapping.robust.beams import MOST_RANGE, longest_loss, plain, range_deviation
-from lrf3d.mapping.robust.constants import (
-    CLUSTER_DEVIATIONS,
-    END_DEVIATIONS,
-    GRAZING_ANGLE,
-    LEAST_INCIDENCE,
-    LEAST_POINTS,
-    SCAN_CORNER_BEAMS,
-    SCAN_CORNER_DEVIATIONS,
-    SCAN_CORNER_SINE,
-    SCAN_CORNER_STEPS,
-    WEAKEST_DIRECTION,
-)
-from lrf3d.mapping.robust.segmentation import fit_wall, segment_cluster
+from lrf3d.mapping.robust.segmentation import LEAST_POINTS, fit_wall, segment_cluster
 from lrf3d.mapping.segment_table import SegmentTable
+
+GRAZING_ANGLE = np.radians(8.0)
+"""[rad] Walls met at a smaller angle than this cannot be told from a gap any more."""
+
+CLUSTER_DEVIATIONS = 4.0
+"""[deviations] How much farther apart than the beams' spacing allows two returns of a cluster may
+lie: the noise of both is added to the gap."""
+
+LEAST_INCIDENCE = 0.05
+"""[cosine] Smallest incidence that a weight is computed with: along grazing beams other errors than
+that of the range decide. Weights of returns on walls of the map use it too."""
+
+WEAKEST_DIRECTION = 0.15
+"""[rad] A segment whose direction is known to no better than this is not taken into the map."""
+
+END_DEVIATIONS = 5.0
+"""[deviations] How far a noisy end is moved along its beam onto its wall at most: a beam that all
+but runs along the wall would carry it far off."""
+
+SCAN_CORNER_SINE = 0.2
+"""[sine] Turn below which two neighbouring walls of a scan have no corner: their lines cross at an
+arbitrary place."""
+
+SCAN_CORNER_BEAMS = 3
+"""[beams] How many beams apart two walls of a scan may end and still share a corner."""
+
+SCAN_CORNER_STEPS = 1.5
+"""[steps] How far the corner may lie from the two ends, as a multiple of how far they lie apart."""
+
+SCAN_CORNER_DEVIATIONS = 4.0
+"""[deviations] What the noise adds to how far the two ends lie apart."""
 
 
 class LocalWalls(NamedTuple):

@@ -12,6 +12,7 @@ import numpy as np
 from lrf3d.compiling import compiled
 from lrf3d.errors import Lrf3dWarning
 from lrf3d.geometry import Float
+from lrf3d.mapping.robust.lit_scans import LIGHT, RANGE, UX, UY
 
 ON_WALL = 0.1
 """[m] How far off a wall of the same scan a return of it lies at most."""
@@ -40,15 +41,11 @@ NO_LIGHT = (
 
 
 @compiled
-def read_reflectance(
-    units: Float, ranges: Float, lights: Float, walls: Float, reflectances: Float
-) -> tuple[int, int]:
+def read_reflectance(rays: Float, walls: Float, reflectances: Float) -> tuple[int, int]:
     """Find the reflectance of each return, and how many pairs of returns fit the laser equation.
 
     Args:
-        units: (n, 2) directions of the beams.
-        ranges: (n,) their ranges [m], 0 where nothing returned.
-        lights: (n,) their intensities, 0 where nothing is known.
+        rays: (n, 7) the beams, see `lit_scans`.
         walls: (w, 4) the walls of the scan, around the laser [m].
         reflectances: (n,) is filled; NaN where a return lies on no wall.
 
@@ -56,8 +53,7 @@ def read_reflectance(
         The number of pairs that fit, and that of all pairs.
     """
     fitting = pairs = 0
-    expected = np.empty(len(ranges))
-    logs = np.empty(len(ranges))
+    expected, lights = np.empty(len(rays)), np.empty(len(rays))
     reflectances[:] = np.nan
     for row in range(len(walls)):
         x, y = walls[row, 0], walls[row, 1]
@@ -67,26 +63,27 @@ def read_reflectance(
             continue
         dx, dy = dx / size, dy / size
         count = 0
-        for beam in range(len(ranges)):
-            if not (ranges[beam] > 0.0 and lights[beam] > 0.0):
+        for beam in range(len(rays)):
+            reach, light = rays[beam, RANGE], rays[beam, LIGHT]
+            if light <= 0.0:
                 continue
-            ux, uy = units[beam, 0], units[beam, 1]
+            ux, uy = rays[beam, UX], rays[beam, UY]
             cos = abs(ux * dy - uy * dx)
-            px, py = ranges[beam] * ux - x, ranges[beam] * uy - y
+            px, py = reach * ux - x, reach * uy - y
             along = px * dx + py * dy
             on = abs(py * dx - px * dy) < ON_WALL and -ON_WALL < along < size + ON_WALL
             if not on or cos < GRAZING:
                 continue
-            reflectances[beam] = lights[beam] * ranges[beam] ** 2 / cos
-            expected[count] = np.log(cos / ranges[beam] ** 2)
-            logs[count] = np.log(lights[beam])
+            reflectances[beam] = light / cos
+            expected[count] = np.log(cos / (reach * reach))
+            lights[count] = np.log(light / (reach * reach))
             count += 1
         # Half of the wall apart: neighbours differ by too little.
         for first in range(count - count // 2):
             last = first + count // 2
             change = expected[last] - expected[first]
             if abs(change) > LEAST_CHANGE:
-                misfit = abs(logs[last] - logs[first] - change)
+                misfit = abs(lights[last] - lights[first] - change)
                 fitting += misfit < LARGEST_MISFIT * abs(change)
                 pairs += 1
     return fitting, pairs
@@ -105,10 +102,10 @@ class LaserEquation:
         fitting, pairs = self.counts.tolist()
         return pairs >= LEAST_PAIRS and fitting >= LEAST_FITTING * pairs
 
-    def reflectances(self, units: Float, ranges: Float, lights: Float, walls: Float) -> Float:
+    def reflectances(self, rays: Float, walls: Float) -> Float:
         """The reflectance (n,) of each return of a scan, see `read_reflectance`."""
-        found = np.empty(len(ranges))
-        self.counts = self.counts + read_reflectance(units, ranges, lights, walls, found)
+        found = np.empty(len(rays))
+        self.counts = self.counts + read_reflectance(rays, walls, found)
         if not (self._warned or self.fits) and self.counts[1] >= LEAST_PAIRS:
             self._warned = True
             warnings.warn(NO_LIGHT, Lrf3dWarning, stacklevel=2)

@@ -1,24 +1,29 @@
 """RobustMapper: the default, made to get the number of walls right, each in its place and object.
 
-An update extracts the walls of a scan and merges them with those of the map, judges each beam of
-the scan once, by the cells that it goes through, and refines the walls whose evidence has changed.
-What it costs does not depend on the size of the map or on the number of scans.
+An update judges each beam of the scan once, by the cells that it goes through, merges the walls of
+the scan with those of the map, and refits the walls whose evidence has changed. What it costs does
+not depend on the size of the map or on the number of scans.
 """
 
 import numpy as np
 
-from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.line_map import LineMap
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserScan
+from lrf3d.mapping.grid import Grid, filled
+from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import Beams, Frame, fingerprint, widen
-from lrf3d.mapping.robust.cells import NewEvidence
-from lrf3d.mapping.robust.evidence_grid import EvidenceGrid
-from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, open_squares
+from lrf3d.mapping.robust.corners import close_corners
+from lrf3d.mapping.robust.extraction import LikelihoodExtractor, LocalWalls
+from lrf3d.mapping.robust.judging import add_beams
 from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
+from lrf3d.mapping.robust.objects import Links, find_objects, link_walls
 from lrf3d.mapping.robust.optics import Optics
-from lrf3d.mapping.robust.refinement import LEAST_ROWS, MapRefinement
-from lrf3d.mapping.robust.wall_choice import KnownWalls
-from lrf3d.mapping.robust.wall_store import WallStore
-from lrf3d.mapping.robust.walls import Rule, longer
+from lrf3d.mapping.robust.refinement import choose_walls, replace_walls
+from lrf3d.mapping.robust.refitting import refit_walls
+from lrf3d.mapping.robust.walls import Rule, Walls, merge_walls
+
+Place = tuple[float, float]
 
 
 class RobustMapper:
@@ -31,23 +36,19 @@ class RobustMapper:
     """
 
     def __init__(self, extract: LikelihoodExtractor, rule: Rule, least: int) -> None:
-        self._extract, self._rule = extract, rule
-        self._walls = WallStore(rule)
-        self._grid = EvidenceGrid()
-        self._noise = NoiseEstimate(extract.floor)
-        self._refined = MapRefinement(rule, least)
-        self._optics = Optics(extract)
-        self._last_scan: int | None = None
+        self._extract, self._rule, self._least = extract, rule, least
+        self._noise, self._optics = NoiseEstimate(extract.floor), Optics()
+        self._cells = Cells.of_size(LEAST)
+        self._walls, self._grid = Walls.of_size(LEAST), Grid.of_size(4 * LEAST, LEAST)
+        self._links = Links.of_size(LEAST)
+        # Walls that are new in their places, and may fit others now.
+        self._waiting = np.empty(0, np.int64)
+        self._scans, self._last_scan = 0, 0
         self._frame: Frame | None = None
         self._map: LineMap | None = None
-        # Of each wall of the store: the last scan that was evidence of it, and where it was refit.
-        self._last_scans = np.zeros(LEAST_ROWS, np.int64)
-        self._refit = np.full((LEAST_ROWS, 4), np.inf)
-        self._scans = 0
-        self._following = np.zeros(1, np.int64)
 
     def update(self, scan: LaserScan) -> None:
-        """Unite the map with a scan; the same scan once more changes nothing."""
+        """Unite the map with a scan; the same scan again changes nothing."""
         number = fingerprint(scan)
         if number == self._last_scan:
             return
@@ -56,60 +57,66 @@ class RobustMapper:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
-        seen = self._optics.look(scan, place, heading, noise)
-        if seen is not None:
-            scan = seen.scan
-        beams = Beams.of(scan, heading, noise)
-        if seen is not None:
-            beams = beams.limited(seen.limits)
-        fresh = self._add_beams(beams, place)
-        ends, moments, labels = self._extract.walls(scan, heading, noise)
-        widen(moments, scan)
-        self._walls.add(ends, moments, labels[:, 0], place)
-        self._refine(fresh, noise)
-        if seen is not None:
-            self._optics.update(seen, heading, noise, ends, self._refined.ends)
+        scan, lit = self._optics.look(scan, place, heading, noise)
+        found = self._extract.walls(scan, heading, noise)
+        widen(found.moments, scan)
+        fresh = self._judge_beams(Beams.of(scan, heading, noise), place, len(found.ends))
+        changed, gone = self._merge_walls(found, place)
+        self._link_walls(self._refit_walls(changed, gone, fresh))
+        if lit is not None:
+            self._optics.update(lit, found.ends, self._walls.ends[self._rows()])
         # Last: a scan whose update was interrupted may be given again.
         self._last_scan = number
 
-    def _add_beams(self, beams: Beams, place: tuple[float, float]) -> NewEvidence:
-        """Add what the beams of a scan show to the grid; returns what is new of which walls."""
+    def _judge_beams(self, beams: Beams, place: Place, count: int) -> NewEvidence:
+        """Add what the beams show to the cells; returns what is new of which walls."""
+        # Some walls will come; none may move to larger arrays before they are refit.
+        self._make_room(count)
         self._scans += 1
+        walls = self._walls
         fresh = NewEvidence(
-            self._refined.stamps,
-            self._refined.new_evidence,
-            np.empty(len(self._last_scans), np.int64),
-            self._last_scans,
-            np.empty(len(beams.ranges), np.int64),
-            np.array([0, 0, self._scans]),
-        )
-        self._grid.add(beams, place, fresh)
+            walls.stamps, walls.fresh, walls.last_scans, np.empty(len(walls.points), np.int64),
+            np.empty(len(beams.ranges), np.int64), np.array([0, 0, self._scans]),
+        )  # fmt: skip
+        while not open_squares(self._cells, place, beams):
+            self._cells = self._cells.doubled()
+        done = 0
+        while (done := add_beams(self._cells, done, place, beams, fresh)) < len(beams.ranges):
+            self._cells = self._cells.doubled()
         return fresh
 
-    def _refine(self, fresh: NewEvidence, noise: RangeNoise) -> None:
-        """Refine the walls whose evidence has changed."""
-        store, cells = self._walls, self._grid.cells
-        rows = len(store.walls.points)
-        if rows > len(self._last_scans):
-            self._refined.grow(rows)
-            while len(self._last_scans) < rows:
-                self._last_scans = longer(self._last_scans)
-                self._refit = np.concatenate([self._refit, np.full_like(self._refit, np.inf)])
-            fresh = fresh._replace(
-                stamps=self._refined.stamps,
-                counts=self._refined.new_evidence,
-                walls=np.concatenate([fresh.walls, np.empty(rows, np.int64)]),
-                last_scans=self._last_scans,
-            )
-        known = KnownWalls(
-            store.walls, store.touched, store.grid, self._refit, self._refined.evidence,
-            self._following,
-        )  # fmt: skip
-        for row in self._refined.refine(fresh, known, cells, noise):
-            # Beams went through it: if it comes back, it is found anew.
-            store.drop(row)
-            self._refined.stamps[row] += 1
-            self._refit[row] = np.inf
+    def _merge_walls(self, found: LocalWalls, place: Place) -> tuple[Int, Int]:
+        """Merge the walls of a scan with those of the map; returns those that changed or went."""
+        new = found.ends, found.moments, found.labels[:, 0].copy()
+        waiting, self._waiting = self._waiting, self._waiting[:0]
+        return merge_walls(self._walls, self._grid, new, place, waiting, self._cells, self._rule)
+
+    def _refit_walls(self, changed: Int, gone: Int, fresh: NewEvidence) -> Int:
+        """Put the real parts of changed walls in their places; returns which to link again."""
+        near = self._rule.distance
+        rows = choose_walls(self._walls, self._grid, self._cells, fresh, changed, near)
+        parts = refit_walls(rows, self._walls.ends, self._cells, fresh, near, self._least)
+        self._make_room(len(parts[0]))
+        self._waiting, linked = replace_walls(
+            self._walls, self._grid, self._cells, rows, gone, parts
+        )
+        return linked
+
+    def _link_walls(self, rows: Int) -> None:
+        """Link walls with those around them."""
+        self._links = self._links.with_rows(len(self._walls.points))
+        link_walls(self._links, self._walls, self._grid, self._cells, rows)
+
+    def _make_room(self, count: int) -> None:
+        """Have room for so many more walls, and all walls in the grid."""
+        self._walls = self._walls.with_room(count)
+        if self._grid.is_full or len(self._grid.found) < len(self._walls.points):
+            entries = len(self._grid.rows) * (2 if self._grid.is_full else 1)
+            self._grid = filled(self._walls.ends, self._walls.points, entries)
+
+    def _rows(self) -> Int:
+        """The rows of the walls that are shown."""
+        return np.flatnonzero(self._walls.real & (self._walls.points > 0))
 
     @property
     def map(self) -> LineMap:
@@ -117,6 +124,9 @@ class RobustMapper:
         if self._frame is None:
             return LineMap.empty()
         if self._map is None:
-            shown = self._refined.in_world(self._frame)
-            self._map = self._optics.show(shown, self._frame, self._refined.ends)
+            rows = self._rows()
+            objects = find_objects(self._links, self._walls, rows)
+            ends: Float = close_corners(self._walls.ends[rows], objects)
+            shown = solid_map(self._frame.in_world(ends), objects, self._walls.points[rows])
+            self._map = self._optics.show(shown, self._frame)
         return self._map

@@ -12,16 +12,37 @@ from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.robust.beams import plain
-from lrf3d.mapping.robust.constants import (
-    NOISE_JUMP,
-    NOISE_PRIOR,
-    NOISE_RANGES,
-    NOISE_SHARE,
-    NOISE_SLOPE,
-    NOISE_STEPS,
-    NOISE_UNIT,
-    NOISE_WIDEST,
-)
+
+NOISE_RANGES = np.geomspace(0.1, 200.0, 13)
+"""[m] The ranges between which noise is measured together: steps of a factor of two. It changes
+little: noise is fitted to all of them."""
+
+NOISE_UNIT = 1e-5
+"""[m] The smallest noise that is told from none."""
+
+NOISE_WIDEST = np.radians(6.0)
+"""[rad] Farthest apart of two beams that follow each other on a wall: several lost beams of common
+range finders. Wider, walls end in between more often; narrower, few beams show nothing."""
+
+NOISE_SLOPE = 6.0
+"""Steepest change of the range along a wall, as a share for each radian: walls met at 10° or more.
+Steeper ones magnify noise, and jumps from wall to wall hide among them."""
+
+NOISE_JUMP = 5.0
+"""[deviations] How much noise may add to that, by what is known of it so far."""
+
+NOISE_SHARE = 0.05
+"""Largest noise, as a share of the range, that may add to that: were it more, a noise that is given
+far too large would take corners for noise and never be put right."""
+
+NOISE_PRIOR = 50.0
+"""How many ranges the noise that is given counts as: a third of a scan. It matters for the first
+scans only."""
+
+NOISE_STEPS = 1.2
+"""By which factor more must be known before noise is fitted anew. It changes speed, and the error
+of the noise by a few per cent."""
+
 
 RANGE_BINS = len(NOISE_RANGES) - 1
 RESIDUAL_BINS = 100

@@ -2,177 +2,125 @@
 
 Scans enter with their intensities; what leaves are scans without what mirrors show, and a map in
 which glass and mirrors stand in place of what beams, most of which pass or are turned, left of
-them. Scans without intensities change nothing here.
+them. Scans without intensities, or whose intensities are no light, change nothing here.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 import numpy as np
 
+from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, WALL, LineMap
 from lrf3d.mapping.robust.beams import Beams, Frame
-from lrf3d.mapping.robust.dim_returns import DimReturns
-from lrf3d.mapping.robust.extraction import LikelihoodExtractor
-from lrf3d.mapping.robust.hidden_panes import hidden_images
+from lrf3d.mapping.robust.glass import GRAZING, Glass
+from lrf3d.mapping.robust.ground import DIRECT, NOTHING, TURNED, UNSURE, Ground
 from lrf3d.mapping.robust.intensities import LaserEquation
-from lrf3d.mapping.robust.lit_beams import LitBeams, flashes, pairs
-from lrf3d.mapping.robust.mirrors import Mirrors, without_images
-from lrf3d.mapping.robust.optics_constants import (
-    ABSORBED,
-    ABSORBED_DISTANCE,
-    ABSORBED_SINE,
-    DIM_SHARE,
-    FLASH_SHARE,
-    PANE_JOINS,
-)
-from lrf3d.mapping.robust.pane_images import PaneImages
-from lrf3d.mapping.robust.panes import Panes, grazed
+from lrf3d.mapping.robust.lit_scans import RANGE, UX, UY, LitScan, LitScans, way_to_first
+from lrf3d.mapping.robust.mirrors import DEPTH, Mirrors
 
+EDGE = 0.3
+"""[m] Beams that pass a mirror by less show neither what is there nor what is not."""
 
-class Seen(NamedTuple):
-    """A scan with intensities, as the mapper takes it.
+ABSORBED, ABSORBED_DISTANCE, ABSORBED_SINE = 0.5, 0.12, 0.15
+"""[share, m, sine] A segment of the map is a part of a pane or a mirror where so much of its length
+lies by it, no farther off and no more askew."""
 
-    Args:
-        scan: The scan by rising angle, without the returns of beams that a mirror turned.
-        limits: (n,) how far [m] each of its beams went before it was turned, or infinity.
-        beams: All of its beams with their light.
-    """
-
-    scan: LaserScan
-    limits: Float
-    beams: LitBeams
+JOINS = 0.4
+"""[m] A pane or a mirror is of the object of a wall whose end it reaches so nearly."""
 
 
 class Optics:
-    """What the scans so far have shown of glass and mirrors.
+    """What the scans so far have shown of glass and mirrors."""
 
-    Args:
-        extract: Finds the walls of a scan.
-
-    Attributes:
-        panes: The lines on which glass may stand.
-        dim: Returns that may be of glass, on no line so far.
-        mirrors: The lines that may be mirrors.
-        glass: (s, 4) the stretches that are glass, in the map's frame [m].
-    """
-
-    def __init__(self, extract: LikelihoodExtractor) -> None:
-        self._extract, self._equation = extract, LaserEquation()
-        self.panes, self.dim, self.mirrors = Panes(), DimReturns(), Mirrors()
-        self.bright = PaneImages()
-        self.glass = np.empty((0, 4))
+    def __init__(self) -> None:
+        self._equation, self._scans = LaserEquation(), LitScans()
+        self._glass, self._mirrors, self._ground = Glass(), Mirrors(), Ground()
 
     def look(
         self, scan: LaserScan, place: tuple[float, float], heading: float, noise: RangeNoise
-    ) -> Seen | None:
-        """What a scan from a place [m] with a heading [rad] in the map's frame shows directly.
+    ) -> tuple[LaserScan, LitScan | None]:
+        """A scan from a place [m] with a heading [rad] in the map's frame, without images.
 
-        None for a scan without intensities.
+        The second is the scan with its light; None where it has none.
         """
         if scan.intensities is None:
-            return None
+            return scan, None
         order = np.argsort(scan.angles, kind="stable")
         units, free, _ = Beams.of(scan, heading, noise)
-        ranges = free.clip(0.0)
-        lights = scan.intensities[order]
-        lights = np.where(np.isfinite(lights), lights, 0.0)
-        returned = (ranges > 0.0) & (lights > 0.0)
-        beams = LitBeams(
-            np.array(place),
-            units,
-            ranges,
-            np.abs(free),
-            np.sqrt(noise.variance(ranges)),
-            lights,
-            self.panes.usual_brightness(lights[returned] * ranges[returned] ** 2),
-        )
-        limits = np.minimum(self.mirrors.turns(beams), grazed(beams, self.glass))
-        direct = replace(
-            scan,
-            angles=scan.angles[order],
-            ranges=np.where(np.isfinite(limits), np.inf, scan.ranges[order]),
-            walls=np.full(len(order), -1),
-            intensities=None,
-            echoes=None,
-            echo_intensities=None,
-        )
-        return Seen(direct, limits, beams)
+        ranges, lights = free.clip(0.0), scan.intensities[order]
+        hit = (ranges > 0.0) & (lights > 0.0) & (lights < np.inf)
+        if not hit.any():
+            return scan, None
+        light = np.where(hit, lights * ranges * ranges, 0.0)
+        bright = light / self._scans.usual_brightness(light[hit])
+        deviations = np.sqrt(noise.variance(ranges))
+        columns = units[:, 0], units[:, 1], ranges, np.abs(free), deviations, light, bright
+        lit = LitScan(np.array(place), heading, np.column_stack(columns))
+        turned = np.isfinite(self._limits(lit))
+        if turned.any():
+            seen = np.where(turned, -np.inf, scan.ranges[order])
+            scan = replace(
+                scan, angles=scan.angles[order], ranges=seen, walls=np.full(len(order), -1),
+                intensities=None, echoes=None, echo_intensities=None,
+            )  # fmt: skip
+        return scan, lit
 
-    def update(
-        self, seen: Seen, heading: float, noise: RangeNoise, walls: Float, segments: Float
-    ) -> None:
+    def _limits(self, lit: LitScan) -> Float:
+        """How far [m] the beams (n,) of a scan went before they were turned, or infinity."""
+        way, _ = lit.crossings(self._mirrors.segments)
+        grazing, cos = lit.crossings(self._glass.segments)
+        way = np.concatenate([way, np.where(cos < GRAZING, grazing, np.inf)])
+        first: Float = way.min(axis=0, initial=np.inf)
+        return np.where(lit.rays[:, RANGE] > first + DEPTH, first, np.inf)
+
+    def update(self, lit: LitScan, walls: Float, segments: Float) -> None:
         """Learn from a scan.
 
         Args:
-            seen: The scan.
-            heading: Its heading [rad].
-            noise: The noise of the ranges.
-            walls: (w, 4) the walls that it shows, from the laser [m].
+            lit: The scan.
+            walls: (w, 4) the walls that it shows, around the laser [m].
             segments: (m, 4) the segments of the map [m].
         """
-        beams = seen.beams
-        own = beams.units, beams.ranges, beams.intensities, walls
-        self._equation.reflectances(*own)
-        if not self._equation.fits:
+        reflectances = self._equation.reflectances(lit.rays, walls)
+        self._glass.add(lit)
+        if not self._scans.keep(lit):
             return
-        self.mirrors.update(beams, walls + np.tile(beams.place, 2), segments)
-        turned = np.isfinite(seen.limits)
-        beams = beams._replace(
-            ranges=np.where(turned, 0.0, beams.ranges), free=np.minimum(beams.free, seen.limits)
+        known = reflectances > 0.0
+        self._ground.add_light(lit.ends[known], reflectances[known])
+        changed = False
+        if self._equation.fits:
+            self._mirrors.add(self._scans.count, lit.place, walls + np.tile(lit.place, 2), segments)
+            mirrors = self._mirrors
+            self._glass.look(self._scans, segments, mirrors.segments)
+            changed = mirrors.look(self._scans, segments, self._glass.segments, self._ground)
+        self._sort(slice(None) if changed else slice(self._scans.newest, self._scans.newest + 1))
+
+    def _sort(self, rows: slice) -> None:
+        """Count where beams of kept scans ended, as it is known now which of them were turned."""
+        scans, mirrors = self._scans, self._mirrors.segments
+        places, rays, kinds = scans.places[rows], scans.rays[rows], scans.kinds[rows]
+        found = np.zeros_like(kinds)
+        along = EDGE * np.tile(directions(mirrors), 2) * [-1.0, -1.0, 1.0, 1.0]
+        sort_returns(places, rays, mirrors, mirrors + along, found)
+        ends = places[:, None] + rays[..., RANGE, None] * rays[..., [UX, UY]]
+        changed = found != kinds
+        self._ground.add(
+            ends[changed & (kinds != NOTHING)], kinds[changed & (kinds != NOTHING)], -1
         )
-        self.bright.add(beams)
-        flash, dim = beams.classes()
-        glass = flash | dim
-        if glass.any():
-            self.panes.add(*flashes(beams, flash))
-            self.panes.add(*pairs(beams, dim))
-            alone = replace(seen.scan, ranges=np.where(glass, beams.ranges, np.inf))
-            ends, moments, _ = self._extract.walls(alone, heading, noise)
-            moments[:, 1:3] += beams.place
-            self.panes.add(ends + np.tile(beams.place, 2), moments)
-        self.panes.take_up(self.dim)
-        if len(self.panes):
-            glass &= ~self.panes.count(beams, np.arange(len(self.panes)))
-            self.glass = self.panes.segments(segments)
-        if glass.any():
-            self.dim.add(beams.returns(glass))
+        self._ground.add(ends[changed], found[changed])
+        kinds[:] = found
 
-    def show(self, line_map: LineMap, frame: Frame, walls: Float) -> LineMap:
-        """A map in the world with what is known to be glass or a mirror in it.
-
-        Args:
-            line_map: The map as it was drawn.
-            frame: The map's own frame.
-            walls: (w, 4) the segments of the map in its own frame [m].
-        """
-        if not self._equation.fits or not (len(self.mirrors.found) or len(self.glass)):
+    def show(self, line_map: LineMap, frame: Frame) -> LineMap:
+        """A map in the world with what is known to be glass or a mirror in it."""
+        glass, mirrors = self._glass.segments, self._mirrors.segments
+        if not (self._equation.fits and (len(glass) or len(mirrors))):
             return line_map
         segments, rows = line_map.segments, np.arange(len(line_map))
-        mirrors, glass = frame.in_world(self.mirrors.segments()), frame.in_world(self.glass)
         if len(mirrors):
-            normals = directions(mirrors) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-            distances = np.einsum("ij,ij->i", normals, mirrors[:, :2])
-            lines = np.column_stack([normals, distances])
-            shown = np.concatenate([segments, glass])
-            segments, rows = without_images(segments, lines, shown)
-            glass, _ = without_images(glass, lines, shown)
-        usual = self.panes.usual()
-        found = self.bright.images(self.panes, walls, self.mirrors.known)
-        drawn = np.concatenate([walls, self.glass])
-        found = hidden_images(self.bright.returns, found, drawn, walls, usual)
-        if found.any():
-            rays = frame.in_world(self.bright.returns[:, :4])
-            segments, left = self.bright.without(
-                segments, found, rays, DIM_SHARE * usual, FLASH_SHARE * usual
-            )
-            rows = rows[left]
-            glass, _ = self.bright.without(glass, found, rays, 0.0, np.inf)
-        special = np.concatenate([glass, mirrors])
-        special, kept = absorb(special, segments)
+            segments, rows = self._without_images(segments, frame)
+        special, kept = absorb(frame.in_world(np.concatenate([glass, mirrors])), segments)
         segments, rows = segments[kept], rows[kept]
         objects = line_map.objects[rows]
         objects = np.concatenate([objects, objects_of(special, segments, objects)])
@@ -183,20 +131,36 @@ class Optics:
             np.repeat([WALL, GLASS, MIRROR], [len(kept), len(glass), len(mirrors)]),
         )
 
-    def state(self) -> dict[str, Any]:
-        """All that is known, as plain arrays by their names; `restore` takes them back."""
-        known = {**self.panes.state(), **self.dim.state(), **self.mirrors.state()}
-        light = {"light_pairs": self._equation.counts}
-        return {**known, **light, **self.bright.state(), "glass": self.glass.copy()}
+    def _without_images(self, segments: Float, frame: Frame) -> tuple[Float, Int]:
+        """The parts (n, 4) of segments (m, 4) that not only mirrors show, and of which each is."""
+        ends = frame.of_world(segments.reshape(-1, 2)).reshape(-1, 4)
+        rows, shares = self._ground.real_parts(ends)
+        start, along = segments[rows, None, :2], segments[rows, None, 2:] - segments[rows, None, :2]
+        return (start + shares[..., None] * along).reshape(-1, 4), rows
 
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from what was known."""
-        self.panes.restore(state)
-        self.dim.restore(state)
-        self.glass = state["glass"].copy()
-        self.mirrors.restore(state)
-        self.bright.restore(state)
-        self._equation.counts = state["light_pairs"]
+
+@compiled
+def sort_returns(places: Float, rays: Float, mirrors: Float, wider: Float, kinds: Int) -> None:
+    """Find what the beams (k, n) of scans from places (k, 2) show where they ended.
+
+    Args:
+        places: Where the scans were taken [m].
+        rays: (k, n, 7) their rays.
+        mirrors: (m, 4) the mirrors [m].
+        wider: (m, 4) the same and their rims: beams through these show nothing.
+        kinds: (k, n) is filled.
+    """
+    for scan in range(len(places)):
+        for beam in range(rays.shape[1]):
+            ray = rays[scan, beam]
+            if ray[RANGE] <= 0.0:
+                kinds[scan, beam] = NOTHING
+            elif way_to_first(places[scan], ray, mirrors) < ray[RANGE] - DEPTH:
+                kinds[scan, beam] = TURNED
+            elif way_to_first(places[scan], ray, wider) < ray[RANGE] - DEPTH:
+                kinds[scan, beam] = UNSURE
+            else:
+                kinds[scan, beam] = DIRECT
 
 
 def absorb(stretches: Float, segments: Float) -> tuple[Float, Int]:
@@ -210,8 +174,6 @@ def absorb(stretches: Float, segments: Float) -> tuple[Float, Int]:
         The stretches, as long as what they take in, and the rows of the other segments.
     """
     stretches, kept = stretches.copy(), np.ones(len(segments), np.bool_)
-    if not len(segments):
-        return stretches, np.flatnonzero(kept)
     units, sizes = directions(segments), lengths(segments)
     for row, (own, unit, size) in enumerate(
         zip(stretches, directions(stretches), lengths(stretches), strict=True)
@@ -241,10 +203,8 @@ def objects_of(stretches: Float, segments: Float, objects: Int) -> Int:
     """
     found = int(objects.max(initial=-1)) + 1 + np.arange(len(stretches))
     ends = segments.reshape(-1, 2)
-    if len(ends):
-        for row, own in enumerate(stretches):
-            apart = np.hypot(*(ends[:, None] - own.reshape(2, 2)).transpose(2, 0, 1)).min(axis=1)
-            nearest = int(np.argmin(apart))
-            if apart[nearest] < PANE_JOINS:
-                found[row] = objects[nearest // 2]
+    for row, own in enumerate(stretches):
+        apart = np.hypot(*(ends[:, None] - own.reshape(2, 2)).transpose(2, 0, 1)).min(axis=1)
+        if apart.min(initial=np.inf) < JOINS:
+            found[row] = objects[int(np.argmin(apart)) // 2]
     return found

@@ -1,162 +1,188 @@
-"""MapRefinement: walls are checked against what all beams have shown, and corrected by it.
+"""Refinement: walls are checked against what all beams have shown, and corrected by it.
 
-Enter the walls that merging left, and the cells of the beams; leave walls cut where beams went
-through them, split where the points bend, without second copies, continued across gaps that no
-beam crossed, grouped into objects, with closed corners. An update refines just the walls
-whose evidence it changes, and what is joined with them.
-
-It goes in two rounds: of each wall the stretches that are real are found; stretches of one wall are
-joined, and checked again: what the first round cut free, the second merges.
+Enter the walls whose evidence has changed; their real parts take their places in the pool: cut
+where beams went through them, split where the points bend, without second copies. A part that
+hardly differs from where a wall was keeps that wall's row and links, and waits for no merge; so a
+wall that is merged and cut again and again settles.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import compiled
-from lrf3d.geometry import Float, Int
-from lrf3d.laser import RangeNoise
-from lrf3d.mapping.grid import Grid
-from lrf3d.mapping.line_map import LineMap, solid_map
-from lrf3d.mapping.robust.beams import Frame
-from lrf3d.mapping.robust.cells import Cells, NewEvidence
-from lrf3d.mapping.robust.constants import (
-    FOLLOWED,
-    FORSAKEN,
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Bool, Float, Int
+from lrf3d.mapping.grid import Grid, insert, near, remove
+from lrf3d.mapping.robust.cells import (
+    HIT_DEVIATIONS,
     OPEN_WEIGHT,
-    VIOLATION_WEIGHT,
+    Cells,
+    NewEvidence,
 )
-from lrf3d.mapping.robust.joining import Joints, loosen_walls, rejoin_stretches
-from lrf3d.mapping.robust.object_groups import ObjectGroups
-from lrf3d.mapping.robust.refitting import Refit, refit_walls
-from lrf3d.mapping.robust.segment_pool import NewSegments, Pool, SegmentPool
-from lrf3d.mapping.robust.wall_choice import KnownWalls, choose_walls
-from lrf3d.mapping.robust.walls import Rule, longer
+from lrf3d.mapping.robust.evidence import FOLLOWED
+from lrf3d.mapping.robust.judging import count_evidence
+from lrf3d.mapping.robust.refitting import VIOLATION_WEIGHT
+from lrf3d.mapping.robust.walls import UNLINKED, Walls, give_back, take_row
 
-LEAST_ROWS = 256
-"""Walls that a new refinement has room for."""
+FRESH_SHARE = 0.1
+"""[share] A wall is refined again when this part of what it was refit by has come anew. Less
+takes time, more leaves walls behind what is known of them."""
 
+UNCHANGED = 0.15
+"""[m] A part that lies no farther than this from where a wall was linked with others keeps its row
+and its links. Its ends move by whole pieces of 0.1 m. Less takes time …"""
 
-class MapRefinement:
-    """The stretches of walls that are real, and the segments that they make.
+NEW_POINTS = 1.3
+"""[share] … but it is linked again when its points are this many times as many as when it was."""
 
-    Args:
-        rule: What one wall is.
-        least: Walls with fewer hits than this are left out.
-
-    Attributes:
-        stamps: (rows,) the stamp of each wall of the store; see `Cells`.
-        new_evidence: (rows,) beams that hit each wall, or went through its hits, since its refit.
-        evidence: (rows,) hits and free-space violations that each wall had when it was refit.
-        segments: The segments of the map.
-        groups: Their objects.
-    """
-
-    def __init__(self, rule: Rule, least: int) -> None:
-        self._rule, self._least = rule, least
-        self.stamps = np.zeros(LEAST_ROWS, np.int32)
-        self.new_evidence, self.evidence = np.zeros(LEAST_ROWS), np.zeros(LEAST_ROWS)
-        self._stretches, self.segments = SegmentPool(), SegmentPool()
-        self._joints = Joints.of_size(LEAST_ROWS)
-        self.groups = ObjectGroups()
-
-    def grow(self, rows: int) -> None:
-        """Have room for so many walls."""
-        while len(self.stamps) < rows:
-            self.stamps = longer(self.stamps)
-            self.new_evidence, self.evidence = longer(self.new_evidence), longer(self.evidence)
-
-    def refine(
-        self, fresh: NewEvidence, known: KnownWalls, cells: Cells, noise: RangeNoise
-    ) -> list[int]:
-        """Refine those walls anew whose evidence has changed.
-
-        Args:
-            fresh: What is new of the walls; is written.
-            known: The walls; is written.
-            cells: What the beams have shown.
-            noise: The noise of the ranges.
-
-        Returns:
-            Those of them that the beams went through and that have nothing real.
-        """
-        stretches = self._stretches
-        stretches.make_room(0, len(self.stamps))
-        cut = cut_walls(
-            *(fresh, known, cells, stretches.pool, stretches.grid),
-            *(self._joints, self._rule, self._least),
-        )
-        if not len(cut.walls) and not len(cut.broken):
-            return []
-        rows = stretches.add(cut.found, len(self.stamps))
-        while len(self._joints.names) < stretches.size:
-            self._joints = self._joints.doubled()
-        old, found = rejoin_stretches(
-            np.concatenate([cut.loose, rows]), cut.broken,
-            *(stretches.pool, stretches.grid, stretches.search, self._joints, self._rule),
-            *(cells, self._least),
-        )  # fmt: skip
-        change = self.segments.exchange(old, found, stretches.size)
-        self.groups.update(self.segments, change, cells, noise)
-        forsaken: list[int] = cut.forsaken.tolist()
-        return forsaken
-
-    @property
-    def ends(self) -> Float:
-        """The segments (m, 4) of the map in its own frame [m]."""
-        return self.groups.closed[self.segments.rows()]
-
-    def in_world(self, frame: Frame) -> LineMap:
-        """The map in the world."""
-        rows = self.segments.rows()
-        ends = frame.in_world(self.groups.closed[rows])
-        return solid_map(ends, self.groups.labels[rows], self.segments.walls.points[rows])
-
-
-class Cut(NamedTuple):
-    """What the first round of the refinement leaves of some walls.
-
-    Args:
-        walls: The rows of the walls.
-        found: Their real stretches.
-        loose: The rows of the other stretches of what their old ones were joined to.
-        broken: The names of that.
-        forsaken: Those of the walls that beams went through and that have nothing real.
-    """
-
-    walls: Int
-    found: NewSegments
-    loose: Int
-    broken: Int
-    forsaken: Int
+FORSAKEN = 4.0
+"""[share] A wall without a real part is given up, and found anew if it comes back, where its
+violations outweigh its hits by this. Less takes time to find weak walls again and again."""
 
 
 @compiled
-def cut_walls(
-    fresh: NewEvidence,
-    known: KnownWalls,
-    cells: Cells,
-    pool: Pool,
+def choose_walls(
+    walls: Walls, grid: Grid, cells: Cells, fresh: NewEvidence, dirty: Int, near_by: float
+) -> Int:
+    """The rows (n,) of the walls that are to be refit, rising.
+
+    They are those that are new or merged (m,), those with much new evidence, and one more: what a
+    wall lost to its neighbours, it has not noticed, so all walls have their turn.
+    """
+    _count_unowned_hits(walls, grid, cells, fresh, near_by)
+    chosen = np.zeros(len(walls.points), np.bool_)
+    for k in range(len(dirty)):
+        chosen[dirty[k]] = True
+    for k in range(fresh.numbers[0]):
+        wall = fresh.walls[k]
+        if walls.fresh[wall] >= FRESH_SHARE * walls.evidence[wall]:
+            chosen[wall] = True
+    for _ in range(walls.used[0]):
+        walls.used[2] = (walls.used[2] + 1) % walls.used[0]
+        if walls.points[walls.used[2]] > 0:
+            chosen[walls.used[2]] = True
+            break
+    return np.flatnonzero(chosen & (walls.points > 0))
+
+
+@inner
+def _count_unowned_hits(
+    walls: Walls, grid: Grid, cells: Cells, fresh: NewEvidence, near_by: float
+) -> None:
+    """Count clusters that are hits of no wall as new evidence of all walls that may reach them."""
+    point = np.empty(4)
+    for k in range(fresh.numbers[1]):
+        moments = cells.moments[fresh.unowned[k]]
+        x, y = moments[2], moments[3]
+        point[0] = point[2] = x
+        point[1] = point[3] = y
+        off = near_by + HIT_DEVIATIONS * np.sqrt(moments[0] / moments[1])
+        for i in range(near(grid, point, FOLLOWED)):
+            wall = grid.found[i]
+            if walls.points[wall] == 0:
+                continue
+            ends = walls.ends[wall]
+            ux, uy = ends[2] - ends[0], ends[3] - ends[1]
+            size = np.hypot(ux, uy)
+            along = ((x - ends[0]) * ux + (y - ends[1]) * uy) / size
+            aside = ((y - ends[1]) * ux - (x - ends[0]) * uy) / size
+            if abs(aside) <= off and -FOLLOWED <= along <= size + FOLLOWED:
+                count_evidence(fresh, wall, 1.0)
+
+
+@compiled
+def replace_walls(
+    walls: Walls,
     grid: Grid,
-    joints: Joints,
-    rule: Rule,
-    least: int,
-) -> Cut:
-    """Find the real stretches of the walls whose evidence has changed; takes their old ones out."""
-    walls, gone = choose_walls(fresh, cells, known, rule.distance)
-    for k in range(len(gone)):
-        fresh.stamps[gone[k]] += 1
-    loose, broken = loosen_walls(np.concatenate((walls, gone)), pool, grid, joints)
-    refit = Refit(
-        0, walls, known.walls.ends[walls], FOLLOWED, FOLLOWED, rule.distance, least,
-        fresh.stamps, fresh.counts,
-    )  # fmt: skip
-    found, totals = refit_walls(refit, cells)
-    forsaken, count = np.empty(len(walls), np.int64), 0
-    for k in range(len(walls)):
+    cells: Cells,
+    rows: Int,
+    gone: Int,
+    parts: tuple[Float, Float, Int, Int, Bool, Float, Int, Float],
+) -> tuple[Int, Int]:
+    """Put the parts of walls in their places.
+
+    Args:
+        walls: All walls; are written, and have room.
+        grid: Where they are; is written.
+        cells: Whom the clusters belong to is written.
+        rows: (n,) the rows of the walls.
+        gone: (m,) the rows of walls that became a part of these, which are not free yet.
+        parts: See `Parts`.
+
+    Returns:
+        (k,) the rows that are new in their places; (l,) those that are to be linked again.
+    """
+    ends, moments, points, origins, real, evidence, clusters, totals = parts
+    old = np.concatenate((rows, gone))
+    taken, places = np.zeros(len(old), np.bool_), np.full(len(ends), -1)
+    parts_of = np.zeros(len(rows), np.int64)
+    for part in range(len(ends)):
+        parts_of[origins[part]] += 1
+        if real[part]:
+            place = _unmoved(walls, old, taken, ends[part])
+            if place >= 0:
+                taken[place], places[part] = True, old[place]
+    for k in range(len(rows)):
+        remove(grid, rows[k], walls.ends[rows[k]])
         hits, violations = totals[k, 0], totals[k, 1]
-        known.evidence[walls[k]] = hits + OPEN_WEIGHT * violations
-        if totals[k, 2] == 0.0 and VIOLATION_WEIGHT * violations > FORSAKEN * hits:
-            forsaken[count] = walls[k]
+        walls.evidence[rows[k]], walls.fresh[rows[k]] = hits + OPEN_WEIGHT * violations, 0.0
+        if parts_of[k] == 0 and not taken[k]:
+            if hits > 0.0 and VIOLATION_WEIGHT * violations <= FORSAKEN * hits:
+                # It waits for more hits where it is.
+                taken[k] = True
+                _hide(walls, rows[k])
+                insert(grid, rows[k], walls.ends[rows[k]])
+    for k in range(len(old)):
+        if not taken[k]:
+            give_back(walls, old[k])
+    fresh, linked = np.empty(len(ends), np.int64), np.empty(len(ends), np.int64)
+    added = count = 0
+    for part in range(len(ends)):
+        moved = places[part] < 0
+        row = places[part] = take_row(walls) if moved else places[part]
+        for side in range(4):
+            walls.ends[row, side] = ends[part, side]
+        for column in range(6):
+            walls.moments[row, column] = moments[part, column]
+        walls.points[row], walls.real[row] = points[part], real[part]
+        walls.evidence[row], walls.fresh[row] = evidence[part], 0.0
+        insert(grid, row, walls.ends[row])
+        if not real[part]:
+            _hide(walls, row)
+            continue
+        if moved:
+            fresh[added] = row
+            added += 1
+            for side in range(4):
+                walls.placed[row, side] = ends[part, side]
+        if moved or points[part] > NEW_POINTS * walls.known[row]:
+            walls.known[row] = points[part]
+            linked[count] = row
             count += 1
-    return Cut(walls, found, loose, broken, forsaken[:count])
+    for k in range(len(clusters)):
+        cluster, part = clusters[k]
+        if part < 0:
+            cells.stamps[cluster] = 0
+        else:
+            cells.owners[cluster] = places[part]
+            cells.stamps[cluster] = walls.stamps[places[part]]
+    return fresh[:added], linked[:count]
+
+
+@inner
+def _hide(walls: Walls, row: int) -> None:
+    """Let a wall wait for more hits: it is not shown."""
+    walls.real[row] = False
+    for side in range(4):
+        walls.placed[row, side] = UNLINKED
+
+
+@inner
+def _unmoved(walls: Walls, old: Int, taken: Bool, ends: Float) -> int:
+    """The place among old rows, not taken yet, of the wall that a part hardly differs from; −1."""
+    best, least = -1, UNCHANGED
+    for place in range(len(old)):
+        apart = 0.0
+        for side in range(4):
+            apart = max(apart, abs(ends[side] - walls.placed[old[place], side]))
+        if apart < least and not taken[place]:
+            best, least = place, apart
+    return best

@@ -10,13 +10,27 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.robust.constants import (
-    LEAST_POINTS,
-    MOST_OPEN,
-    OUTLIER_COST,
-    PRUNED_COST,
-    WALL_COST,
-)
+
+WALL_COST = 20.0
+"""[χ²] Cost of a further wall: noise on one wall of some hundred points, divided at its best place,
+gains less than this but once in thousands of times. The refit of the map's walls uses it too."""
+
+OUTLIER_COST = 12.0
+"""[χ²] Cost of a point on no wall: as much as one 3.5 standard deviations off."""
+
+LEAST_POINTS = 3
+"""[points] Fewest points of a wall: two fit any line."""
+
+PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
+"""[χ²] How much worse than the best a division may be and still lead to a better one later: what
+the points behind it could cost that are too few for a wall of their own. Exact: no tuning."""
+
+MOST_OPEN = 256
+"""[places] Most places where a wall may still begin that are weighed for a point, so that the work
+grows with the points and not with their square. On a wall all of its points stay such places. On
+walls of more points the older half is thinned out, and a wall may then begin a few of many beams
+beside its corner; with 1024 maps from scans of 721 beams are the same, and 50,000 beams take three
+times as long."""
 
 
 @compiled

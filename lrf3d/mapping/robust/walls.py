@@ -1,23 +1,54 @@
-"""Walls of a growing map: the arrays that they are kept in, and how two of them become one.
+"""Walls of a growing map: the one pool that they are kept in, and how two of them become one.
 
 Two segments stand for one wall where the shorter one's ends lie on the longer one's line within
 what noise explains and a wall may bend, where they overlap or nearly so, and where the laser
-stood on the same side of both. The merged wall is the exact fit to all points of both. Each merge
-takes one segment away, so the loop ends. The arrays are named tuples, which compiled code takes
-as they are; a grid finds the partners of each new wall.
+stood on the same side of both. The merged wall is the exact fit to all points of both. A gap is
+bridged only where no beam crossed it. Each merge takes one wall away, so the loop ends.
+
+The walls of a scan enter. Those that known walls cover add nothing that the cells do not know;
+the others are merged with what they fit, and are to be refit.
 """
 
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
-from lrf3d.mapping.robust.constants import MERGE_DEVIATIONS, SAME_DIRECTION
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
+from lrf3d.mapping.robust.crossing import WALL_SINE, is_crossed
 
-Number = TypeVar("Number", np.float64, np.int64, np.int32)
+SAME_DIRECTION = 0.5
+"""[cosine] Largest angle between two segments that may be one wall. Far more than noise explains;
+the offsets of the ends decide."""
+
+MERGE_DEVIATIONS = 3.0
+"""[deviations] How many standard deviations of its place a segment may lie beside a wall."""
+
+BEND = 0.4
+"""[share of merge_distance] How far a wall may bend where it is continued: two views of a wall
+differ by the error of the poses, but next to each other they share it. More bridges slight
+bends of a wall into one."""
+
+MOST_EXPLAINED = 1.0
+"""[m] Largest offset that noise may explain when walls are merged: a short far segment explains
+almost any."""
+
+LONGEST_GAP = 3.0
+"""[m] Longest gap of a wall that is bridged where no beam crossed it: behind a longer one there may
+as well be a recess that beams could not look into."""
+
+GROWN = 0.1
+"""[m] How much of a scan's wall may be new and the wall still be one that is known."""
+
+SPARE_BEAMS = 20
+"""[beams] How many may cross a gap no longer than merge_length: as many as a refit needs to cut a
+wall there. So what is merged and what is cut agree."""
+
+UNLINKED = np.inf
+"""Where a wall is placed that is not shown, and so is linked with no other."""
 
 
 class Walls(NamedTuple):
@@ -27,61 +58,53 @@ class Walls(NamedTuple):
         ends: (rows, 4) x1 y1 x2 y2 [m]; the laser saw the wall from its left.
         moments: (rows, 6) weight, mean and scatter of its points.
         points: (rows,) number of its points; 0 where the row is free.
+        real: (rows,) whether the beams showed enough of it: the map is these.
+        placed: (rows, 4) where it was when it was linked with others [m].
+        known: (rows,) the points that it had then.
+        evidence: (rows,) hits and weighed violations that it had when it was refit.
+        fresh: (rows,) beams that hit it, or went through its hits, since then.
+        last_scans: (rows,) the last scan that added to these.
+        stamps: (rows,) how often it was refit, from 1; see `Cells`.
+        free: (rows,) rows that were given back, the last of them first to be taken again.
+        used: (3,) rows that were ever taken, how many of them are free, and the wall whose turn it
+            is to be refit.
     """
 
     ends: Float
     moments: Float
     points: Int
+    real: Bool
+    placed: Float
+    known: Int
+    evidence: Float
+    fresh: Float
+    last_scans: Int
+    stamps: NDArray[np.int32]
+    free: Int
+    used: Int
 
     @classmethod
     def of_size(cls, rows: int) -> "Walls":
         """Free rows."""
-        return cls(np.zeros((rows, 4)), np.zeros((rows, 6)), np.zeros(rows, np.int64))
-
-    def take(self, rows: Int | slice) -> "Walls":
-        """Copies of some rows."""
-        return Walls(self.ends[rows].copy(), self.moments[rows].copy(), self.points[rows].copy())
-
-    def doubled(self) -> "Walls":
-        """The walls with as many free rows behind them."""
-        return Walls(longer(self.ends), longer(self.moments), longer(self.points))
-
-
-class Touched(NamedTuple):
-    """Which rows an update changed, in the order in which it first did, and which a search met.
-
-    Args:
-        number: (2,) counts of changed rows and of searches.
-        rows: (rows,) the changed rows.
-        stamps: (rows,) the last update that changed each row.
-        searched: (rows,) the last search that met each row.
-    """
-
-    number: Int
-    rows: Int
-    stamps: Int
-    searched: Int
-
-    @classmethod
-    def of_size(cls, rows: int) -> "Touched":
-        """No changes yet."""
         return cls(
-            np.zeros(2, np.int64),
-            np.empty(rows, np.int64),
-            np.zeros(rows, np.int64),
-            np.zeros(rows, np.int64),
-        )
+            np.zeros((rows, 4)), np.zeros((rows, 6)), np.zeros(rows, np.int64),
+            np.zeros(rows, np.bool_), np.full((rows, 4), UNLINKED), np.zeros(rows, np.int64),
+            np.zeros(rows), np.zeros(rows), np.zeros(rows, np.int64), np.ones(rows, np.int32),
+            np.zeros(rows, np.int64), np.zeros(3, np.int64),
+        )  # fmt: skip
 
-    def doubled(self) -> "Touched":
-        """The same with room for twice as many rows."""
-        return self._replace(
-            rows=longer(self.rows), stamps=longer(self.stamps), searched=longer(self.searched)
-        )
-
-
-def longer(column: NDArray[Number]) -> NDArray[Number]:
-    """An array with as many zeros behind it as it has rows."""
-    return np.concatenate([column, np.zeros_like(column)])
+    def with_room(self, count: int) -> "Walls":
+        """The walls with room for so many more."""
+        rows = len(self.points)
+        while self.used[0] - self.used[1] + count > rows:
+            rows *= 2
+        if rows == len(self.points):
+            return self
+        grown = Walls.of_size(rows)
+        columns: list[NDArray[Any]] = list(self)
+        for own, column in zip(columns, grown, strict=True):
+            column[: len(own)] = own
+        return grown
 
 
 class Rule(NamedTuple):
@@ -99,139 +122,179 @@ class Rule(NamedTuple):
     bend: float
     most_explained: float
 
+    @classmethod
+    def of(cls, length: float, distance: float) -> "Rule":
+        """The rule of a mapper's settings [m]."""
+        return cls(length, distance, BEND * distance, MOST_EXPLAINED)
+
+
+@inner
+def take_row(walls: Walls) -> int:
+    """A free row; there is room for it."""
+    if walls.used[1]:
+        walls.used[1] -= 1
+        row: int = walls.free[walls.used[1]]
+    else:
+        row = walls.used[0]
+        walls.used[0] += 1
+    return row
+
+
+@inner
+def give_back(walls: Walls, row: int) -> None:
+    """Make a row free; the grid holds it no more."""
+    walls.points[row], walls.real[row] = 0, False
+    walls.stamps[row] += 1
+    for side in range(4):
+        walls.placed[row, side] = UNLINKED
+    walls.free[walls.used[1]] = row
+    walls.used[1] += 1
+
 
 @compiled
-def unite_walls(
+def merge_walls(
     walls: Walls,
-    touched: Touched,
     grid: Grid,
-    new: tuple[Walls, tuple[float, float]],
+    new: tuple[Float, Float, Int],
+    place: tuple[float, float],
     waiting: Int,
-    turn: Int,
-    update: int,
+    cells: Cells,
     rule: Rule,
-    cell: float,
-) -> bool:
-    """Add walls, and merge them with whatever they fit, until no two are left that the rule merges.
-
-    Only fresh and merged walls are compared anew: the others were compared before.
+) -> tuple[Int, Int]:
+    """Add the walls of a scan, and merge them with what they fit.
 
     Args:
-        walls: All walls.
-        touched: Which rows change; is written.
-        grid: Where all walls are; the waiting ones may be missing.
-        new: The (n,) walls of a scan around the laser, and where the laser is [m].
-        waiting: (n + 1,) a ring of rows that wait, first the free ones for these; is written.
-        turn: (2,) how many have had their turn, and how many ever waited, first 0; is written.
-        update: Number of this update.
+        walls: All walls; are written.
+        grid: Where they are; is written.
+        new: The ends, moments and numbers of points of the scan's walls around the laser.
+        place: Where the laser is [m].
+        waiting: (n,) walls that have changed, and may fit others now.
+        cells: The cells.
         rule: What one wall is.
-        cell: Size of a cell of the grid [m].
 
     Returns:
-        Whether all is done; if not, this is to be called again with a larger grid.
+        The rows of the walls that are new or were merged, rising, and of those that became a part
+        of them, which are not free yet.
     """
-    if turn[1] == 0:
-        turn[1] = len(new[0].points)
-        _add_walls(walls, touched, waiting, *new, update)
-    found = np.empty(len(walls.points), np.int64)
-    # The farthest that two segments of one wall may lie apart.
-    reach = rule.length + rule.distance + rule.most_explained
-    for place in range(turn[0], turn[1]):
-        row = waiting[place % len(waiting)]
-        if walls.points[row] > 0 and not insert(grid, row, walls.ends[row], cell):
-            return False
-    while turn[0] < turn[1]:
-        row = waiting[turn[0] % len(waiting)]
-        turn[0] += 1
-        if walls.points[row] > 0:
-            touched.number[1] += 1
-            search = touched.number[1]
-            segment = walls.ends[row]
-            count = near(grid, segment, reach, cell, touched.searched, search, found)
-            other = partner(walls, row, found[:count], rule)
-            if other >= 0:
-                kept, gone = min(row, other), max(row, other)
-                _touch(touched, kept, update)
-                _touch(touched, gone, update)
-                remove(grid, gone, walls.ends[gone], cell)
-                merge(walls, kept, gone)
-                waiting[turn[1] % len(waiting)] = kept
-                turn[1] += 1
-                # It may have grown into further cells, where the next in turn look for partners.
-                if not insert(grid, kept, walls.ends[kept], cell):
-                    return False
-    return True
+    ends, moments, points = new
+    queue = np.empty(len(waiting) + 2 * len(points) + walls.used[0] + 1, np.int64)
+    marks = np.zeros(len(walls.points), np.bool_)
+    gone = np.empty(len(queue), np.int64)
+    top = lost = 0
+    for k in range(len(waiting)):
+        if walls.points[waiting[k]] > 0:
+            queue[top] = waiting[k]
+            top += 1
+    known = top
+    for k in range(len(points)):
+        row = take_row(walls)
+        for side in range(4):
+            walls.ends[row, side] = ends[k, side] + place[side % 2]
+        for side in range(6):
+            walls.moments[row, side] = moments[k, side]
+        walls.moments[row, 1] += place[0]
+        walls.moments[row, 2] += place[1]
+        walls.points[row] = points[k]
+        if _is_covered(walls, grid, row, rule):
+            give_back(walls, row)
+        else:
+            queue[top] = row
+            top += 1
+    for k in range(known, top):
+        marks[queue[k]] = True
+        insert(grid, queue[k], walls.ends[queue[k]])
+    turn = 0
+    while turn < top:
+        row = queue[turn]
+        turn += 1
+        if walls.points[row] == 0:
+            continue
+        other = _partner(walls, grid, row, cells, rule)
+        if other < 0:
+            continue
+        kept, taken = min(row, other), max(row, other)
+        remove(grid, kept, walls.ends[kept])
+        remove(grid, taken, walls.ends[taken])
+        merge(walls, kept, taken)
+        # Its hits are free for what it has become.
+        walls.stamps[taken] += 1
+        insert(grid, kept, walls.ends[kept])
+        marks[kept] = True
+        gone[lost] = taken
+        lost += 1
+        queue[top] = kept
+        top += 1
+    dirty, count = np.empty(len(queue), np.int64), 0
+    for row in range(walls.used[0]):
+        if marks[row] and walls.points[row] > 0:
+            dirty[count] = row
+            count += 1
+    return dirty[:count], gone[:lost]
 
 
 @inner
-def _touch(touched: Touched, row: int, update: int) -> None:
-    """Note that this update changes a row, once."""
-    if touched.stamps[row] != update:
-        touched.stamps[row] = update
-        touched.rows[touched.number[0]] = row
-        touched.number[0] += 1
+def _is_covered(walls: Walls, grid: Grid, row: int, rule: Rule) -> bool:
+    """Whether walls that are known as well, or better, cover all but a little of one of a scan."""
+    own = walls.ends[row]
+    length = np.hypot(own[2] - own[0], own[3] - own[1])
+    ux, uy = (own[2] - own[0]) / length, (own[3] - own[1]) / length
+    steps = min(int(length / GROWN) + 1, 1000)
+    covered = np.zeros(steps, np.bool_)
+    for k in range(near(grid, own, rule.distance + rule.most_explained)):
+        other = grid.found[k]
+        if walls.points[other] < walls.points[row]:
+            continue
+        ends = walls.ends[other]
+        first = ((ends[0] - own[0]) * ux + (ends[1] - own[1]) * uy) / length
+        last = ((ends[2] - own[0]) * ux + (ends[3] - own[1]) * uy) / length
+        if last <= 0.0 or first >= 1.0:
+            continue
+        if misfit(own, walls.moments[row], ends, walls.moments[other], rule) < 1.0:
+            covered[int(max(first, 0.0) * steps + 0.5) : int(min(last, 1.0) * steps + 0.5)] = True
+    return bool((steps - covered.sum()) * length <= GROWN * steps)
 
 
 @inner
-def _add_walls(
-    walls: Walls,
-    touched: Touched,
-    free: Int,
-    new: Walls,
-    place: tuple[float, float],
-    update: int,
-) -> None:
-    """Write local walls into free rows, moved by a place [m]."""
-    x, y = place
-    for i in range(len(new.ends)):
-        row = free[i]
-        _touch(touched, row, update)
-        for k in range(0, 4, 2):
-            walls.ends[row, k] = new.ends[i, k] + x
-            walls.ends[row, k + 1] = new.ends[i, k + 1] + y
-        for k in range(6):
-            walls.moments[row, k] = new.moments[i, k]
-        walls.moments[row, 1] += x
-        walls.moments[row, 2] += y
-        walls.points[row] = new.points[i]
-
-
-@compiled
-def partner(walls: Walls, row: int, candidates: Int, rule: Rule) -> int:
-    """The candidate that fits a row best, or −1; of equals the lowest row."""
-    best, least = -1, 1.0
-    for k in range(len(candidates)):
-        other = candidates[k]
-        if other != row and walls.points[other] > 0 and may_fit(walls.ends, row, other, rule):
-            value = misfit(
-                walls.ends[row], walls.moments[row], walls.ends[other], walls.moments[other], rule
-            )
-            if value < least or (value == least and best >= 0 and other < best):
+def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> int:
+    """The wall that a row is one with: that which it fits best, or that goes on nearest; −1."""
+    # As straight as a wall is continued, and no farther off than two views of it: nothing overlaps
+    # that could tell where the two lead.
+    straight = Rule(LONGEST_GAP, rule.bend, rule.bend, rule.distance)
+    best, least, second, narrowest = -1, 1.0, -1, LONGEST_GAP
+    line = np.empty(4)
+    for k in range(near(grid, walls.ends[row], LONGEST_GAP)):
+        other = grid.found[k]
+        if other == row or walls.points[other] == 0:
+            continue
+        one, two = walls.ends[row], walls.ends[other]
+        moments, others = walls.moments[row], walls.moments[other]
+        value = misfit(one, moments, two, others, rule)
+        if value < least or (value == least and other < best):
+            if _span(one, two, line) <= 0.0 or not is_crossed(
+                line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE, False
+            ):
                 best, least = other, value
-    return best
+        elif best < 0 and walls.real[row] and walls.real[other]:
+            if misfit(one, moments, two, others, straight) < 1.0:
+                gap = _span(one, two, line)
+                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE, False):
+                    second, narrowest = other, gap
+    return best if best >= 0 else second
 
 
 @inner
-def may_fit(ends: Float, one: int, other: int, rule: Rule) -> bool:
-    """Whether two of some segments (rows, 4) run one way and lie near each other.
-
-    It is what `misfit` would find as well, but most pairs need no more.
-    """
-    x, y = ends[one, 2] - ends[one, 0], ends[one, 3] - ends[one, 1]
-    u, v = ends[other, 2] - ends[other, 0], ends[other, 3] - ends[other, 1]
-    along = x * u + y * v
-    if along <= 0.0:
-        return False
-    if along * along < SAME_DIRECTION * SAME_DIRECTION * (x * x + y * y) * (u * u + v * v):
-        return False
-    reach = rule.length + max(rule.distance, rule.bend) + rule.most_explained
-    for k in range(2):
-        low, high = min(ends[one, k], ends[one, k + 2]), max(ends[one, k], ends[one, k + 2])
-        if min(ends[other, k], ends[other, k + 2]) - high > reach:
-            return False
-        if low - max(ends[other, k], ends[other, k + 2]) > reach:
-            return False
-    return True
+def _span(one: Float, other: Float, line: Float) -> float:
+    """Fill in the line (4,) from the end of one wall to where the next begins: its length [m]."""
+    ux, uy = one[2] - one[0], one[3] - one[1]
+    size = np.hypot(ux, uy)
+    ahead = ((other[0] - one[2]) * ux + (other[1] - one[3]) * uy) / size
+    back = ((one[0] - other[2]) * ux + (one[1] - other[3]) * uy) / size
+    if ahead > back:
+        line[0], line[1], line[2], line[3] = one[2], one[3], other[0], other[1]
+    else:
+        line[0], line[1], line[2], line[3] = other[2], other[3], one[0], one[1]
+    gap: float = max(ahead, back, 0.0)
+    return gap
 
 
 @compiled

@@ -1,4 +1,5 @@
-// Walls and roofs. PLAIN ones have nothing painted on them; of rooms, CUT ones hide no robot.
+// Walls and roofs. PLAIN ones have nothing painted on them; of rooms, CUT ones hide no robot; FADED
+// ones become ghosts. What is not needed is left out: each value takes time for each pixel.
 uniform float ghost;        // how far they have faded
 uniform vec4 cut;           // robot x, y, and the level direction to the eye
 uniform float slope;        // rise of the line of sight from the robot to the eye
@@ -12,7 +13,9 @@ layout(location = 5) in float under_shadow;
 out vec3 way;               // from the eye, in units of the haze
 out vec2 texel;             // along and up the texture
 out float under;            // how far under the edge of its shadow [m]
+#ifdef CUT
 out vec3 over;              // how far toward the eye from the robot, aside, and how high [m]
+#endif
 flat out float layer;
 flat out vec3 wall;         // colour of the wall
 out vec3 light;             // how much of each colour the face gets in the sun
@@ -25,15 +28,19 @@ void main() {
     shade = shaded;
     under = under_shadow;
     way = (position - eye) * thick;
+#ifdef CUT
     vec2 off = position.xy - cut.xy;
     over = vec3(dot(off, cut.zw), dot(off, vec2(-cut.w, cut.z)), position.z);
+#endif
     gl_Position = view_projection * vec4(position, 1.0);
 }
 #else
 in vec3 way;
 in vec2 texel;
 in float under;
+#ifdef CUT
 in vec3 over;
+#endif
 flat in float layer;
 flat in vec3 wall;
 in vec3 light;
@@ -75,6 +82,10 @@ void main() {
     if (over.x > 0.0 && over.z > high) discard;
 #endif
     vec3 seen = hazed(result * mix(light, shade, shadowed), way);
+#ifdef FADED
     colour = vec4(mix(seen, GHOST.rgb, ghost), 1.0 - ghost * GHOST.a);
+#else
+    colour = vec4(seen, 1.0);
+#endif
 }
 #endif

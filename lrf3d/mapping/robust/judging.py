@@ -1,0 +1,295 @@
+"""Judging: how each beam of a scan adds to the cells that it goes through, and to the one it hits.
+
+The beams of a scan enter; the cells are written, and so is what is new of the evidence of walls.
+"""
+
+import numpy as np
+
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.mapping.robust.beams import CELL, Beams
+from lrf3d.mapping.robust.cells import (
+    FARTHEST,
+    FIRST_COLUMN,
+    FREE_DEPTH,
+    GONE_AFTER,
+    HIT_DEVIATIONS,
+    HIT_DIRECTIONS,
+    LEAST_HITS,
+    LEAVES,
+    MOST_HITS,
+    MOST_PASSES,
+    OPEN_WEIGHT,
+    PASS_DIRECTIONS,
+    REACH_BITS,
+    ROW_BITS,
+    ROW_MASK,
+    SAME_WAY,
+    SIDE,
+    SIDE_BITS,
+    SOLID,
+    SQUARE_BITS,
+    Cells,
+    NewEvidence,
+    cell_in,
+    take_block,
+)
+
+
+@borrower
+def _unpacked(cell: int) -> tuple[int, int]:
+    """Column and row of a packed cell."""
+    return (cell & ((1 << ROW_BITS) - 1)) - FIRST_COLUMN, cell >> ROW_BITS
+
+
+@inner
+def _enter(
+    x: float, y: float, dx: float, dy: float, scale: float
+) -> tuple[int, int, int, int, int, int, int]:
+    """Where a ray from a place (x, y) [m] in a direction (dx, dy) begins its way through cells.
+
+    Distances are whole numbers, at so many to a cell: processors compare them, and choose by them,
+    several times faster than floats.
+
+    Returns:
+        Its first cell, packed; what a step to the next column and to the next row adds to it; how
+        far it is from column to column and from row to row; and how far to the next column and to
+        the next row.
+    """
+    px, py = x / CELL, y / CELL
+    column, row = int(np.floor(px)), int(np.floor(py))
+    across = (column + 1.0 - px) if dx > 0.0 else (px - column)
+    up = (row + 1.0 - py) if dy > 0.0 else (py - row)
+    # A ray along an axis never gets to the next row or column.
+    far = float(FARTHEST)
+    wide = min(scale / abs(dx), far) if dx != 0.0 else far
+    high = min(scale / abs(dy), far) if dy != 0.0 else far
+    return (
+        (row << ROW_BITS) + column + FIRST_COLUMN,
+        1 if dx > 0.0 else -1, (1 if dy > 0.0 else -1) << ROW_BITS, int(wide), int(high),
+        int(across * wide) if wide < far else FARTHEST, int(up * high) if high < far else FARTHEST,
+    )  # fmt: skip
+
+
+@borrower
+def _steps_out(to_next: int, step: int, until: int) -> int:
+    """How many edges lie no farther than a distance, the first so far away, the others a step."""
+    return 0 if to_next > until else (until - to_next) // step + 1
+
+
+@compiled
+def add_beams(
+    cells: Cells, begin: int, place: tuple[float, float], beams: Beams, fresh: NewEvidence
+) -> int:
+    """Add the beams of a scan from a place [m], from one on; returns the first without room."""
+    x, y = place
+    units, ranges, deviations = beams
+    passes, passed_ways = cells.passes, cells.passed
+    if begin == 0:
+        cells.used[4] += 1
+    side = (1 << SQUARE_BITS) - 1
+    for beam in range(begin, len(ranges)):
+        reading = ranges[beam]
+        if reading == 0.0:
+            continue
+        dx, dy = units[beam, 0], units[beam, 1]
+        most = int(abs(reading) * (abs(dx) + abs(dy)) / (CELL * SIDE)) + 4
+        if cells.used[1] + most > len(cells.heads):
+            return beam
+        if cells.used[3] == 0 and cells.used[2] == len(cells.moments):
+            return beam
+        turn = np.arctan2(dy, dx) / (2.0 * np.pi)
+        free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
+        way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
+        scale = (1 << REACH_BITS) / (abs(reading) / CELL + 2.0)
+        cell, right, ahead, wide, high, across, up = _enter(x, y, dx, dy, scale)
+        entered, left, last = 0, min(across, up), int(2.0 * free * scale)
+        block, inside, bit = 0, cell ^ LEAVES, np.uint16(1 << way)
+        # The middle of the beam's way through a cell decides.
+        while entered + left <= last:
+            if (cell ^ inside) & LEAVES:
+                column, row = _unpacked(cell)
+                block = take_block(cells, column, row)
+                if block < 0:
+                    # Nothing was hit around here: on to the next square.
+                    wide_out = side - (column & side) if right > 0 else column & side
+                    high_out = side - (row & side) if ahead > 0 else row & side
+                    entered = min(across + wide_out * wide, up + high_out * high)
+                    columns = _steps_out(across, wide, entered)
+                    rows = _steps_out(up, high, entered)
+                    cell += right * columns + ahead * rows
+                    across += wide * columns
+                    up += high * rows
+                    left, inside = min(across, up), cell ^ LEAVES
+                    continue
+                inside = cell
+            at = ((cell >> (ROW_BITS - SIDE_BITS)) & ROW_MASK) | (cell & (SIDE - 1))
+            count = passes[block, way, at]
+            if count & MOST_PASSES == 0:
+                passed_ways[block, at] |= bit
+            if count & SOLID:
+                _contradict(cells, block, way, at, dx, dy, fresh)
+            elif count < MOST_PASSES:
+                passes[block, way, at] = count + 1
+            entered = left
+            # Choices instead of a branch, which no processor could predict.
+            crosses = across < up
+            cell += right if crosses else ahead
+            across += wide if crosses else 0
+            up += 0 if crosses else high
+            left = min(across, up)
+        if reading > 0.0:
+            way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
+            cells.widest[0] = max(cells.widest[0], deviations[beam])
+            _add_hit(
+                cells, x + reading * dx, y + reading * dy, dx, dy, deviations[beam], way, fresh
+            )
+    return len(ranges)
+
+
+@borrower
+def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:
+    """Add a beam of a weight [hits] to the new evidence of a wall."""
+    fresh.counts[wall] += weight
+    if fresh.last_scans[wall] != fresh.numbers[2]:
+        fresh.last_scans[wall] = fresh.numbers[2]
+        fresh.walls[fresh.numbers[0]] = wall
+        fresh.numbers[0] += 1
+
+
+@borrower
+def _contradict(
+    cells: Cells, block: int, way: int, cell: int, dx: float, dy: float, fresh: NewEvidence
+) -> None:
+    """Count a beam that goes on through a cell where others ended."""
+    if cells.passes[block, way, cell] < SOLID + MOST_PASSES:
+        cells.passes[block, way, cell] += 1
+    else:
+        _forget(cells, block, cell)
+    moments, misses = cells.moments, cells.misses
+    before, cluster = 0, cells.heads[block, cell]
+    while cluster > 0:
+        weight = OPEN_WEIGHT
+        if cells.seen[cluster] != cells.used[4] and (
+            dx * moments[cluster, 7] + dy * moments[cluster, 8] > SAME_WAY
+        ):
+            misses[cluster] += 1
+            if misses[cluster] >= GONE_AFTER:
+                # What beams hit there is gone: each further few halve what is left of it.
+                misses[cluster] -= GONE_AFTER // 4
+                weight += 0.5 * moments[cluster, 0]
+                for k in (0, 1, 4, 5, 6, 9, 10):
+                    moments[cluster, k] *= 0.5
+        owner = cells.owners[cluster]
+        if fresh.stamps[owner] == cells.stamps[cluster]:
+            count_evidence(fresh, owner, weight)
+        after = cells.following[cluster]
+        if moments[cluster, 0] < LEAST_HITS:
+            _give_back(cells, block, cell, before, cluster)
+        else:
+            before = cluster
+        cluster = after
+    if before == 0:
+        for other in range(PASS_DIRECTIONS):
+            cells.passes[block, other, cell] &= MOST_PASSES
+
+
+@borrower
+def _give_back(cells: Cells, block: int, cell: int, before: int, cluster: int) -> None:
+    """Take a cluster out of the list of its cell, where another may be before it."""
+    if before == 0:
+        cells.heads[block, cell] = cells.following[cluster]
+    else:
+        cells.following[before] = cells.following[cluster]
+    cells.following[cluster] = cells.used[3]
+    cells.used[3] = cluster
+    cells.misses[cluster] = cells.stamps[cluster] = cells.seen[cluster] = 0
+    for k in range(13):
+        cells.moments[cluster, k] = 0.0
+
+
+@borrower
+def _forget(cells: Cells, block: int, cell: int) -> None:
+    """Halve the hits and the passes of a cell that has clusters.
+
+    Their proportion stays, and what comes counts twice as much as what was.
+    """
+    for way in range(PASS_DIRECTIONS):
+        passed = cells.passes[block, way, cell]
+        cells.passes[block, way, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
+        if passed & MOST_PASSES == 1:
+            cells.passed[block, cell] ^= np.uint16(1 << way)
+    cluster = cells.heads[block, cell]
+    while cluster > 0:
+        for k in (0, 1, 4, 5, 6, 9, 10, 11):
+            cells.moments[cluster, k] *= 0.5
+        cluster = cells.following[cluster]
+
+
+@borrower
+def _new_cluster(cells: Cells, block: int, cell: int, way: int) -> int:
+    """A cluster for the returns that come one way in a cell."""
+    other, passed = cells.heads[block, cell], 0.0
+    if other == 0:
+        for passing in range(PASS_DIRECTIONS):
+            passed += cells.passes[block, passing, cell]
+            cells.passes[block, passing, cell] |= SOLID
+    cluster: int = cells.used[3]
+    if cluster > 0:
+        cells.used[3] = cells.following[cluster]
+    else:
+        cluster = cells.used[2]
+        cells.used[2] += 1
+    cells.ways[cluster], moments = way, cells.moments
+    moments[cluster, 11] = moments[other, 11] if other > 0 else passed
+    moments[cluster, 12] = moments[other, 12] if other > 0 else cells.used[4]
+    cells.following[cluster], cells.heads[block, cell] = other, cluster
+    return cluster
+
+
+@borrower
+def _add_hit(
+    cells: Cells,
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    deviation: float,
+    way: int,
+    fresh: NewEvidence,
+) -> None:
+    """Add a return at a place [m] to the moments of its cell."""
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    block, cell = take_block(cells, column, row), cell_in(column, row)
+    cluster = cells.heads[block, cell]
+    while cluster > 0 and cells.ways[cluster] != way:
+        cluster = cells.following[cluster]
+    if cluster == 0:
+        cluster = _new_cluster(cells, block, cell, way)
+    total = cells.moments[cluster]
+    if total[0] >= MOST_HITS:
+        _forget(cells, block, cell)
+    if cells.seen[cluster] != cells.used[4]:
+        if total[9] > 0.0:
+            total[10] += cells.misses[cluster]
+        cells.seen[cluster] = cells.used[4]
+        total[9] += 1.0
+    cells.misses[cluster] = 0
+    weight = 1.0 / (deviation * deviation)
+    total[0] += 1.0
+    total[1] += weight
+    share = weight / total[1]
+    ox, oy = x - total[2], y - total[3]
+    total[2] += share * ox
+    total[3] += share * oy
+    spread = weight * (1.0 - share)
+    total[4] += spread * ox * ox
+    total[5] += spread * ox * oy
+    total[6] += spread * oy * oy
+    total[7] += (dx - total[7]) / total[0]
+    total[8] += (dy - total[8]) / total[0]
+    owner = cells.owners[cluster]
+    if fresh.stamps[owner] == cells.stamps[cluster]:
+        count_evidence(fresh, owner, 1.0)
+    else:
+        fresh.unowned[fresh.numbers[1]] = cluster
+        fresh.numbers[1] += 1

@@ -1,0 +1,350 @@
+"""Objects: which walls are of one object, though what joins them was never seen.
+
+Walls are of one object where a link, the shortest line from one to the other, exists that no beam
+has crossed. What lies behind the faces of both walls is taken for solid until a beam crosses it. A
+link that runs before one of them, to a corner that was not seen, must be short. A long link counts
+only where every line of sight from wall to wall is blocked, and two objects of several walls are
+joined only by two such links: a single one may be a lane that no beam happened to find.
+
+One table holds the links of each wall to those around it. The beams are asked about them when the
+wall is new, and again in turn; objects are worked out of the table when a map is read.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.grid import Grid, near, order_of
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
+from lrf3d.mapping.robust.crossing import LINK_SINE, is_crossed
+from lrf3d.mapping.robust.walls import Walls
+
+TOUCH = 0.1
+"""[m] Walls that come nearer than this touch: no beam between them need be trusted."""
+
+SHORT_LINK = 3.0
+"""[m] Longest link that may run before a wall: less than a lane between buildings. More joins
+buildings across lanes, less leaves corners of a building apart."""
+
+LONGEST_LINK = 15.0
+"""[m] Longest link behind two walls: as deep as most buildings are."""
+
+MOST_LINKS = 24
+"""[links] How many others a new wall is linked with, the nearest ones."""
+
+BEHIND_SINE = 0.3
+"""[sine] Angle by which a link may run before a wall and still count as behind it."""
+
+STRAY_BEAMS = 1
+"""[beams] How many may cross a short link: noise that lets one through is rare, but links are
+many."""
+
+CORNER_BEAMS = 8
+"""[beams] How many may reach into the corner behind a short link: by more the corner was seen, and
+what joins there was seen too."""
+
+NICHE_DEPTH = 0.5
+"""[share] How deep such a corner may be, as a part of the link's length."""
+
+SIGHT_PLACES = (0.1, 0.5, 0.9)
+"""[share] Where on two walls the lines of sight between them begin and end, as parts of their
+lengths."""
+
+SEVERAL_WALLS = 3
+"""[walls] From this number of walls on, an object is joined to another such by two long links."""
+
+SECOND_LINK = 1.0
+"""[m] How much longer the second of the two may be: a much longer one leads past more walls."""
+
+LINKS_A_TURN = 8
+"""[links] How many links an update asks the beams about again. It changes how soon objects come
+apart that are two."""
+
+CROSSED, JOINS, BLOCKED, OPEN = 1, 2, 3, 4
+"""What a link is: beams have crossed it; it joins two walls; it is long, and either no line of
+sight is open behind both of its walls, or one is."""
+
+
+class Links(NamedTuple):
+    """The links of each wall, a row of them for each.
+
+    Args:
+        others: (rows, MOST_LINKS) the wall at the other end of each.
+        versions: (rows, MOST_LINKS) the other's version when they were linked: of another, the
+            link is none any more.
+        kinds: (rows, MOST_LINKS) what each is.
+        lengths: (rows, MOST_LINKS) how long each is [m].
+        counts: (rows,) how many links there are.
+        own: (rows,) each wall's version: how often it was linked.
+        turn: (1,) the wall whose links are asked about next.
+    """
+
+    others: NDArray[np.int32]
+    versions: NDArray[np.int32]
+    kinds: NDArray[np.int8]
+    lengths: Float
+    counts: Int
+    own: NDArray[np.int32]
+    turn: Int
+
+    @classmethod
+    def of_size(cls, rows: int) -> "Links":
+        """No links."""
+        shape = (rows, MOST_LINKS)
+        return cls(
+            np.zeros(shape, np.int32), np.zeros(shape, np.int32), np.zeros(shape, np.int8),
+            np.zeros(shape), np.zeros(rows, np.int64), np.zeros(rows, np.int32),
+            np.zeros(1, np.int64),
+        )  # fmt: skip
+
+    def with_rows(self, rows: int) -> "Links":
+        """The links with room for those of this number of walls."""
+        if rows <= len(self.own):
+            return self
+        grown = Links.of_size(rows)
+        columns: list[NDArray[Any]] = list(self)
+        wider: list[NDArray[Any]] = list(grown)
+        for own, column in zip(columns, wider, strict=True):
+            column[: len(own)] = own
+        return grown
+
+
+@compiled
+def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) -> None:
+    """Link some walls (n,) with those around them, and ask again about a few links of others."""
+    lines, lengths = np.empty((MOST_LINKS + 1, 5)), np.empty(MOST_LINKS)
+    places = np.full(len(walls.points), -1)
+    for k in range(len(rows)):
+        places[rows[k]] = k
+        links.own[rows[k]] += 1
+    for k in range(len(rows)):
+        wall, reach, found = rows[k], LONGEST_LINK, 0
+        farthest = 0
+        for i in range(near(grid, walls.ends[wall], LONGEST_LINK)):
+            other = grid.found[i]
+            # A link of two of them is added once, by the later one.
+            if places[other] >= k or not walls.real[other]:
+                continue
+            if _parted(walls.ends[wall], walls.ends[other], reach):
+                continue
+            if not measure_link(walls.ends[wall], walls.ends[other], lines[MOST_LINKS]):
+                continue
+            length = np.hypot(
+                lines[MOST_LINKS, 2] - lines[MOST_LINKS, 0],
+                lines[MOST_LINKS, 3] - lines[MOST_LINKS, 1],
+            )
+            if length > reach:
+                continue
+            place = found if found < MOST_LINKS else farthest
+            links.others[wall, place], lengths[place] = other, length
+            for column in range(5):
+                lines[place, column] = lines[MOST_LINKS, column]
+            found = min(found + 1, MOST_LINKS)
+            if found == MOST_LINKS:
+                farthest = int(np.argmax(lengths))
+                reach = lengths[farthest]
+        links.counts[wall] = found
+        for place in range(found):
+            other = links.others[wall, place]
+            links.versions[wall, place] = links.own[other]
+            links.lengths[wall, place] = lengths[place]
+            links.kinds[wall, place] = _kind(
+                lines[place], walls.ends[wall], walls.ends[other], cells
+            )
+    asked = 0
+    for _ in range(walls.used[0]):
+        wall = links.turn[0] = (links.turn[0] + 1) % walls.used[0]
+        for place in range(links.counts[wall]):
+            if is_link(links, walls, wall, place) and links.lengths[wall, place] > TOUCH:
+                other = links.others[wall, place]
+                asked += 1
+                if measure_link(walls.ends[wall], walls.ends[other], lines[0]):
+                    links.kinds[wall, place] = _kind(
+                        lines[0], walls.ends[wall], walls.ends[other], cells
+                    )
+        if asked >= LINKS_A_TURN:
+            break
+
+
+@inner
+def is_link(links: Links, walls: Walls, wall: int, place: int) -> bool:
+    """Whether a link still stands, and no beam has crossed it."""
+    other = links.others[wall, place]
+    return bool(
+        links.kinds[wall, place] != CROSSED
+        and walls.real[wall]
+        and walls.real[other]
+        and links.versions[wall, place] == links.own[other]
+    )
+
+
+@inner
+def measure_link(one: Float, other: Float, link: Float) -> bool:
+    """Fill in the link (5,) of two walls (4,); returns whether it may join them.
+
+    It is x1 y1 x2 y2, and 1 where it runs before a wall.
+    """
+    _shortest_link(one, other, link)
+    length = np.hypot(link[2] - link[0], link[3] - link[1])
+    if length > LONGEST_LINK:
+        return False
+    before = max(_reach_before(one, link), _reach_before(other, link)) > BEHIND_SINE * length
+    link[4] = before
+    return bool(length <= SHORT_LINK or not before)
+
+
+@inner
+def _parted(one: Float, other: Float, reach: float) -> bool:
+    """Whether two segments are farther apart than a reach [m] along an axis."""
+    for k in range(2):
+        if min(other[k], other[k + 2]) - max(one[k], one[k + 2]) > reach:
+            return True
+        if min(one[k], one[k + 2]) - max(other[k], other[k + 2]) > reach:
+            return True
+    return False
+
+
+@inner
+def _shortest_link(one: Float, other: Float, link: Float) -> None:
+    """Fill in the shortest line from one of two segments to the other."""
+    dx, dy = one[2] - one[0], one[3] - one[1]
+    u, v = other[2] - other[0], other[3] - other[1]
+    crossing = dx * v - dy * u
+    if crossing != 0.0:
+        ahead = ((other[0] - one[0]) * v - (other[1] - one[1]) * u) / crossing
+        along = ((other[0] - one[0]) * dy - (other[1] - one[1]) * dx) / crossing
+        if 0.0 <= ahead <= 1.0 and 0.0 <= along <= 1.0:
+            # They cross: one was united through the other.
+            link[0] = link[2] = one[0] + ahead * dx
+            link[1] = link[3] = one[1] + ahead * dy
+            return
+    least = np.inf
+    for turn in range(4):
+        own, across = (one, other) if turn < 2 else (other, one)
+        x, y = own[2 * (turn % 2)], own[2 * (turn % 2) + 1]
+        dx, dy = across[2] - across[0], across[3] - across[1]
+        place = ((x - across[0]) * dx + (y - across[1]) * dy) / (dx * dx + dy * dy)
+        place = min(max(place, 0.0), 1.0)
+        u, v = across[0] + place * dx, across[1] + place * dy
+        away = (x - u) ** 2 + (y - v) ** 2
+        if away < least:
+            least = away
+            link[0], link[1], link[2], link[3] = x, y, u, v
+
+
+@inner
+def _reach_before(wall: Float, link: Float) -> float:
+    """How far [m] a link gets before the face of a wall that it begins or ends at."""
+    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+    size = np.hypot(dx, dy)
+    first = (dx * (link[1] - wall[1]) - dy * (link[0] - wall[0])) / size
+    last = (dx * (link[3] - wall[1]) - dy * (link[2] - wall[0])) / size
+    before: float = max(first, last)
+    return before
+
+
+@inner
+def _kind(link: Float, one: Float, other: Float, cells: Cells) -> int:
+    """What a link (5,) of two walls (4,) is."""
+    length, before = np.hypot(link[2] - link[0], link[3] - link[1]), link[4] > 0.0
+    line = link[:4]
+    if length <= TOUCH:
+        return JOINS
+    if length > SHORT_LINK:
+        if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE, True):
+            return CROSSED
+        return BLOCKED if _is_blocked(one, other, cells) else OPEN
+    # A short one may be crossed by many beams, but not by any that go deeper than a corner.
+    depth = max(FREE_DEPTH, NICHE_DEPTH * length) if before else FREE_DEPTH
+    if is_crossed(line, cells, depth, STRAY_BEAMS, LINK_SINE, True):
+        return CROSSED
+    if before and is_crossed(line, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE, False):
+        return CROSSED
+    return JOINS
+
+
+@inner
+def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
+    """Whether no beam has crossed any line of sight that runs behind both of two walls."""
+    line = np.empty(4)
+    for own in SIGHT_PLACES:
+        for across in SIGHT_PLACES:
+            for k in range(2):
+                line[k] = one[k] + own * (one[k + 2] - one[k])
+                line[k + 2] = other[k] + across * (other[k + 2] - other[k])
+            length = np.hypot(line[2] - line[0], line[3] - line[1])
+            if max(_reach_before(one, line), _reach_before(other, line)) <= BEHIND_SINE * length:
+                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE, True):
+                    return False
+    return True
+
+
+@inner
+def _root(parents: Int, wall: int) -> int:
+    while parents[wall] != wall:
+        parents[wall] = parents[parents[wall]]
+        wall = parents[wall]
+    return wall
+
+
+@compiled
+def find_objects(links: Links, walls: Walls, rows: Int) -> Int:
+    """The object (n,) of each of the real walls (n,), named by one of them."""
+    parents, most = np.arange(len(walls.points)), 0
+    sizes = np.ones(len(parents), np.int64)
+    for k in range(len(rows)):
+        most += links.counts[rows[k]]
+    pairs, lengths = np.empty((most, 2), np.int64), np.empty(most)
+    blocked, count = np.empty(most, np.bool_), 0
+    for k in range(len(rows)):
+        wall = rows[k]
+        for place in range(links.counts[wall]):
+            if not is_link(links, walls, wall, place):
+                continue
+            other = links.others[wall, place]
+            if links.kinds[wall, place] == JOINS:
+                _unite(parents, sizes, wall, other)
+                continue
+            pairs[count, 0], pairs[count, 1] = wall, other
+            lengths[count] = links.lengths[wall, place]
+            blocked[count] = links.kinds[wall, place] == BLOCKED
+            count += 1
+    # Long links, the shortest first; most join what is one object by then.
+    order, waiting = order_of(lengths[:count]), np.empty(count, np.int64)
+    number = 0
+    for turn in range(count):
+        link = order[turn]
+        one, other = _root(parents, pairs[link, 0]), _root(parents, pairs[link, 1])
+        if one == other:
+            continue
+        enough = blocked[link] and min(sizes[one], sizes[other]) < SEVERAL_WALLS
+        place = number - 1
+        # All sight is blocked at one of the two; the other is about as long.
+        while not enough and place >= 0 and lengths[waiting[place]] >= lengths[link] - SECOND_LINK:
+            second = waiting[place]
+            if blocked[link] or blocked[second]:
+                first, last = _root(parents, pairs[second, 0]), _root(parents, pairs[second, 1])
+                enough = (first == one and last == other) or (first == other and last == one)
+            place -= 1
+        if enough:
+            _unite(parents, sizes, one, other)
+        else:
+            waiting[number] = link
+            number += 1
+    labels = np.empty(len(rows), np.int64)
+    for k in range(len(rows)):
+        labels[k] = _root(parents, rows[k])
+    return labels
+
+
+@inner
+def _unite(parents: Int, sizes: Int, one: int, other: int) -> None:
+    """Make one of two objects, named by walls."""
+    one, other = _root(parents, one), _root(parents, other)
+    if one != other:
+        kept, gone = min(one, other), max(one, other)
+        parents[gone] = kept
+        sizes[kept] += sizes[gone]
