@@ -17,7 +17,7 @@ PARTS = {
     "frames": "scripts/bench frames --figure frames.png",
     "light": "scripts/bench light --seeds 3",
     "robots": "scripts/bench robots --robots 1024",
-    "line_pairs": "scripts/bench line_pairs",
+    "line_pairs": "scripts/bench line_pairs --json",
     "score": "scripts/bench score footprints.geojson --beams 181 --seeds 2",
 }
 """The parts, with an example of each."""
@@ -27,32 +27,37 @@ ALONE = [part for part in PARTS if part != "score"]
 
 
 def program(parts: dict[str, str]) -> typer.Typer:
-    """A program with a command for each part."""
+    """A program with a command for each part, which measures everything if none is named."""
     app = typer.Typer(
-        help="Measure run time against error; all parts if none is named.",
+        help="Measure run time against error; all parts that need no file if none is named.",
         epilog="Example: scripts/bench ranges --json",
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         add_completion=False,
+        invoke_without_command=True,
     )
+    app.callback()(everything)
     for part, example in parts.items():
         bench = command(import_module(f"benchmarks.{part}").bench)
         app.command(part, epilog=f"Example: {example}")(bench)
     return app
 
 
-def single(part: str, name: str) -> None:
+def single(part: str, name: str) -> typer.Typer:
     """A program of one part."""
     app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
     bench = command(import_module(f"benchmarks.{part}").bench)
     app.command(epilog=f"Example: {name} --json")(bench)
-    main(app, name)
+    return app
 
 
 def everything(
+    context: typer.Context,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON value.")] = False,
 ) -> None:
-    """Measure all parts that need no file."""
+    """Measure run time against error; all parts that need no file if none is named."""
+    if context.invoked_subcommand is not None:
+        return
     from lrf3d.cli.console import print_json, say
 
     found: dict[str, Any] = {}
@@ -67,13 +72,6 @@ def everything(
 
 
 if __name__ == "__main__":
-    chosen = [word for word in sys.argv[1:] if not word.startswith("-")][:1]
-    if chosen and chosen[0] in PARTS:
-        # Only the part that is measured is imported.
-        main(program({part: PARTS[part] for part in (chosen[0], "robots")}), "scripts/bench")
-    elif chosen or "--help" in sys.argv or "-h" in sys.argv:
-        main(program(PARTS), "scripts/bench")
-    else:
-        app = typer.Typer(rich_markup_mode=None, add_completion=False)
-        app.command()(everything)
-        main(app, "scripts/bench")
+    # Only the part that is measured is imported.
+    chosen = [word for word in sys.argv[1:] if word in PARTS][:1]
+    main(program({part: PARTS[part] for part in chosen or PARTS}), "scripts/bench")

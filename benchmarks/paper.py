@@ -237,5 +237,6 @@ def pictures(scans: int | None) -> Iterator[tuple[str, Callable[[Path], object]]
 
 if __name__ == "__main__":
     from benchmarks.__main__ import single
+    from lrf3d.cli import main
 
-    single("paper", "scripts/paper")
+    main(single("paper", "scripts/paper"), "scripts/paper")

@@ -62,6 +62,12 @@ def handle_signals(name: str) -> None:
             signal.signal(number, handle)
 
 
+def ignore_signals() -> None:
+    """Ignore signals from here on: the program has done its work and ends."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
 def forget() -> None:
     """Withdraw the request to stop."""
     global _asked

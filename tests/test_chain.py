@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lrf3d import load_map, load_run, load_world
-from lrf3d.scene.overview import CLOSING, OPENING
+from lrf3d.scene.story import CLOSING, OPENING
 
 WORLD = """\
 name = "yard"

@@ -7,7 +7,7 @@ is loaded.
 import os
 import sys
 
-from lrf3d.interrupts import asked, handle_signals
+from lrf3d.interrupts import asked, handle_signals, ignore_signals
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -35,6 +35,9 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
         if message is None:
             raise
         status = _report(name, error, message)
+    finally:
+        # Python gives signals their default action while it ends, which would be a death by signal.
+        ignore_signals()
     sys.exit(128 + asked() if asked() and status else status)
 
 

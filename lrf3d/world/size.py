@@ -26,6 +26,10 @@ def size_warning(world: World) -> str | None:
     size = f"the world is {_metres(width)} by {_metres(height)}"
     if max(width, height) < SMALLEST_SIDE:
         return f"{size}, a drawing on paper? --scale 100 makes one of 1:100 as large as the house"
+    try:
+        check_size(world)
+    except WorldError as error:
+        return str(error)
     return None
 
 

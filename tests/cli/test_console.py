@@ -8,7 +8,7 @@ def test_without_a_terminal_long_work_says_now_and_then_how_far_it_is(capsys):
         time[0] = 0.3 * done
         report(done, 1000)
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == "lrf3d: film: 100 of 1,000, about 4 min left"
+    assert lines[0] == "lrf3d: film: 102 of 1,000, about 4 min left"
     assert len(lines) == 9
 
 

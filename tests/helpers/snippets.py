@@ -21,7 +21,7 @@ import typer
 from markdown_it import MarkdownIt
 from typer.testing import CliRunner
 
-from benchmarks.__main__ import PARTS, program
+from benchmarks.__main__ import PARTS, program, single
 from lrf3d.cli.app import app
 from lrf3d.scenario_file import load_scenario
 from stress import app as stress_app
@@ -38,7 +38,7 @@ NOT_OURS = re.compile(
 PROGRAMS = {
     "lrf3d": app,
     "scripts/bench": program(PARTS),
-    "scripts/paper": program({"paper": "scripts/paper --json"}),
+    "scripts/paper": single("paper", "scripts/paper"),
     "scripts/stress": stress_app,
 }
 """What lines of shell call."""
@@ -213,7 +213,7 @@ def _named(words):
     program, *rest = words
     first = rest[0] if rest and not rest[0].startswith("-") else ""
     if program == "scripts/bench":
-        return f"{program} {first or 'whole'}"
+        return f"{program} {first}".strip()
     if program != "lrf3d":
         return program
     return " ".join(rest[: 2 if first == "world" else 1])
