@@ -102,7 +102,8 @@ class Walls(NamedTuple):
             return self
         grown = Walls.of_size(rows)
         columns: list[NDArray[Any]] = list(self)
-        for own, column in zip(columns, grown, strict=True):
+        larger: list[NDArray[Any]] = list(grown)
+        for own, column in zip(columns, larger, strict=True):
             column[: len(own)] = own
         return grown
 
