@@ -113,7 +113,10 @@ def load_carmen(
             named += [item] if len(named) < NAMED else []
             continue
         if isinstance(item, LoggedPose):
-            _append(tracks[item.track], item)
+            track = tracks[item.track]
+            # A pose that is no later than the one before is left out.
+            if not track or item.time > track[-1].time:
+                track.append(item)
             if item.track == "odom":
                 wheels.append(item)
             continue
@@ -144,28 +147,20 @@ def load_carmen(
         np.array(places),
         offset,
     )
-    wheels_or_none = record if len(record) else None
     if largest_range is None:
         scans = without_no_returns(scans)
-    # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
-    mount = Pose(0.0 if wheels else offset, 0.0, 0.0)
     log = LaserLog(
         log_name(path),
         scans,
         bad,
         tuple(named),
         tracks=known,
-        wheels=wheels_or_none,
-        mount=mount,
+        wheels=record if len(record) else None,
+        # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
+        mount=Pose(0.0 if wheels else offset, 0.0, 0.0),
         not_numbers=not_numbers,
     )
     return log if poses == "auto" else _placed_by(log, poses, path)
-
-
-def _append(rows: list[LoggedPose], row: LoggedPose) -> None:
-    """Add a pose to a track, unless it is no later than the one before."""
-    if not rows or row.time > rows[-1].time:
-        rows.append(row)
 
 
 def _placed_by(log: LaserLog, name: str, path: Path) -> LaserLog:
