@@ -56,7 +56,7 @@ class LineMapper:
         >>> len(mapper.map)
         2
         >>> mapper.map.segments.round(2).tolist()
-        [[3.0, -5.03, 3.0, 5.0], [3.0, 5.0, -0.04, 5.0]]
+        [[3.0, 5.0, -0.04, 5.0], [3.0, -5.03, 3.0, 5.0]]
     """
 
     def __init__(
