@@ -68,28 +68,39 @@ def prove(
             hit[0] = ALL_UNSURE
             continue
         aim(laser, x, y, poses[k, 2], dx, dy)
-        for i in range(beams):
-            face = found[k * beams + i]
-            hit[i] = -1 if face < 0 else UNSURE
+        stop = 0
+        while stop < beams:
+            # Neighbouring beams on one face share its numbers, and the loop over them is
+            # vectorised.
+            start, face = stop, found[k * beams + stop]
+            while stop < beams and found[k * beams + stop] == face:
+                stop += 1
             if face < 0 or face % 3 != 0:
+                for i in range(start, stop):
+                    hit[i] = -1 if face < 0 else UNSURE
                 continue
             row = face // 3
             ax, ay = walls[row, 0] - x, walls[row, 1] - y
             ex, ey = walls[row, 2] - walls[row, 0], walls[row, 3] - walls[row, 1]
             left, right = ax * ey, ay * ex
             # Slopes are taken with the sign that the beam ahead of the wall gives them.
-            sense = 1.0 if left > right else -1.0
-            slope, length = sense * (dx[i] * ey - dy[i] * ex), math.sqrt(ex * ex + ey * ey)
-            # Where on the wall the beam meets it, and how far away that is at least, times slope.
-            place = sense * (dy[i] * ax - dx[i] * ay)
+            sense, length = 1.0 if left > right else -1.0, math.sqrt(ex * ex + ey * ey)
+            flat, steep = sines[0] * length, sines[1] * length
+            begin, end, steep_begin, steep_end = clear[row]
+            # How far away the beam meets the wall at least, times its slope.
             away = abs(left - right) - FILTER * (abs(left) + abs(right))
-            for j in range(2):
-                low, high = clear[row, 2 * j] * slope, clear[row, 2 * j + 1] * slope
-                if slope > sines[j] * length and low < place < high:
-                    if away <= range_max * ROOM * slope:
-                        hit[i] = row
-                    elif away > (range_max + frame.beyond) * slope:
-                        hit[i] = -1
+            for i in range(start, stop):
+                slope = sense * (dx[i] * ey - dy[i] * ex)
+                place = sense * (dy[i] * ax - dx[i] * ay)  # Where on the wall, times its slope.
+                sure = (slope > flat) & (begin * slope < place) & (place < end * slope)
+                sure |= (
+                    (slope > steep) & (steep_begin * slope < place) & (place < steep_end * slope)
+                )
+                near, far = (
+                    away <= range_max * ROOM * slope,
+                    away > (range_max + frame.beyond) * slope,
+                )
+                hit[i] = (row if near else -1) if sure & (near | far) else UNSURE
 
 
 @inner
