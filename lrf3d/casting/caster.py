@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.kernels.scans import PlainLaser, cast_scans, laser_of
+from lrf3d.casting.kernels.scans import NOT_ASKED, PlainLaser, cast_scans, laser_of
 from lrf3d.casting.kernels.tree import Tree, build_tree
 from lrf3d.cores import core_count
 from lrf3d.errors import InputError, shown
@@ -135,7 +135,7 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        cast_scans(self.tree(height)[:], laser, poses, ranges, walls, False)
+        cast_scans(self.tree(height)[:], laser, *NOT_ASKED, poses, ranges, walls)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
         poses = np.ascontiguousarray(poses)

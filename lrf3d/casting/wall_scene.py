@@ -22,8 +22,8 @@ import numpy as np
 import shapely
 import trimesh
 
-from lrf3d.casting.kernels.embree import Frame, prove, rays_of
-from lrf3d.casting.kernels.scans import PlainLaser, cast_scans
+from lrf3d.casting.kernels.embree import Trust
+from lrf3d.casting.kernels.scans import PlainLaser, cast_scans, rays_of
 from lrf3d.casting.kernels.tree import Tree
 from lrf3d.geometry import Float, Int
 
@@ -53,9 +53,10 @@ class WallScene:
         longest = float(np.hypot(along[:, 0], along[:, 1]).max(initial=0.0))
         delta = 2.0 * float32_error(radius, min(distance + 2.0 * longest, 4.0 * radius))
         beyond = 8.0 / FLAT * float32_error(radius, 4.0 * radius)
-        self._frame = Frame(float(centre[0]), float(centre[1]), radius, 1.5 * delta, beyond)[:]
+        self._x, self._y = centre.tolist()
+        trust = Trust(self._x, self._y, radius, 1.5 * delta, beyond, FLAT, STEEP)
         parts = [clear_parts(walls, along, (7.0 + 5.0 / sine) * delta) for sine in (FLAT, STEEP)]
-        self._tree, self._clear = tree[:], np.hstack(parts)
+        self._tree, self._clear, self._trust = tree[:], np.hstack(parts), np.array(trust)
         vertices = triangles(walls, along, delta)
         faces = np.arange(len(vertices)).reshape(-1, 3)
         self.mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False)
@@ -64,13 +65,12 @@ class WallScene:
 
     def cast(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
         """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty."""
-        hits = walls if len(walls) else np.empty(ranges.shape, np.int64)
         for k in range(0, len(poses), POSES_SENT):
-            some, rows = poses[k : k + POSES_SENT], hits[k : k + POSES_SENT]
-            rays = rays_of(laser, some, self._frame[0], self._frame[1])
+            part = slice(k, k + POSES_SENT)
+            rays = rays_of(laser, poses[part], self._x, self._y)
             found = self.mesh.ray.intersects_first(*rays)
-            prove(self._tree, self._clear, self._frame, (FLAT, STEEP), found, laser, some, rows)
-        cast_scans(self._tree, laser, poses, ranges, hits, True)
+            asked = self._clear, self._trust, found
+            cast_scans(self._tree, laser, *asked, poses[part], ranges[part], walls[part])
 
 
 def float32_error(radius: float, distance: float) -> float:
