@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.kernels.scans import PlainLaser, cast_scans, laser_of
+from lrf3d.casting.kernels.scans import NOT_ASKED, PlainLaser, cast_scans, laser_of
 from lrf3d.casting.kernels.tree import Tree, build_tree
 from lrf3d.cores import core_count
 from lrf3d.errors import InputError, shown
@@ -65,7 +65,7 @@ class PlanarCaster:
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose."""
         pose = as_pose(pose)
-        poses = np.array([pose])
+        poses = np.fromiter(pose, np.float64, 3)[None]
         if self._lighting is not None:
             lit = self._lit(lrf, poses)
             echoes = (lit.echo_ranges[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
@@ -135,7 +135,7 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        cast_scans(self.tree(height)[:], laser, poses, ranges, walls, False)
+        cast_scans(self.tree(height)[:], laser, *NOT_ASKED, poses, ranges, walls)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
         poses = np.ascontiguousarray(poses)

@@ -201,14 +201,16 @@ class EmbreeCaster(PlanarCaster):
     def _fill(
         self, height: float, laser: PlainLaser, poses: Float, ranges: Float, walls: Int
     ) -> None:
-        if not embreex_installed():
-            super()._fill(height, laser, poses, ranges, walls)
-            return
         # A scene is built for ranges up to a power of two.
         key = bisect_left(self._levels, height), math.frexp(laser[-1])[1]
-        if key not in self._scenes:
-            self._scenes[key] = WallScene(self.tree(height), math.ldexp(1.0, key[1]))
-        self._scenes[key].cast(laser, poses, ranges, walls)
+        scene = self._scenes.get(key)
+        if scene is None:
+            tree = self.tree(height)
+            if not len(tree.walls) or not embreex_installed():
+                super()._fill(height, laser, poses, ranges, walls)
+                return
+            scene = self._scenes[key] = WallScene(tree, math.ldexp(1.0, key[1]))
+        scene.cast(laser, poses, ranges, walls)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
         if self._triangles is None:

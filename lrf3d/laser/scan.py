@@ -61,12 +61,12 @@ class LaserScan(Value, Pictured):
     walls: Int
     range_min: float
     range_max: float
-    time: float
     time_increment: float
-    pose_covariance: Float | None
-    intensities: Float | None
-    echoes: Float | None
-    echo_intensities: Float | None
+    time: float = 0.0
+    pose_covariance: Float | None = None
+    intensities: Float | None = None
+    echoes: Float | None = None
+    echo_intensities: Float | None = None
 
     def __init__(
         self,
@@ -156,6 +156,7 @@ class LaserScan(Value, Pictured):
     ) -> "LaserScan":
         """The scan of new arrays of a caster: they are made read-only, not checked or copied."""
         scan = object.__new__(cls)
+        # What is left out has its default in the class: a scan costs microseconds.
         scan.__dict__.update(
             pose=pose,
             angles=lrf.angles,
@@ -163,13 +164,12 @@ class LaserScan(Value, Pictured):
             walls=sealed(walls),
             range_min=lrf.range_min,
             range_max=lrf.range_max,
-            time=0.0,
             time_increment=lrf.time_increment,
-            pose_covariance=None,
-            intensities=None if intensities is None else sealed(intensities),
-            echoes=None if echoes is None else sealed(echoes),
-            echo_intensities=None if echo_intensities is None else sealed(echo_intensities),
         )
+        if intensities is not None:
+            scan.__dict__["intensities"] = sealed(intensities)
+        if echoes is not None and echo_intensities is not None:
+            scan.__dict__.update(echoes=sealed(echoes), echo_intensities=sealed(echo_intensities))
         return scan
 
     def at_time(self, time: float) -> "LaserScan":
