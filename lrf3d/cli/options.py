@@ -135,15 +135,13 @@ def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1
     # An unknown name is reported before anything else is imported, which takes a second.
     find_world(name)
     from lrf3d.cli.console import warn
-    from lrf3d.laser.imperfections import losses_by_light
     from lrf3d.scenario_file import read_scenario_file, scenario_of
     from lrf3d.world.size import size_warning
 
     scenario = scenario_of(read_scenario_file(name).scaled(scale), settings or ())
-    lost = losses_by_light(scenario.noise) if scenario.world.materials else None
-    for warning in (size_warning(scenario.world), lost):
-        if warning is not None:
-            warn(f"{name}: {warning}")
+    warning = size_warning(scenario.world)
+    if warning is not None:
+        warn(f"{name}: {warning}")
     return scenario
 
 
