@@ -46,8 +46,7 @@ if TYPE_CHECKING:
     )
     from lrf3d.robot.planner import plan_route
     from lrf3d.run import Run
-    from lrf3d.scenario import Scenario
-    from lrf3d.scenario_file import load_scenario
+    from lrf3d.scenario import Scenario, load_scenario
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Simulation, Step, simulate
     from lrf3d.slam import Slam
@@ -75,8 +74,7 @@ else:
             "robot": "EstimatedTrajectory Trajectory Unicycle check_drive drive follow_route",
             "robot.planner": "plan_route",
             "run": "Run",
-            "scenario": "Scenario",
-            "scenario_file": "load_scenario",
+            "scenario": "Scenario load_scenario",
             "scoring": "score_map score_run",
             "simulation": "Simulation Step simulate",
             "slam": "Slam",

@@ -15,6 +15,10 @@ import os
 import sys
 from pathlib import Path
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
 LONGEST_MESSAGE = 600
 """Largest number of characters of a message: some lines of a terminal."""
 
@@ -92,6 +96,21 @@ class DrawingError(Lrf3dError):
 
 class MissingLibraryError(Lrf3dError):
     """A library that this task needs and this machine lacks."""
+
+
+def check_names(what: str, given: "Iterable[str]", known: "Sequence[str]") -> None:
+    """Check that names are known.
+
+    Raises:
+        InputError: One is not; the message names the nearest.
+    """
+    for name in given:
+        if name not in known:
+            from difflib import get_close_matches
+
+            near = ["rng"] if name == "seed" else get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            raise InputError(f"{what}: there is no {name}; {hint}")
 
 
 def missing_extra(task: str, extra: str) -> MissingLibraryError:
