@@ -22,7 +22,7 @@ from lrf3d.world.cameras import check_view
 from lrf3d.world.files import find_world
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.schema import read_settings
-from lrf3d.world.toml_file import WorldFile, read_toml
+from lrf3d.world.toml_file import WorldFile, read_world_file
 
 
 def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Scenario:
@@ -53,7 +53,7 @@ def read_scenario_file(name_or_path: str | Path) -> WorldFile:
     """
     path = find_world(name_or_path)
     if path.suffix.lower() == ".toml":
-        return read_toml(path)
+        return read_world_file(path)
     return WorldFile(load_world(path), path=path)
 
 
