@@ -45,16 +45,16 @@ def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Sce
     return scenario_of(read_scenario_file(name_or_path), settings)
 
 
-def read_scenario_file(name_or_path: str | Path) -> WorldFile:
-    """Read the file of a world, given by its name or its path.
+def read_scenario_file(name_or_path: str | Path, *, resolution: float | None = None) -> WorldFile:
+    """Read the file of a world, given by its name or its path; a picture needs a resolution [m].
 
     Raises:
         WorldError: There is no such world, or its file cannot be used.
     """
     path = find_world(name_or_path)
-    if path.suffix.lower() == ".toml":
+    if path.suffix.lower() == ".toml" and resolution is None:
         return read_world_file(path)
-    return WorldFile(load_world(path), path=path)
+    return WorldFile(load_world(path, resolution=resolution), path=path)
 
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
