@@ -8,7 +8,7 @@ import typer
 
 if TYPE_CHECKING:
     from lrf3d.cli.film import FilmOptions
-    from lrf3d.robot.free_space import Side
+    from lrf3d.planning.sides import Side
     from lrf3d.scenario import Scenario
 
 
@@ -156,11 +156,11 @@ def read_drive(
         InputError: There is no such world, a setting or the scale is invalid, or there is no room
             to drive on the given side of the walls.
     """
-    from lrf3d.cli.console import say
+    from lrf3d.cli.console import say, warn
     from lrf3d.errors import InputError
 
     where = side_of(inside)
-    scenario = read_world(name, settings, scale=scale).with_route(where=where)
+    scenario = read_world(name, settings, scale=scale).with_route(where=where, say=warn)
     if scenario.planned is None and where is not None:
         raise InputError(f"--{where}: {name} has its own route or poses, so none is planned")
     if scenario.planned is not None and scenario.world.free is not None:

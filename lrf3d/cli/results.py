@@ -18,6 +18,7 @@ from lrf3d.output import Drawing
 from lrf3d.progress import Progress
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
+from lrf3d.scoring import walls_seen
 from lrf3d.scoring.summary import drawn_part, summarise
 from lrf3d.simulation import Simulation, collect
 from lrf3d.text import counted
@@ -99,6 +100,7 @@ class Results:
             **named,
             "sigma_m": sigmas[0],
             "planned": scenario.planned,
+            "walls_seen": walls_seen(runs[0]),
             **summarise(runs[0], getattr(mapper, "local_map", None)),
             "milliseconds_a_scan": 1e3 * seconds / taken if taken else None,
             "milliseconds_an_update": main.milliseconds_an_update,
@@ -133,6 +135,7 @@ class Results:
         rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
         if self.single_poses:
             rows = [("scans", f"{scans}, from single poses")]
+        rows.append(("seen", f"{_share(self.summary['walls_seen'])} of the length of all walls"))
         if score is not None:
             text = f"{self.run.map.counts}, length F1"
             text += f" {_share(score['length_f1'])}, segment F1 {_share(score['segment_f1'])}"

@@ -13,6 +13,7 @@ from lrf3d.scoring.visibility import (
     buildings_seen,
     visible_parts,
     visible_walls,
+    walls_seen,
 )
 
 __all__ = [
@@ -32,4 +33,5 @@ __all__ = [
     "storage",
     "visible_parts",
     "visible_walls",
+    "walls_seen",
 ]
