@@ -79,10 +79,10 @@ def maker_of(label: str, sigma: float) -> Callable[[], Any]:
         return lambda: LineMapper(label, sigma=sigma)
     if ":" not in label:
         raise InputError(f"--mapper {label}: expected {', '.join(MODES)} or FILE.py:NAME")
-    from lrf3d.cli.plugins import load_plugin
+    from lrf3d.cli.plugins import load_plugin, made
 
-    plugin: Any = load_plugin("mapper", label)
-    return lambda: plugin.make()
+    found = load_plugin("mapper", label)
+    return lambda: made(found)
 
 
 def score_world(

@@ -33,7 +33,7 @@ from faults import (
 import lrf3d
 from lrf3d.cli.program import _message, _report
 from lrf3d.exporting import export_run
-from lrf3d.io import recording
+from lrf3d.io import journal
 from lrf3d.io.run_file import save_run
 from lrf3d.io.trajectory_files import save_tum
 from lrf3d.output import lock_of, locked, write_text
@@ -191,7 +191,7 @@ def test_a_program_that_lacks_room_or_memory_says_what_is_kept(capsys):
     kept = "3 of 9 scans kept; go on with --resume"
     for error in (MemoryError(), disk_full(), lrf3d.OutputError("run.journal: disk full")):
         error.add_note(kept)
-        assert _report("lrf3d", error, _message(error)) == 1
+        _report("lrf3d", error, _message(error))
         said = capsys.readouterr().err
         assert said.count("\n") == 1 and said.endswith(f"; {kept}\n")
 
@@ -248,8 +248,8 @@ def simulation():
 
 def record_with_faults(fault, folder, most, monkeypatch):
     """Record a run with a fault at each call, and go on with it; returns the number of faults."""
-    # Each scan is a chunk.
-    monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
+    # Each scan is flushed.
+    monkeypatch.setattr(journal, "FLUSHED_EVERY", 0.0)
     counts, made, expected = FAULTS[fault]
     if counts is any_call:
         counts = calls_within(*RECORDING)

@@ -13,7 +13,6 @@ from lrf3d.scoring.visibility import (
     buildings_seen,
     visible_parts,
     visible_walls,
-    walls_seen,
 )
 
 __all__ = [
@@ -33,5 +32,4 @@ __all__ = [
     "storage",
     "visible_parts",
     "visible_walls",
-    "walls_seen",
 ]

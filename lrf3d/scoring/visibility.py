@@ -28,12 +28,6 @@ def visible_walls(run: Run) -> tuple[Float, Int]:
     return visible_parts(run.world.segments, poses, angles, run.truth, run.walls)
 
 
-def walls_seen(run: Run) -> float:
-    """Share of the length of all walls that a run saw, 1 if there are none."""
-    total = float(lengths(run.world.segments).sum())
-    return float(lengths(visible_walls(run)[0]).sum()) / total if total else 1.0
-
-
 def visible_parts(
     segments: Float, poses: Float, angles: Float, truth: Float, walls: Int
 ) -> tuple[Float, Int]:

@@ -161,7 +161,7 @@ def _mirrors(world: World, structures: Structures) -> list[float]:
 
 def _outlines(structures: Structures) -> list[list[float]]:
     """Outlines of houses and their yards, and of trunks: x, y, x, y, … each."""
-    rings = shapely.get_rings(structures.footprints)
+    rings = shapely.get_rings(structures.solids)
     return [np.round(shapely.get_coordinates(ring), 2).ravel().tolist() for ring in rings]
 
 
