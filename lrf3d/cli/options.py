@@ -8,7 +8,7 @@ import typer
 
 if TYPE_CHECKING:
     from lrf3d.cli.console import Report
-    from lrf3d.robot.free_space import Side
+    from lrf3d.planning.sides import Side
     from lrf3d.scenario import Scenario
 
 MAP, DRIVE, OWN, FILM = "Mapping", "World and drive", "Your own algorithms", "Film"
@@ -110,12 +110,12 @@ class Drive:
             InputError: There is no such world, a setting or the scale is invalid, or there is no
                 room to drive on the given side of the walls.
         """
+        from lrf3d.cli.console import warn
         from lrf3d.errors import InputError
 
         where = side_of(self.inside)
-        scenario = read_world(
-            name, self.settings, scale=self.scale, resolution=self.resolution
-        ).with_route(where=where)
+        scenario = read_world(name, self.settings, scale=self.scale, resolution=self.resolution)
+        scenario = scenario.with_route(where=where, say=warn)
         if scenario.planned is None:
             if where is not None:
                 raise InputError(

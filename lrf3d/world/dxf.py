@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import WorldError
+from lrf3d.files import check_ordinary
 from lrf3d.geometry import Float
-from lrf3d.input import check_ordinary
 from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
 from lrf3d.world.model import LARGEST_COORDINATE, World
 

@@ -18,8 +18,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from lrf3d.errors import WorldError, shown
+from lrf3d.files import opened
 from lrf3d.geometry import Float
-from lrf3d.input import opened
 from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
 from lrf3d.world.model import LARGEST_COORDINATE, World
 
