@@ -62,7 +62,7 @@ def convert(
     resolution: Annotated[
         float | None,
         typer.Option(
-            help="Side of a cell [m] of a ROS map, 0.05 if not given, or of a pixel of a bare picture."
+            help="Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture."
         ),
     ] = None,
     trees: Annotated[
