@@ -10,7 +10,7 @@ import numpy as np
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError
-from lrf3d.input import own_name
+from lrf3d.files import own_name
 from lrf3d.laser import Imperfections, LaserRangeFinder
 from lrf3d.laser.noise import SIGMA
 from lrf3d.pose import Pose

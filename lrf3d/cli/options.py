@@ -8,7 +8,7 @@ import typer
 
 if TYPE_CHECKING:
     from lrf3d.cli.console import Report
-    from lrf3d.robot.free_space import Side
+    from lrf3d.planning.sides import Side
     from lrf3d.scenario import Scenario
 
 MAP, DRIVE, OWN, FILM = "Mapping", "World and drive", "Your own algorithms", "Film"
@@ -105,10 +105,12 @@ class Drive:
             InputError: There is no such world, a setting or the scale is invalid, or there is no
                 room to drive on the given side of the walls.
         """
+        from lrf3d.cli.console import warn
         from lrf3d.errors import InputError
 
         where = side_of(self.inside)
-        scenario = read_world(name, self.settings, scale=self.scale).with_route(where=where)
+        scenario = read_world(name, self.settings, scale=self.scale)
+        scenario = scenario.with_route(where=where, say=warn)
         if scenario.planned is None:
             if where is not None:
                 raise InputError(
@@ -135,15 +137,13 @@ def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1
     # An unknown name is reported before anything else is imported, which takes a second.
     find_world(name)
     from lrf3d.cli.console import warn
-    from lrf3d.laser.imperfections import losses_by_light
     from lrf3d.scenario_file import read_scenario_file, scenario_of
     from lrf3d.world.size import size_warning
 
     scenario = scenario_of(read_scenario_file(name).scaled(scale), settings or ())
-    lost = losses_by_light(scenario.noise) if scenario.world.materials else None
-    for warning in (size_warning(scenario.world), lost):
-        if warning is not None:
-            warn(f"{name}: {warning}")
+    warning = size_warning(scenario.world)
+    if warning is not None:
+        warn(f"{name}: {warning}")
     return scenario
 
 

@@ -4,7 +4,6 @@ from typing import Any
 
 from lrf3d.digest import digest, name_of
 from lrf3d.io.journal import rng_state
-from lrf3d.laser.noise import DeterministicNoise
 from lrf3d.simulation import Simulation
 from lrf3d.steering import ControlledDrive, RecordedDrive
 
@@ -17,8 +16,6 @@ def fingerprint_of(simulation: Simulation) -> dict[str, str]:
     """
     world, drive = simulation.world, simulation.drive
     noise: Any = simulation.sensor.noise
-    while isinstance(noise, DeterministicNoise):
-        noise = noise.change
     path: list[Any]
     if isinstance(drive, RecordedDrive):
         path = [drive.trajectory.times, drive.trajectory.poses]

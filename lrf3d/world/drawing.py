@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import WorldError
+from lrf3d.files import own_name
 from lrf3d.geometry import Float, lengths
-from lrf3d.input import own_name
 from lrf3d.world.model import World
 from lrf3d.world.pieces import walls
 from lrf3d.world.schema import LARGEST_COORDINATE

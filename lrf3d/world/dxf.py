@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import WorldError
+from lrf3d.files import opened
 from lrf3d.geometry import Float
-from lrf3d.input import opened
 from lrf3d.world.drawing import CURVE_ERROR, MOST_WALLS, world_of_strokes
 from lrf3d.world.model import World
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import OutputError, WorldError
-from lrf3d.input import check_ordinary, worlds_folder
+from lrf3d.files import check_ordinary, worlds_folder
 from lrf3d.world.model import World
 
 

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import OutputError, WorldError, shown
+from lrf3d.files import opened, own_name, read_text, replacing
 from lrf3d.geometry import Bool, Float, Int
-from lrf3d.input import opened, own_name, read_text
-from lrf3d.output import replacing
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.outlines import BAND

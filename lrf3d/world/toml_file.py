@@ -15,8 +15,8 @@ from typing import Any, NoReturn
 import numpy as np
 
 from lrf3d.errors import InputError, WorldError
+from lrf3d.files import own_name, read_text
 from lrf3d.geometry import Float, lengths
-from lrf3d.input import own_name, read_text
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.locate import KeyPath, lines_of_keys, nearest_line

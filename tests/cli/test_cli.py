@@ -186,15 +186,6 @@ def test_a_collision_can_be_waved_through(room, tmp_path):
     assert "warning" in done.stderr and "wall 0" in done.stderr
 
 
-def test_losses_that_the_light_decides_are_named_and_old_files_stay_readable(room, tmp_path):
-    old = ROOM.replace("sigma = 0.05", "sigma = 0.05\ndrop_outs_grazing = 0.5")
-    for text, warns in [(old, False), (old.replace("closed", 'material = "brick"\nclosed'), True)]:
-        room.write_text(text)
-        done = lrf3d("run", room, "--no-video", "--scans", 2, "--out", tmp_path / f"out{warns}")
-        assert done.returncode == 0, done.stderr
-        assert ("drop_outs_grazing has no effect" in done.stderr) == warns
-
-
 def test_an_output_folder_that_cannot_be_is_refused(room, tmp_path):
     (tmp_path / "file").write_text("")
     assert "--out" in refused("run", room, "--out", tmp_path / "file" / "out")

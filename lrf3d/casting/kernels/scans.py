@@ -20,6 +20,7 @@ from lrf3d.casting.kernels.predicates import (
 )
 from lrf3d.casting.kernels.tree import PlainTree, Tree
 from lrf3d.compiling import compiled, inner
+from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, Single
 from lrf3d.laser import LaserRangeFinder, range_finder
 
@@ -52,7 +53,13 @@ PlainLaser = tuple[Float, float, float, float, float]
 
 
 def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> PlainLaser:
-    """A range finder for kernels, perhaps with another range_min."""
+    """A range finder for kernels, perhaps with another range_min.
+
+    Raises:
+        InputError: It is no range finder.
+    """
+    if not isinstance(lrf, LaserRangeFinder):
+        raise InputError(f"range finder {shown(lrf)}: expected a LaserRangeFinder")
     near = lrf.range_min if range_min is None else range_min
     return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
 
