@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         odometry_increments,
     )
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
+    from lrf3d.planning.planner import plan_route
     from lrf3d.pose import Pose
     from lrf3d.recorded import map_log, slam_log
     from lrf3d.render.video import render_video
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
         drive,
         follow_route,
     )
-    from lrf3d.robot.planner import plan_route
     from lrf3d.run import Run
     from lrf3d.scenario import Scenario, load_scenario
     from lrf3d.scoring import score_map, score_run
@@ -72,7 +72,7 @@ else:
             "recorded": "map_log slam_log",
             "render.video": "render_video",
             "robot": "EstimatedTrajectory Trajectory Unicycle check_drive drive follow_route",
-            "robot.planner": "plan_route",
+            "planning.planner": "plan_route",
             "run": "Run",
             "scenario": "Scenario load_scenario",
             "scoring": "score_map score_run",

@@ -18,11 +18,11 @@ from lrf3d.files import own_name
 from lrf3d.geometry import Float, Value
 from lrf3d.laser import Imperfections, LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
+from lrf3d.planning.sides import Side
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
-from lrf3d.robot.free_space import Side
 from lrf3d.robot.laps import Patrol, chain_laps, drive_laps
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World, load_world
@@ -30,7 +30,7 @@ from lrf3d.world.cameras import PLAYBACK, FilmPlan, check_view
 from lrf3d.world.files import find_world
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.schema import read_settings
-from lrf3d.world.toml_file import WorldFile, read_toml
+from lrf3d.world.toml_file import WorldFile, read_world_file
 
 if TYPE_CHECKING:
     from lrf3d.casting.timed import Caster
@@ -63,16 +63,13 @@ class Scenario(Value):
         obstacles, start: The dynamic obstacles, and the initial pose x, y [m], theta [rad].
         route: (m, 2) way-points [m], the first at the start; None if it is to be planned.
         poses: (k, 3) poses x, y [m], theta [rad] to scan from instead of driving.
-        planned: The side of the walls, inside or outside, on which the route was planned; None
-            if it was not planned.
+        planned: The side of the walls, inside or outside, on which the route was planned.
         speed, scan_interval: Speed of the drive [m/s], and time between two scans [s].
-        lookahead: Distance along the route to the point that the robot steers at [m].
-        radius: Radius of the robot [m].
+        lookahead, radius: Distance along the route to the point that the robot steers at, and
+            radius of the robot [m].
         mapper: Keyword arguments of the LineMapper.
-        view: Camera of the film: ``chase``, ``first``, ``orbit``, ``top``, or the name of one of
-            the world's cameras.
-        playback: Simulated seconds in a second of film.
-        points_by: What the colour of hit points in the film shows, ``range`` or ``intensity``.
+        view, playback, points_by: Camera of the film, simulated seconds in a second of it, and
+            whether its hit points show ``range`` or ``intensity``.
         name: Name in files and pictures.
 
     Examples:
@@ -128,11 +125,7 @@ class Scenario(Value):
         return sigma, *self.compared
 
     def changed(self, **changes: Any) -> "Scenario":
-        """The scenario with other values of its fields; fields that depend on them are reset.
-
-        A new route starts at its first way-point; in a new world one is planned, unless a start or
-        a route is given with it.
-        """
+        """The scenario with other fields; a new world or route resets those that depend on it."""
         check_names("scenario", changes, [each.name for each in fields(self)])
         if {"world", "route", "poses"} & set(changes):
             reset = dict.fromkeys(("route", "poses", "planned", "start"))
@@ -141,27 +134,50 @@ class Scenario(Value):
             changes = {**reset, **changes}
         return replace(self, **changes) if changes else self
 
-    def with_route(self, *, where: Side | None = None) -> "Scenario":
+    def with_route(
+        self, *, where: Side | None = None, say: Callable[[str], None] = lambda note: None
+    ) -> "Scenario":
         """The scenario, with a planned route past most of its walls if it has none.
 
-        It stays on a side of the walls, which depends on the world and the start if not given.
+        Indoors a robot whose speed is not given drives at 1 m/s, and one whose radius is not given
+        is a smaller one where doors are too narrow for most of the rooms. Without a side of the
+        walls, it depends on the world and the start; ``say`` is called with what the route does
+        not reach, and why.
 
         Raises:
             InputError: There is no free space to drive in.
         """
         if self.poses is not None or self.route is not None:
             return self
-        from lrf3d.robot.planner import find_route
+        from lrf3d.planning.planner import find_route
 
         lookahead = min(self.lookahead, PLANNED_LOOKAHEAD)
         found = find_route(
-            self.world, radius=self.radius, range_max=self.lrf.range_max, lookahead=lookahead,
-            where=where, start=self.start,
-        )  # fmt: skip
-        start = start_of(found.waypoints) if self.start is None else self.start
-        return replace(
-            self, route=found.waypoints, start=start, lookahead=lookahead, planned=found.side
+            self.world,
+            radius=None if self.radius == RADIUS else self.radius,
+            speed=None if self.speed == SPEED else self.speed,
+            range_max=self.lrf.range_max,
+            lookahead=lookahead,
+            dt=self.scan_interval / self._commands,
+            where=where,
+            start=self.start,
         )
+        for note in found.notes:
+            say(note)
+        return replace(
+            self,
+            route=found.waypoints,
+            start=start_of(found.waypoints) if self.start is None else self.start,
+            lookahead=lookahead,
+            planned=found.side,
+            radius=found.radius,
+            speed=found.speed,
+        )
+
+    @property
+    def _commands(self) -> int:
+        """Number of commands between two scans: steering is finer than the interval."""
+        return max(1, round(self.scan_interval / CONTROL_STEP))
 
     def trajectory(
         self, *, scans: int | None = None, on_collision: Callable[[str], None] | None = None
@@ -178,8 +194,7 @@ class Scenario(Value):
             return Trajectory(POSE_INTERVAL * stops, self.poses[stops % len(self.poses)])
         if self.route is None:
             raise InputError(f"{self.name}: neither poses nor a route to drive")
-        # Steering, and checking for collisions, is finer than the interval between scans.
-        commands = max(1, round(self.scan_interval / CONTROL_STEP))
+        commands = self._commands
         dt = self.scan_interval / commands
         settings: dict[str, Any] = {"speed": self.speed, "lookahead": self.lookahead, "dt": dt}
         if scans is None:
@@ -257,17 +272,10 @@ class Scenario(Value):
         # The mapper is set up for the noise whose spread is known: that of the sigma, if given.
         known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
         settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
-        made = Simulation(
-            scenario.world,
-            driven,
-            scenario.lrf,
-            caster=caster,
-            noise=usual if noise is None else noise,
-            mapper=line_mapper(known, **settings) if mapper is None else mapper,
-            rng=rng,
-            obstacles=scenario.obstacles,
-            **arguments,
-        )
+        arguments |= {"caster": caster, "rng": rng, "obstacles": scenario.obstacles}
+        arguments["noise"] = usual if noise is None else noise
+        arguments["mapper"] = line_mapper(known, **settings) if mapper is None else mapper
+        made = Simulation(scenario.world, driven, scenario.lrf, **arguments)
         made.film = FilmPlan(scenario.view, scenario.playback, scenario.points_by)
         return made
 
@@ -276,7 +284,7 @@ class Scenario(Value):
     ) -> "Run":
         """Drive, scan and map, as ``lrf3d run`` does, and keep all of it in memory.
 
-        Changes for this run are all arguments of `simulation`; the others are those of `simulate`.
+        It takes the arguments of `simulation` and of `simulate`.
 
         Examples:
             >>> import lrf3d
@@ -290,13 +298,7 @@ class Scenario(Value):
 
     def _check_number(self, scans: int | None) -> None:
         if scans is not None and scans > MOST_SCANS:
-            from lrf3d.run import run_bytes
-
-            size = 1e-9 * run_bytes(scans, self.world, self.lrf)
-            raise InputError(
-                f"{scans:,} scans: would take {size:,.0f} GB of disk, and are more than"
-                f" {MOST_SCANS:,}; ask for fewer"
-            )
+            raise InputError(f"{scans:,} scans: more than {MOST_SCANS:,}; ask for fewer")
 
 
 def start_of(route: Float) -> Pose:
@@ -306,13 +308,10 @@ def start_of(route: Float) -> Pose:
 
 
 def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Scenario:
-    """Read a scenario: a built-in one by its name, or a file by its path.
-
-    Settings such as ``laser.range_max=20`` override those of the file.
+    """Read a built-in scenario by its name, or a file; settings override those of the file.
 
     Raises:
-        WorldError: There is no such world, or its file cannot be used.
-        InputError: A setting is invalid.
+        WorldError: There is no such world, or its file or a setting cannot be used.
 
     Examples:
         >>> import lrf3d
@@ -323,12 +322,12 @@ def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Sce
     return scenario_of(read_scenario_file(name_or_path), settings)
 
 
-def read_scenario_file(name_or_path: str | Path) -> WorldFile:
-    """Read the file of a world, given by its name or its path."""
+def read_scenario_file(name_or_path: str | Path, *, resolution: float | None = None) -> WorldFile:
+    """Read the file of a world, given by its name or its path; a picture needs a resolution [m]."""
     path = find_world(name_or_path)
-    if path.suffix.lower() == ".toml":
-        return read_toml(path)
-    return WorldFile(load_world(path), path=path)
+    if path.suffix.lower() == ".toml" and resolution is None:
+        return read_world_file(path)
+    return WorldFile(load_world(path, resolution=resolution), path=path)
 
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
