@@ -18,8 +18,7 @@ from benchmarks.report import Report, duration
 from benchmarks.timing import time_updates
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.geometry import Float
-from lrf3d.localization import OdometryNoise
-from lrf3d.localization.monte_carlo import LocalisationTask, score_localisation
+from lrf3d.localization.monte_carlo import score_localisation
 from lrf3d.output import make_folder
 from lrf3d.run import Run
 from lrf3d.scenario_file import load_scenario
@@ -196,8 +195,7 @@ def search(scans: int | None) -> Finding:
 def localisation(scans: int | None) -> Finding:
     """Sections 1 and 3.1: the map can be used to localise the robot."""
     drive, sigma = drive_through("city", "robust", scans), load_scenario("city").sigmas[0]
-    task = LocalisationTask(drive.run, sigma, OdometryNoise(), known="map")
-    score = score_localisation(task, seeds=8).as_dict()
+    score = score_localisation(drive.run, sigma, known="map", seeds=8)
     mean = score["mean_position_error_m"]
     return Finding(
         "1, 3.1: a robot finds itself on the map (to 5 cm)",
