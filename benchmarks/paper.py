@@ -15,6 +15,7 @@ import typer
 
 from benchmarks.line_pairs import pair_drive
 from benchmarks.report import Report, duration
+from benchmarks.storage import Storage, storage
 from benchmarks.timing import time_updates
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.geometry import Float
@@ -22,8 +23,7 @@ from lrf3d.localization.monte_carlo import score_localisation
 from lrf3d.output import make_folder
 from lrf3d.run import Run
 from lrf3d.scenario_file import load_scenario
-from lrf3d.scoring import buildings_seen, storage
-from lrf3d.scoring.summary import local_polylines
+from lrf3d.scoring import buildings_seen
 from lrf3d.simulation import collect
 from lrf3d.sweeping import sweep
 
@@ -46,7 +46,7 @@ class Drive(NamedTuple):
 
     run: Run
     updates: Float
-    stored: Any
+    stored: Storage
 
 
 def bench(
@@ -92,8 +92,7 @@ def drive_through(world: str, mode: str, scans: int | None = None) -> Drive:
     mapper: Any = simulation.mapper
     spent = time_updates(mapper)
     run = collect(simulation)
-    lines = [local_polylines(mapper.local_map(scan)) for scan in run.scans]
-    return Drive(run, np.array(spent), storage(run, lines))
+    return Drive(run, np.array(spent), storage(run, [*map(mapper.local_map, run.scans)]))
 
 
 def exact_ranges(scans: int | None) -> Finding:
