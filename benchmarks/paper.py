@@ -18,9 +18,9 @@ from benchmarks.report import Report, duration
 from benchmarks.storage import Storage, storage
 from benchmarks.timing import time_updates
 from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.files import make_folder
 from lrf3d.geometry import Float
 from lrf3d.localization.monte_carlo import score_localisation
-from lrf3d.output import make_folder
 from lrf3d.run import Run
 from lrf3d.scenario_file import load_scenario
 from lrf3d.scoring import buildings_seen

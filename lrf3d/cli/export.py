@@ -32,7 +32,7 @@ def export(
 
     from lrf3d.errors import InputError
     from lrf3d.exporting import EXPORTERS, export_run
-    from lrf3d.output import make_folder
+    from lrf3d.files import make_folder
 
     if to not in EXPORTERS:
         raise InputError(f"--to {to}: expected one of {', '.join(EXPORTERS)}")

@@ -12,9 +12,8 @@ import typer
 
 from lrf3d.cli.console import Report, Rows, json_text, print_json, print_table
 from lrf3d.errors import DrawingError, InputError, Lrf3dError
-from lrf3d.input import read_text
+from lrf3d.files import locked, make_folder, read_text, write_text
 from lrf3d.interrupts import check, noting
-from lrf3d.output import lock_of, locked, make_folder, write_text
 from lrf3d.world import world_names
 
 LONGEST_NAME = 100
@@ -108,6 +107,8 @@ def results_folder(
     sources: Sequence[str | Path],
     name: str,
     out: Path | None,
+    *,
+    alone: bool = True,
 ) -> ResultsFolder:
     """The folder for the results of a command, locked until the command ends.
 
@@ -117,6 +118,7 @@ def results_folder(
         sources: The worlds, or the log, that the results are of.
         name: Their name.
         out: The folder; ``out/NAME`` if not given.
+        alone: Whether no other command may write there meanwhile.
 
     Raises:
         InputError: Another process writes to it, or no folder is given and ``out/NAME`` holds
@@ -131,12 +133,13 @@ def results_folder(
     ]
     made_by = {"command": context.info_name, "sources": named}
     make_folder(folder)
-    context.with_resource(locked(lock_of(folder / "results"), folder))
+    if alone:
+        context.with_resource(locked(folder / "results", folder))
     summary = folder / "summary.json"
-    if not summary.exists():
+    if alone and not summary.exists():
         # What is written before a command is stopped has its origin, too.
         write_text(summary, json_text({"made_by": made_by}))
-    elif out is None and (others := _sources_of(summary)) != named:
+    elif out is None and summary.exists() and (others := _sources_of(summary)) != named:
         what = " ".join(others) or "something else"
         raise InputError(f"{folder}: holds results of {what}; choose another folder with --out")
     return ResultsFolder(folder, made_by, report)

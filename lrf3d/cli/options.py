@@ -8,7 +8,7 @@ import typer
 
 if TYPE_CHECKING:
     from lrf3d.cli.console import Report
-    from lrf3d.robot.free_space import Side
+    from lrf3d.planning.sides import Side
     from lrf3d.scenario import Scenario
 
 MAP, DRIVE, OWN, FILM = "Mapping", "World and drive", "Your own algorithms", "Film"
@@ -47,6 +47,10 @@ IgnoreCollisions = Annotated[
     typer.Option(
         "--ignore-collisions", rich_help_panel=DRIVE, help="Only warn if the robot hits a wall."
     ),
+]
+Resolution = Annotated[
+    float | None,
+    typer.Option(help="Side of a pixel [m], if the world is a bare picture (.png, .pgm)."),
 ]
 ModeOption = Annotated[
     Literal["robust", "paper"] | None,
@@ -88,6 +92,7 @@ class Drive:
         ),
     ] = None
     scale: Scale = 1.0
+    resolution: Resolution = None
     inside: Inside = None
     ignore_collisions: IgnoreCollisions = False
 
@@ -105,10 +110,12 @@ class Drive:
             InputError: There is no such world, a setting or the scale is invalid, or there is no
                 room to drive on the given side of the walls.
         """
+        from lrf3d.cli.console import warn
         from lrf3d.errors import InputError
 
         where = side_of(self.inside)
-        scenario = read_world(name, self.settings, scale=self.scale).with_route(where=where)
+        scenario = read_world(name, self.settings, scale=self.scale, resolution=self.resolution)
+        scenario = scenario.with_route(where=where, say=warn)
         if scenario.planned is None:
             if where is not None:
                 raise InputError(
@@ -124,7 +131,13 @@ class Drive:
         return scenario
 
 
-def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1.0) -> "Scenario":
+def read_world(
+    name: str,
+    settings: list[str] | None = None,
+    *,
+    scale: float = 1.0,
+    resolution: float | None = None,
+) -> "Scenario":
     """Read a world, and warn if its size is implausible.
 
     Raises:
@@ -138,7 +151,9 @@ def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1
     from lrf3d.scenario_file import read_scenario_file, scenario_of
     from lrf3d.world.size import size_warning
 
-    scenario = scenario_of(read_scenario_file(name).scaled(scale), settings or ())
+    scenario = scenario_of(
+        read_scenario_file(name, resolution=resolution).scaled(scale), settings or ()
+    )
     warning = size_warning(scenario.world)
     if warning is not None:
         warn(f"{name}: {warning}")

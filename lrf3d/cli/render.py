@@ -48,8 +48,8 @@ def render(
     film.check()
     path = _output_path(run, out, at is not None, frames)
 
+    from lrf3d.files import make_folder
     from lrf3d.io import load_run
-    from lrf3d.output import make_folder
 
     kept = load_run(run)
     if points_by is not None:

@@ -105,7 +105,7 @@ def summary_of(results: Results, settings: Mapping[str, Any], folder: Path) -> d
         "sigma_m": results.sigmas[0],
         "planned": results.scenario.planned,
         **summarise(run),
-        "seen_share": float(lengths(parts).sum() / lengths(run.world.segments).sum()),
+        "walls_seen": float(lengths(parts).sum() / lengths(run.world.segments).sum()),
         "seconds": results.seconds,
         "milliseconds_a_scan": 1e3 * results.seconds / results.taken if results.taken else None,
         "milliseconds_an_update": results.main.milliseconds_an_update,
@@ -138,7 +138,7 @@ def rows_of(
         rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
     else:
         rows = [("scans", f"{scans}, from single poses")]
-    rows.append(("seen", f"{100 * summary['seen_share']:.0f} % of the walls' length"))
+    rows.append(("seen", f"{100 * summary['walls_seen']:.0f} % of the walls' length"))
     if score is not None:
         found = f"{score['matched_segments']} of {score['visible_segments']} walls found"
         recall, buildings = score["length_recall"], summary["buildings"]

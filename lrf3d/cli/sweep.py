@@ -84,7 +84,7 @@ def sweep(
     flags = {"noise.sigma": ("--sigma", sigma), "laser.beams": ("--beams", beams)}
 
     from lrf3d.cli.folder import results_folder
-    from lrf3d.input import own_name
+    from lrf3d.files import own_name
     from lrf3d.sweeping.drawing import figures_of
     from lrf3d.sweeping.grid import SIGMA, SIGMAS, SweepGrid, parse_axis, parse_values, read_grid
     from lrf3d.sweeping.plan import make_plan
@@ -114,7 +114,7 @@ def sweep(
     )
     name = plan.worlds[0] if grid is None else own_name(grid)
     sources = asked.worlds if grid is None else [grid]
-    output = results_folder(context, report, sources, f"{name}_sweep", out)
+    output = results_folder(context, report, sources, f"{name}_sweep", out, alone=job is None)
     if merge:
         rows = known_rows(plan, output.path)
         result = SweepTable(plan, [rows[run.key] for run in plan.runs if run.key in rows])
@@ -124,19 +124,22 @@ def sweep(
     missing = len(plan.runs) - len(result.rows)
     if missing and job is None:
         raise InputError(f"{output.path}: {missing} runs are missing; make them, then --merge")
-    files = {}
-    if not missing:
-        files = {"table": "sweep.parquet", "means": "means.csv", "means in LaTeX": "means.tex"}
-        result.to_parquet(output.path / files["table"])
-        result.to_csv(output.path / files["means"])
-        result.to_latex(output.path / files["means in LaTeX"])
-        if not (report.json or report.quiet):
-            print_text(f"{result}\n\n")
+    done = [("runs", f"{len(result.rows)}, of them {result.made} made now")]
+    if job is not None:
+        # Other jobs write to the folder, too: what they all made is written by --merge.
+        report.print(result.summary(), done)
+        return
+    files = {"table": "sweep.parquet", "means": "means.csv", "means in LaTeX": "means.tex"}
+    result.to_parquet(output.path / files["table"])
+    result.to_csv(output.path / files["means"])
+    result.to_latex(output.path / files["means in LaTeX"])
+    if not (report.json or report.quiet):
+        print_text(f"{result}\n\n")
     output.finish(
         result.summary(),
         files,
-        {} if missing else figures_of(result),
-        rows=[("runs", f"{len(result.rows)}, of them {result.made} made now")],
+        figures_of(result),
+        rows=done,
         kept="all runs kept; go on with --resume",
     )
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lrf3d.files import replacing
 from lrf3d.geometry import Float
 from lrf3d.io.carmen import fan_angles, front
 from lrf3d.laser import LaserScan
-from lrf3d.output import replacing
 from lrf3d.run import Run
 
 HOST = "lrf3d"

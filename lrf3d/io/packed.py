@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, cast
 
 from lrf3d.errors import InputError
-from lrf3d.input import opened
+from lrf3d.files import opened
 
 LONGEST_LINE = 1 << 20
 """Length of the longest line [bytes]: more than 100,000 beams."""

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError, shown
+from lrf3d.files import locked, make_folder, replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, read_only, whole_number
 from lrf3d.interrupts import stoppable
-from lrf3d.output import lock_of, locked, make_folder, replacing, unfinished_folder
 from lrf3d.render.gl import gl_available, require_gl
 from lrf3d.render.pictures import FrameProgress, Picture
 from lrf3d.render.workers import Job, draw
@@ -150,7 +150,7 @@ def render_frames(
     make_folder(folder.parent)
     try:
         # Beside its place, so that it can be put there at once.
-        with locked(lock_of(folder), folder), unfinished_folder(folder) as place:
+        with locked(folder), unfinished_folder(folder) as place:
             whole = place / "frames"
             whole.mkdir()
             with closing(draw(replace(job, folder=whole), place)) as pictures:

@@ -8,7 +8,7 @@ from program import lrf3d, refused
 from test_cli import ROOM
 
 from lrf3d.cli.folder import folder_name
-from lrf3d.output import lock_of, locked
+from lrf3d.files import locked
 
 
 @pytest.mark.parametrize(
@@ -47,5 +47,5 @@ def test_commands_write_to_folders_of_their_own_and_to_no_others(tmp_path, monke
     assert "something else" in refused(*run, cwd=tmp_path)
     ended = lrf3d("map", "out/b", cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "") and Path("out/b_map/map.geojson").exists()
-    with locked(lock_of(Path("out/b/results")), tmp_path):
+    with locked(Path("out/b/results")):
         assert "out/b: " in refused(*other, "-o", "out/b", cwd=tmp_path)
