@@ -17,10 +17,10 @@ from benchmarks.line_pairs import pair_drive
 from benchmarks.report import Report, duration
 from benchmarks.timing import time_updates
 from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.files import make_folder
 from lrf3d.geometry import Float
 from lrf3d.localization import OdometryNoise
 from lrf3d.localization.monte_carlo import LocalisationTask, score_localisation
-from lrf3d.output import make_folder
 from lrf3d.run import Run
 from lrf3d.scenario_file import load_scenario
 from lrf3d.scoring import buildings_seen, storage

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         odometry_increments,
     )
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
+    from lrf3d.planning.planner import plan_route
     from lrf3d.pose import Pose
     from lrf3d.recorded import map_log, slam_log
     from lrf3d.render.video import render_video
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
         drive,
         follow_route,
     )
-    from lrf3d.robot.planner import plan_route
     from lrf3d.run import Run
     from lrf3d.scenario import Scenario
     from lrf3d.scenario_file import load_scenario
@@ -101,7 +101,7 @@ else:
             "localise": "localization",
             "map_log": "recorded",
             "odometry_increments": "localization",
-            "plan_route": "robot.planner",
+            "plan_route": "planning.planner",
             "plot": "",
             "record": "io",
             "render_video": "render.video",

@@ -17,11 +17,11 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Value
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
+from lrf3d.planning.sides import Side
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
-from lrf3d.robot.free_space import Side
 from lrf3d.robot.laps import chain_laps, drive_laps
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World
@@ -148,33 +148,53 @@ class Scenario(Value):
             changes = {**reset, **changes}
         return replace(self, **changes) if changes else self
 
-    def with_route(self, *, where: Side | None = None) -> "Scenario":
+    def with_route(
+        self, *, where: Side | None = None, say: Callable[[str], None] = lambda note: None
+    ) -> "Scenario":
         """The scenario, with a planned route past most of its walls if it has none.
+
+        Indoors a robot whose speed is not given drives at 1 m/s, and one whose radius is not given
+        is a smaller one where doors are too narrow for most of the rooms.
 
         Args:
             where: The side of the walls to stay on; it depends on the world and the start if not
                 given.
+            say: Called with what the route does not reach, and why.
 
         Raises:
             InputError: There is no free space to drive in.
         """
         if self.poses is not None or self.route is not None:
             return self
-        from lrf3d.robot.planner import find_route
+        from lrf3d.planning.planner import find_route
 
         lookahead = min(self.lookahead, PLANNED_LOOKAHEAD)
         found = find_route(
             self.world,
-            radius=self.radius,
+            radius=None if self.radius == RADIUS else self.radius,
+            speed=None if self.speed == SPEED else self.speed,
             range_max=self.lrf.range_max,
             lookahead=lookahead,
+            dt=self.scan_interval / self._commands,
             where=where,
             start=self.start,
         )
-        start = start_of(found.waypoints) if self.start is None else self.start
+        for note in found.notes:
+            say(note)
         return replace(
-            self, route=found.waypoints, start=start, lookahead=lookahead, planned=found.side
+            self,
+            route=found.waypoints,
+            start=start_of(found.waypoints) if self.start is None else self.start,
+            lookahead=lookahead,
+            planned=found.side,
+            radius=found.radius,
+            speed=found.speed,
         )
+
+    @property
+    def _commands(self) -> int:
+        """Number of commands between two scans: steering is finer than the interval."""
+        return max(1, round(self.scan_interval / CONTROL_STEP))
 
     def trajectory(
         self, *, scans: int | None = None, on_collision: Callable[[str], None] | None = None
@@ -197,8 +217,7 @@ class Scenario(Value):
             return Trajectory(POSE_INTERVAL * stops, self.poses[stops % len(self.poses)])
         if self.route is None:
             raise InputError(f"{self.name}: neither poses nor a route to drive")
-        # Steering, and checking for collisions, is finer than the interval between scans.
-        commands = max(1, round(self.scan_interval / CONTROL_STEP))
+        commands = self._commands
         settings: dict[str, Any] = {
             "speed": self.speed,
             "lookahead": self.lookahead,

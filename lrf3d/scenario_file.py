@@ -10,7 +10,7 @@ import numpy as np
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError
-from lrf3d.input import own_name
+from lrf3d.files import own_name
 from lrf3d.laser import Imperfections, LaserRangeFinder
 from lrf3d.laser.noise import SIGMA
 from lrf3d.pose import Pose
@@ -22,7 +22,7 @@ from lrf3d.world.cameras import check_view
 from lrf3d.world.files import find_world
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.schema import read_settings
-from lrf3d.world.toml_file import WorldFile, read_toml
+from lrf3d.world.toml_file import WorldFile, read_world_file
 
 
 def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Scenario:
@@ -45,16 +45,16 @@ def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Sce
     return scenario_of(read_scenario_file(name_or_path), settings)
 
 
-def read_scenario_file(name_or_path: str | Path) -> WorldFile:
-    """Read the file of a world, given by its name or its path.
+def read_scenario_file(name_or_path: str | Path, *, resolution: float | None = None) -> WorldFile:
+    """Read the file of a world, given by its name or its path; a picture needs a resolution [m].
 
     Raises:
         WorldError: There is no such world, or its file cannot be used.
     """
     path = find_world(name_or_path)
-    if path.suffix.lower() == ".toml":
-        return read_toml(path)
-    return WorldFile(load_world(path), path=path)
+    if path.suffix.lower() == ".toml" and resolution is None:
+        return read_world_file(path)
+    return WorldFile(load_world(path, resolution=resolution), path=path)
 
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:

@@ -17,7 +17,7 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float, numbers, sealed, whole_number
 from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
-from lrf3d.laser.noise import FLOOR, SIGMA, AnyNoise, as_noise, spread_of
+from lrf3d.laser.noise import FLOOR, SIGMA, Noise, as_noise, spread_of
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
@@ -100,8 +100,8 @@ class Simulation:
             next scan, or None to end the drive.
         lrf: The laser range finder; 181 beams over 180° up to 80 m if not given.
         caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
-        noise: Turns true scans into measured ones, ``noise(scan, rng)`` or ``noise(scan)``; no
-            noise if not given.
+        noise: Turns true scans into measured ones, ``noise(scan, rng)``; none if not
+            given.
         mapper: Builds the map, anything with ``update(scan)``; if not given, a LineMapper set up
             for the noise; see `line_mapper`.
         rng: A generator for the noise, or a seed.
@@ -132,7 +132,7 @@ class Simulation:
         lrf: LaserRangeFinder | None = None,
         *,
         caster: Caster | str = "embree",
-        noise: AnyNoise | None = None,
+        noise: Noise | None = None,
         mapper: Mapper | None = None,
         rng: np.random.Generator | int | None = None,
         obstacles: Sequence[DynamicObstacle] = (),
@@ -246,7 +246,7 @@ def simulate(
     lrf: LaserRangeFinder | None = None,
     *,
     caster: Caster | str | None = None,
-    noise: AnyNoise | None = None,
+    noise: Noise | None = None,
     mapper: Mapper | None = None,
     rng: np.random.Generator | int | None = None,
     obstacles: Sequence[DynamicObstacle] | None = None,
@@ -268,8 +268,8 @@ def simulate(
             ``command(time, pose, scan) -> (v, w)``. Required for a World.
         lrf: The laser range finder; 181 beams over 180° up to 80 m if not given.
         caster: Casts the beams: ``embree`` (the default), ``planar``, or an object with ``cast``.
-        noise: Turns true scans into measured ones, ``noise(scan, rng)`` or ``noise(scan)``; no
-            noise if not given.
+        noise: Turns true scans into measured ones, ``noise(scan, rng)``; none if not
+            given.
         mapper: Builds the map, anything with ``update(scan)``; if not given, a LineMapper set up
             for the noise.
         rng: A generator for the noise, or a seed: 5 gives the run of ``--seed 5``. The noise

@@ -94,7 +94,7 @@ def test_the_default_mapper_reckons_with_the_noise_that_it_is_given():
     chain = Chain([ConstantNoise(0.03), lrf3d.ProportionalNoise(0.3), Quantised(0.01)])
     assert f"sigma=0.3, floor={np.hypot(FLOOR, 0.03)}" in mapper(chain)
     # A noise of the user's that does not say how it scatters.
-    assert mapper(lambda scan: scan) == repr(lrf3d.LineMapper())
+    assert mapper(lambda scan, rng: scan) == repr(lrf3d.LineMapper())
     assert mapper(Chain([lrf3d.ProportionalNoise(0.3), lambda scan, rng: scan])) == repr(
         lrf3d.LineMapper()
     )

@@ -1,59 +1,9 @@
 """run.npz: a run on disk, as plain NumPy arrays; reading it never unpickles anything.
 
-The arrays, for k scans of n beams and s map snapshots:
-
-====================  =================================================================
-version               the version of this format, 1
-world_name            name of the world
-segments (w, 4)       its walls x1 y1 x2 y2 [m]; objects (w,), heights (w,) [m],
-                      object_names (o,) and colours (o, 3) beside them
-camera_names (c,)     names of the cameras that stand in the world; cameras (c, 8) their
-                      position and target x, y, z [m], angle of view [degrees] and whether
-                      they turn with the robot; the last is missing in older files
-lrf (6,)              angle_min, angle_max [rad], beams, range_min, range_max, height [m]
-film_view             name of the camera that the run is filmed from, and film_playback the seconds
-                      of the run in a second of the film, if nothing else is given; missing
-                      in older files, which are filmed from ``chase`` at 1
-film_points_by        what the colour of hit points in the film shows, where it is not the range
-obstacle_heights (m,) heights [m] of the dynamic obstacles; missing, like the next four, if there
-                      were none, and in older files
-obstacle_corners (m,) number of corners of each outline; obstacle_outlines (…, 2) the corners
-                      [m] of all, in their own frames
-obstacle_stops (m,)   number of poses of each path; obstacle_times (…,) [s] and obstacle_poses
-                      (…, 3) those of all
-materials (o,)        the material of each object as JSON: the name of a built-in one, a table of
-                      its values, or null; missing where the world has none
-receiver (4,)         threshold, near_field [m], echo (0 first, 1 last, 2 strongest) and echoes of
-                      the laser; missing where all have their defaults
-scan_duration         time from the first beam of a scan to its last [s]; 0 where it is missing
-times (k,)            time of each scan [s]
-poses (k, 3)          x, y [m], theta [rad] of each scan
-ranges (k, n)         measured ranges [m]; +inf without return, −inf nearer than range_min
-truth (k, n)          true ranges [m]
-walls (k, n)          the wall that each beam hit, or −1
-intensities (k, n)    of the measured ranges; missing in worlds without materials
-echoes (k, n, e)      ranges [m] of the echoes, the nearest first, then +inf; missing, like
-                      echo_intensities (k, n, e), if the range finder reports one
-snapshot_scans (s,)   index of the last scan in each map snapshot; empty without a LineMap
-map_sizes (s,)        number of segments of each snapshot
-map_segments (…, 4)   the segments of all snapshots, one after the other; map_objects and
-                      map_points likewise; map_kinds (…,) 0 for walls, 1 for glass and 2 for
-                      mirrors, missing if all are walls
-estimate_poses (k, 3) estimated pose after each scan; missing, like the next five, if the poses
-                      were given to the robot, and in older files
-estimate_scans (e,)   scans after which the covariance is known; estimate_covariances (e, 3, 3)
-                      the covariances there
-estimate_closures     (c, 2) pairs of scans that closed a loop; estimate_dropped (d, 2) those that
-                      were rejected; estimate_odometry (k, 3), or (0, 3), the poses by the
-                      wheels alone
-origin                the run fingerprint, as JSON: a digest or a name of the world, the laser, the
-                      drive and so on, by which ``--resume`` recognises the run; missing in a run
-                      that was saved from memory
-====================  =================================================================
-
-The file is a plain .npz, which ``numpy.load`` reads as well. Its arrays are not packed and begin
-at multiples of 64 bytes, so that `load_run` maps the large ones and a run of any length can be
-looked at. Where a program was stopped, a journal lies in its place: see `recording`.
+The page on file formats lists the arrays (docs/formats.md). The file is a plain .npz, which
+``numpy.load`` reads as well. Its arrays are not packed and begin at multiples of 64 bytes, so that
+`load_run` maps the large ones and a run of any length can be looked at. Where a program was
+stopped, a journal lies in its place: see `recording`.
 """
 
 import json
@@ -66,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.input import check_ordinary
+from lrf3d.files import check_ordinary
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import ECHO_CHOICES
@@ -82,24 +32,14 @@ if TYPE_CHECKING:
 
 VERSION = 1
 
-DTYPE_KINDS = {
-    **dict.fromkeys(("version", "objects", "walls", "snapshot_scans", "map_sizes"), "iu"),
-    **dict.fromkeys(
-        ("map_objects", "map_points", "map_kinds", "obstacle_corners", "obstacle_stops"), "iu"
-    ),
-    **dict.fromkeys(("estimate_scans", "estimate_closures", "estimate_dropped"), "iu"),
-    **dict.fromkeys(("world_name", "object_names", "camera_names", "film_view", "origin"), "U"),
-    "film_points_by": "U",
-    "materials": "U",
-}
-"""What kinds of values an array may have, as NumPy names them; all others have floats."""
-
-
-_RENAMED = {"stages": "snapshot_scans"} | {
-    f"mover_{part}": f"obstacle_{part}"
-    for part in ("heights", "corners", "outlines", "stops", "times", "poses")
-}
-"""Names of arrays in files of earlier versions, and what they are called now."""
+INTEGERS = frozenset(
+    "version objects walls snapshot_scans map_sizes map_objects map_points map_kinds"
+    " obstacle_corners obstacle_stops estimate_scans estimate_closures estimate_dropped".split()
+)
+TEXTS = frozenset(
+    "world_name object_names camera_names film_view film_points_by materials origin".split()
+)
+"""Arrays of integers and of texts; all others have floats."""
 
 
 def save_run(run: Run, path: str | Path) -> None:
@@ -230,7 +170,7 @@ def load_run(path: str | Path) -> Run:
     """
     path = run_path(path)
     try:
-        arrays = {_RENAMED.get(name, name): part for name, part in read_arrays(path).items()}
+        arrays = read_arrays(path)
         if int(arrays["version"]) != VERSION:
             raise InputError(
                 f"{path}: version {int(arrays['version'])} of the run format, this lrf3d reads"
@@ -278,20 +218,11 @@ _OTHERS = {
 
 
 def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
-    # Files of earlier versions have no cameras, or none that turn.
-    names, rows = arrays.get("camera_names", ()), arrays.get("cameras", np.empty((0, 8)))
+    names, rows = arrays["camera_names"], arrays["cameras"]
     return tuple(
-        FixedCamera(str(name), (x, y, z), (u, v, w), field, any(track))
-        for name, (x, y, z, u, v, w, field, *track) in zip(names, rows.tolist(), strict=True)
+        FixedCamera(str(name), (x, y, z), (u, v, w), field, bool(track))
+        for name, (x, y, z, u, v, w, field, track) in zip(names, rows.tolist(), strict=True)
     )
-
-
-def _film(arrays: dict[str, Any]) -> FilmPlan:
-    if "film_view" not in arrays:
-        # Files of earlier versions do not hold it; films then were as fast as the drive.
-        return FilmPlan("chase", 1.0)
-    points_by = str(arrays.get("film_points_by", "range"))
-    return FilmPlan(str(arrays["film_view"]), float(arrays["film_playback"]), points_by)
 
 
 def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
@@ -328,7 +259,8 @@ def _receiver(arrays: dict[str, Any]) -> tuple[float, float, str, int]:
 def _run(arrays: dict[str, Any]) -> Run:
     for name, array in arrays.items():
         # An empty array may have any kind: NumPy takes an empty list of names for floats.
-        if array.size and array.dtype.kind not in DTYPE_KINDS.get(name, "f"):
+        kinds = "iu" if name in INTEGERS else "U" if name in TEXTS else "f"
+        if array.size and array.dtype.kind not in kinds:
             raise ValueError(f"{name} holds {array.dtype}, which a run does not")
     walls, sizes = arrays["walls"], arrays["map_sizes"]
     if walls.size and not -1 <= walls.min() <= walls.max() < len(arrays["segments"]):
@@ -353,7 +285,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         range_min,
         range_max,
         height,
-        float(arrays.get("scan_duration", 0.0)),
+        float(arrays["scan_duration"]),
         *_receiver(arrays),
     )
     codes = arrays.get("map_kinds", np.zeros(len(arrays["map_objects"]), np.int64))
@@ -377,7 +309,11 @@ def _run(arrays: dict[str, Any]) -> Run:
         tuple(arrays["snapshot_scans"].tolist()),
         maps,
         _obstacles(arrays),
-        _film(arrays),
+        FilmPlan(
+            str(arrays["film_view"]),
+            float(arrays["film_playback"]),
+            str(arrays.get("film_points_by", USUAL_FILM.points_by)),
+        ),
         _estimate(arrays),
         **{name: arrays[name] for name in LIGHT if name in arrays},
     )

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Value, lengths, normal_lines, sealed
-from lrf3d.input import read_text
+from lrf3d.files import read_text, write_text
+from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, Value, lengths, normal_lines, sealed
 from lrf3d.notebook import Pictured
-from lrf3d.output import write_text
 from lrf3d.text import counted
 from lrf3d.world.free_cells import FreeCells
 
@@ -36,6 +35,10 @@ class LineMap(Value, Pictured):
         points: (m,) number of reflection points that each segment was fitted to.
         kinds: (m,) what each segment is: ``wall``, ``glass`` or ``mirror``; all are walls if not
             given.
+
+    Raises:
+        InputError: The shapes do not fit, a kind is unknown, or a coordinate is not finite or over
+            1e9 m.
 
     Examples:
         >>> import lrf3d
@@ -72,10 +75,12 @@ class LineMap(Value, Pictured):
                 f" {', '.join(KINDS)}, one for each segment"
             )
         object.__setattr__(self, "kinds", sealed(kinds))
-        if not np.isfinite(segments).all():
-            row = int(np.flatnonzero(~np.isfinite(segments).all(axis=1))[0])
+        inside = (np.abs(segments) <= LARGEST_COORDINATE).all(axis=1)
+        if not inside.all():
+            row = int(np.argmin(inside))
             raise InputError(
-                f"map: segment {row} is {segments[row].tolist()}, expected finite numbers"
+                f"map: segment {row} is {segments[row].tolist()}, expected numbers of at most"
+                f" {LARGEST_COORDINATE:g} m"
             )
 
     @property
@@ -123,9 +128,10 @@ class LineMap(Value, Pictured):
 def solid_map(segments: Float, labels: Int, points: Int) -> LineMap:
     """The map of segments (m, 4) whose objects are named by any labels (m,).
 
-    Far from the world's origin the ends of a tiny segment may round to one place; it is left out.
+    Far from the world's origin the ends of a tiny segment may round to one place; it is left out,
+    like what lies beyond the largest coordinate.
     """
-    solid = lengths(segments) > 0.0
+    solid = (lengths(segments) > 0.0) & (np.abs(segments) <= LARGEST_COORDINATE).all(axis=1)
     objects = np.unique(labels[solid], return_inverse=True)[1]
     return LineMap(segments[solid], objects, points[solid])
 
@@ -206,4 +212,7 @@ def load_map(path: str | Path) -> LineMap:
         raise
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise InputError(f"{path}: not a map of lrf3d ({error!r})") from None
-    return LineMap(segments, objects, points, kinds)
+    try:
+        return LineMap(segments, objects, points, kinds)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None

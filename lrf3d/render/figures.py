@@ -10,6 +10,8 @@ from string import ascii_lowercase
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from shapely import STRtree, linestrings
+from shapely import points as shapely_points
 
 from lrf3d import plot
 from lrf3d.geometry import Float
@@ -31,6 +33,10 @@ LEAST, MOST = 2.0, 12.0
 
 AROUND = np.array([0.9, 1.6])
 """Room beside and above and below all panels, for labels, headline and legend [inches]."""
+
+HALF_LINE, LEAST_BESIDE = 2.0, 0.02
+"""How far beside a wall of a map its line covers points [1/72 inch], and the share of points beside
+the lines from which on they are drawn."""
 
 HALF = np.array([-0.5, 0.5])
 """The ends of an axis, from its middle, in its length."""
@@ -132,7 +138,7 @@ def draw_map(
     )
     if world is not None:
         plot.world(world, ax, poses=poses, color=plot.UNDER_MAP, linewidth=1.0)
-    plot.points(points, ax)
+    plot.points(_beside(points, line_map, ax), ax)
     plot.map(line_map, ax, objects=objects)
     if estimate is None:
         plot.trajectory(poses, ax)
@@ -210,6 +216,21 @@ def _ends(segments: Float) -> Float:
 def _bulk(points: Float) -> Float:
     """Corners of the box that holds all points (n, 2) but the outermost half percent a side."""
     return np.percentile(points, [0.5, 99.5], axis=0) if len(points) else points
+
+
+def _beside(points: Float, line_map: LineMap, ax: Axes) -> Float:
+    """The points (n, 2) that the lines of a map do not cover; none where these are too few to see.
+
+    A legend that names points which nobody sees is a riddle.
+    """
+    across = ax.get_xlim()[1] - ax.get_xlim()[0], ax.get_ylim()[1] - ax.get_ylim()[0]
+    metres = max(across[0] / ax.bbox.width, across[1] / ax.bbox.height) * ax.figure.dpi / 72.0
+    shown = points[:: max(1, len(points) // plot.MOST_POINTS)]
+    tree = STRtree(linestrings(line_map.segments.reshape(-1, 2, 2)))
+    covered = tree.query(shapely_points(shown), "dwithin", HALF_LINE * metres)[0]
+    beside = np.ones(len(shown), np.bool_)
+    beside[covered] = False
+    return shown[beside] if beside.sum() > LEAST_BESIDE * len(shown) else points[:0]
 
 
 def _reflections(run: Run) -> Float:

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.files import in_parts
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan
-from lrf3d.mapped_files import in_parts
 from lrf3d.mapping import LineMap
 from lrf3d.run import Run
 from lrf3d.scoring import buildings_seen, score_run, storage

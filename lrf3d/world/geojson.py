@@ -17,9 +17,8 @@ from typing import Any, NoReturn, cast
 import numpy as np
 
 from lrf3d.errors import InputError, WorldError, shown
+from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import Float
-from lrf3d.input import own_name, read_text
-from lrf3d.output import write_text
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.dissolve import STRAIGHT

@@ -17,8 +17,8 @@ from typing import NoReturn, TypeVar
 import numpy as np
 
 from lrf3d.errors import WorldError
+from lrf3d.files import own_name
 from lrf3d.geometry import Float
-from lrf3d.input import own_name
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.geographic import (
     centre_of,

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from lrf3d.errors import WorldError
-from lrf3d.input import opened
+from lrf3d.files import opened
 
 BYTES_AT_ONCE = 1 << 16
 """Bytes that are parsed at a time."""

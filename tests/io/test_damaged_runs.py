@@ -120,13 +120,6 @@ def test_a_large_array_whose_entry_claims_more_than_the_file_holds_is_refused(
         npz.read_arrays(path)
 
 
-def test_a_run_of_an_earlier_version_is_filmed_as_it_was_then(run_file):
-    with np.load(run_file) as file:
-        kept = {name: part for name, part in file.items() if not name.startswith("film_")}
-    np.savez(run_file, **kept)
-    assert lrf3d.load_run(run_file).film == FilmPlan("chase", 1.0)
-
-
 def test_columns_that_are_not_what_they_claim_leave_no_file(tmp_path):
     path = tmp_path / "run.npz"
     for block, message in ((np.zeros(3, np.int32), "int32"), (np.zeros(2), "2 rows of")):
@@ -193,38 +186,10 @@ def stopped(path, mapper, at):
     return path.with_suffix(".journal")
 
 
-class Forgetful:
-    """A mapper that cannot return its state."""
-
-    def __init__(self):
-        self.inner = lrf3d.LineMapper()
-
-    def update(self, scan):
-        return self.inner.update(scan)
-
-    def __repr__(self):
-        return "Forgetful()"
-
-
-def test_a_chunk_that_stands_twice_in_a_journal_counts_once(tmp_path, monkeypatch, run_file):
-    whole = run_file.read_bytes()
-    run_file.unlink()
-    monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
-    journal = stopped(run_file, None, 1)
-    first = journal.stat().st_size
-    journal = stopped(run_file, None, 2)
-    data = journal.read_bytes()
-    # The second chunk once more, checksum and all, as a copy program that was stopped leaves it.
-    journal.write_bytes(data + data[first:])
-    lrf3d.record(simulation(), run_file, resume=True)
-    assert run_file.read_bytes() == whole
-
-
 @pytest.mark.parametrize("rest", [b"no journal", b"\xff" * 40])
-def test_what_is_no_journal_is_recorded_over(rest, tmp_path, monkeypatch, run_file):
+def test_what_is_no_journal_is_recorded_over(rest, run_file):
     whole = run_file.read_bytes()
     run_file.unlink()
-    monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
     journal = stopped(run_file, None, 2)
     # A file of something else, or a record that claims to be longer than the file.
     journal.write_bytes(rest if rest == b"no journal" else journal.read_bytes() + rest)
@@ -236,8 +201,7 @@ def farther(scan):
     return lrf3d.LaserScan(scan.pose, scan.angles, scan.ranges + 0.5, range_max=scan.range_max)
 
 
-def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path, monkeypatch):
-    monkeypatch.setattr(recording, "CHUNK_BYTES", 1)
+def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path):
     path, film = tmp_path / "run.npz", FilmPlan("overview", 3.0)
 
     def made():
@@ -261,8 +225,3 @@ def test_the_settings_of_the_film_are_kept(run_file):
     run = replace(lrf3d.load_run(run_file), film=bright)
     lrf3d.save_run(run, run_file)
     assert lrf3d.load_run(run_file).film == bright
-    # Files of earlier versions do not hold them.
-    with np.load(run_file) as file:
-        older = {name: file[name] for name in file.files if not name.startswith("film_")}
-    np.savez(run_file, **older)
-    assert lrf3d.load_run(run_file).film == FilmPlan("chase", 1.0)

@@ -7,8 +7,7 @@ import pytest
 
 import lrf3d
 from lrf3d import LaserRangeFinder, PlanarCaster, World
-from lrf3d.errors import InputError
-from lrf3d.laser import Chain, DropOuts, Imperfections, MixedPixels, ProportionalNoise
+from lrf3d.laser import Chain, Imperfections, MixedPixels, ProportionalNoise
 from lrf3d.laser.echoes import measured
 from lrf3d.sensor import Sensor
 
@@ -125,20 +124,6 @@ def test_a_chain_has_the_choice_and_the_threshold_of_the_laser():
     lrf = replace(LRF, echo="last", threshold=0.001)
     chain = Imperfections(beam_deg=0.5).noise(0.0, lrf)
     assert chain.noises[0] == MixedPixels(np.radians(0.5), echo="last", threshold=0.001)
-    with pytest.raises(InputError, match="echo 'middle'"):
-        MixedPixels(0.1, echo="middle")
-
-
-def test_the_threshold_makes_the_losses_at_grazing_incidence_not_a_probability():
-    world = World([[-90, 2, 90, 2]], materials=["plaster"])
-    lrf = LaserRangeFinder(0.0, np.pi / 2, beams=91, threshold=2e-3)
-    scan = PlanarCaster(world).cast(lrf, (0, 0, 0))
-    losses = DropOuts(grazing=1.0)
-    assert losses.probabilities(scan).tolist() == [0.0] * 91
-    bare = PlanarCaster(World([[-90, 2, 90, 2]])).cast(lrf, (0, 0, 0))
-    assert losses.probabilities(bare)[10] > 0.8
-    # Of 0.8 sin³(i) / 2² at the angle i from the wall, that of the threshold is 12.4°.
-    assert np.isinf(scan.ranges[:13]).all() and np.isfinite(scan.ranges[13:]).all()
 
 
 def test_scans_of_one_seed_are_the_same_one_by_one_and_in_batches():

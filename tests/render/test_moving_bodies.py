@@ -48,26 +48,6 @@ def test_a_run_keeps_what_moves_and_how_it_is_filmed(tmp_path):
     assert same(back.obstacles, ALL) and back.film == run.film
 
 
-def test_older_runs_are_read_without_them(tmp_path):
-    save_run(replace(room_run(), obstacles=ALL, film=FilmPlan("top", 3.5)), tmp_path / "run.npz")
-    with np.load(tmp_path / "run.npz") as file:
-        kept = {n: file[n] for n in file.files if not n.startswith(("obstacle_", "film_"))}
-    np.savez(tmp_path / "run.npz", **kept)
-    back = load_run(tmp_path)
-    assert back.obstacles == () and back.film == FilmPlan("chase", 1.0)
-
-
-def test_older_runs_are_read_by_the_names_of_their_arrays(tmp_path):
-    run = replace(room_run(), obstacles=ALL)
-    save_run(run, tmp_path / "run.npz")
-    with np.load(tmp_path / "run.npz") as file:
-        older = {n.replace("obstacle_", "mover_"): file[n] for n in file.files}
-    older["stages"] = older.pop("snapshot_scans")
-    np.savez(tmp_path / "run.npz", **older)
-    back = load_run(tmp_path)
-    assert same(back.obstacles, ALL) and back.snapshot_scans == run.snapshot_scans
-
-
 def test_simulations_and_recordings_keep_what_moves(tmp_path):
     def made():
         world, poses = room_run().world, room_run().trajectory.poses[:3]
