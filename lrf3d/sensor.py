@@ -23,14 +23,8 @@ CASTERS: dict[str, Callable[[World], Caster]] = {"embree": EmbreeCaster, "planar
 class Sensor:
     """A laser range finder among walls and dynamic obstacles, with its noise.
 
-    Args:
-        world: The walls.
-        lrf: The laser range finder.
-        caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
-        noise: Turns true scans into measured ones.
-        obstacles: The dynamic obstacles.
-        path: The path of the robot during its scans; if not given, all beams of a scan are cast
-            from one pose.
+    The beams are cast by ``embree``, ``planar``, or an object with ``cast``. Along a path of the
+    robot during its scans each beam is cast from its own pose; without one all are from one pose.
 
     Raises:
         InputError: There is no such caster, or a scan takes longer than the interval to the next.
@@ -108,15 +102,6 @@ class Sensor:
                 f"noise {self.noise!r} returned {_shown(scan)}; expected a LaserScan of"
                 f" {self.lrf.beams} beams"
             )
-        # The minimum is NaN if there is one; −inf is a valid range, below range_min.
-        if not scan.ranges.min() >= 0.0:
-            wrong = ~(scan.ranges >= 0.0) & (scan.ranges != -np.inf)
-            if wrong.any():
-                beam = int(np.argmax(wrong))
-                raise InputError(
-                    f"noise {self.noise!r} returned the range {scan.ranges[beam]:g} m of beam"
-                    f" {beam}; expected 0 or more, inf for no return, -inf for one too near"
-                )
 
 
 def _shown(scan: Any) -> str:
