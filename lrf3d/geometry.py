@@ -178,7 +178,7 @@ def normal_lines(segments: Float) -> Float:
 
 
 def fit_line(points: Float, weights: Float | None = None) -> tuple[Float, Float]:
-    """The (weighted) mean (2,) and the unit direction (2,) of points (n, 2), by total least squares.
+    """Total least squares: the (weighted) mean (2,) and the unit direction (2,) of points (n, 2).
 
     They are centred to lose no digits far away.
     """

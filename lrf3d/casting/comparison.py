@@ -172,11 +172,11 @@ class BareEmbree:
     def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
         """Ranges and walls (k, beams) from poses (k, 3)."""
         shape = len(poses), lrf.beams
-        start, way = np.empty((*shape, 3)), np.zeros((*shape, 3))
-        start[..., :2], start[..., 2] = (poses[:, :2] - self._centre)[:, None], lrf.height
-        for row, pose in zip(way, poses, strict=True):
+        rays = np.zeros((2, *shape, 3))
+        rays[0, ..., :2], rays[0, ..., 2] = (poses[:, :2] - self._centre)[:, None], lrf.height
+        for row, pose in zip(rays[1], poses, strict=True):
             row[:, :2] = lrf.directions(pose)
-        start, way = start.reshape(-1, 3), way.reshape(-1, 3)
+        start, way = rays.reshape(2, -1, 3)
         ranges, walls = np.full(len(start), np.inf), np.full(len(start), -1)
         if len(self.mesh.faces):
             met = self.mesh.ray.intersects_location(start, way, multiple_hits=False)
