@@ -22,7 +22,7 @@ from lrf3d.files import make_folder
 from lrf3d.geometry import Float
 from lrf3d.localization.monte_carlo import score_localisation
 from lrf3d.run import Run
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 from lrf3d.scoring import buildings_seen
 from lrf3d.simulation import collect
 from lrf3d.sweeping import sweep

@@ -148,7 +148,7 @@ def read_world(
     # An unknown name is reported before anything else is imported, which takes a second.
     find_world(name)
     from lrf3d.cli.console import warn
-    from lrf3d.scenario_file import read_scenario_file, scenario_of
+    from lrf3d.scenario import read_scenario_file, scenario_of
     from lrf3d.world.size import size_warning
 
     scenario = scenario_of(
