@@ -91,7 +91,7 @@ class SurfaceLines:
         """A free row; where there is none, that of the line that least speaks for."""
         kept = np.array([len(found) > 0 for found in self._found])
         row = int(np.argmin(np.where(kept, np.inf, self._votes)))
-        self._votes[row] = self._looked[row] = 0.0
+        self._votes[row] = self._looked[row] = self._lines[row] = 0.0
         self._mirrors[row], self._flash_lines[row] = False, -1
         return row
 
@@ -157,7 +157,7 @@ class SurfaceLines:
         kept = scans.rows(newest=False)[:2]
         count_beams(line, middle, float(row), mirror, kept, blocking, ground, pieces, reach)
         if mirror:
-            found = mirror_pieces(pieces)
+            found = mirror_pieces(pieces) & (not self._is_glass(place, line))
         else:
             stations = flashed @ [line[1], -line[0]] - middle
             stations = stations[np.abs(stations) < 0.5 * PIECE * PIECES]
@@ -167,6 +167,12 @@ class SurfaceLines:
             found = glass_pieces(pieces, stations, frames(line, middle, walls))
         self._found[row] = stretches(line, middle, pieces, reach, found, self._found[row])
         self._collect()
+
+    def _is_glass(self, place: Float, line: Float) -> bool:
+        """Whether flashes lie on a line (3,): what is seen through glass is darker as well."""
+        glass = self._lines[self._flash_lines >= 0]
+        side = np.sign(glass[:, :2] @ place - glass[:, 2])
+        return same_line(place, glass * side[:, None], line) >= 0
 
     def _collect(self) -> None:
         """The panes and the mirrors of all lines."""

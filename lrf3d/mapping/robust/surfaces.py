@@ -46,7 +46,8 @@ PASSED_BY = 0.1
 """[m] A beam passes a line if it goes on by more than this and the former."""
 
 GRAZING = 0.26
-"""[cosine] Beams at 75° and more from the normal are mirrored by glass as much as they pass."""
+"""[cosine] At 75° and more from the normal glass mirrors beams as much as it lets them pass: such
+beams show neither glass nor mirrors."""
 
 FLASHING = np.cos(np.radians(0.55))
 """[cosine] A beam that passes so near the normal shows that no glass is there: it would flash."""
@@ -61,12 +62,13 @@ LEAST_IMAGES, IMAGE_FACTOR = 3, 3.0
 LONGEST_GAP = 6
 """[pieces] Of a mirror, in which it shows what was not seen otherwise."""
 
-LEAST_LIT = 8
+LEAST_LIT = 16
 """[beams] Images of walls of which the reflectance is known, at a mirror."""
 
-DIMMED, SHARE_STEP, AGREE = (0.6, 0.97), 0.05, 0.7
-"""[share] How bright images are beside what they are of, in which steps that is counted, and how
-many lie in two steps beside each other: others are of metal, or at an edge of two walls."""
+DIMMED, SHARE_STEP, AGREE = (0.84, 0.97), 0.05, 0.7
+"""[share] How bright images are beside what they are of: what is seen through a pane of glass is
+darker. In which steps that is counted, and how many of the images lie in two steps beside each
+other: others are of metal, or at an edge of two walls."""
 
 SHARES = 11
 """Steps of brightness from half of what an image is of on; what lies outside is counted behind."""
@@ -140,7 +142,7 @@ def count_beams(
                 if farther > tolerance + PASSED_BY and cos > GRAZING:
                     count[PASSED] += 1.0
                     count[MISSING] += cos > FLASHING
-            elif farther > DEPTH and ray[RANGE] > 0.0 and blocked > ray[RANGE]:
+            elif farther > DEPTH and 0.0 < ray[RANGE] < blocked and cos > GRAZING:
                 if ahead > 0.0:
                     x += (ray[RANGE] - way) * ray[UX] + 2.0 * farther * nx
                     y += (ray[RANGE] - way) * ray[UY] + 2.0 * farther * ny
